@@ -62,8 +62,8 @@ def build_recorded_map(
     meta = recordings[0].meta
     choice = ImageSource.of(meta).choose_anew(options.predictor)
     joined = join_drives(recordings)
-    for doubt in joined.doubts:
-        log.warning(doubt)
+    for finding in joined.findings:
+        log.warning(finding)
     entry = system_entry(options.system)
     weights = entry.weights_for(choice.name, options.weights)
     predictor = open_predictor(choice.name, meta.scene, weights, camera=meta.camera)
@@ -80,7 +80,7 @@ def build_recorded_map(
         drives=joined.drives,
         progress=progress,
     )
-    built = replace(built, doubts=(*joined.doubts, *built.doubts), scene_glb=recordings[0].scene_glb())
+    built = replace(built, findings=(*joined.findings, *built.findings), scene_glb=recordings[0].scene_glb())
     return RecordedMap(built, choice, joined.observations)
 
 

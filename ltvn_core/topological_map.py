@@ -15,14 +15,13 @@ import numpy as np
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.cameras.rectification import rectified_camera
 from ltvn_core.composition import open_method, open_predictor
-from ltvn_core.drives.drive_report import DriveReport, drive_doubts
 from ltvn_core.drives.joined_drives import JoinedDrive
-from ltvn_core.drives.joined_map import join_map
+from ltvn_core.drives.joined_map import DriveReport, drive_findings, join_map
+from ltvn_core.findings import Finding, WithDoubts
 from ltvn_core.graph.builder import ProgressCallback
-from ltvn_core.graph.goal_standing import GoalReport, goal_reports
 from ltvn_core.graph.keyframes import KeyframeStore
-from ltvn_core.graph.map_coverage import MapCoverage, map_coverage
-from ltvn_core.graph.map_diagnosis import MappedDrive, diagnose
+from ltvn_core.graph.map_check import MappedDrive, diagnose
+from ltvn_core.graph.map_coverage import GoalReport, MapCoverage, goal_reports, map_coverage
 from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.navigator import Navigator
@@ -31,8 +30,8 @@ from ltvn_core.predictors.registry import NETWORK
 from ltvn_core.predictors.request import predictor_card
 from ltvn_core.preprocessing import recorded_observation
 from ltvn_core.recording.map_file import check_fingerprint, load_map, save_map
-from ltvn_core.robots.observation_check import sequence_doubts
 from ltvn_core.robots.robot import Robot
+from ltvn_core.robots.robot_check import sequence_findings
 from ltvn_core.systems.registry import DEFAULT_SYSTEM, recorded_system, system_entry
 from ltvn_core.types import FrameId, Observation, Predictor
 
@@ -40,7 +39,7 @@ log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class TopologicalMap:
+class TopologicalMap(WithDoubts):
     """Nodes, edges, and the images behind them."""
 
     graph: TopologicalGraph
@@ -65,7 +64,7 @@ class TopologicalMap:
     """What became of each drive when the map was built from several; empty for a map of one, or one that was loaded."""
     goals: tuple[GoalReport, ...] = ()
     """How each of the goals that were named stood to the map when it was built."""
-    doubts: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
     """What was doubtful of the drive and of the map when it was built, with likely causes and what to do."""
 
     @classmethod
@@ -221,10 +220,10 @@ def build_map(
         least_width_px=predictor_card(predictor).least_width_px,
     )
     standing = goal_reports(graph, [*goals], keyframes, predictor, system)
-    told = [report.text for report in standing if report.text]
-    doubts = (*drive_doubts(reports), *_sequence_doubts(in_order, drives), *diagnose(drive, coverage), *told)
-    for doubt in doubts:
-        log.warning(doubt)
+    told = [report.finding for report in standing if report.finding is not None]
+    findings = (*drive_findings(reports), *_sequence_findings(in_order, drives), *diagnose(drive, coverage), *told)
+    for finding in findings:
+        log.warning(finding)
     return TopologicalMap(
         graph=graph,
         keyframes=keyframes,
@@ -236,14 +235,14 @@ def build_map(
         coverage=coverage,
         drives=reports,
         goals=standing,
-        doubts=doubts,
+        findings=findings,
     )
 
 
-def _sequence_doubts(in_order: Sequence[Observation], drives: Sequence[JoinedDrive]) -> Iterator[str]:
+def _sequence_findings(in_order: Sequence[Observation], drives: Sequence[JoinedDrive]) -> Iterator[Finding]:
     """Yield what is doubtful of the images of each drive; between two drives clock and odometry may jump."""
     if not drives:
-        yield from sequence_doubts(in_order)
+        yield from sequence_findings(in_order)
     for drive in drives:
-        found = sequence_doubts([seen for seen in in_order if drive.holds(seen.step)])
-        yield from (f"{drive.name}: {doubt}" for doubt in found)
+        found = sequence_findings([seen for seen in in_order if drive.holds(seen.step)])
+        yield from (finding.of(drive.name) for finding in found)

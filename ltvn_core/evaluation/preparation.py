@@ -18,8 +18,8 @@ from ltvn_core.evaluation.protocol import EpisodePlan, choose_goals, draw_episod
 from ltvn_core.evaluation.results import load_results, save_results
 from ltvn_core.evaluation.trial_plans import TrialFiles, TrialPlan, open_planned_system
 from ltvn_core.graph.deltas import PoseRow
-from ltvn_core.graph.goal_standing import goal_reports
 from ltvn_core.graph.keyframes import KeyframeStore
+from ltvn_core.graph.map_coverage import goal_reports
 from ltvn_core.graph.operators import pose_row
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.recording.map_file import save_map
@@ -166,8 +166,8 @@ def _build(
     )
     graph = TopologicalGraph(deltas)
     for report in goal_reports(graph, goals, keyframes, predictor, system):
-        if report.text:
-            _LOG.warning("%s, seed %d: %s", scene.name, plan.seed, report.text)
+        if report.finding is not None:
+            _LOG.warning("%s, seed %d: %s", scene.name, plan.seed, report.finding)
     kept = [keyframes.observation(frame) for frame in keyframes.frames]
     config = {"verb": "evaluate", "system": system.name, "predictor": plan.predictor, "method": asdict(system.method)}
     save_map(

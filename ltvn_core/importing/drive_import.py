@@ -15,18 +15,18 @@ import numpy as np
 from ltvn_core.atomic_files import atomic_output
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.errors import DriveError, ImageError
-from ltvn_core.importing.drive_doubts import drive_doubts
-from ltvn_core.importing.drive_findings import TOO_LITTLE_MOTION, KeptFrame, drive_findings
+from ltvn_core.findings import Finding, findings_of
+from ltvn_core.importing.drive_findings import TOO_LITTLE_MOTION, KeptFrame, drive_findings, drive_statistics
 from ltvn_core.importing.drive_odometry import OdometrySource, chosen_odometry
 from ltvn_core.importing.frame_preparation import FramePreparation
 from ltvn_core.importing.frame_selection import FrameSelection, MotionSelection, PictureSelection
 from ltvn_core.importing.import_options import ImportOptions
 from ltvn_core.importing.import_summary import ImportSummary, import_summary
 from ltvn_core.importing.raw_frame import DriveReader, FrameMoment, RawFrame, SelectiveReader
-from ltvn_core.navigation.events import Note, Severity, StampedEvent
+from ltvn_core.navigation.events import Note, StampedEvent
 from ltvn_core.recording.metadata import SOURCE_SCENE
 from ltvn_core.recording.writer import RecordingWriter
-from ltvn_core.robots.observation_check import ObservationCheck
+from ltvn_core.robots.robot_check import ObservationCheck
 from ltvn_core.types import Depth, Observation
 
 _DECIDING_FRAMES = 100
@@ -62,7 +62,8 @@ class _DriveImport:
         self._preparation: FramePreparation | None = None
         self._dropped: Counter[str] = Counter()
         self._faults: list[str] = []
-        self._check, self._sequence_doubts = ObservationCheck(), list[str]()
+        self._check = ObservationCheck()
+        self._sequence_findings: list[Finding] = []
         self._stamps: list[float] = []
         self._kept: list[KeptFrame] = []
         self._scene = options.scene or f"{SOURCE_SCENE}{reader.facts.place or reader.facts.format}"
@@ -80,11 +81,11 @@ class _DriveImport:
         ) as writer:
             for seen in chain(first, observations):
                 writer.write_frame(seen)
-                self._sequence_doubts += self._check.doubts(seen)
+                self._sequence_findings += self._check.findings(seen)
                 last_step, last_stamp = seen.step, seen.stamp
             summary = self._summary(name, self._preparation, camera)
-            for doubt in summary.doubts:
-                writer.write_event(StampedEvent(last_step, last_stamp, Note(doubt, Severity.WARN)))
+            for finding in summary.findings:
+                writer.write_event(StampedEvent(last_step, last_stamp, Note(str(finding), finding.severity)))
         return summary
 
     def _observations(self) -> Iterator[Observation]:
@@ -169,7 +170,7 @@ class _DriveImport:
 
     def _summary(self, name: Path, preparation: FramePreparation, camera: CameraModel) -> ImportSummary:
         dropped = self._all_dropped()
-        found = drive_findings(
+        statistics = drive_statistics(
             self._kept,
             self._stamps,
             dropped,
@@ -180,15 +181,16 @@ class _DriveImport:
             camera=camera,
         )
         faults = [f"An image was left out: {fault}" for fault in self._faults[:1]]
+        told = findings_of([*self._reader.doubts, *faults])
         return import_summary(
-            found,
+            statistics,
             recording=name,
             facts=self._reader.facts,
             scene=self._scene,
             dropped=dropped,
             camera=camera,
             seconds=self._stamps[-1] - self._stamps[0],
-            doubts=(*self._reader.doubts, *faults, *self._sequence_doubts, *drive_doubts(found)),
+            findings=(*told, *self._sequence_findings, *drive_findings(statistics)),
         )
 
     def _nothing_left(self) -> str:

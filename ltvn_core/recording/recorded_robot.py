@@ -5,8 +5,8 @@ from collections.abc import Iterable, Iterator
 
 from ltvn_core.navigation.events import Note, Severity, StampedEvent
 from ltvn_core.recording.writer import RecordingWriter
-from ltvn_core.robots.observation_check import ObservationCheck
 from ltvn_core.robots.robot import Clock, Robot
+from ltvn_core.robots.robot_check import ObservationCheck
 from ltvn_core.robots.robot_spec import RobotSpec
 from ltvn_core.types import Observation, RobotState, Twist
 
@@ -22,7 +22,7 @@ def record_images(images: Iterable[Observation], writer: RecordingWriter) -> Ite
     check = ObservationCheck()
     for observation in images:
         writer.write_frame(observation)
-        _write_doubts(check, observation, writer)
+        _write_findings(check, observation, writer)
         if lost_depth(observation) and not without_depth:
             writer.write_event(StampedEvent(observation.step, observation.stamp, missing_depth_note(observation)))
         without_depth = lost_depth(observation)
@@ -75,11 +75,12 @@ class RecordedRobot:
         """Take an image and record it."""
         observation = self._robot.observe()
         self._writer.write_frame(observation)
-        _write_doubts(self._check, observation, self._writer)
+        _write_findings(self._check, observation, self._writer)
         return observation
 
 
-def _write_doubts(check: ObservationCheck, observation: Observation, writer: RecordingWriter) -> None:
-    for text in check.doubts(observation):
-        log.warning(text)
-        writer.write_event(StampedEvent(observation.step, observation.stamp, Note(text, Severity.WARN)))
+def _write_findings(check: ObservationCheck, observation: Observation, writer: RecordingWriter) -> None:
+    for finding in check.findings(observation):
+        log.warning(finding)
+        note = Note(str(finding), finding.severity)
+        writer.write_event(StampedEvent(observation.step, observation.stamp, note))

@@ -7,18 +7,19 @@ from typing import TYPE_CHECKING, Literal
 from tyro.conf import Positional
 
 from ltvn_core.errors import OptionError
+from ltvn_core.findings import Finding, WithDoubts
 from ltvn_core.systems.registry import DEFAULT_SYSTEM
 from ltvn_core.verbs.predictor_option import AUTO, PredictorName
 from ltvn_core.verbs.system_option import SystemName
 from ltvn_core.verbs.verb import Summary, Verb
 
 if TYPE_CHECKING:
-    from ltvn_core.drives.drive_report import DriveReport
-    from ltvn_core.graph.goal_standing import GoalReport
+    from ltvn_core.drives.joined_map import DriveReport
+    from ltvn_core.graph.map_coverage import GoalReport
 
 
 @dataclass(frozen=True)
-class BuildSummary:
+class BuildSummary(WithDoubts):
     """The size of a new map."""
 
     map: Path
@@ -41,8 +42,8 @@ class BuildSummary:
     """What became of each drive, where there are several: how it is joined, and what changed since those before."""
     goals: "tuple[GoalReport, ...]" = ()
     """How each of --goals stands to the map: held, unsure or not held, and which node is most like it instead."""
-    doubts: tuple[str, ...] = ()
-    """What is doubtful of the drive or of the map, in words; nothing where all is well."""
+    findings: tuple[Finding, ...] = ()
+    """What is doubtful of the drive or of the map; nothing where all is well."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,5 +112,5 @@ class BuildVerb(Verb):
             known_share=round(built.coverage.share, 3),
             drives=built.drives,
             goals=built.goals,
-            doubts=built.doubts,
+            findings=built.findings,
         )

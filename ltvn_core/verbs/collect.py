@@ -3,7 +3,8 @@
 from dataclasses import asdict, dataclass
 
 from ltvn_core.errors import OptionError
-from ltvn_core.verbs.collect_options import CollectOptions, CollectSummary, doubts_of
+from ltvn_core.findings import findings_of
+from ltvn_core.verbs.collect_options import CollectOptions, CollectSummary, depth_findings
 from ltvn_core.verbs.verb import Summary
 
 
@@ -54,7 +55,7 @@ class CollectVerb(CollectOptions):
             images = record_images(drive_tour(robot, simulation.scene, rng, loops=self.loops), writer)
             has_depth = [image.has_depth for image in tqdm(images, desc="collect", unit="frame")]
         return CollectSummary(
-            doubts=(*simulation.scene.doubts, *doubts_of(self.output, has_depth)),
+            findings=(*findings_of(simulation.scene.doubts), *depth_findings(self.output, has_depth)),
             recording=self.output,
             scene=simulation.scene.name,
             frames=len(has_depth),

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ltvn_core.errors import SceneError
+from ltvn_core.findings import Finding, WithDoubts
 from ltvn_core.verbs.body_option import BodyOption
 from ltvn_core.verbs.verb import Verb
 
@@ -15,7 +16,7 @@ MANY_WITHOUT_DEPTH = 0.3
 
 
 @dataclass(frozen=True)
-class CollectSummary:
+class CollectSummary(WithDoubts):
     """What a tour brought home."""
 
     recording: Path
@@ -26,8 +27,8 @@ class CollectSummary:
     collisions: int
     driven_s: float
     """Robot time."""
-    doubts: tuple[str, ...] = ()
-    """What is doubtful of the drive, in words; nothing where all is well."""
+    findings: tuple[Finding, ...] = ()
+    """What is doubtful of the drive; nothing where all is well."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,7 +55,7 @@ class CollectOptions(Verb):
     """With --robot: end after so long; 0 is until Ctrl-C."""
 
 
-def doubts_of(recording: Path, has_depth: list[bool]) -> tuple[str, ...]:
+def depth_findings(recording: Path, has_depth: list[bool]) -> tuple[Finding, ...]:
     """Return, and log, that many images show nothing. Raises SceneError where none does."""
     share = has_depth.count(False) / len(has_depth)
     if share == 1.0:
@@ -64,6 +65,6 @@ def doubts_of(recording: Path, has_depth: list[bool]) -> tuple[str, ...]:
         )
     if share < MANY_WITHOUT_DEPTH:
         return ()
-    doubt = f"{share:.0%} of the images have no depth; is the scene open on all sides, or the wrong way up?"
-    log.warning(doubt)
-    return (doubt,)
+    text = f"{share:.0%} of the images have no depth; is the scene open on all sides, or the wrong way up?"
+    log.warning(text)
+    return (Finding(text),)

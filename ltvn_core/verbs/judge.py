@@ -10,6 +10,7 @@ from tyro.conf import Positional
 
 from ltvn_core.atomic_files import atomic_replacement
 from ltvn_core.errors import OptionError
+from ltvn_core.findings import Finding, WithDoubts
 from ltvn_core.reports.docs_extra import require_docs_extra
 from ltvn_core.verbs.predictor_option import AUTO, PredictorName
 from ltvn_core.verbs.verb import Summary, Verb
@@ -61,7 +62,7 @@ class ConditionSummary:
 
 
 @dataclass(frozen=True, kw_only=True)
-class JudgeSummary(ConditionSummary):
+class JudgeSummary(ConditionSummary, WithDoubts):
     """What a predictor was judged to be worth."""
 
     recording: Path
@@ -87,7 +88,7 @@ class JudgeSummary(ConditionSummary):
     """Places recognised again, with --revisits."""
     perturbed: dict[str, ConditionSummary]
     """The same figures under each perturbation."""
-    doubts: tuple[str, ...]
+    findings: tuple[Finding, ...]
     """What is doubtful of these figures."""
     report: Path | None
 
@@ -228,7 +229,7 @@ class JudgeVerb(Verb):
         fingerprint: str,
         revisits: "RevisitAccuracy | None",
     ) -> JudgeSummary:
-        from ltvn_core.evaluation.predictor_accuracy.judgement_doubts import judgement_doubts
+        from ltvn_core.evaluation.predictor_accuracy.judgement import judgement_findings
 
         recorded, *worse = judgement.conditions
         figures = _condition_summary(recorded)
@@ -263,7 +264,7 @@ class JudgeVerb(Verb):
             skipped=sum(each.skipped for each in both),
             revisits=revisits,
             perturbed={condition.name: _condition_summary(condition) for condition in worse},
-            doubts=judgement_doubts(judgement, both, predictor_name=choice.name),
+            findings=judgement_findings(judgement, both, predictor_name=choice.name),
             report=self.report,
         )
 

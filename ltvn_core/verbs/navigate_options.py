@@ -148,15 +148,15 @@ class NavigateOptions(Verb):
         self, graph: "TopologicalGraph", keyframes: "KeyframeStore", predictor: "Predictor", system: "NavigationSystem"
     ) -> None:
         """Say before any drive what the map knows of the goal. Raises MapError where that is no node."""
-        from ltvn_core.graph.goal_standing import goal_reports
+        from ltvn_core.graph.map_coverage import goal_reports
 
         if self.goal is None:
             return
         (report,) = goal_reports(graph, [self.goal], keyframes, predictor, system)
         if self.goal not in graph.nodes:
-            raise MapError(report.text)
-        if report.text:
-            _LOG.warning(report.text)
+            raise MapError(str(report.finding))
+        if report.finding is not None:
+            _LOG.warning(report.finding)
 
     def settings(self, system: "NavigationSystem", predictor: str) -> dict[str, Any]:
         """Say how the run was made, for the recording."""

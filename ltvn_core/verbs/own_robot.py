@@ -17,7 +17,7 @@ from ltvn_core.robots.open_loop import open_loop_word
 from ltvn_core.robots.rectified_robot import fit_camera
 from ltvn_core.robots.watched_drive import watch_drive
 from ltvn_core.systems.maintenance import with_maintenance
-from ltvn_core.verbs.collect_options import CollectOptions, CollectSummary, doubts_of
+from ltvn_core.verbs.collect_options import CollectOptions, CollectSummary, depth_findings
 from ltvn_core.verbs.navigate_options import NavigateOptions, NavigateSummary
 from ltvn_core.verbs.robot_queries import RobotQueries, opened_robot, summed_up
 from ltvn_core.verbs.stream_option import announce_stream
@@ -47,7 +47,7 @@ def collect_with(options: CollectOptions, name: str) -> CollectSummary:
                 for image in record_images(images, writer):
                     has_depth.append(image.has_depth)
         return CollectSummary(
-            doubts=doubts_of(options.output, has_depth),
+            findings=depth_findings(options.output, has_depth),
             recording=options.output,
             scene=scene,
             frames=len(has_depth),

@@ -112,7 +112,8 @@ def _build_map(state: AppState) -> None:
     if isinstance(state.activity, Playback):
         build_from_replay(state, state.activity)
         return
-    state.activity = MapBuilding(state.live, state.worker, state.live_map.rebuild, doubts=lambda: state.live_map.doubts)
+    live_map = state.live_map
+    state.activity = MapBuilding(state.live, state.worker, live_map.rebuild, findings=lambda: live_map.findings)
 
 
 def take_made_recording(state: AppState) -> None:
@@ -122,12 +123,12 @@ def take_made_recording(state: AppState) -> None:
             pass
         case FailedRecording(reason):
             state.say(reason, Severity.ERROR)
-        case MadeRecording(name, text, doubts):
+        case MadeRecording(name, text, findings):
             if isinstance(state.activity, Navigation | MapBuilding):
                 text += " Open it under “Replay”."
             else:
                 _open(state, c.OpenRecording(name))
-            state.say(" ".join([text, *doubts]), Severity.WARN if doubts else Severity.INFO)
+            state.say(" ".join([text, *map(str, findings)]), Severity.WARN if findings else Severity.INFO)
 
 
 def _keep_going(state: AppState, *, is_on: bool) -> None:

@@ -64,7 +64,7 @@ def use_weights(state: AppState) -> None:
             f"{weights} to use them another time."
         )
 
-    state.activity = MapBuilding(state.live, state.worker, rebuild, then, doubts=lambda: state.live_map.doubts)
+    state.activity = MapBuilding(state.live, state.worker, rebuild, then, findings=lambda: state.live_map.findings)
 
 
 def _recording(state: AppState) -> str | None:

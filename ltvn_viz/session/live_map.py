@@ -8,13 +8,13 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 import numpy as np
 
 from ltvn_core.errors import MapError
+from ltvn_core.findings import Finding
 from ltvn_core.geometry import distance, relative
 from ltvn_core.graph.deltas import Cause, DriveBegun, FramesReleased, GraphDelta, NodeDropped
-from ltvn_core.graph.goal_standing import GoalReport, goal_reports
 from ltvn_core.graph.image_similarity import most_similar_nodes
 from ltvn_core.graph.keyframes import ODOMETRY_JUMP, KeyframeStore
-from ltvn_core.graph.map_coverage import map_coverage
-from ltvn_core.graph.map_diagnosis import MappedDrive, diagnose
+from ltvn_core.graph.map_check import MappedDrive, diagnose
+from ltvn_core.graph.map_coverage import GoalReport, goal_reports, map_coverage
 from ltvn_core.graph.navigation_system import NavigationSystem, OnlineStrategy
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.episode import judge_goal_reached
@@ -45,8 +45,8 @@ class LiveMap:
         self._rng = rng
         self.graph = TopologicalGraph()
         self.keyframes = KeyframeStore(predictor)
-        self.doubts: Sequence[str] = ()
-        """What is doubtful of the map that was built last, in words."""
+        self.findings: Sequence[Finding] = ()
+        """What is doubtful of the map that was built last."""
         self._online = self._new_online()
         self._navigator: Navigator | None = None
         self._next_drive: FrameId | None = None
@@ -150,10 +150,10 @@ class LiveMap:
         released = [FramesReleased(tuple(self.graph.reserve), Cause.BUILD)] if self.graph.reserve else []
         drives = [DriveBegun(frame, name, Cause.BUILD) for frame, name in self.graph.drives.items()]
         self._replace(TopologicalGraph([*built, *drives]))
-        self.doubts = self._diagnosed(seen)
+        self.findings = self._diagnosed(seen)
         return [*fell, *released, *built, *drives]
 
-    def _diagnosed(self, seen: Sequence[Observation]) -> Sequence[str]:
+    def _diagnosed(self, seen: Sequence[Observation]) -> Sequence[Finding]:
         """Return what is doubtful of the map that was built from images in order, with likely causes."""
         drive = MappedDrive(
             observations=seen,

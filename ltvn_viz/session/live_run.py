@@ -6,8 +6,8 @@ Owns the rule that every image and event goes to timeline and recording together
 import logging
 
 from ltvn_core.analysis.timeline import Timeline
-from ltvn_core.navigation.events import Event, Note, Severity, StampedEvent
-from ltvn_core.robots.observation_check import ObservationCheck
+from ltvn_core.navigation.events import Event, Note, StampedEvent
+from ltvn_core.robots.robot_check import ObservationCheck
 from ltvn_core.types import Observation
 from ltvn_viz.session.live_robot import LiveRobot
 from ltvn_viz.session.recorder import Recorder
@@ -88,6 +88,7 @@ class LiveRun:
                 observation.odometry if observation.exact_pose is None else observation.exact_pose,
             )
             self.recorder.write_frame(observation)
-            for text in self._check.doubts(observation):
-                logger.warning(text)
-                self._append(StampedEvent(observation.step, observation.stamp, Note(text, Severity.WARN)))
+            for finding in self._check.findings(observation):
+                logger.warning(finding)
+                note = Note(str(finding), finding.severity)
+                self._append(StampedEvent(observation.step, observation.stamp, note))

@@ -31,6 +31,7 @@ FOUNDATION = (
     "config",
     "errors",
     "extras",
+    "findings",
     "image_validity",
     "atomic_files",
     "close_names",

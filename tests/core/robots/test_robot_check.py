@@ -11,7 +11,7 @@ from ltvn_core.navigation.events import Note, Severity
 from ltvn_core.recording.reader import Recording
 from ltvn_core.recording.recorded_robot import RecordedRobot, record_images
 from ltvn_core.recording.writer import RecordingWriter
-from ltvn_core.robots.observation_check import ObservationCheck, sequence_doubts
+from ltvn_core.robots.robot_check import ObservationCheck, sequence_findings
 from ltvn_core.types import Observation
 from tests.core.flat_world import FlatRobot, one_room
 from tests.core.recording import example_recording
@@ -51,21 +51,21 @@ WRONG: dict[str, tuple[Change, str]] = {
 @pytest.mark.parametrize("what", WRONG)
 def test_what_cannot_be_right_is_told_once(what: str) -> None:
     change, said = WRONG[what]
-    told = sequence_doubts(change(drive()))
-    assert len([text for text in told if said in text]) == 1
+    told = sequence_findings(change(drive()))
+    assert len([finding for finding in told if said in str(finding)]) == 1
 
 
 def test_a_drive_in_order_is_not_doubted() -> None:
-    assert sequence_doubts(drive()) == ()
+    assert sequence_findings(drive()) == ()
     standing = [replace(seen, odometry=np.zeros(3), rgb=drive()[0].rgb) for seen in drive()]
-    assert sequence_doubts(standing) == ()
-    assert sequence_doubts([seen for seen in drive() for _ in range(3)]) == ()
+    assert sequence_findings(standing) == ()
+    assert sequence_findings([seen for seen in drive() for _ in range(3)]) == ()
 
 
 @pytest.mark.parametrize("path", [DEMO_DRIVE, DEMO_MAP], ids=lambda path: path.stem)
 def test_our_own_recordings_are_not_doubted(path: Path) -> None:
     recording = Recording.open(path)
-    assert sequence_doubts(recording.observation(frame) for frame in recording.frames) == ()
+    assert sequence_findings(recording.observation(frame) for frame in recording.frames) == ()
 
 
 def test_a_doubt_is_a_note_in_the_recording(tmp_path: Path) -> None:
@@ -93,4 +93,4 @@ def test_a_robot_whose_camera_stands_still_is_noted(tmp_path: Path) -> None:
 def test_each_rule_speaks_again_for_another_robot() -> None:
     for _ in range(2):
         check = ObservationCheck()
-        assert any([check.doubts(seen) for seen in WRONG["jump"][0](drive())])
+        assert any([check.findings(seen) for seen in WRONG["jump"][0](drive())])

@@ -14,7 +14,6 @@ import numpy as np
 
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.cameras.rectification import rectified_camera
-from ltvn_core.composition import open_method, open_predictor
 from ltvn_core.drives.drive_report import DriveReport, drive_doubts
 from ltvn_core.drives.joined_drives import JoinedDrive
 from ltvn_core.drives.joined_map import join_map
@@ -27,6 +26,7 @@ from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.navigator import Navigator
 from ltvn_core.predictors.choice import ImageSource
+from ltvn_core.predictors.opening import open_method, open_predictor
 from ltvn_core.predictors.registry import NETWORK
 from ltvn_core.predictors.request import predictor_card
 from ltvn_core.preprocessing import recorded_observation

@@ -12,7 +12,6 @@ from pathlib import Path
 import numpy as np
 
 from ltvn_core.atomic_files import atomic_output
-from ltvn_core.composition import open_predictor, open_simulation
 from ltvn_core.evaluation.preparation_progress import PreparationLog, PreparationPart
 from ltvn_core.evaluation.protocol import EpisodePlan, choose_goals, draw_episodes
 from ltvn_core.evaluation.results import load_results, save_results
@@ -22,14 +21,17 @@ from ltvn_core.graph.goal_standing import goal_reports
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.operators import pose_row
 from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.predictors.opening import open_predictor
 from ltvn_core.recording.map_file import save_map
 from ltvn_core.recording.reader import Recording
 from ltvn_core.recording.recorded_robot import record_images
 from ltvn_core.recording.writer import RecordingWriter
 from ltvn_core.robots.robot_spec import LOCOBOT
+from ltvn_core.simulation.opening import open_simulation
 from ltvn_core.simulation.scene_registry import load_scene
 from ltvn_core.simulation.scripted_tour import drive_tour
 from ltvn_core.systems.registry import system_entry
+from ltvn_core.training.system_training import system_training
 from ltvn_core.types import FrameId, Observation, is_usable
 
 _LOG = logging.getLogger(__name__)
@@ -73,7 +75,7 @@ def _weights(plan: TrialPlan, files: TrialFiles, observations: Sequence[Observat
     from ltvn_core.training.fine_tuning import FineTuningProvenance, fine_tune
     from ltvn_core.training.fine_tuning_data import label_drive
 
-    training = system_entry(plan.system).training
+    training = system_training(system_entry(plan.system))
     name = files.weights.stem
     fine_tune(
         label_drive(observations, name, camera=LOCOBOT.camera, rule=training.label_rule()),

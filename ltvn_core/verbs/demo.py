@@ -123,13 +123,14 @@ def _run_headless(options: HeadlessDemoVerb) -> DemoSummary:
     import numpy as np
 
     from ltvn_core.atomic_files import require_new_path
-    from ltvn_core.composition import open_method, open_predictor, open_simulation, open_system, simulated_robot
     from ltvn_core.graph.keyframes import KeyframeStore
     from ltvn_core.graph.topological_graph import TopologicalGraph
     from ltvn_core.predictors.choice import ImageSource
+    from ltvn_core.predictors.opening import open_method, open_predictor, simulated_robot
     from ltvn_core.recording.run_description import RunDescription
     from ltvn_core.robots.robot_spec import LOCOBOT
-    from ltvn_core.systems.registry import DEFAULT_SYSTEM
+    from ltvn_core.simulation.opening import open_simulation
+    from ltvn_core.systems.registry import DEFAULT_SYSTEM, open_system
     from ltvn_core.verbs.headless_runner import HeadlessRunner
 
     if options.map is not None:

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from ltvn_core.composition import Simulation
 from ltvn_core.errors import MapError
 from ltvn_core.graph.deltas import BULK_CAUSES, GraphDelta
 from ltvn_core.graph.keyframes import KeyframeStore
@@ -24,6 +23,7 @@ from ltvn_core.navigation.lifelong_run import LifelongRun, random_goals
 from ltvn_core.navigation.navigator import Navigator
 from ltvn_core.recording.recorded_robot import RecordedRobot, record_images
 from ltvn_core.recording.writer import RecordingWriter
+from ltvn_core.simulation.opening import Simulation
 from ltvn_core.simulation.scripted_tour import LED_M_S, TourSettings, drive_along, drive_tour
 from ltvn_core.types import CONTROL_STEP_S, NodeId, Observation, Pose, Predictor
 

@@ -45,12 +45,12 @@ def _drive(options: NavigateVerb) -> NavigateSummary:
     import numpy as np
 
     from ltvn_core.cameras.rectification import rectified_camera
-    from ltvn_core.composition import open_script, open_simulation
     from ltvn_core.evaluation.open_edges import true_presence
     from ltvn_core.evaluation.true_rooms import true_rooms
     from ltvn_core.recording.run_description import RunDescription
     from ltvn_core.robots.robot_spec import LOCOBOT
     from ltvn_core.simulation.body_selection import choose_body
+    from ltvn_core.simulation.opening import open_script, open_simulation
     from ltvn_core.systems.maintenance import with_maintenance
     from ltvn_core.verbs.headless_runner import HeadlessRunner
 

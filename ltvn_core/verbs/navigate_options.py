@@ -94,9 +94,9 @@ class NavigateOptions(Verb):
 
         Raises MapError, OptionError, RecordingError and WeightsError.
         """
-        from ltvn_core.composition import open_method, open_predictor
         from ltvn_core.graph.keyframes import KeyframeStore
         from ltvn_core.predictors.choice import ImageSource
+        from ltvn_core.predictors.opening import open_method, open_predictor
         from ltvn_core.recording.map_file import check_fingerprint, load_map
         from ltvn_core.systems.registry import recorded_system
 

@@ -6,10 +6,10 @@ from contextlib import suppress
 
 import numpy as np
 
-from ltvn_core.composition import open_predictor
 from ltvn_core.errors import OptionError
 from ltvn_core.navigation.lifelong_run import random_goals
 from ltvn_core.predictors.choice import ImageSource
+from ltvn_core.predictors.opening import open_predictor
 from ltvn_core.recording.recorded_robot import record_images
 from ltvn_core.recording.run_description import RunDescription
 from ltvn_core.robots.continued_robot import ContinuedRobot

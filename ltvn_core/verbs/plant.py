@@ -91,13 +91,14 @@ class PlantVerb(Verb):
 def _drive(options: PlantVerb) -> PlantSummary:
     import numpy as np
 
-    from ltvn_core.composition import open_predictor, open_simulation
     from ltvn_core.evaluation.ground_truth import GroundTruth
     from ltvn_core.graph.keyframes import KeyframeStore
     from ltvn_core.predictors.choice import ImageSource
+    from ltvn_core.predictors.opening import open_predictor
     from ltvn_core.recording.map_file import check_fingerprint, load_map
     from ltvn_core.recording.run_description import RunDescription
     from ltvn_core.simulation.body_selection import choose_body
+    from ltvn_core.simulation.opening import open_simulation
     from ltvn_core.simulation.scene_registry import load_scene
     from ltvn_core.systems.registry import recorded_system
     from ltvn_core.verbs.headless_runner import HeadlessRunner
@@ -146,7 +147,7 @@ def _drive(options: PlantVerb) -> PlantSummary:
 
 def _method(options: PlantVerb, predictor: "Predictor") -> "Method":
     """Return the robust preset, which gives up early."""
-    from ltvn_core.composition import open_method
+    from ltvn_core.predictors.opening import open_method
 
     method = open_method("robust", predictor)
     short = replace(method.recovering, step_limit=options.steps, give_up_after_looks=12)

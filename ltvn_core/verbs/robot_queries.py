@@ -12,12 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from ltvn_core.composition import open_robot
 from ltvn_core.errors import RobotError
 from ltvn_core.graph.deltas import EdgeAdded, EdgePruned, NodeAdded
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.importing.played_drive import open_robot
 from ltvn_core.navigation.events import Event, GraphChanged, Outcome, QueryEnded, StampedEvent, Tick
 from ltvn_core.navigation.navigator import Navigator
 from ltvn_core.recording.recorded_robot import RecordedRobot

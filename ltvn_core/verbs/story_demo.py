@@ -15,10 +15,10 @@ from ltvn_core.verbs.verb import Summary
 if TYPE_CHECKING:
     import numpy as np
 
-    from ltvn_core.composition import Simulation
     from ltvn_core.evaluation.door_story.story import DoorStory
     from ltvn_core.graph.navigation_system import NavigationSystem
     from ltvn_core.recording.map_file import LoadedMap
+    from ltvn_core.simulation.opening import Simulation
     from ltvn_core.types import Predictor
     from ltvn_core.verbs.headless_runner import HeadlessRunner
 
@@ -66,9 +66,10 @@ def run_story(options: StoryOptions) -> Summary:
     """Play the story and record it. Raises LtvnError."""
     import numpy as np
 
-    from ltvn_core.composition import open_predictor, open_simulation, simulated_robot
     from ltvn_core.predictors.choice import ImageSource
+    from ltvn_core.predictors.opening import open_predictor, simulated_robot
     from ltvn_core.robots.robot_spec import LOCOBOT
+    from ltvn_core.simulation.opening import open_simulation
 
     started = time.monotonic()
     rng = np.random.default_rng(options.seed)
@@ -106,15 +107,15 @@ def _play_recorded(
     rng: "np.random.Generator",
 ) -> "DoorStory":
     """Map the scene unless a map is known, and play the story in it."""
-    from ltvn_core.composition import open_method, open_system
     from ltvn_core.evaluation.door_story.story import STORY_MAINTENANCE, DoorStory
     from ltvn_core.evaluation.door_story.story_map import StoryMap
     from ltvn_core.graph.keyframes import KeyframeStore
     from ltvn_core.graph.topological_graph import TopologicalGraph
+    from ltvn_core.predictors.opening import open_method
     from ltvn_core.recording.run_description import RunDescription
     from ltvn_core.simulation.changes.door_names import door_names
     from ltvn_core.systems.maintenance import with_maintenance
-    from ltvn_core.systems.registry import DEFAULT_SYSTEM
+    from ltvn_core.systems.registry import DEFAULT_SYSTEM, open_system
     from ltvn_core.verbs.headless_runner import HeadlessRunner
 
     system = with_maintenance(open_system(DEFAULT_SYSTEM, open_method(options.preset, predictor)), STORY_MAINTENANCE)

@@ -7,7 +7,6 @@ from functools import partial
 
 import numpy as np
 
-from ltvn_core.composition import open_predictor
 from ltvn_core.evaluation.encounters import EncounterCounts, EncounterLog
 from ltvn_core.evaluation.episode_runner import EpisodeRunner, EventCallback
 from ltvn_core.evaluation.open_edges import true_presence
@@ -23,6 +22,7 @@ from ltvn_core.evaluation.worlds.world_results import PresenceScore, WorldQuery
 from ltvn_core.geometry import distance, relative
 from ltvn_core.graph.planner import Planner
 from ltvn_core.navigation.events import Event
+from ltvn_core.predictors.opening import open_predictor
 from ltvn_core.recording.map_file import save_map
 from ltvn_core.simulation.changes.world import World
 from ltvn_core.simulation.oracle_predictor import OraclePredictor

@@ -99,7 +99,7 @@ class TopologicalMap:
             path: The file.
             predictor: What compares images; None opens the one that made the map, with its shipped weights.
             system: What drives by the map; None is the system that built it, with the `robust` preset.
-            with_reserve: Whether to encode the images that are no nodes too; navigation needs them, finding a place
+            with_reserve: Whether to encode the images of the reserve too; navigation needs them, finding a place
                 does not.
 
         Raises:
@@ -161,6 +161,11 @@ class TopologicalMap:
         """The images that belong to the map, in the order they were taken: of its nodes, its reserve and its views."""
         return [self.keyframes.observation(frame) for frame in sorted(self.graph.frames)]
 
+    @property
+    def images(self) -> list[Observation]:
+        """All images at hand, in the order they were taken; after building, those too that the map did not keep."""
+        return [self.keyframes.observation(frame) for frame in self.keyframes.frames]
+
     def build(
         self,
         observations: Sequence[Observation],
@@ -198,7 +203,7 @@ class TopologicalMap:
         save_map(
             path,
             self.graph,
-            [self.keyframes.observation(frame) for frame in self.keyframes.frames],
+            self.images,
             scene=self.scene,
             fingerprint=self.predictor.fingerprint,
             camera=self.camera or self.predictor.camera,

@@ -31,6 +31,7 @@ from ltvn_core.evaluation.workers import Workers
 from ltvn_core.predictors.opening import open_predictor
 from ltvn_core.simulation.scene_registry import load_scene
 from ltvn_core.systems.registry import system_entry
+from ltvn_core.topological_map import TopologicalMap
 from ltvn_core.training.system_training import system_training
 
 EPISODES_PER_BATCH = 25
@@ -71,9 +72,7 @@ def open_runner(plan: TrialPlan, files: TrialFiles, queries: int = 0, *, maintai
     system = open_planned_system(plan, predictor, scene, maintain=maintain)
     return EpisodeRunner(
         scene,
-        files.map(queries),
-        predictor,
-        system,
+        TopologicalMap.load(files.map(queries), predictor, system=system),
         plan.protocol,
         perturbations=plan.perturbations,
         light=light_under(plan.conditions),
@@ -218,7 +217,7 @@ def keep_drawing(plan: TrialPlan, files: TrialFiles, queries: int) -> None:
     """Draw the map after so many queries, unless that is done."""
     if not files.drawing(queries).exists():
         runner = cached_runner(plan, files, queries)
-        save_drawing(files.drawing(queries), floorplan(runner.graph, runner.truth))
+        save_drawing(files.drawing(queries), floorplan(runner.map.graph, runner.truth))
 
 
 def finish_trial(plan: TrialPlan, files: TrialFiles, queries: int, episodes: int, command: str) -> TrialResult:
@@ -236,8 +235,8 @@ def finish_trial(plan: TrialPlan, files: TrialFiles, queries: int, episodes: int
         seed=plan.seed,
         queries=queries,
         images=len(drive_truth.frames),
-        fingerprint=runner.fingerprint,
-        map=map_truth_metrics(runner.graph, runner.truth, drive_truth.goals),
+        fingerprint=runner.map.predictor.fingerprint,
+        map=map_truth_metrics(runner.map.graph, runner.truth, drive_truth.goals),
         floorplan=None,
         episodes=tuple(episode for batch in batches for episode in batch.episodes),
         wall_s=sum(batch.wall_s for batch in batches),

@@ -9,10 +9,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
-from ltvn_core.composition import open_method, open_predictor
 from ltvn_core.drives.joined_drives import join_drives
 from ltvn_core.graph.builder import ProgressCallback
 from ltvn_core.predictors.choice import AUTO, ImageSource, PredictorChoice
+from ltvn_core.predictors.opening import open_method, open_predictor
 from ltvn_core.recording.metadata import is_lens_known
 from ltvn_core.recording.reader import Recording
 from ltvn_core.systems.registry import DEFAULT_SYSTEM, system_entry

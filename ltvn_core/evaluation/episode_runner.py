@@ -7,7 +7,6 @@ and can be repeated for its recording.
 from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
@@ -18,13 +17,9 @@ from ltvn_core.evaluation.imaged_scene import ImagedScene
 from ltvn_core.evaluation.perturbations.perturbed_robot import PerturbedRobot
 from ltvn_core.evaluation.protocol import EpisodePlan, EvaluationProtocol
 from ltvn_core.evaluation.results import EpisodeResult, FailureCause
-from ltvn_core.graph.keyframes import KeyframeStore
-from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.navigation.bystanders import Bystanders
 from ltvn_core.navigation.episode import Episode, judge_goal_reached, run_episode
 from ltvn_core.navigation.events import Event, Outcome
-from ltvn_core.navigation.navigator import Navigator
-from ltvn_core.recording.map_file import check_fingerprint, load_map
 from ltvn_core.robots.robot import Robot
 from ltvn_core.simulation.body_names import BodyName
 from ltvn_core.simulation.changes.world import World
@@ -32,7 +27,8 @@ from ltvn_core.simulation.light import PLAIN_LIGHT, Light
 from ltvn_core.simulation.rendering.renderer_selection import open_renderer
 from ltvn_core.simulation.scene import Scene
 from ltvn_core.simulation.simulated_robot import SimulatedRobot
-from ltvn_core.types import CONTROL_STEP_S, FrameId, Predictor
+from ltvn_core.topological_map import TopologicalMap
+from ltvn_core.types import CONTROL_STEP_S, FrameId
 
 EventCallback = Callable[[Event, SimulatedRobot], None]
 """Called with an event while the robot is still where it happened."""
@@ -59,44 +55,33 @@ class EpisodeRunner:
     def __init__(
         self,
         scene: Scene,
-        map_file: Path,
-        predictor: Predictor,
-        system: NavigationSystem,
+        known: TopologicalMap,
         protocol: EvaluationProtocol,
         *,
         perturbations: Sequence[str] = (),
         light: Light = PLAIN_LIGHT,
         world: World | None = None,
     ) -> None:
-        """Load a map; the robot's camera will have these perturbations, and see the scene in this light.
+        """Drive by a map; the robot's camera will have these perturbations, and see the scene in this light.
 
         `world` may change around the robot, and has a light of its own.
-
-        Raises MapError where other weights made the map.
         """
-        loaded = load_map(map_file)
-        check_fingerprint(loaded.meta, predictor.fingerprint)
         self.scene = scene
-        self.graph = loaded.graph
-        self.keyframes = KeyframeStore(predictor)
-        self.keyframes.begin_drives(self.graph.drives)
-        self.keyframes.add(list(loaded.observations.values()))
-        self.truth = GroundTruth(scene.clearance, self.keyframes.observation)
-        self.fingerprint = predictor.fingerprint
+        self.map = known
+        self.truth = GroundTruth(scene.clearance, known.keyframes.observation)
         self._camera = open_renderer(scene if light == PLAIN_LIGHT else replace(scene, light=light))
-        self.predictor = predictor
-        self.system = system
         self.noise = protocol.odometry_noise
         self.body: BodyName = protocol.body
         self._perturbations = perturbations
         self._world, self._bystanders = world, Bystanders()
-        self._next_frame = max(self.keyframes.frames) + 1
+        self._next_frame = max(known.keyframes.frames) + 1
 
     @property
     def imaged_scene(self) -> ImagedScene:
         """The scene with the images of the map, for driving single edges."""
-        poses = {frame: self.truth.pose(frame) for frame in self.keyframes.frames}
-        return ImagedScene(scene=self.scene, camera=self._camera, keyframes=self.keyframes, poses=poses)
+        keyframes = self.map.keyframes
+        poses = {frame: self.truth.pose(frame) for frame in keyframes.frames}
+        return ImagedScene(scene=self.scene, camera=self._camera, keyframes=keyframes, poses=poses)
 
     def run(
         self,
@@ -114,16 +99,12 @@ class EpisodeRunner:
         Images are numbered from `first_frame`, by default after all earlier ones. `on_step` sees the robot after each
         control step.
         """
-        if plan.goal not in self.graph.nodes:
+        if plan.goal not in self.map.graph.nodes:
             return self._without_goal(query, plan)
-        classifier = FailureClassifier(self.truth, self.graph)
+        classifier = FailureClassifier(self.truth, self.map.graph)
         with closing(self._robot(plan, rng, self._next_frame if first_frame is None else first_frame)) as robot:
-            parts = self.graph, self.keyframes, self.predictor, self.system.method, rng
             looking = wrap_robot(self._looking(robot, query))
-            navigator = Navigator(
-                looking, *parts, system=self.system, bystanders=self._bystanders, world_time=self._world_time
-            )
-
+            navigator = self.map.navigator(looking, seed=rng, bystanders=self._bystanders, world_time=self._world_time)
             checkpoints = self._checkpoints(plan)
 
             def consume_event(event: Event) -> None:

@@ -37,17 +37,17 @@ def record_failures(plan: TrialPlan, files: TrialFiles, trial: TrialResult, coun
 def _record(
     plan: TrialPlan, files: TrialFiles, runner: EpisodeRunner, trial: TrialResult, episode: EpisodePlan, number: int
 ) -> None:
-    system = runner.system
+    system = runner.map.system
     settings = {"verb": "evaluate", "system": system.name, "episode": number, "seed": plan.seed}
     settings["method"] = asdict(system.method)
     described = RunDescription(
         scene=runner.scene.address,
         config=settings,
-        fingerprint=runner.fingerprint,
+        fingerprint=runner.map.predictor.fingerprint,
         scene_glb=runner.scene.glb(),
     )
     with atomic_output(files.failure(number)) as part, described.open_writer(part) as writer:
-        writer.write_map(runner.graph, [runner.keyframes.observation(frame) for frame in runner.keyframes.frames])
+        writer.write_map(runner.map.graph, runner.map.images)
 
         def write(event: Event, robot: SimulatedRobot) -> None:
             state = robot.state()

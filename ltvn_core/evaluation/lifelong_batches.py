@@ -87,13 +87,13 @@ def run_query_batch(plan: TrialPlan, files: TrialFiles, first: int, count: int) 
 def _drive(plan: TrialPlan, runner: EpisodeRunner, drive_truth: DriveGroundTruth, query: int) -> _DrivenQuery:
     """Drive one query from a random image of the mapping drive to a random node."""
     rng = np.random.default_rng([plan.seed, 5, query])
-    known = set(runner.graph.nodes)
-    before = dict(runner.graph.edges)
+    known = set(runner.map.graph.nodes)
+    before = dict(runner.map.graph.edges)
     episode = _draw(runner, drive_truth, rng)
     frame = _first_frame(plan, runner, drive_truth, query)
     result = runner.run(query, episode, rng, first_frame=frame)
-    graph = runner.graph
-    spurious = runner.truth.spurious(runner.graph)
+    graph = runner.map.graph
+    spurious = runner.truth.spurious(runner.map.graph)
     pruned = before.keys() - graph.edges.keys()
     added = graph.edges.keys() - before.keys()
     result = LifelongQuery(
@@ -117,7 +117,7 @@ def _drive(plan: TrialPlan, runner: EpisodeRunner, drive_truth: DriveGroundTruth
 
 def _draw(runner: EpisodeRunner, drive_truth: DriveGroundTruth, rng: np.random.Generator) -> EpisodePlan:
     """Draw a start and a goal that is not already reached at the start."""
-    nodes = sorted(runner.graph.nodes)
+    nodes = sorted(runner.map.graph.nodes)
     while True:
         start = int(rng.integers(len(drive_truth.frames)))
         goal = nodes[int(rng.integers(len(nodes)))]
@@ -136,16 +136,16 @@ def _first_frame(plan: TrialPlan, runner: EpisodeRunner, drive_truth: DriveGroun
 def _save(plan: TrialPlan, files: TrialFiles, runner: EpisodeRunner, first: int, until: int) -> None:
     save_map(
         files.map(until),
-        runner.graph,
-        [runner.keyframes.observation(frame) for frame in runner.keyframes.frames],
+        runner.map.graph,
+        runner.map.images,
         scene=runner.scene.address,
-        fingerprint=runner.fingerprint,
+        fingerprint=runner.map.predictor.fingerprint,
         config={
             "verb": "lifelong",
-            "system": runner.system.name,
+            "system": runner.map.system.name,
             "seed": plan.seed,
             "queries": until,
-            "method": asdict(runner.system.method),
+            "method": asdict(runner.map.system.method),
         },
         origin=files.map(first),
     )

@@ -121,7 +121,7 @@ def _finish(plan: TrialPlan, files: TrialFiles, schedule: Schedule, command: str
 
 def _point(plan: TrialPlan, files: TrialFiles, at: int, episodes: int, command: str) -> LifelongPoint:
     runner = cached_runner(plan, files, at)
-    cells = calibration_bins(runner.graph, runner.truth)
+    cells = calibration_bins(runner.map.graph, runner.truth)
     return LifelongPoint(at, finish_trial(plan, files, at, episodes, command), cells)
 
 

@@ -50,8 +50,8 @@ def _mostly_fails(runner: EpisodeRunner, edge: Edge, seed: int) -> bool:
     with closing(
         EdgeDriver(
             runner.imaged_scene,
-            runner.predictor,
-            runner.system.method,
+            runner.map.predictor,
+            runner.map.system.method,
             np.zeros((1, 3)),
             rng,
             noise=runner.noise,

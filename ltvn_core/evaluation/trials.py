@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 from joblib import delayed
 
-from ltvn_core.composition import open_predictor
 from ltvn_core.evaluation.conditions import light_under, told_conditions
 from ltvn_core.evaluation.episode_log import LoggedEpisode, append_episode, read_episodes
 from ltvn_core.evaluation.episode_runner import EpisodeRunner
@@ -29,8 +28,11 @@ from ltvn_core.evaluation.protocol import EpisodePlan
 from ltvn_core.evaluation.results import EpisodeResult, TrialResult, load_results, save_results
 from ltvn_core.evaluation.trial_plans import TrialFiles, TrialPlan, claim_files, open_planned_system, planned_weights
 from ltvn_core.evaluation.workers import Workers
+from ltvn_core.predictors.opening import open_predictor
 from ltvn_core.simulation.scene_registry import load_scene
 from ltvn_core.systems.registry import system_entry
+from ltvn_core.topological_map import TopologicalMap
+from ltvn_core.training.system_training import system_training
 
 EPISODES_PER_BATCH = 25
 """Episodes in a batch: few enough for the cores to finish together, and the map is not loaded too often."""
@@ -70,9 +72,7 @@ def open_runner(plan: TrialPlan, files: TrialFiles, queries: int = 0, *, maintai
     system = open_planned_system(plan, predictor, scene, maintain=maintain)
     return EpisodeRunner(
         scene,
-        files.map(queries),
-        predictor,
-        system,
+        TopologicalMap.load(files.map(queries), predictor, system=system),
         plan.protocol,
         perturbations=plan.perturbations,
         light=light_under(plan.conditions),
@@ -172,7 +172,7 @@ def prepare_all(
         claim_files(plan, files)
     without_data: set[str] = {plan.system for plan, files in jobs if plan.finetuned and not files.weights.exists()}
     for system in without_data:
-        system_entry(system).training.rehearsal().prepare()  # Once for all processes.
+        system_training(system_entry(system)).rehearsal().prepare()  # Once for all processes.
     with told_repeatedly(lambda: progress.preparing(sum(_share_prepared(files) for _, files in jobs) / len(jobs))):
         for ready, _ in enumerate(parallel(delayed(prepare)(plan, files) for plan, files in jobs), 1):
             progress.maps_ready(ready)
@@ -217,7 +217,7 @@ def keep_drawing(plan: TrialPlan, files: TrialFiles, queries: int) -> None:
     """Draw the map after so many queries, unless that is done."""
     if not files.drawing(queries).exists():
         runner = cached_runner(plan, files, queries)
-        save_drawing(files.drawing(queries), floorplan(runner.graph, runner.truth))
+        save_drawing(files.drawing(queries), floorplan(runner.map.graph, runner.truth))
 
 
 def finish_trial(plan: TrialPlan, files: TrialFiles, queries: int, episodes: int, command: str) -> TrialResult:
@@ -235,8 +235,8 @@ def finish_trial(plan: TrialPlan, files: TrialFiles, queries: int, episodes: int
         seed=plan.seed,
         queries=queries,
         images=len(drive_truth.frames),
-        fingerprint=runner.fingerprint,
-        map=map_truth_metrics(runner.graph, runner.truth, drive_truth.goals),
+        fingerprint=runner.map.predictor.fingerprint,
+        map=map_truth_metrics(runner.map.graph, runner.truth, drive_truth.goals),
         floorplan=None,
         episodes=tuple(episode for batch in batches for episode in batch.episodes),
         wall_s=sum(batch.wall_s for batch in batches),

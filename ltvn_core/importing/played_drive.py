@@ -1,7 +1,7 @@
 """A recorded drive that plays a robot: its images come as they were taken, whatever anybody commands (open loop).
 
-Any format that can be imported can be played. Owns the pace; reading is the reader's, and fitting the camera that of
-`frame_preparation`.
+Any format that can be imported can be played. Owns the pace, and opening a robot by a name that may be such a drive's;
+reading is the reader's, and fitting the camera that of `frame_preparation`.
 """
 
 import logging
@@ -14,11 +14,28 @@ from ltvn_core.importing.drive_odometry import chosen_odometry
 from ltvn_core.importing.frame_preparation import FramePreparation
 from ltvn_core.importing.named_drive import NamedDrive
 from ltvn_core.importing.raw_frame import FrameMoment, RawFrame
-from ltvn_core.robots.robot import WallClock
+from ltvn_core.plugins import ROBOTS, find_plugins
+from ltvn_core.robots.robot import Robot, WallClock
+from ltvn_core.robots.robot_plugins import check_robot
+from ltvn_core.robots.robot_plugins import open_robot as open_live_robot
 from ltvn_core.robots.robot_spec import RobotSpec
 from ltvn_core.types import CONTROL_STEP_S, ZERO_TWIST, Observation, RobotState, Twist
 
 _LOG = logging.getLogger(__name__)
+
+
+def open_robot(wanted: str) -> Robot:
+    """Make a robot by its name, by `path/to/file.py:factory` or by PROFILE@ADDRESS, or let a recorded drive play one.
+
+    A drive is named by its file or folder, of any format that can be imported, or by PROFILE@PATH. One image is taken;
+    nothing is driven. Raises PluginError, RobotError and DriveError.
+    """
+    drive = None if wanted in find_plugins(ROBOTS) else NamedDrive.find(wanted)
+    if drive is None:
+        return open_live_robot(wanted)
+    robot = play_drive(drive)
+    check_robot(robot, wanted)
+    return robot
 
 
 def play_drive(drive: NamedDrive, clock: WallClock | None = None) -> "PlayedDrive":

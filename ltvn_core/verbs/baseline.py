@@ -12,10 +12,10 @@ from tyro.conf import Positional
 
 from ltvn_core.errors import OptionError
 from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
+from ltvn_core.systems.entry import TemporalLearning
 from ltvn_core.systems.registry import baseline_systems, system_entry
 from ltvn_core.training.held_out_scenes import VALIDATION_SCENES
 from ltvn_core.training.labelled_walks import labelled_walks
-from ltvn_core.training.system_training import TemporalTraining
 from ltvn_core.verbs.dataset import DEFAULT_SCENE_PREFIXES
 from ltvn_core.verbs.system_option import SystemName
 from ltvn_core.verbs.verb import Summary, Verb
@@ -92,7 +92,7 @@ class BaselineVerb(Verb):
         )
 
     def _check_options(self) -> None:
-        _temporal_training(self.baseline)
+        _temporal_learning(self.baseline)
         if not (self.minutes > 0 and (self.steps is None or self.steps > 0)):
             raise OptionError("--minutes and --steps must be above 0; 8 minutes or 300 steps are a good start.")
         if self.fresh and self._below:
@@ -103,14 +103,14 @@ class BaselineVerb(Verb):
     @property
     def _below(self) -> Path | None:
         """The weights that the rival adds layers to, if it does."""
-        return SHIPPED_WEIGHTS if _temporal_training(self.baseline).added else None
+        return SHIPPED_WEIGHTS if _temporal_learning(self.baseline).added else None
 
     def _start(self, work: Path) -> Path | None:
         """Return the weights to start from, those with new layers in the folder."""
         from ltvn_core.network.network_families import extend_network
         from ltvn_core.network.weights_file import load_weights, save_weights
 
-        if (added := _temporal_training(self.baseline).added) is None:
+        if (added := _temporal_learning(self.baseline).added) is None:
             return None if self.fresh else SHIPPED_WEIGHTS
         work.mkdir(parents=True, exist_ok=True)
         start = work / "start.safetensors"
@@ -138,7 +138,7 @@ class BaselineVerb(Verb):
 
         names = [name for name in scene_names() if name.startswith(DEFAULT_SCENE_PREFIXES)]
         shards = labelled_walks(
-            _temporal_training(self.baseline).rule, names, self.data, seed=self.seed, processes=self.processes
+            _temporal_learning(self.baseline).rule, names, self.data, seed=self.seed, processes=self.processes
         )
         return TrainingData(*split_shards(shards, VALIDATION_SCENES))
 
@@ -146,7 +146,7 @@ class BaselineVerb(Verb):
         from ltvn_core.network.optimization.baseline_plans import baseline_training_plan
 
         return baseline_training_plan(
-            even_distances=_temporal_training(self.baseline).even_distances,
+            even_distances=_temporal_learning(self.baseline).even_distances,
             minutes=self.minutes,
             steps=self.steps,
             seed=self.seed,
@@ -168,7 +168,7 @@ class BaselineVerb(Verb):
             self.baseline,
             start and weights_fingerprint(start),
             read_card(start) if start and self._below is None else None,
-            asdict(_temporal_training(self.baseline).rule),
+            asdict(_temporal_learning(self.baseline).rule),
             TrainingDataSummary(
                 tuple(shard.name for shard in shards),
                 VALIDATION_SCENES,
@@ -186,11 +186,12 @@ class BaselineVerb(Verb):
         )
 
 
-def _temporal_training(system: str) -> TemporalTraining:
+def _temporal_learning(system: str) -> TemporalLearning:
     """Return how a system learns by time; raises OptionError for one that does not."""
-    training, trained = system_entry(system).training, [entry.name for entry in baseline_systems()]
-    if isinstance(training, TemporalTraining) and system in trained:
-        return training
+    learning = system_entry(system).learning
+    trained = [entry.name for entry in baseline_systems()]
+    if learning is not None and system in trained:
+        return learning
     raise OptionError(
         f"{system} has no network of its own that learns by time alone; those that have are: {', '.join(trained)}."
     )

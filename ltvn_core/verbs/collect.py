@@ -27,10 +27,10 @@ class CollectVerb(CollectOptions):
         import numpy as np
         from tqdm import tqdm
 
-        from ltvn_core.composition import open_simulation
         from ltvn_core.recording.recorded_robot import record_images
         from ltvn_core.recording.writer import RecordingWriter
         from ltvn_core.simulation.body_selection import choose_body
+        from ltvn_core.simulation.opening import open_simulation
         from ltvn_core.simulation.scripted_tour import drive_tour
         from ltvn_core.simulation.wheel_odometry import OdometryNoise
 

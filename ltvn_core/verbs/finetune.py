@@ -80,8 +80,8 @@ class FinetuneVerb(Verb):
     def _tune_calibration(self) -> Summary:
         from typing import cast
 
-        from ltvn_core.composition import open_predictor
         from ltvn_core.predictors.geometric import GeometricPredictor
+        from ltvn_core.predictors.opening import open_predictor
         from ltvn_core.recording.drive_part import parse_part
         from ltvn_core.recording.reader import Recording
         from ltvn_core.training.calibration_tuning import tune_calibration

@@ -133,11 +133,11 @@ class JudgeVerb(Verb):
 
     def run(self) -> Summary:
         """Judge and summarise; raises RecordingError, ImageError, MapError, WeightsError, DatasetError, OptionError."""
-        from ltvn_core.composition import open_method, open_predictor
         from ltvn_core.evaluation.perturbations.perturbation_registry import parse_perturbations
         from ltvn_core.evaluation.predictor_accuracy.judgement import JudgementPlan, judge
         from ltvn_core.graph.ltvn import ltvn_system
         from ltvn_core.predictors.choice import ImageSource
+        from ltvn_core.predictors.opening import open_method, open_predictor
         from ltvn_core.recording.drive_part import WHOLE_DRIVE, parse_part
         from ltvn_core.recording.reader import Recording
 

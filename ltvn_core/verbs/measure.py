@@ -162,10 +162,10 @@ class MeasureVerb(Verb):
     def _measure_scene(self, number: int, name: str, attempts: int, bar: "tqdm[NoReturn]") -> "SceneFigures":
         import numpy as np
 
-        from ltvn_core.composition import open_predictor, simulated_robot
         from ltvn_core.config import preset
         from ltvn_core.evaluation.likelihood_measurement import measure_scene
         from ltvn_core.predictors.choice import ImageSource
+        from ltvn_core.predictors.opening import open_predictor, simulated_robot
         from ltvn_core.robots.robot_spec import LOCOBOT
         from ltvn_core.simulation.rendering.renderer_selection import open_renderer
         from ltvn_core.simulation.scene_registry import load_scene

@@ -24,14 +24,12 @@ from ltvn_core.navigation.events import Outcome
 from ltvn_core.navigation.lifelong_run import random_goals
 from ltvn_core.recording.map_file import load_map
 from ltvn_core.recording.run_description import RunDescription
-from ltvn_core.robots.continued_robot import ContinuedRobot
-from ltvn_core.robots.rectified_robot import fit_camera
 from ltvn_core.robots.robot import Robot
 from ltvn_core.structured_text import parse_json
 from ltvn_core.systems.maintenance import with_maintenance
 from ltvn_core.types import NodeId, Observation, Pose
 from ltvn_core.verbs.navigate_options import NavigateOptions
-from ltvn_core.verbs.robot_queries import QueryResult, RobotQueries, opened_robot
+from ltvn_core.verbs.robot_queries import QueryResult, RobotQueries, continued_robot, opened_robot
 
 _LOG = logging.getLogger(__name__)
 
@@ -126,30 +124,28 @@ def _run_phase(test: RobotEvaluation, phase: Phase, own: Robot, log: "_EpisodeLo
     """Run what is left of a phase; what a query teaches is saved before its result is."""
     done, count, goals = len(log.of(phase)), test.count(phase), _goals(test, phase)
     learned = test.folder / f"map-{done if phase == 'queries' else test.queries}.rrd"
-    opened = replace(test.map, map=learned if phase != "before" and learned.exists() else test.map.map).open_map()
-    loaded, predictor, predictor_name, system, keyframes = opened
+    known = replace(test.map, map=learned if phase != "before" and learned.exists() else test.map.map).open_map()
     if phase != "queries":
-        system = with_maintenance(system, "static")
-    newest = max(loaded.observations.values(), key=lambda each: each.step)
-    robot = ContinuedRobot(fit_camera(own, predictor.camera), last_step=newest.step, last_stamp_s=newest.stamp)
+        known = replace(known, system=with_maintenance(known.system, "static"))
+    robot = continued_robot(own, known)
     run = RunDescription(
-        scene=loaded.meta.scene,
-        config={**test.map.settings(system, predictor_name), "verb": "evaluate", "robot": test.robot, "phase": phase},
-        fingerprint=predictor.fingerprint,
+        scene=known.scene,
+        config={**test.map.settings(known), "verb": "evaluate", "robot": test.robot, "phase": phase},
+        fingerprint=known.predictor.fingerprint,
         camera=robot.spec.camera,
-        scene_glb=loaded.scene_glb,
+        scene_glb=known.scene_glb,
     )
     rng = np.random.default_rng([test.map.seed, PHASES.index(phase), done])
     with run.open_writer(test.folder / time.strftime(f"{phase}-{done}-%Y%m%d-%H%M%S.rrd")) as writer:
-        writer.write_map(loaded.graph, loaded.observations.values())
-        driver = RobotQueries(robot, writer, loaded.graph, keyframes, predictor, system, rng)
+        writer.write_map(known.graph, known.observations)
+        driver = RobotQueries(robot, writer, known, rng)
         for number in range(done, count):
             goal, begun_s = goals[number], time.monotonic()
-            result = driver.drive_to(goal, number) if goal in loaded.graph.nodes else None
-            verdict = _verdict(own, keyframes.observation(goal), result)
+            result = driver.drive_to(goal, number) if goal in known.graph.nodes else None
+            verdict = _verdict(own, known.keyframes.observation(goal), result)
             if phase == "queries":
-                images = [keyframes.observation(frame) for frame in loaded.graph.frames]
-                run.save_map(test.folder / f"map-{number + 1}.rrd", loaded.graph, images, origin=test.map.map)
+                saved = test.folder / f"map-{number + 1}.rrd"
+                run.save_map(saved, known.graph, known.observations, origin=test.map.map)
                 (test.folder / f"map-{number}.rrd").unlink(missing_ok=True)
             log.add(_episode(phase, number, goal, result, verdict, time.monotonic() - begun_s))
             _LOG.info("%s, %d of %d: %s", phase, number + 1, count, "reached" if verdict.reached else "not reached")

@@ -12,19 +12,18 @@ from typing import Any
 
 import numpy as np
 
-from ltvn_core.composition import open_robot
 from ltvn_core.errors import RobotError
 from ltvn_core.graph.deltas import EdgeAdded, EdgePruned, NodeAdded
-from ltvn_core.graph.keyframes import KeyframeStore
-from ltvn_core.graph.navigation_system import NavigationSystem
-from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.importing.played_drive import open_robot
 from ltvn_core.navigation.events import Event, GraphChanged, Outcome, QueryEnded, StampedEvent, Tick
-from ltvn_core.navigation.navigator import Navigator
 from ltvn_core.recording.recorded_robot import RecordedRobot
 from ltvn_core.recording.writer import RecordingWriter
+from ltvn_core.robots.continued_robot import ContinuedRobot
 from ltvn_core.robots.open_loop import require_drivable
+from ltvn_core.robots.rectified_robot import fit_camera
 from ltvn_core.robots.robot import Robot
-from ltvn_core.types import CONTROL_STEP_S, NodeId, Predictor
+from ltvn_core.topological_map import TopologicalMap
+from ltvn_core.types import CONTROL_STEP_S, NodeId
 from ltvn_core.verbs.headless_runner import QueriesSummary
 
 _LOG = logging.getLogger(__name__)
@@ -46,6 +45,12 @@ def opened_robot(name: str, *, drives: bool = True) -> Iterator[Robot]:
         getattr(robot, "close", lambda: None)()
 
 
+def continued_robot(own: Robot, known: TopologicalMap) -> ContinuedRobot:
+    """Return a robot seen through the camera of a map's images, whose steps and stamps go on from theirs."""
+    last = known.keyframes.observation(known.keyframes.frames[-1])
+    return ContinuedRobot(fit_camera(own, known.predictor.camera), last_step=last.step, last_stamp_s=last.stamp)
+
+
 @dataclass(frozen=True)
 class QueryResult:
     """One query and what it changed in the map."""
@@ -64,16 +69,14 @@ class RobotQueries:
         self,
         robot: Robot,
         writer: RecordingWriter,
-        graph: TopologicalGraph,
-        keyframes: KeyframeStore,
-        predictor: Predictor,
-        system: NavigationSystem,
+        known: TopologicalMap,
         rng: np.random.Generator,
     ) -> None:
-        """Drive by `graph` and maintain it as `system` does; images and events go to `writer`."""
-        self._robot, self._writer, self._graph = robot, writer, graph
-        recorded = RecordedRobot(robot, writer)
-        self._navigator = Navigator(recorded, graph, keyframes, predictor, system.method, rng, system=system)
+        """Drive by a map and maintain it as its system does; images and events go to `writer`."""
+        self._robot = robot
+        self._writer = writer
+        self._graph = known.graph
+        self._navigator = known.navigator(RecordedRobot(robot, writer), seed=rng)
 
     def drive_to(self, goal: NodeId, query: int) -> QueryResult:
         """Run a query in real time and record it. Raises RobotError where the robot is lost; it stands then."""

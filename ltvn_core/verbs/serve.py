@@ -50,11 +50,11 @@ class ServeVerb(Verb):
         """Serve until interrupted; raises OptionError, RobotError and SceneError."""
         import numpy as np
 
-        from ltvn_core.composition import open_script, open_simulation
         from ltvn_core.robots.robot_spec import LOCOBOT
         from ltvn_core.robots.ros2.profile import open_profile
         from ltvn_core.robots.ros2.served_robot import ServedRobot
         from ltvn_core.robots.ros2.zenoh_link import LOOPBACK, ZenohLink
+        from ltvn_core.simulation.opening import open_script, open_simulation
 
         if self.listen and self.connect:
             raise OptionError("--listen and --connect are two ways to be reached; give one.")

@@ -15,10 +15,10 @@ from ltvn_core.verbs.verb import Summary
 if TYPE_CHECKING:
     import numpy as np
 
-    from ltvn_core.composition import Simulation
     from ltvn_core.evaluation.door_story.story import DoorStory
     from ltvn_core.graph.navigation_system import NavigationSystem
     from ltvn_core.recording.map_file import LoadedMap
+    from ltvn_core.simulation.opening import Simulation
     from ltvn_core.types import Predictor
     from ltvn_core.verbs.headless_runner import HeadlessRunner
 
@@ -66,9 +66,10 @@ def run_story(options: StoryOptions) -> Summary:
     """Play the story and record it. Raises LtvnError."""
     import numpy as np
 
-    from ltvn_core.composition import open_predictor, open_simulation, simulated_robot
     from ltvn_core.predictors.choice import ImageSource
+    from ltvn_core.predictors.opening import open_predictor, simulated_robot
     from ltvn_core.robots.robot_spec import LOCOBOT
+    from ltvn_core.simulation.opening import open_simulation
 
     started = time.monotonic()
     rng = np.random.default_rng(options.seed)
@@ -106,15 +107,14 @@ def _play_recorded(
     rng: "np.random.Generator",
 ) -> "DoorStory":
     """Map the scene unless a map is known, and play the story in it."""
-    from ltvn_core.composition import open_method, open_system
     from ltvn_core.evaluation.door_story.story import STORY_MAINTENANCE, DoorStory
     from ltvn_core.evaluation.door_story.story_map import StoryMap
-    from ltvn_core.graph.keyframes import KeyframeStore
-    from ltvn_core.graph.topological_graph import TopologicalGraph
+    from ltvn_core.predictors.opening import open_method
     from ltvn_core.recording.run_description import RunDescription
     from ltvn_core.simulation.changes.door_names import door_names
     from ltvn_core.systems.maintenance import with_maintenance
-    from ltvn_core.systems.registry import DEFAULT_SYSTEM
+    from ltvn_core.systems.registry import DEFAULT_SYSTEM, open_system
+    from ltvn_core.topological_map import TopologicalMap
     from ltvn_core.verbs.headless_runner import HeadlessRunner
 
     system = with_maintenance(open_system(DEFAULT_SYSTEM, open_method(options.preset, predictor)), STORY_MAINTENANCE)
@@ -125,17 +125,16 @@ def _play_recorded(
         camera=simulation.robot.spec.camera,
         scene_glb=simulation.scene.glb(),
     )
-    keyframes = KeyframeStore(predictor)
+    begun = TopologicalMap.of(predictor, system) if known is None else TopologicalMap.take(known, predictor, system)
     with run.open_writer(options.recording, live_port=announce_stream(options.stream)) as writer:
-        graph = TopologicalGraph() if known is None else known.graph
         if known is not None:
-            keyframes.begin_drives(graph.drives)
-            keyframes.add(list(known.observations.values()))
-            writer.write_map(graph, known.observations.values())
-        runner = HeadlessRunner(simulation, writer, keyframes, predictor, system, graph)
+            writer.write_map(begun.graph, begun.observations)
+        runner = HeadlessRunner(simulation, writer, begun)
         if known is None:
             runner.build(runner.collect(rng, options.loops), rng)
-        story_map = StoryMap(graph, system, runner.world, keyframes.observation, lambda: runner.robot.exact_pose)
+        story_map = StoryMap(
+            begun.graph, system, runner.world, begun.keyframes.observation, lambda: runner.robot.exact_pose
+        )
         story = DoorStory(story_map, door_names(simulation.scene))
         play(story, runner, rng)
     return story

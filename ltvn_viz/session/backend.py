@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ltvn_core.cameras.camera_model import CameraModel
-from ltvn_core.composition import START_CLEARANCE_M, open_predictor, open_simulation, simulated_robot
 from ltvn_core.errors import LtvnError, MissingLibraryError, SceneError, WeightsError
 from ltvn_core.extras import naming_the_extra
 from ltvn_core.network.cards.driving_calibration import measured_likelihoods
+from ltvn_core.predictors.opening import open_predictor, simulated_robot
 from ltvn_core.predictors.registry import NETWORK
 from ltvn_core.recording.map_file import LoadedMap
 from ltvn_core.recording.metadata import SOURCE_SCENE
@@ -25,6 +25,7 @@ from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.simulation.changes.script_registry import make_script
 from ltvn_core.simulation.changes.world import World
 from ltvn_core.simulation.changes.world_script import STATIC
+from ltvn_core.simulation.opening import START_CLEARANCE_M, open_simulation
 from ltvn_core.simulation.rendering.embree_renderer import EmbreeRenderer
 from ltvn_core.simulation.scene import Scene
 from ltvn_core.simulation.scene_registry import load_scene

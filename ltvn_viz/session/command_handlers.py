@@ -242,7 +242,7 @@ def import_source(state: AppState, name: str) -> None:
         return MadeRecording(
             output.name,
             f"Imported {name} as {output.name}: {summary.frames:,} images, {dropped:,} left out.",
-            tuple(summary.doubts),
+            summary.findings,
         )
 
     state.maker.begin(f"Importing {name}", make)
@@ -265,7 +265,7 @@ def build_from_replay(state: AppState, replay: Playback) -> None:
             f"Built {output.name} by {choice.name} from {len(observations):,} images: {len(graph.nodes):,} nodes, "
             f"{len(graph.edges):,} edges, {pieces:,} {'piece' if pieces == 1 else 'pieces'}. It knows "
             f"{built.coverage.share:.0%} of the drive.",
-            built.doubts,
+            built.findings,
         )
 
     state.maker.begin(f"Building a map from {replay.name}", make)

@@ -7,7 +7,6 @@ from functools import partial
 
 import numpy as np
 
-from ltvn_core.composition import open_predictor
 from ltvn_core.evaluation.encounters import EncounterCounts, EncounterLog
 from ltvn_core.evaluation.episode_runner import EpisodeRunner, EventCallback
 from ltvn_core.evaluation.open_edges import true_presence
@@ -23,12 +22,14 @@ from ltvn_core.evaluation.worlds.world_results import PresenceScore, WorldQuery
 from ltvn_core.geometry import distance, relative
 from ltvn_core.graph.planner import Planner
 from ltvn_core.navigation.events import Event
+from ltvn_core.predictors.opening import open_predictor
 from ltvn_core.recording.map_file import save_map
 from ltvn_core.simulation.changes.world import World
 from ltvn_core.simulation.oracle_predictor import OraclePredictor
 from ltvn_core.simulation.scene_registry import load_scene
 from ltvn_core.simulation.simulated_robot import SimulatedRobot
 from ltvn_core.systems.maintenance import with_maintenance
+from ltvn_core.topological_map import TopologicalMap
 from ltvn_core.types import FrameId, Pose, Predictor
 
 
@@ -55,10 +56,11 @@ class WorldDrive:
         predictor = open_predictor(plan.trial.predictor, plan.trial.scene, planned_weights(plan.trial, files.trial))
         _keep_informed(predictor, self.world)
         system = open_planned_system(plan.trial, predictor, scene, maintain=True)
-        self.runner = EpisodeRunner(scene, files.map(first), predictor, system, plan.trial.protocol, world=self.world)
-        truth = true_presence(self.world, self.runner.keyframes.observation)
-        room_of = true_rooms(scene, self.runner.keyframes.observation)
-        self.runner.system = with_maintenance(system, plan.maintenance, truth=truth, room_of=room_of)
+        known = TopologicalMap.load(files.map(first), predictor, system=system)
+        truth = true_presence(self.world, known.keyframes.observation)
+        room_of = true_rooms(scene, known.keyframes.observation)
+        known = replace(known, system=with_maintenance(system, plan.maintenance, truth=truth, room_of=room_of))
+        self.runner = EpisodeRunner(scene, known, plan.trial.protocol, world=self.world)
         self.closed_edges = ClosedEdges(scene, self.runner.truth)
 
     def run(self, query: int, on_event: EventCallback | None = None) -> WorldQuery:
@@ -96,24 +98,24 @@ class WorldDrive:
         runner = self.runner
         save_map(
             self._files.map(queries),
-            runner.graph,
-            [runner.keyframes.observation(frame) for frame in runner.keyframes.frames],
+            runner.map.graph,
+            runner.map.images,
             scene=runner.scene.address,
-            fingerprint=runner.fingerprint,
+            fingerprint=runner.map.predictor.fingerprint,
             config={
                 "verb": "lifelong",
-                "system": runner.system.name,
+                "system": runner.map.system.name,
                 "seed": self._plan.trial.seed,
                 "world": self._plan.world,
                 "maintenance": self._plan.maintenance,
                 "queries": queries,
-                "method": asdict(runner.system.method),
+                "method": asdict(runner.map.system.method),
             },
             origin=self._files.map(self._first),
         )
 
     def _foretell(self, scheduled: ScheduledQuery) -> _Foretold:
-        system, graph, at_s = self.runner.system, self.runner.graph, scheduled.at_s
+        system, graph, at_s = self.runner.map.system, self.runner.map.graph, scheduled.at_s
         score = partial(score_presence, system, graph, edges=self._changing)
         now = score(at_s=at_s, closed=scheduled.closed)
         later = score(at_s=at_s + LATER_S, closed=scheduled.closed_later)
@@ -121,7 +123,7 @@ class WorldDrive:
 
     def _doors_wanted(self, scheduled: ScheduledQuery) -> frozenset[int]:
         """Return the doors on the best way of the map from the node next to the start, given which edges are open."""
-        graph, truth, system = self.runner.graph, self.runner.truth, self.runner.system
+        graph, truth, system = self.runner.map.graph, self.runner.truth, self.runner.map.system
         nodes = list(graph.nodes)
         gaps = distance(relative(np.array(scheduled.episode.start_pose), truth.poses(nodes)))
         closed = self.closed_edges.among(list(graph.edges), self.world.scene.clearance)
@@ -137,7 +139,7 @@ class WorldDrive:
     def _result(
         self, scheduled: ScheduledQuery, result: EpisodeResult, foretold: _Foretold, watch: DoorWatch, *, cut_off: bool
     ) -> WorldQuery:
-        graph = self.runner.graph
+        graph = self.runner.map.graph
         return WorldQuery(
             query=result.episode,
             at_s=scheduled.at_s,

@@ -23,7 +23,6 @@ from ltvn_core.analysis.what_if_changes import (
     WithThreshold,
 )
 from ltvn_core.analysis.what_if_replanning import replan
-from ltvn_core.composition import open_system
 from ltvn_core.config import PAPER, ROBUST
 from ltvn_core.errors import LtvnError, MapError
 from ltvn_core.graph.builder import build
@@ -40,6 +39,7 @@ from ltvn_core.navigation.events import (
     StampedEvent,
 )
 from ltvn_core.recording.reader import Recording
+from ltvn_core.systems.registry import open_system
 from tests.core.flat_world import FlatPredictor, one_room, tour
 from tests.repository import DEMO_DRIVE
 

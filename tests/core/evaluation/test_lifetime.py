@@ -144,9 +144,9 @@ def test_images_are_not_compressed_again_from_map_to_map(lived: Path) -> None:
 
 def test_an_edge_that_a_robot_drives_well_is_not_bad(mapped: Path) -> None:
     runner = open_runner(plan(mapped), files(mapped), maintain=True)
-    spurious = runner.truth.spurious(runner.graph)
-    good = [edge for key, edge in runner.graph.edges.items() if key not in spurious][:2]
-    false = [runner.graph.edges[key] for key in sorted(spurious)[:2]]
+    spurious = runner.truth.spurious(runner.map.graph)
+    good = [edge for key, edge in runner.map.graph.edges.items() if key not in spurious][:2]
+    false = [runner.map.graph.edges[key] for key in sorted(spurious)[:2]]
     assert bad_edges(runner, [*good, *false], seed=0) == {(edge.source, edge.target) for edge in false}
 
 

@@ -6,7 +6,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 
-from ltvn_core.composition import open_system
 from ltvn_core.config import PAPER, ROBUST, Method
 from ltvn_core.errors import OptionError
 from ltvn_core.evaluation.ablation import PARTS, without_parts
@@ -21,7 +20,7 @@ from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.episode import Episode, judge_goal_reached, run_episode
 from ltvn_core.navigation.events import AttemptStarted, Event, GraphChanged, Outcome, Planned
 from ltvn_core.navigation.navigator import Navigator
-from ltvn_core.systems.registry import OWN_SYSTEMS
+from ltvn_core.systems.registry import OWN_SYSTEMS, open_system
 from ltvn_core.types import Observation
 from tests.core.flat_world import FlatPredictor, FlatRobot, FlatWorld, observation_at, one_room, tour, two_rooms
 

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ltvn_core.composition import open_simulation, open_system
 from ltvn_core.config import PAPER, ROBUST
 from ltvn_core.errors import MapError
 from ltvn_core.graph.expansion import reachable_nodes
@@ -20,9 +19,11 @@ from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.episode import judge_goal_reached, run_episode
 from ltvn_core.navigation.navigator import Navigator
 from ltvn_core.recording.reader import Recording
+from ltvn_core.simulation.opening import open_simulation
 from ltvn_core.simulation.oracle_predictor import OraclePredictor
 from ltvn_core.simulation.scene_registry import load_scene
 from ltvn_core.systems import temporal_distance
+from ltvn_core.systems.registry import open_system
 from ltvn_core.systems.sptm import (
     MAX_NODES_AHEAD,
     MAX_SHORTCUTS,

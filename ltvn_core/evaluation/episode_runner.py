@@ -17,11 +17,11 @@ from ltvn_core.evaluation.ground_truth import GroundTruth, shortest_m
 from ltvn_core.evaluation.imaged_scene import ImagedScene
 from ltvn_core.evaluation.perturbations.perturbed_robot import PerturbedRobot
 from ltvn_core.evaluation.protocol import EpisodePlan, EvaluationProtocol
-from ltvn_core.evaluation.results import EpisodeResult, FailureCause
+from ltvn_core.evaluation.query_result import FailureCause, QueryResult
+from ltvn_core.evaluation.query_run import judge_goal_reached, run_query
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.navigation.bystanders import Bystanders
-from ltvn_core.navigation.episode import Episode, judge_goal_reached, run_episode
 from ltvn_core.navigation.events import Event, Outcome
 from ltvn_core.navigation.navigator import Navigator
 from ltvn_core.recording.map_file import check_fingerprint, load_map
@@ -108,7 +108,7 @@ class EpisodeRunner:
         wrap_robot: Callable[[Robot], Robot] = _unwrapped,
         first_frame: FrameId | None = None,
         on_step: StepCallback | None = None,
-    ) -> EpisodeResult:
+    ) -> QueryResult:
         """Drive one query and evaluate it; `wrap_robot` may wrap the robot that the navigator gets.
 
         Images are numbered from `first_frame`, by default after all earlier ones. `on_step` sees the robot after each
@@ -131,7 +131,7 @@ class EpisodeRunner:
                 if on_event is not None:
                     on_event(event, robot)
 
-            episode = run_episode(
+            result = run_query(
                 navigator,
                 plan.goal,
                 query,
@@ -140,7 +140,7 @@ class EpisodeRunner:
                 consume=consume_event,
             )
             self._next_frame = max(self._next_frame, robot.step + 1)
-        return self._result(plan, episode, classifier, checkpoints)
+        return self._judged(plan, result, classifier, checkpoints)
 
     def _robot(self, plan: EpisodePlan, rng: np.random.Generator, first_frame: FrameId) -> SimulatedRobot:
         return SimulatedRobot(
@@ -166,48 +166,38 @@ class EpisodeRunner:
     def _checkpoints(self, plan: EpisodePlan) -> Checkpoints:
         return Checkpoints(self.scene.clearance, np.array(plan.start_pose), np.array(plan.goal_pose))
 
-    def _result(
-        self, plan: EpisodePlan, episode: Episode, classifier: FailureClassifier, checkpoints: Checkpoints
-    ) -> EpisodeResult:
-        ended, judged = episode.ended, episode.judged
-        cause = classifier.failure(ended, judged)
+    def _judged(
+        self, plan: EpisodePlan, result: QueryResult, classifier: FailureClassifier, checkpoints: Checkpoints
+    ) -> QueryResult:
+        """Add what the ground truth says of a query."""
+        cause = classifier.failure(result)
         counts = classifier.statistics
         # The criterion asks for the robot's own decision: standing there by chance when time runs out does not count.
-        reached = judged.reached and ended.outcome is Outcome.ARRIVED
-        return EpisodeResult(
-            episode=ended.query,
+        reached = result.reached and result.outcome == Outcome.ARRIVED
+        return replace(
+            result,
             start=plan.start,
-            goal=plan.goal,
             reached=reached,
-            outcome=ended.outcome.value,
             failure=None if reached else cause,
             trigger=None if reached else counts.trigger,
-            steps=ended.steps,
-            collisions=ended.collisions,
-            path_m=ended.path_m,
             shortest_m=self._shortest(plan),
-            position_error_m=judged.position_error_m,
-            yaw_error_rad=judged.yaw_error_rad,
             checkpoints=checkpoints.count,
             crossed=checkpoints.crossed,
             localised=counts.localised,
             mislocalised=counts.mislocalised,
         )
 
-    def _without_goal(self, query: int, plan: EpisodePlan) -> EpisodeResult:
+    def _without_goal(self, query: int, plan: EpisodePlan) -> QueryResult:
         """Return the result of an episode whose goal is no node of the map; the robot does not start."""
         judged = judge_goal_reached(query, np.array(plan.start_pose), np.array(plan.goal_pose))
-        return EpisodeResult(
-            episode=query,
+        return QueryResult(
+            query=query,
             start=plan.start,
             goal=plan.goal,
             reached=False,
             outcome=Outcome.NO_PATH.value,
             failure=FailureCause.NO_PATH,
             trigger=FailureCause.NO_PATH,
-            steps=0,
-            collisions=0,
-            path_m=0.0,
             shortest_m=self._shortest(plan),
             position_error_m=judged.position_error_m,
             yaw_error_rad=judged.yaw_error_rad,

@@ -7,7 +7,7 @@ of `CAUSE_ORDER`. `failure_causes` decides which causes apply.
 from collections import Counter
 from dataclasses import dataclass, field
 
-from ltvn_core.evaluation.results import FailureCause
+from ltvn_core.evaluation.query_result import FailureCause
 from ltvn_core.types import FrameId
 
 CAUSE_ORDER = (FailureCause.SPURIOUS_EDGE, FailureCause.MISLOCALISED, FailureCause.NO_PATH, FailureCause.COLLISION)

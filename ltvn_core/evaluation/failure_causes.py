@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from ltvn_core.analysis.failure_triage import WASTED_SHARE
 from ltvn_core.evaluation.failure_attribution import EpisodeSegment, FailureAttribution
 from ltvn_core.evaluation.ground_truth import GroundTruth
-from ltvn_core.evaluation.results import FailureCause
+from ltvn_core.evaluation.query_result import FailureCause, QueryResult
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import (
     OBSTRUCTED_ENDS,
@@ -17,11 +17,9 @@ from ltvn_core.navigation.events import (
     AttemptStarted,
     Collided,
     Event,
-    Judged,
     Localised,
     Outcome,
     Planned,
-    QueryEnded,
 )
 from ltvn_core.types import FrameId, Pose
 
@@ -84,7 +82,7 @@ class FailureClassifier:
         elif self._segment is not None:
             self._in_segment(self._segment, event)
 
-    def failure(self, ended: QueryEnded, judged: Judged) -> FailureCause | None:
+    def failure(self, ended: QueryResult) -> FailureCause | None:
         """Return the cause of a failure, None if the robot arrived and decided so. The first rule that applies:
 
         1. The robot decided that it had arrived: WRONG_ARRIVAL.
@@ -96,9 +94,9 @@ class FailureClassifier:
            the steps; else STEP_LIMIT.
         """
         self._close(self._latest)
-        match ended.outcome:
+        match Outcome(ended.outcome):
             case Outcome.ARRIVED:
-                return None if judged.reached else FailureCause.WRONG_ARRIVAL
+                return None if ended.reached else FailureCause.WRONG_ARRIVAL
             case Outcome.NO_PATH:
                 mislocalised = 2 * self._mislocalised_plans >= self._counts["no_path"] > 0
                 return FailureCause.MISLOCALISED if mislocalised else FailureCause.NO_PATH

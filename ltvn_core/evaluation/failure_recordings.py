@@ -24,7 +24,7 @@ def record_failures(plan: TrialPlan, files: TrialFiles, trial: TrialResult, coun
 
     Raises RecordingError if an episode differs from its first run.
     """
-    failed = [episode.episode for episode in trial.episodes if not episode.reached][:count]
+    failed = [episode.query for episode in trial.episodes if not episode.reached][:count]
     missing = [number for number in failed if not files.failure(number).exists()]
     if missing:
         runner = open_runner(plan, files, trial.queries)

@@ -6,7 +6,7 @@ Frame numbers and random generators depend on the number of the query only, so i
 
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -15,12 +15,13 @@ from ltvn_core.evaluation.episode_runner import EpisodeRunner
 from ltvn_core.evaluation.preparation import DriveGroundTruth, prepare
 from ltvn_core.evaluation.protocol import EpisodePlan
 from ltvn_core.evaluation.pruned_edges import bad_edges
-from ltvn_core.evaluation.results import LifelongQuery, load_results, save_results
+from ltvn_core.evaluation.query_result import QueryBatch, QueryResult
+from ltvn_core.evaluation.query_run import judge_goal_reached
+from ltvn_core.evaluation.results import load_results, save_results
 from ltvn_core.evaluation.trial_plans import TrialFiles, TrialPlan
 from ltvn_core.evaluation.trials import open_runner
 from ltvn_core.graph.deltas import Edge
 from ltvn_core.graph.operators import pose_row
-from ltvn_core.navigation.episode import judge_goal_reached
 from ltvn_core.recording.map_file import save_map
 from ltvn_core.types import FrameId
 
@@ -28,18 +29,10 @@ QUERIES_PER_BATCH = 25
 """Queries in a batch: few are lost by an interruption, and the map is not loaded too often."""
 
 
-@dataclass(frozen=True, slots=True)
-class QueryBatch:
-    """The results of a batch of queries."""
-
-    queries: tuple[LifelongQuery, ...]
-    wall_s: float
-
-
 class _DrivenQuery(NamedTuple):
     """One query before its pruned edges are checked."""
 
-    query: LifelongQuery
+    query: QueryResult
     pruned: tuple[Edge, ...]
     """The pruned edges as they were before the query."""
 
@@ -56,7 +49,7 @@ def query_batches(first: int, until: int) -> list[tuple[int, int]]:
     return [(begin, min(begin + QUERIES_PER_BATCH, until)) for begin in range(first, until, QUERIES_PER_BATCH)]
 
 
-def load_queries(files: TrialFiles, first: int, until: int) -> tuple[LifelongQuery, ...]:
+def load_queries(files: TrialFiles, first: int, until: int) -> tuple[QueryResult, ...]:
     """Read the results of the queries from `first` up to `until`. Raises OptionError if some are missing."""
     found: list[QueryBatch] = [
         load_results(files.query_batch(*each), QueryBatch) for each in query_batches(first, until)
@@ -96,14 +89,9 @@ def _drive(plan: TrialPlan, runner: EpisodeRunner, drive_truth: DriveGroundTruth
     spurious = runner.truth.spurious(runner.graph)
     pruned = before.keys() - graph.edges.keys()
     added = graph.edges.keys() - before.keys()
-    result = LifelongQuery(
-        query=query,
-        reached=result.reached,
-        outcome=result.outcome,
-        steps=result.steps,
-        collisions=result.collisions,
+    result = replace(
+        result,
         pruned=len(pruned),
-        pruned_bad=0,
         pruned_spurious=sum(runner.truth.is_spurious(edge) for edge in pruned),
         added_nodes=len(graph.nodes.keys() - known),
         added_edges=len(added),
@@ -151,7 +139,7 @@ def _save(plan: TrialPlan, files: TrialFiles, runner: EpisodeRunner, first: int,
     )
 
 
-def _with_bad_edges(runner: EpisodeRunner, driven: Sequence[_DrivenQuery], seed: int) -> tuple[LifelongQuery, ...]:
+def _with_bad_edges(runner: EpisodeRunner, driven: Sequence[_DrivenQuery], seed: int) -> tuple[QueryResult, ...]:
     """Check the pruned edges, and count the bad ones for the query that pruned them."""
     bad = bad_edges(runner, [edge for each in driven for edge in each.pruned], seed)
     counts = (sum((edge.source, edge.target) in bad for edge in each.pruned) for each in driven)

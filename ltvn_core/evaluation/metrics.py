@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.evaluation.confidence_intervals import Estimate, SampleGroup, estimates
-from ltvn_core.evaluation.results import EpisodeResult, FailureCause, TrialResult
+from ltvn_core.evaluation.query_result import FailureCause, QueryResult
+from ltvn_core.evaluation.results import TrialResult
 from ltvn_core.navigation.events import Outcome
 from ltvn_core.network.metrics.success_rate import SuccessRate
 from ltvn_core.types import CONTROL_STEP_S
@@ -172,15 +173,15 @@ def _sorted(trials: Sequence[TrialResult]) -> list[TrialResult]:
     return sorted(trials, key=lambda trial: (trial.scene, trial.seed, trial.queries, trial.method, trial.without))
 
 
-def _in_order(trial: TrialResult) -> list[EpisodeResult]:
-    return sorted(trial.episodes, key=lambda episode: episode.episode)
+def _in_order(trial: TrialResult) -> list[QueryResult]:
+    return sorted(trial.episodes, key=lambda episode: episode.query)
 
 
 def _episode_keys(trial: TrialResult) -> tuple[object, ...]:
-    return trial.scene, trial.seed, [(each.episode, each.start, each.goal) for each in _in_order(trial)]
+    return trial.scene, trial.seed, [(each.query, each.start, each.goal) for each in _in_order(trial)]
 
 
-def _episodes(trials: Sequence[TrialResult]) -> list[EpisodeResult]:
+def _episodes(trials: Sequence[TrialResult]) -> list[QueryResult]:
     return [episode for trial in trials for episode in trial.episodes]
 
 

@@ -6,7 +6,7 @@ stopped, on all machines that share the folder.
 
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
@@ -17,7 +17,6 @@ from joblib import delayed
 
 from ltvn_core.composition import open_predictor
 from ltvn_core.evaluation.conditions import light_under, told_conditions
-from ltvn_core.evaluation.episode_log import LoggedEpisode, append_episode, read_episodes
 from ltvn_core.evaluation.episode_runner import EpisodeRunner
 from ltvn_core.evaluation.ground_truth import floorplan, map_truth_metrics
 from ltvn_core.evaluation.gzipped_results import is_stored
@@ -26,7 +25,9 @@ from ltvn_core.evaluation.parts import WHOLE, Part
 from ltvn_core.evaluation.preparation import prepare
 from ltvn_core.evaluation.preparation_progress import read_share, told_repeatedly
 from ltvn_core.evaluation.protocol import EpisodePlan
-from ltvn_core.evaluation.results import EpisodeResult, TrialResult, load_results, save_results
+from ltvn_core.evaluation.query_log import append_to_log, read_query_log
+from ltvn_core.evaluation.query_result import QueryBatch
+from ltvn_core.evaluation.results import TrialResult, load_results, save_results
 from ltvn_core.evaluation.trial_plans import TrialFiles, TrialPlan, claim_files, open_planned_system, planned_weights
 from ltvn_core.evaluation.workers import Workers
 from ltvn_core.simulation.scene_registry import load_scene
@@ -52,14 +53,6 @@ class EvaluationProgress:
     """Called from a thread, with the share of all drives, weights and maps that is prepared."""
     unfinished: Callable[[int], object] = _tell_nobody
     """Called from a thread, with the number of episodes that are done in batches that are not."""
-
-
-@dataclass(frozen=True, slots=True)
-class EpisodeBatch:
-    """The results of a batch of episodes."""
-
-    episodes: tuple[EpisodeResult, ...]
-    wall_s: float
 
 
 def open_runner(plan: TrialPlan, files: TrialFiles, queries: int = 0, *, maintain: bool = False) -> EpisodeRunner:
@@ -89,16 +82,16 @@ def run_episode_batch(
     path = files.episodes(queries, first, first + len(episodes))
     if not path.exists():
         log = files.unfinished_batch(path)
-        done = dict(read_episodes(log))
+        done = {result.query: result for result in read_query_log(log)}
         for number, episode in enumerate(episodes, first):
             if number not in done:
                 started = time.monotonic()
                 result = cached_runner(plan, files, queries).run(number, episode, episode_rng(plan.seed, number))
-                done[number] = LoggedEpisode(result, time.monotonic() - started)
-                append_episode(log, done[number])
+                done[number] = replace(result, seconds=time.monotonic() - started)
+                append_to_log(log, done[number])
         in_order = [done[number] for number in range(first, first + len(episodes))]
-        wall_s = sum(logged.wall_s for logged in in_order)
-        save_results(path, EpisodeBatch(tuple(logged.result for logged in in_order), wall_s))
+        wall_s = sum(result.seconds or 0.0 for result in in_order)
+        save_results(path, QueryBatch(tuple(replace(result, seconds=None) for result in in_order), wall_s))
         log.unlink(missing_ok=True)
     return len(episodes)
 
@@ -181,7 +174,7 @@ def prepare_all(
 
 def _unfinished_episodes(files: TrialFiles) -> int:
     """Return how many episodes are done of batches that are not."""
-    return sum(len(read_episodes(part)) for part in files.unfinished_batches())
+    return sum(len(read_query_log(part)) for part in files.unfinished_batches())
 
 
 def _share_prepared(files: TrialFiles) -> float:
@@ -223,7 +216,7 @@ def keep_drawing(plan: TrialPlan, files: TrialFiles, queries: int) -> None:
 def finish_trial(plan: TrialPlan, files: TrialFiles, queries: int, episodes: int, command: str) -> TrialResult:
     """Combine the batches, and add the metrics of the map."""
     paths = [files.episodes(queries, first, until) for first, until in _batch_ranges(episodes)]
-    batches: list[EpisodeBatch] = [load_results(path, EpisodeBatch) for path in paths]
+    batches: list[QueryBatch] = [load_results(path, QueryBatch) for path in paths]
     runner = cached_runner(plan, files, queries)
     drive_truth = prepare(plan, files)
     return TrialResult(
@@ -238,7 +231,7 @@ def finish_trial(plan: TrialPlan, files: TrialFiles, queries: int, episodes: int
         fingerprint=runner.fingerprint,
         map=map_truth_metrics(runner.graph, runner.truth, drive_truth.goals),
         floorplan=None,
-        episodes=tuple(episode for batch in batches for episode in batch.episodes),
+        episodes=tuple(episode for batch in batches for episode in batch.queries),
         wall_s=sum(batch.wall_s for batch in batches),
         version=version("ltvn"),
         command=command,

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ltvn_core.evaluation.encounters import EncounterCounts
+from ltvn_core.evaluation.query_result import EncounterCounts
 from ltvn_core.evaluation.worlds.world_metrics import WorldMetrics, world_metrics
 from ltvn_core.evaluation.worlds.world_results import WorldResult
 from ltvn_core.reports.evaluation_tables import ReportTable, percent

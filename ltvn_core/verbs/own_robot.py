@@ -8,7 +8,7 @@ import numpy as np
 
 from ltvn_core.composition import open_predictor
 from ltvn_core.errors import OptionError
-from ltvn_core.navigation.lifelong_run import random_goals
+from ltvn_core.evaluation.query_run import random_goals
 from ltvn_core.predictors.choice import ImageSource
 from ltvn_core.recording.recorded_robot import record_images
 from ltvn_core.recording.run_description import RunDescription
@@ -18,8 +18,9 @@ from ltvn_core.robots.rectified_robot import fit_camera
 from ltvn_core.robots.watched_drive import watch_drive
 from ltvn_core.systems.maintenance import with_maintenance
 from ltvn_core.verbs.collect_options import CollectOptions, CollectSummary, doubts_of
+from ltvn_core.verbs.headless_runner import QueriesSummary
 from ltvn_core.verbs.navigate_options import NavigateOptions, NavigateSummary
-from ltvn_core.verbs.robot_queries import RobotQueries, opened_robot, summed_up
+from ltvn_core.verbs.robot_queries import RobotQueries, opened_robot
 from ltvn_core.verbs.stream_option import announce_stream
 
 _LOG = logging.getLogger(__name__)
@@ -83,5 +84,5 @@ def navigate_with(options: NavigateOptions, name: str) -> NavigateSummary:
             driver = RobotQueries(robot, writer, loaded.graph, keyframes, predictor, system, rng)
             nodes = list(loaded.graph.nodes)
             goals = [options.goal] if options.goal is not None else list(random_goals(nodes, options.queries, rng))
-            outcome = summed_up([driver.drive_to(goal, query) for query, goal in enumerate(goals)])
+            outcome = QueriesSummary.of([driver.drive_to(goal, query) for query, goal in enumerate(goals)])
     return options.finish(opened, run, outcome, time.monotonic() - started)

@@ -4,7 +4,7 @@ from collections.abc import Collection, Sequence
 
 import numpy as np
 
-from ltvn_core.evaluation.worlds.world_results import PresenceBin, PresenceScore
+from ltvn_core.evaluation.query_result import PresenceBin, PresenceScore
 from ltvn_core.graph.navigation_system import NavigationSystem, NoMaintenance
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.network.metrics.binned_metrics import calibration_table

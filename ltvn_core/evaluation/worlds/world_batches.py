@@ -6,23 +6,14 @@ results.
 """
 
 import time
-from dataclasses import dataclass
 
+from ltvn_core.evaluation.query_result import QueryBatch
 from ltvn_core.evaluation.results import load_results, save_results
 from ltvn_core.evaluation.worlds.world_drive import WorldDrive
 from ltvn_core.evaluation.worlds.world_plans import WorldFiles, WorldPlan
-from ltvn_core.evaluation.worlds.world_results import WorldQuery
 
 QUERIES_PER_BATCH = 25
 """Queries in a batch: few are lost by an interruption, and the map is not loaded too often."""
-
-
-@dataclass(frozen=True, slots=True)
-class WorldBatch:
-    """The results of a batch of queries."""
-
-    queries: tuple[WorldQuery, ...]
-    wall_s: float
 
 
 def batch_ranges(queries: int) -> list[tuple[int, int]]:
@@ -37,9 +28,9 @@ def run_world_batches(plan: WorldPlan, files: WorldFiles) -> int:
     return plan.queries
 
 
-def load_batches(plan: WorldPlan, files: WorldFiles) -> list[WorldBatch]:
+def load_batches(plan: WorldPlan, files: WorldFiles) -> list[QueryBatch]:
     """Read the results of all queries. Raises OptionError if some are missing."""
-    return [load_results(files.batch(*each), WorldBatch) for each in batch_ranges(plan.queries)]
+    return [load_results(files.batch(*each), QueryBatch) for each in batch_ranges(plan.queries)]
 
 
 def run_world_batch(plan: WorldPlan, files: WorldFiles, first: int, until: int) -> None:
@@ -55,4 +46,4 @@ def run_world_batch(plan: WorldPlan, files: WorldFiles, first: int, until: int) 
     if not files.map(until).exists():
         drive.save_map(until)
     if not files.batch(first, until).exists():
-        save_results(files.batch(first, until), WorldBatch(queries, time.monotonic() - started))
+        save_results(files.batch(first, until), QueryBatch(queries, time.monotonic() - started))

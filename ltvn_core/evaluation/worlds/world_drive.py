@@ -8,10 +8,11 @@ from functools import partial
 import numpy as np
 
 from ltvn_core.composition import open_predictor
-from ltvn_core.evaluation.encounters import EncounterCounts, EncounterLog
+from ltvn_core.evaluation.encounters import EncounterLog, count_encounters
 from ltvn_core.evaluation.episode_runner import EpisodeRunner, EventCallback
 from ltvn_core.evaluation.open_edges import true_presence
-from ltvn_core.evaluation.results import EpisodeResult, load_results
+from ltvn_core.evaluation.query_result import PresenceScore, QueryResult
+from ltvn_core.evaluation.results import load_results
 from ltvn_core.evaluation.trial_plans import open_planned_system, planned_weights
 from ltvn_core.evaluation.true_rooms import true_rooms
 from ltvn_core.evaluation.worlds.closed_edges import ClosedEdges
@@ -19,7 +20,6 @@ from ltvn_core.evaluation.worlds.door_watch import DoorWatch
 from ltvn_core.evaluation.worlds.presence_score import score_presence
 from ltvn_core.evaluation.worlds.schedule import LATER_S, Schedule, ScheduledQuery
 from ltvn_core.evaluation.worlds.world_plans import WorldFiles, WorldPlan
-from ltvn_core.evaluation.worlds.world_results import PresenceScore, WorldQuery
 from ltvn_core.geometry import distance, relative
 from ltvn_core.graph.planner import Planner
 from ltvn_core.navigation.events import Event
@@ -61,7 +61,7 @@ class WorldDrive:
         self.runner.system = with_maintenance(system, plan.maintenance, truth=truth, room_of=room_of)
         self.closed_edges = ClosedEdges(scene, self.runner.truth)
 
-    def run(self, query: int, on_event: EventCallback | None = None) -> WorldQuery:
+    def run(self, query: int, on_event: EventCallback | None = None) -> QueryResult:
         """Let time pass until a query, and drive it."""
         runner, world, scheduled = self.runner, self.world, self._schedule.queries[query]
         if scheduled.at_s > world.time_s:
@@ -88,7 +88,7 @@ class WorldDrive:
         )
         goal = np.array([scheduled.episode.goal_pose])
         cut_off = not result.reached and not bool(world.reachable(end, goal)[0])
-        met = EncounterCounts.of(people.finish())
+        met = count_encounters(people.finish())
         return replace(self._result(scheduled, result, foretold, watch, cut_off=cut_off), people=met)
 
     def save_map(self, queries: int) -> None:
@@ -135,21 +135,13 @@ class WorldDrive:
         return self._schedule.first_frame + query * 4 * (steps + 1)
 
     def _result(
-        self, scheduled: ScheduledQuery, result: EpisodeResult, foretold: _Foretold, watch: DoorWatch, *, cut_off: bool
-    ) -> WorldQuery:
+        self, scheduled: ScheduledQuery, result: QueryResult, foretold: _Foretold, watch: DoorWatch, *, cut_off: bool
+    ) -> QueryResult:
         graph = self.runner.graph
-        return WorldQuery(
-            query=result.episode,
+        return replace(
+            result,
             at_s=scheduled.at_s,
-            start=result.start,
-            goal=result.goal,
-            reached=result.reached,
-            outcome=result.outcome,
-            failure=result.failure,
             cut_off=cut_off,
-            steps=result.steps,
-            collisions=result.collisions,
-            path_m=result.path_m,
             shortest_m=scheduled.shortest_m,
             blocked_tries=watch.blocked_tries,
             doors_tried=tuple(sorted(watch.met_closed)),

@@ -10,12 +10,13 @@ pytest.importorskip("embreex")
 
 from ltvn_core.errors import OptionError
 from ltvn_core.evaluation.ground_truth import GroundTruth
-from ltvn_core.evaluation.lifelong_batches import QueryBatch, query_batches, run_query_batch
+from ltvn_core.evaluation.lifelong_batches import query_batches, run_query_batch
 from ltvn_core.evaluation.lifelong_evaluation import Schedule
 from ltvn_core.evaluation.preparation import prepare
 from ltvn_core.evaluation.protocol import EvaluationProtocol
 from ltvn_core.evaluation.pruned_edges import bad_edges
-from ltvn_core.evaluation.results import LifelongQuery, LifelongResult, load_results
+from ltvn_core.evaluation.query_result import QueryBatch, QueryResult
+from ltvn_core.evaluation.results import LifelongResult, load_results
 from ltvn_core.evaluation.trial_plans import TrialFiles, TrialPlan
 from ltvn_core.evaluation.trials import open_runner
 from ltvn_core.geometry import relative
@@ -88,7 +89,7 @@ def graph(folder: Path, queries: int) -> TopologicalGraph:
     return load_map(files(folder).map(queries)).graph
 
 
-def queries(folder: Path, first: int, until: int) -> tuple[LifelongQuery, ...]:
+def queries(folder: Path, first: int, until: int) -> tuple[QueryResult, ...]:
     return load_results(files(folder).query_batch(first, until), QueryBatch).queries
 
 

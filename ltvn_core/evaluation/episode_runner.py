@@ -4,10 +4,11 @@ Each query gets a robot and a random generator of its own, so that an episode is
 and can be repeated for its recording.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -24,7 +25,7 @@ from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.navigation.bystanders import Bystanders
 from ltvn_core.navigation.events import Event, Outcome
 from ltvn_core.navigation.navigator import Navigator
-from ltvn_core.recording.map_file import check_fingerprint, load_map
+from ltvn_core.recording.map_file import check_fingerprint, load_map, save_map
 from ltvn_core.robots.robot import Robot
 from ltvn_core.simulation.body_names import BodyName
 from ltvn_core.simulation.changes.world import World
@@ -97,6 +98,18 @@ class EpisodeRunner:
         """The scene with the images of the map, for driving single edges."""
         poses = {frame: self.truth.pose(frame) for frame in self.keyframes.frames}
         return ImagedScene(scene=self.scene, camera=self._camera, keyframes=self.keyframes, poses=poses)
+
+    def save_map(self, path: Path, settings: Mapping[str, Any], *, origin: Path) -> None:
+        """Save the map as queries made it of the one at `origin`; `settings` say which."""
+        save_map(
+            path,
+            self.graph,
+            [self.keyframes.observation(frame) for frame in self.keyframes.frames],
+            scene=self.scene.address,
+            fingerprint=self.fingerprint,
+            config={"verb": "lifelong", "system": self.system.name, **settings, "method": asdict(self.system.method)},
+            origin=origin,
+        )
 
     def run(
         self,

@@ -2,7 +2,8 @@
 
 import itertools
 import math
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -23,7 +24,6 @@ from ltvn_core.evaluation.worlds.world_plans import WorldFiles, WorldPlan
 from ltvn_core.geometry import distance, relative
 from ltvn_core.graph.planner import Planner
 from ltvn_core.navigation.events import Event
-from ltvn_core.recording.map_file import save_map
 from ltvn_core.simulation.changes.world import World
 from ltvn_core.simulation.oracle_predictor import OraclePredictor
 from ltvn_core.simulation.scene_registry import load_scene
@@ -92,25 +92,18 @@ class WorldDrive:
         return replace(self._result(scheduled, result, foretold, watch, cut_off=cut_off), people=met)
 
     def save_map(self, queries: int) -> None:
-        """Save the map as it is after so many queries."""
-        runner = self.runner
-        save_map(
-            self._files.map(queries),
-            runner.graph,
-            [runner.keyframes.observation(frame) for frame in runner.keyframes.frames],
-            scene=runner.scene.address,
-            fingerprint=runner.fingerprint,
-            config={
-                "verb": "lifelong",
-                "system": runner.system.name,
-                "seed": self._plan.trial.seed,
-                "world": self._plan.world,
-                "maintenance": self._plan.maintenance,
-                "queries": queries,
-                "method": asdict(runner.system.method),
-            },
-            origin=self._files.map(self._first),
-        )
+        """Save the map as it is after a number of queries."""
+        settings = {
+            "seed": self._plan.trial.seed,
+            "world": self._plan.world,
+            "maintenance": self._plan.maintenance,
+            "queries": queries,
+        }
+        self.runner.save_map(self._files.map(queries), settings, origin=self._files.map(self._first))
+
+    def check(self, results: Sequence[QueryResult]) -> tuple[QueryResult, ...]:
+        """Return the results; all is known when a query is over."""
+        return tuple(results)
 
     def _foretell(self, scheduled: ScheduledQuery) -> _Foretold:
         system, graph, at_s = self.runner.system, self.runner.graph, scheduled.at_s

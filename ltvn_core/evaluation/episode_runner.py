@@ -1,4 +1,4 @@
-"""Runs episodes with one map in one scene, and evaluates them with the ground truth.
+"""Runs episodes with one map in one scene, and evaluates them with the ground truth: success, causes, checkpoints.
 
 Each query gets a robot and a random generator of its own, so that an episode is the same in every process and order,
 and can be repeated for its recording.
@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ltvn_core.evaluation.checkpoints import Checkpoints
 from ltvn_core.evaluation.failure_causes import FailureClassifier
 from ltvn_core.evaluation.ground_truth import GroundTruth, shortest_m
 from ltvn_core.evaluation.imaged_scene import ImagedScene
@@ -20,6 +20,7 @@ from ltvn_core.evaluation.perturbations.perturbed_robot import PerturbedRobot
 from ltvn_core.evaluation.protocol import EpisodePlan, EvaluationProtocol
 from ltvn_core.evaluation.query_result import FailureCause, QueryResult
 from ltvn_core.evaluation.query_run import judge_goal_reached, run_query
+from ltvn_core.geometry import lengths_along, points_along
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.navigation.bystanders import Bystanders
@@ -29,11 +30,51 @@ from ltvn_core.recording.map_file import check_fingerprint, load_map, save_map
 from ltvn_core.robots.robot import Robot
 from ltvn_core.simulation.body_names import BodyName
 from ltvn_core.simulation.changes.world import World
+from ltvn_core.simulation.clearance_map import ClearanceMap
 from ltvn_core.simulation.light import PLAIN_LIGHT, Light
 from ltvn_core.simulation.rendering.renderer_selection import open_renderer
 from ltvn_core.simulation.scene import Scene
 from ltvn_core.simulation.simulated_robot import SimulatedRobot
-from ltvn_core.types import CONTROL_STEP_S, FrameId, Predictor
+from ltvn_core.types import CONTROL_STEP_S, FrameId, Pose, Predictor
+
+SPACING_M = 1.0
+"""Metres from one checkpoint to the next (ours)."""
+CROSSED_M = 0.72
+"""A robot that comes nearer than this crosses it: the distance at which the paper has a goal reached."""
+
+
+class Checkpoints:
+    """Checkpoints along the way to a goal, and which of them the robot crossed: how far an episode came that failed.
+
+    The measure of VISTA (arXiv 2606.17294). Reads the ground truth; the robot knows nothing of them.
+    """
+
+    def __init__(self, clearance: ClearanceMap, start: Pose, goal: Pose) -> None:
+        """Lay them along the way through the middle of the free space, the last at the goal; none without a way."""
+        way = clearance.path(start[:2], goal[:2])
+        self._xy = np.empty((0, 2)) if way is None else _each_metre(way)
+        self._crossed = np.zeros(len(self._xy), bool)
+
+    def see(self, robot: Pose) -> None:
+        """Cross what lies around the exact pose (3,) of the robot."""
+        self._crossed |= np.hypot(*(self._xy - robot[:2]).T) < CROSSED_M
+
+    @property
+    def count(self) -> int:
+        """How many there are."""
+        return len(self._xy)
+
+    @property
+    def crossed(self) -> int:
+        """How many were crossed so far, in whatever order."""
+        return int(self._crossed.sum())
+
+
+def _each_metre(way: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the checkpoints (N, 2) of a way (M, 2), without its start."""
+    length_m = lengths_along(way)[-1]
+    return points_along(way, np.append(np.arange(SPACING_M, length_m, SPACING_M), length_m))
+
 
 EventCallback = Callable[[Event, SimulatedRobot], None]
 """Called with an event while the robot is still where it happened."""

@@ -104,7 +104,7 @@ class RecognitionShares:
     """How far episodes came, and how often the robot took a place for another; nan where there is nothing to share."""
 
     crossed: float
-    """Share of the checkpoints that were crossed, each episode counting the same (see `evaluation.checkpoints`)."""
+    """Share of the checkpoints that were crossed, each episode counting the same (see `episode_runner.Checkpoints`)."""
     mislocalised: float
     """Share of the localisations that named a node where the robot was not."""
     wrong_arrivals: float

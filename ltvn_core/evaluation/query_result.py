@@ -123,7 +123,7 @@ class QueryResult:
     """Distance from the goal at the end."""
     yaw_error_rad: float | None = None
     checkpoints: int | None = None
-    """Checkpoints on the way from start to goal, see `evaluation.checkpoints`."""
+    """Checkpoints on the way from start to goal, see `episode_runner.Checkpoints`."""
     crossed: int | None = None
     """How many of them the robot crossed."""
     localised: int | None = None

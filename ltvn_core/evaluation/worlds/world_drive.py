@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -12,18 +12,19 @@ from ltvn_core.composition import open_predictor
 from ltvn_core.evaluation.encounters import EncounterLog, count_encounters
 from ltvn_core.evaluation.episode_runner import EpisodeRunner, EventCallback
 from ltvn_core.evaluation.open_edges import true_presence
-from ltvn_core.evaluation.query_result import PresenceScore, QueryResult
+from ltvn_core.evaluation.query_result import PresenceBin, PresenceScore, QueryResult
 from ltvn_core.evaluation.results import load_results
 from ltvn_core.evaluation.trial_plans import open_planned_system, planned_weights
 from ltvn_core.evaluation.true_rooms import true_rooms
-from ltvn_core.evaluation.worlds.closed_edges import ClosedEdges
-from ltvn_core.evaluation.worlds.door_watch import DoorWatch
-from ltvn_core.evaluation.worlds.presence_score import score_presence
+from ltvn_core.evaluation.worlds.closed_edges import ClosedEdges, DoorWatch
 from ltvn_core.evaluation.worlds.schedule import LATER_S, Schedule, ScheduledQuery
 from ltvn_core.evaluation.worlds.world_plans import WorldFiles, WorldPlan
 from ltvn_core.geometry import distance, relative
+from ltvn_core.graph.navigation_system import NavigationSystem, NoMaintenance
 from ltvn_core.graph.planner import Planner
+from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.navigation.events import Event
+from ltvn_core.network.metrics.binned_metrics import calibration_table
 from ltvn_core.simulation.changes.world import World
 from ltvn_core.simulation.oracle_predictor import OraclePredictor
 from ltvn_core.simulation.scene_registry import load_scene
@@ -155,3 +156,39 @@ def _keep_informed(predictor: Predictor, world: World) -> None:
     if isinstance(predictor, OraclePredictor):
         predictor.show(world.scene.clearance)
         world.follow(lambda _: predictor.show(world.scene.clearance))
+
+
+_BINS = 10
+
+
+def score_presence(
+    system: NavigationSystem,
+    graph: TopologicalGraph,
+    at_s: float,
+    edges: Sequence[EdgeKey],
+    closed: Collection[EdgeKey],
+) -> PresenceScore:
+    """Judge what a system predicts for `edges` at a moment, when `closed` of them are closed."""
+    p = _predicted(system, graph, at_s, edges)
+    closed = set(closed)
+    is_open = np.array([edge not in closed for edge in edges], bool)
+    cells = (
+        PresenceBin(cell.pairs, cell.predicted or 0.0, cell.reachable or 0.0)
+        for cell in calibration_table(p, is_open, _BINS)
+    )
+    return PresenceScore(len(edges), float(np.mean((p - is_open) ** 2)) if edges else 0.0, tuple(cells))
+
+
+def _predicted(system: NavigationSystem, graph: TopologicalGraph, at_s: float, edges: Sequence[EdgeKey]) -> np.ndarray:
+    """Return (N,) the probabilities; an edge that has left the map is held to be closed.
+
+    Where a system has no notion of presence, what it believes of an edge says both; a static map says yes to all.
+    """
+    if system.presence is not None:
+        known = system.presence.probabilities(graph, at_s)
+        found = [known.get(edge, 1.0) if edge in graph.edges else 0.0 for edge in edges]
+    elif isinstance(system.maintenance, NoMaintenance):
+        found = [1.0] * len(edges)
+    else:
+        found = [graph.edges[edge].belief.p if edge in graph.edges else 0.0 for edge in edges]
+    return np.array(found, np.float64)

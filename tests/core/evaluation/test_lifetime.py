@@ -11,11 +11,10 @@ pytest.importorskip("embreex")
 
 from ltvn_core.errors import OptionError
 from ltvn_core.evaluation.ground_truth import GroundTruth
-from ltvn_core.evaluation.lifelong_drive import LifelongDrive
+from ltvn_core.evaluation.lifelong_drive import LifelongDrive, bad_edges
 from ltvn_core.evaluation.lifelong_evaluation import Schedule
 from ltvn_core.evaluation.preparation import prepare
 from ltvn_core.evaluation.protocol import EvaluationProtocol
-from ltvn_core.evaluation.pruned_edges import bad_edges
 from ltvn_core.evaluation.query_result import QueryBatch, QueryResult
 from ltvn_core.evaluation.results import LifelongResult, load_results
 from ltvn_core.evaluation.segments import batch_ranges, open_runner, run_query_batch

@@ -60,7 +60,7 @@ def compute_metrics(trials: Sequence[TrialResult]) -> EvaluationMetrics:
     return EvaluationMetrics(
         trials=len(trials),
         episodes=len(episodes),
-        success_rate=_at_least_as_wide(success.within(0, 1), overall_success(trials)),
+        success_rate=success.covering(overall_success(trials)).within(0, 1),
         spl=spl.within(0, 1),
         collisions_per_episode=collisions,
         steps_per_episode=steps,
@@ -183,10 +183,6 @@ def _episode_keys(trial: TrialResult) -> tuple[object, ...]:
 
 def _episodes(trials: Sequence[TrialResult]) -> list[QueryResult]:
     return [episode for trial in trials for episode in trial.episodes]
-
-
-def _at_least_as_wide(estimate: Estimate, rate: SuccessRate) -> Estimate:
-    return Estimate(estimate.mean, min(estimate.low, rate.low), max(estimate.high, rate.high))
 
 
 def _share(part: int, whole: int) -> float:

@@ -1,6 +1,7 @@
-"""The results of evaluations as plain data: maps, trials, and tests with maintenance; `query_result` has their rows.
+"""The results of evaluations as plain data: maps, trials, and tests with maintenance.
 
-Field names are the keys of the JSON files, so they stay. `metrics` computes the metrics over results.
+Field names are the keys of the JSON files, so they stay. `query_result` has the rows; `metrics`, `lifelong_metrics` and
+`world_metrics` compute the metrics over results.
 """
 
 import json
@@ -134,6 +135,39 @@ class EvaluationResults:
 
     trials: tuple[TrialResult, ...] = ()
     lifelong: tuple[LifelongResult, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class DoorMove:
+    """A door was closed or opened by the script."""
+
+    at_s: float
+    door: int
+    is_open: bool
+
+
+@dataclass(frozen=True, slots=True)
+class WorldResult:
+    """All queries of one maintenance in one changing scene with one map seed."""
+
+    scene: str
+    preset: str
+    without: tuple[str, ...]
+    seed: int
+    world: str
+    days: float
+    maintenance: str
+    nodes: int
+    """Of the map before the first query."""
+    edges: int
+    """Of the map before the first query."""
+    true_edges: int
+    """Edges of that map that are not spurious."""
+    doors: tuple[DoorMove, ...]
+    queries: tuple[QueryResult, ...]
+    wall_s: float
+    version: str
+    command: str
 
 
 def save_results(path: Path, results: Any) -> None:

@@ -13,9 +13,8 @@ from typing import TypeVar
 from ltvn_core.errors import LtvnError, OptionError
 from ltvn_core.evaluation.gzipped_results import stored_results
 from ltvn_core.evaluation.map_drawings import drawing_path, load_drawing
-from ltvn_core.evaluation.results import EvaluationResults, LifelongResult, TrialResult, load_results
+from ltvn_core.evaluation.results import EvaluationResults, LifelongResult, TrialResult, WorldResult, load_results
 from ltvn_core.evaluation.trial_plans import TrialFiles
-from ltvn_core.evaluation.worlds.world_results import WorldResult
 from ltvn_core.recording.reader import Recording
 from ltvn_core.reports.failure_gallery import FailureRow
 from ltvn_core.reports.failure_moment import moment_s

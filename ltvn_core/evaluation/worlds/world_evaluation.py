@@ -17,7 +17,7 @@ from ltvn_core.evaluation.gzipped_results import is_stored
 from ltvn_core.evaluation.parts import WHOLE, Part
 from ltvn_core.evaluation.preparation import prepare
 from ltvn_core.evaluation.preparation_progress import EvaluationProgress
-from ltvn_core.evaluation.results import load_results, save_results
+from ltvn_core.evaluation.results import WorldResult, load_results, save_results
 from ltvn_core.evaluation.segments import Queries, ScheduledTest, load_batches, run_segments
 from ltvn_core.evaluation.trial_plans import TrialFiles, claim_settings, plan_settings
 from ltvn_core.evaluation.trials import prepare_all
@@ -25,7 +25,6 @@ from ltvn_core.evaluation.workers import Workers
 from ltvn_core.evaluation.worlds.schedule import Schedule, draw_schedule
 from ltvn_core.evaluation.worlds.world_drive import WorldDrive
 from ltvn_core.evaluation.worlds.world_plans import WorldFiles, WorldPlan
-from ltvn_core.evaluation.worlds.world_results import WorldResult
 from ltvn_core.recording.map_file import load_map
 from ltvn_core.simulation.scene_registry import load_scene
 

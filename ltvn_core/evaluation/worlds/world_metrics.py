@@ -7,7 +7,7 @@ import numpy as np
 
 from ltvn_core.evaluation.confidence_intervals import SampleGroup, estimates
 from ltvn_core.evaluation.query_result import EncounterCounts, PresenceScore, QueryResult
-from ltvn_core.evaluation.worlds.world_results import DoorMove, WorldResult
+from ltvn_core.evaluation.results import DoorMove, WorldResult
 from ltvn_core.network.metrics.success_rate import SuccessRate
 
 LEAST_DETOUR_M = 0.5
@@ -68,8 +68,8 @@ class WorldMetrics:
 def world_metrics(results: Sequence[WorldResult]) -> WorldMetrics:
     """Return the metrics of results of one maintenance. Raises ValueError if there are none."""
     queries = [query for result in results for query in result.queries]
-    success, spl = estimates([_sample(result) for result in results])
-    wilson = SuccessRate.of(sum(query.reached for query in queries), len(queries))
+    success, spl = (each.within(0, 1) for each in estimates([_sample(result) for result in results]))
+    success = success.covering(SuccessRate.of(sum(query.reached for query in queries), len(queries)))
     waits = [wait for result in results for wait in reopening_waits(result.queries, result.doors)]
     detours = [query.reached for query in queries if query.detour_m >= LEAST_DETOUR_M]
     now = [query.now for query in queries if query.now is not None]
@@ -77,11 +77,11 @@ def world_metrics(results: Sequence[WorldResult]) -> WorldMetrics:
     return WorldMetrics(
         queries=len(queries),
         success_rate=success.mean,
-        success_low=max(min(success.low, wilson.low), 0.0),
-        success_high=min(max(success.high, wilson.high), 1.0),
+        success_low=success.low,
+        success_high=success.high,
         spl=spl.mean,
-        spl_low=max(spl.low, 0.0),
-        spl_high=min(spl.high, 1.0),
+        spl_low=spl.low,
+        spl_high=spl.high,
         detours=len(detours),
         success_on_detours=_mean(detours) if detours else None,
         cut_off=sum(query.cut_off for query in queries),

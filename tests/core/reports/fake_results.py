@@ -11,8 +11,8 @@ from ltvn_core.evaluation.results import (
     MapDrawing,
     MapTruthMetrics,
     TrialResult,
+    WorldResult,
 )
-from ltvn_core.evaluation.worlds.world_results import WorldResult
 
 ODDS = {"ltvn": 0.88, "sptm": 0.45, "ving": 0.55}
 """Made-up success of each method."""

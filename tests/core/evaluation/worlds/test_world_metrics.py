@@ -3,8 +3,8 @@
 import pytest
 
 from ltvn_core.evaluation.query_result import PresenceBin, PresenceScore, QueryResult
+from ltvn_core.evaluation.results import DoorMove, WorldResult
 from ltvn_core.evaluation.worlds.world_metrics import reopening_waits, world_metrics
-from ltvn_core.evaluation.worlds.world_results import DoorMove, WorldResult
 
 EMPTY = PresenceBin(0, 0.0, 0.0)
 

@@ -11,8 +11,8 @@ from ltvn_core.evaluation.episode_runner import EpisodeRunner
 from ltvn_core.evaluation.preparation import prepare
 from ltvn_core.evaluation.protocol import EpisodePlan
 from ltvn_core.evaluation.results import TrialResult
+from ltvn_core.evaluation.segments import episode_rng, open_runner
 from ltvn_core.evaluation.trial_plans import TrialFiles, TrialPlan
-from ltvn_core.evaluation.trials import episode_rng, open_runner
 from ltvn_core.navigation.events import Event, StampedEvent
 from ltvn_core.recording.recorded_robot import RecordedRobot
 from ltvn_core.recording.run_description import RunDescription
@@ -24,7 +24,7 @@ def record_failures(plan: TrialPlan, files: TrialFiles, trial: TrialResult, coun
 
     Raises RecordingError if an episode differs from its first run.
     """
-    failed = [episode.episode for episode in trial.episodes if not episode.reached][:count]
+    failed = [episode.query for episode in trial.episodes if not episode.reached][:count]
     missing = [number for number in failed if not files.failure(number).exists()]
     if missing:
         runner = open_runner(plan, files, trial.queries)

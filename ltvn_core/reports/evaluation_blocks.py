@@ -8,8 +8,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from ltvn_core.errors import OptionError
-from ltvn_core.evaluation.results import EvaluationResults
-from ltvn_core.evaluation.worlds.world_results import WorldResult
+from ltvn_core.evaluation.results import EvaluationResults, WorldResult
 from ltvn_core.reports.evaluation_figures import figures_of
 from ltvn_core.reports.evaluation_style import ReportFigure
 from ltvn_core.reports.evaluation_tables import (

@@ -13,13 +13,13 @@ from typing import TypeVar
 from ltvn_core.errors import LtvnError, OptionError
 from ltvn_core.evaluation.gzipped_results import stored_results
 from ltvn_core.evaluation.map_drawings import drawing_path, load_drawing
-from ltvn_core.evaluation.results import EvaluationResults, LifelongResult, TrialResult, load_results
+from ltvn_core.evaluation.results import EvaluationResults, LifelongResult, TrialResult, WorldResult, load_results
 from ltvn_core.evaluation.trial_plans import TrialFiles
-from ltvn_core.evaluation.worlds.world_results import WorldResult
 from ltvn_core.recording.reader import Recording
 from ltvn_core.reports.failure_gallery import FailureRow
 from ltvn_core.reports.failure_moment import moment_s
 from ltvn_core.reports.result_rows import setup_of
+from ltvn_core.types import FrameId
 
 TRIALS = "*.trial.json"
 LIFELONG = "*.lifelong.json"
@@ -141,7 +141,7 @@ def _failures(path: Path, trial: TrialResult) -> Iterator[FailureRow]:
     files = TrialFiles(folder, label)
     for episode in trial.episodes:
         if not episode.reached:
-            recording = files.failure(episode.episode)
+            recording = files.failure(episode.query)
             yield FailureRow(
                 trial=trial, episode=episode, drive=files.drive, recording=recording if recording.exists() else None
             )
@@ -155,10 +155,10 @@ def _illustrated(row: FailureRow) -> FailureRow:
     )
 
 
-def _stored_image(drive: Path | None, frame: int) -> bytes | None:
+def _stored_image(drive: Path | None, frame: FrameId | None) -> bytes | None:
     """Return an image of a drive as it is stored."""
     recording = None if drive is None else _opened(drive)
-    if recording is None or frame not in recording.frames:
+    if recording is None or frame is None or frame not in recording.frames:
         return None
     return recording.stored_frame(frame).frame.rgb
 

@@ -12,8 +12,7 @@ from urllib.parse import quote
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from ltvn_core.evaluation.results import EvaluationResults
-from ltvn_core.evaluation.worlds.world_results import WorldResult
+from ltvn_core.evaluation.results import EvaluationResults, WorldResult
 from ltvn_core.reports.evaluation_figures import figures_of
 from ltvn_core.reports.evaluation_style import inline_svg
 from ltvn_core.reports.evaluation_tables import (

@@ -16,7 +16,7 @@ from matplotlib.colors import LinearSegmentedColormap, to_hex
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, PercentFormatter, StrMethodFormatter
 
-from ltvn_core.evaluation.results import FailureCause
+from ltvn_core.evaluation.query_result import FailureCause
 from ltvn_core.palette import PROBABILITY_RAMP_ON_WHITE
 from ltvn_core.reports.figure_style import Colour, FigurePalette
 

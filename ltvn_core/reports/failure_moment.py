@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from ltvn_core.errors import LtvnError
-from ltvn_core.evaluation.results import FailureCause
+from ltvn_core.evaluation.query_result import FailureCause
 from ltvn_core.graph.deltas import Cause
 from ltvn_core.navigation.events import AttemptEnded, Collided, GraphChanged, QueryEnded, StampedEvent
 from ltvn_core.recording.reader import Recording

@@ -10,7 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from ltvn_core.evaluation.results import EdgeCalibrationBin, LifelongQuery
+from ltvn_core.evaluation.query_result import QueryResult
+from ltvn_core.evaluation.results import EdgeCalibrationBin
 from ltvn_core.reports.evaluation_style import WIDTH_IN, in_counts, in_percent
 from ltvn_core.reports.figure_style import Colour, FigurePalette
 from ltvn_core.reports.lifelong_groups import (
@@ -98,7 +99,7 @@ def _changes(axes: Axes, group: LifelongGroup, palette: FigurePalette) -> None:
     axes.set_title("edges added ▲ and pruned ▼ between tests")
 
 
-def _followed(axes: Axes, group: LifelongGroup, count: Callable[[LifelongQuery], int], colour: Colour) -> None:
+def _followed(axes: Axes, group: LifelongGroup, count: Callable[[QueryResult], int], colour: Colour) -> None:
     """Draw a count after every query, a line for each run."""
     for run in group.runs:
         axes.plot(

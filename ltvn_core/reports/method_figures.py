@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import PercentFormatter
 
-from ltvn_core.evaluation.results import FailureCause
+from ltvn_core.evaluation.query_result import FailureCause
 from ltvn_core.reports.evaluation_style import WIDTH_IN, cause_colour, in_counts, in_percent, method_colours
 from ltvn_core.reports.figure_style import Colour, FigurePalette
 from ltvn_core.reports.result_rows import ALL_SCENES, ResultRow, methods_of, rows_over_scenes, scene_name, scenes_of

@@ -2,8 +2,8 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 
+from ltvn_core.evaluation.results import WorldResult
 from ltvn_core.evaluation.worlds.world_metrics import WorldMetrics, world_metrics
-from ltvn_core.evaluation.worlds.world_results import WorldResult
 from ltvn_core.reports.evaluation_tables import ReportTable, merged_rows, percent
 from ltvn_core.reports.result_rows import scene_name
 from ltvn_core.systems.maintenance_names import MAINTENANCE_NAMES

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from ltvn_core.errors import MapError
+from ltvn_core.evaluation.query_result import QueryResult
+from ltvn_core.evaluation.query_run import judge_goal_reached, random_goals, run_queries
 from ltvn_core.graph.deltas import BULK_CAUSES
-from ltvn_core.navigation.episode import judge_goal_reached
 from ltvn_core.navigation.events import Event, GraphChanged, Judged, StampedEvent, WorldChanged
-from ltvn_core.navigation.lifelong_run import LifelongRun, random_goals
 from ltvn_core.navigation.navigator import Navigator
 from ltvn_core.recording.recorded_robot import RecordedRobot, record_images
 from ltvn_core.recording.writer import RecordingWriter
@@ -41,6 +41,18 @@ class QueriesSummary:
     """Edges and nodes that maintenance brought in."""
     failures: dict[str, int]
     """How the other queries ended, in the robot's own words; "arrived" means that it was wrong about that."""
+
+    @classmethod
+    def of(cls, results: Sequence[QueryResult]) -> "QueriesSummary":
+        """Sum up queries."""
+        return cls(
+            queries=len(results),
+            reached=sum(each.reached for each in results),
+            collisions=sum(each.collisions for each in results),
+            pruned=sum(each.pruned for each in results),
+            added=sum(each.added_edges + each.added_nodes for each in results),
+            failures=dict(Counter(each.outcome for each in results if not each.reached)),
+        )
 
 
 class HeadlessRunner:
@@ -99,26 +111,15 @@ class HeadlessRunner:
         starts: Sequence[NodeId] | None = None,
     ) -> QueriesSummary:
         """Drive to each goal in turn, from where the last query ended or from `starts`, and judge by exact poses."""
-        navigator = self.navigator(rng)
-        lifelong = LifelongRun(self.record)
         before = None if starts is None else lambda query: self.robot.teleport(self._exact_pose(starts[query]))
-        episodes = lifelong.run(
-            navigator, goals, first_query=0, advance=self.advance, verdict=self.verdict, before=before
+        queries = run_queries(
+            self.navigator(rng), goals, advance=self.advance, verdict=self.verdict, before=before, consume=self.record
         )
-        failures: Counter[str] = Counter()
-        for episode in tqdm(episodes, desc="navigate", total=len(goals), unit="query"):
+        results: list[QueryResult] = []
+        for result in tqdm(queries, desc="navigate", total=len(goals), unit="query"):
             self._draw()
-            if not episode.reached:
-                failures[episode.ended.outcome] += 1
-        totals = lifelong.totals()
-        return QueriesSummary(
-            queries=totals.queries,
-            reached=totals.reached,
-            collisions=totals.collisions,
-            pruned=totals.pruned,
-            added=totals.added + totals.nodes_added,
-            failures=dict(failures),
-        )
+            results.append(result)
+        return QueriesSummary.of(results)
 
     def navigator(self, rng: np.random.Generator) -> Navigator:
         """Return what drives by the map and maintains it."""

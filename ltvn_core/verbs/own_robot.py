@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ltvn_core.errors import OptionError
-from ltvn_core.navigation.lifelong_run import random_goals
+from ltvn_core.evaluation.query_run import random_goals
 from ltvn_core.predictors.choice import ImageSource
 from ltvn_core.predictors.opening import open_predictor
 from ltvn_core.recording.recorded_robot import record_images
@@ -18,8 +18,9 @@ from ltvn_core.robots.rectified_robot import fit_camera
 from ltvn_core.robots.watched_drive import watch_drive
 from ltvn_core.systems.maintenance import with_maintenance
 from ltvn_core.verbs.collect_options import CollectOptions, CollectSummary, depth_findings
+from ltvn_core.verbs.headless_runner import QueriesSummary
 from ltvn_core.verbs.navigate_options import NavigateOptions, NavigateSummary
-from ltvn_core.verbs.robot_queries import RobotQueries, continued_robot, opened_robot, summed_up
+from ltvn_core.verbs.robot_queries import RobotQueries, continued_robot, opened_robot
 from ltvn_core.verbs.stream_option import announce_stream
 
 _LOG = logging.getLogger(__name__)
@@ -81,5 +82,5 @@ def navigate_with(options: NavigateOptions, name: str) -> NavigateSummary:
             driver = RobotQueries(robot, writer, known, rng)
             nodes = list(known.graph.nodes)
             goals = [options.goal] if options.goal is not None else list(random_goals(nodes, options.queries, rng))
-            outcome = summed_up([driver.drive_to(goal, query) for query, goal in enumerate(goals)])
+            outcome = QueriesSummary.of([driver.drive_to(goal, query) for query, goal in enumerate(goals)])
     return options.finish(known, run, outcome, time.monotonic() - started)

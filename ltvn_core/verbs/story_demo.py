@@ -143,7 +143,7 @@ def _play_recorded(
 def play(story: "DoorStory", runner: "HeadlessRunner", rng: "np.random.Generator") -> None:
     """Play a story to its end, and write its captions down."""
     from ltvn_core.evaluation.door_story.story_steps import CallBack, Carry, Change, GoTo, Lead
-    from ltvn_core.navigation.episode import run_episode
+    from ltvn_core.evaluation.query_run import run_query
     from ltvn_core.navigation.events import Event, Note
 
     navigator, told, queries = runner.navigator(rng), 0, 0
@@ -186,7 +186,7 @@ def play(story: "DoorStory", runner: "HeadlessRunner", rng: "np.random.Generator
                 runner.lead(path, led)
             case GoTo(goal):
                 verdict = partial(runner.verdict, queries, goal)
-                run_episode(navigator, goal, queries, advance=advance, verdict=verdict, consume=consume)
+                run_query(navigator, goal, queries, advance=advance, verdict=verdict, consume=consume)
                 queries += 1
     tell()
 

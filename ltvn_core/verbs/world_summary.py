@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from ltvn_core.evaluation.results import WorldResult
     from ltvn_core.evaluation.worlds.world_metrics import WorldMetrics
-    from ltvn_core.evaluation.worlds.world_results import WorldResult
 
 
 @dataclass(frozen=True)

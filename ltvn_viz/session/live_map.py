@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from ltvn_core.errors import MapError
+from ltvn_core.evaluation.query_run import judge_goal_reached
 from ltvn_core.findings import Finding
 from ltvn_core.geometry import distance, relative
 from ltvn_core.graph.deltas import Cause, DriveBegun, FramesReleased, GraphDelta, NodeDropped
@@ -18,7 +19,6 @@ from ltvn_core.graph.map_check import MappedDrive, diagnose
 from ltvn_core.graph.map_coverage import GoalReport, map_coverage
 from ltvn_core.graph.navigation_system import NavigationSystem, OnlineStrategy
 from ltvn_core.graph.topological_graph import TopologicalGraph
-from ltvn_core.navigation.episode import judge_goal_reached
 from ltvn_core.navigation.events import Event, Outcome, QueryEnded, Tick
 from ltvn_core.navigation.navigator import Navigator
 from ltvn_core.predictors.request import predictor_card

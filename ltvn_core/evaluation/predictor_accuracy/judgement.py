@@ -264,10 +264,11 @@ def judgement_findings(
 
 
 def _map_findings(judgement: Judgement, mapped: JudgedSequence, predictor_name: str) -> tuple[Finding, ...]:
-    built = judgement.built
-    coverage = map_coverage(built.observations, built.graph, built.keyframes, built.predictor, built.system)
+    built = judgement.built.map
+    observations = judgement.built.observations
+    coverage = map_coverage(observations, built.graph, built.keyframes, built.predictor, built.system)
     drive = MappedDrive(
-        observations=built.observations,
+        observations=observations,
         camera=mapped.camera,
         is_lens_known=mapped.is_lens_known,
         graph=built.graph,

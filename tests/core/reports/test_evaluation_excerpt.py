@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from ltvn_core.evaluation.results import FailureCause
+from ltvn_core.evaluation.query_result import FailureCause
 from ltvn_core.navigation.events import (
     AttemptEnd,
     AttemptEnded,

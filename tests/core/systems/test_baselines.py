@@ -9,6 +9,7 @@ import pytest
 
 from ltvn_core.config import PAPER, ROBUST
 from ltvn_core.errors import MapError
+from ltvn_core.evaluation.query_run import judge_goal_reached, run_query
 from ltvn_core.graph.expansion import reachable_nodes
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.localiser import GLOBAL, LOCAL, LocalisationPrior
@@ -16,7 +17,6 @@ from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.graph.planner import Planner
 from ltvn_core.graph.topological_graph import TopologicalGraph
-from ltvn_core.navigation.episode import judge_goal_reached, run_episode
 from ltvn_core.navigation.navigator import Navigator
 from ltvn_core.recording.reader import Recording
 from ltvn_core.simulation.opening import open_simulation
@@ -199,7 +199,7 @@ def test_each_system_reaches_goals_in_the_demo_apartment(name: str, images: list
     robot = simulation.robot
     navigator = Navigator(robot, graph, keyframes, predictor, ROBUST, np.random.default_rng(0), system=system)
     for query, goal in enumerate([nodes[len(nodes) // 3], nodes[2 * len(nodes) // 3]]):
-        episode = run_episode(
+        episode = run_query(
             navigator,
             goal,
             query,

@@ -6,8 +6,7 @@ import pytest
 pytest.importorskip("embreex")
 
 from ltvn_core.evaluation.ground_truth import GroundTruth
-from ltvn_core.evaluation.worlds.closed_edges import ClosedEdges
-from ltvn_core.evaluation.worlds.door_watch import DoorWatch
+from ltvn_core.evaluation.worlds.closed_edges import ClosedEdges, DoorWatch
 from ltvn_core.graph.deltas import Cause, PoseRow, PresenceObserved
 from ltvn_core.navigation.events import AttemptStarted, GraphChanged
 from ltvn_core.simulation.changes.world import World

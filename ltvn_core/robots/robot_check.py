@@ -199,15 +199,14 @@ class RobotReport(WithDoubts):
     findings: tuple[Finding, ...] = ()
     """What is not good enough."""
 
-
-def with_places(report: RobotReport, places: PlacesReport) -> RobotReport:
-    """Return a report with where the robot is, and a finding where that is unknown for the most part."""
-    share = places.recognised_share
-    if share >= LEAST_RECOGNISED:
-        return replace(report, places=places)
-    few = f"The map recognises only {share:.0%} of the images."
-    finding = Finding(few if len(places.images) > 1 else "The map does not recognise what the robot sees now.")
-    return replace(report, places=places, findings=(*report.findings, finding))
+    def with_places(self, places: PlacesReport) -> "RobotReport":
+        """Return this report with where the robot is, and a finding where that is unknown for the most part."""
+        share = places.recognised_share
+        if share >= LEAST_RECOGNISED:
+            return replace(self, places=places)
+        few = f"The map recognises only {share:.0%} of the images."
+        finding = Finding(few if len(places.images) > 1 else "The map does not recognise what the robot sees now.")
+        return replace(self, places=places, findings=(*self.findings, finding))
 
 
 def robot_findings(report: RobotReport) -> Iterator[Finding]:

@@ -54,10 +54,9 @@ class RobotVerb(Verb):
             report = look_over(robot, seconds=self.seconds, drives=self.drive)
             if self.map is None:
                 return report
-            from ltvn_core.robots.robot_check import with_places
             from ltvn_core.verbs.robot_places import place_of_robot
 
-            return with_places(report, place_of_robot(robot, self.map))
+            return report.with_places(place_of_robot(robot, self.map))
         finally:
             robot.close()
 
@@ -69,10 +68,9 @@ class RobotVerb(Verb):
         report = look_over_drive(drive, seconds=self.seconds)
         if self.map is None:
             return report
-        from ltvn_core.robots.robot_check import with_places
         from ltvn_core.verbs.robot_places import places_of_drive
 
-        return with_places(report, places_of_drive(drive, self.map))
+        return report.with_places(places_of_drive(drive, self.map))
 
     def exit_code(self, summary: Summary) -> int:
         """Return 1 where something is not good enough."""

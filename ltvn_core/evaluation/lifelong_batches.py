@@ -6,7 +6,7 @@ Frame numbers and random generators depend on the number of the query only, so i
 
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -21,7 +21,6 @@ from ltvn_core.evaluation.trials import open_runner
 from ltvn_core.graph.deltas import Edge
 from ltvn_core.graph.operators import pose_row
 from ltvn_core.navigation.episode import judge_goal_reached
-from ltvn_core.recording.map_file import save_map
 from ltvn_core.types import FrameId
 
 QUERIES_PER_BATCH = 25
@@ -134,21 +133,8 @@ def _first_frame(plan: TrialPlan, runner: EpisodeRunner, drive_truth: DriveGroun
 
 
 def _save(plan: TrialPlan, files: TrialFiles, runner: EpisodeRunner, first: int, until: int) -> None:
-    save_map(
-        files.map(until),
-        runner.map.graph,
-        runner.map.images,
-        scene=runner.scene.address,
-        fingerprint=runner.map.predictor.fingerprint,
-        config={
-            "verb": "lifelong",
-            "system": runner.map.system.name,
-            "seed": plan.seed,
-            "queries": until,
-            "method": asdict(runner.map.system.method),
-        },
-        origin=files.map(first),
-    )
+    config = {"verb": "lifelong", "seed": plan.seed, "queries": until}
+    runner.map.save(files.map(until), config=config, origin=files.map(first))
 
 
 def _with_bad_edges(runner: EpisodeRunner, driven: Sequence[_DrivenQuery], seed: int) -> tuple[LifelongQuery, ...]:

@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -23,7 +23,6 @@ from ltvn_core.geometry import distance, relative
 from ltvn_core.graph.planner import Planner
 from ltvn_core.navigation.events import Event
 from ltvn_core.predictors.opening import open_predictor
-from ltvn_core.recording.map_file import save_map
 from ltvn_core.simulation.changes.world import World
 from ltvn_core.simulation.oracle_predictor import OraclePredictor
 from ltvn_core.simulation.scene_registry import load_scene
@@ -95,21 +94,14 @@ class WorldDrive:
 
     def save_map(self, queries: int) -> None:
         """Save the map as it is after so many queries."""
-        runner = self.runner
-        save_map(
+        self.runner.map.save(
             self._files.map(queries),
-            runner.map.graph,
-            runner.map.images,
-            scene=runner.scene.address,
-            fingerprint=runner.map.predictor.fingerprint,
             config={
                 "verb": "lifelong",
-                "system": runner.map.system.name,
                 "seed": self._plan.trial.seed,
                 "world": self._plan.world,
                 "maintenance": self._plan.maintenance,
                 "queries": queries,
-                "method": asdict(runner.map.system.method),
             },
             origin=self._files.map(self._first),
         )

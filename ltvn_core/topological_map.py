@@ -188,12 +188,14 @@ class TopologicalMap(WithDoubts):
         """Return how each goal stands to the map, before any drive."""
         return goal_reports(self.graph, goals, self.keyframes, self.predictor, self.system)
 
-    def save(self, path: Path | str, *, config: Mapping[str, Any] | None = None) -> None:
+    def save(self, path: Path | str, *, config: Mapping[str, Any] | None = None, origin: Path | None = None) -> None:
         """Write the map to a new file, which appears only when it is whole.
 
         Args:
             path: The file to write; it must not exist yet. Its name ends in `.rrd`.
             config: What else the file should say of how the map came about, as JSON holds it.
+            origin: A file whose images are copied as they lie there, because pictures lose a little each time they are
+                compressed.
 
         Raises:
             MapError: An image of a node is missing.
@@ -214,6 +216,7 @@ class TopologicalMap(WithDoubts):
                 **({"drives": [asdict(each) for each in self.drives]} if self.drives else {}),
                 **(config or {}),
             },
+            origin=origin,
         )
 
     def navigator(

@@ -6,7 +6,7 @@ and can be repeated for its recording.
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +23,6 @@ from ltvn_core.evaluation.query_run import judge_goal_reached, run_query
 from ltvn_core.geometry import lengths_along, points_along
 from ltvn_core.navigation.bystanders import Bystanders
 from ltvn_core.navigation.events import Event, Outcome
-from ltvn_core.recording.map_file import save_map
 from ltvn_core.robots.robot import Robot
 from ltvn_core.simulation.body_names import BodyName
 from ltvn_core.simulation.changes.world import World
@@ -129,16 +128,7 @@ class EpisodeRunner:
 
     def save_map(self, path: Path, settings: Mapping[str, Any], *, origin: Path) -> None:
         """Save the map as queries made it of the one at `origin`; `settings` say which."""
-        system = self.map.system
-        save_map(
-            path,
-            self.map.graph,
-            self.map.images,
-            scene=self.scene.address,
-            fingerprint=self.map.predictor.fingerprint,
-            config={"verb": "lifelong", "system": system.name, **settings, "method": asdict(system.method)},
-            origin=origin,
-        )
+        self.map.save(path, config={"verb": "lifelong", **settings}, origin=origin)
 
     def run(
         self,

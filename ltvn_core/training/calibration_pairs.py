@@ -11,14 +11,11 @@ from numpy.typing import NDArray
 
 from ltvn_core.config import ROBUST
 from ltvn_core.geometry import wrap_angle
-from ltvn_core.predictors.geometric import GeometricPredictor
-from ltvn_core.predictors.geometric_adaptation import OwnPairs, Rescaled
-from ltvn_core.predictors.geometric_epipolar import ROOM_DEPTH_M
+from ltvn_core.predictors.geometric import GeometricPredictor, SurePose, drivable_share
+from ltvn_core.predictors.geometric_adaptation import OwnPairs, Rescaled, is_right
 from ltvn_core.predictors.geometric_evidence import NO_EVIDENCE, Evidence
 from ltvn_core.predictors.geometric_features import ImageFeatures, ImageGrid, image_grid
-from ltvn_core.predictors.geometric_fitting import is_right
-from ltvn_core.predictors.geometric_memory import SurePose
-from ltvn_core.predictors.geometric_reach import drivable_share
+from ltvn_core.predictors.geometric_pose import ROOM_DEPTH_M
 from ltvn_core.predictors.geometric_verification import verify, waypoint
 from ltvn_core.training.drive_path import DrivePath
 from ltvn_core.training_data.truth_limits import LIMITS
@@ -60,7 +57,7 @@ class DrivePairs:
     target: NDArray[np.intp]
     """(P,)"""
     found: Sequence[FoundPose | None]
-    """P poses, with distances as `geometric_epipolar` guesses them where there is no depth."""
+    """P poses, with distances as `epipolar_motion` guesses them where there is no depth."""
     far_pairs: int
     """Far pairs of the images that looked among them."""
 

@@ -14,8 +14,7 @@ import numpy as np
 from ltvn_core.atomic_files import require_new_path, write_text_atomically
 from ltvn_core.errors import RecordingError
 from ltvn_core.predictors.geometric import GeometricPredictor
-from ltvn_core.predictors.geometric_adaptation import Adaptation, adapt
-from ltvn_core.predictors.geometric_fitting import shipped_comparisons
+from ltvn_core.predictors.geometric_adaptation import Adaptation, adapt, shipped_comparisons
 from ltvn_core.preprocessing import recorded_observation
 from ltvn_core.recording.drive_part import WHOLE_DRIVE, DrivePart
 from ltvn_core.recording.reader import Recording

@@ -197,7 +197,7 @@ class MeasureVerb(Verb):
 
     def _write(self, measured: "DrivingMeasurements") -> Path:
         if self.predictor == "geometric":
-            from ltvn_core.predictors.geometric_driving import write_driving
+            from ltvn_core.predictors.geometric import write_driving
 
             return write_driving(measured)
         from ltvn_core.network.cards.driving_calibration import DRIVING_SECTION

@@ -11,14 +11,12 @@ import pytest
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.composition import open_predictor
 from ltvn_core.errors import WeightsError
-from ltvn_core.predictors.geometric import GeometricPredictor
-from ltvn_core.predictors.geometric_adaptation import OwnPairs, Rescaled, adapt
+from ltvn_core.predictors.geometric import GeometricPredictor, SurePose
+from ltvn_core.predictors.geometric_adaptation import NO_COMPARISONS, Comparisons, OwnPairs, Rescaled, adapt, logistic
 from ltvn_core.predictors.geometric_calibration import DEPTHS, Calibration, read_calibration, shipped_calibration
-from ltvn_core.predictors.geometric_epipolar import ROOM_DEPTH_M
 from ltvn_core.predictors.geometric_evidence import NO_EVIDENCE, Evidence
 from ltvn_core.predictors.geometric_features import image_grid
-from ltvn_core.predictors.geometric_fitting import NO_COMPARISONS, Comparisons, logistic
-from ltvn_core.predictors.geometric_memory import SurePose
+from ltvn_core.predictors.geometric_pose import ROOM_DEPTH_M
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.systems.registry import system_entry
 from ltvn_core.training.calibration_pairs import DrivePairs, FoundPose

@@ -9,8 +9,7 @@ import pytest
 import torch
 
 from ltvn_core.errors import OptionError
-from ltvn_core.network.cards.baseline_card import evaluate_baseline
-from ltvn_core.network.optimization.baseline_plans import baseline_hyperparameters, baseline_training_plan
+from ltvn_core.network.baseline_training import baseline_hyperparameters, baseline_training_plan, evaluate_baseline
 from ltvn_core.network.optimization.training_loop import TrainingData, train
 from ltvn_core.network.pair_network import PairNetwork
 from ltvn_core.network.predictor import load_predictor

@@ -13,7 +13,7 @@ from ltvn_core.composition import open_method, open_predictor
 from ltvn_core.config import ROBUST, Likelihoods, preset
 from ltvn_core.errors import OptionError, WeightsError
 from ltvn_core.graph.beliefs import update_existence
-from ltvn_core.network.cards.driving_calibration import (
+from ltvn_core.network.driving_calibration import (
     DRIVING_SECTION,
     DrivingMeasurements,
     likelihoods,

@@ -13,8 +13,14 @@ from numpy.typing import NDArray
 
 from ltvn_core.errors import DatasetError
 from ltvn_core.network.metrics.pair_evaluation import encode_images, predict_pairs
-from ltvn_core.training_data.failure_explanations import FailureExplanation, limits_from_recipe, reasons
-from ltvn_core.training_data.pair_table import LabelledPair, PairFilter, PairTable
+from ltvn_core.training_data.pair_table import (
+    FailureExplanation,
+    LabelledPair,
+    PairFilter,
+    PairTable,
+    limits_from_recipe,
+    reasons,
+)
 from ltvn_core.training_data.shards import SHARD_SUFFIX, dataset_shards, read_shard, shard_scene
 from ltvn_core.types import Predictor, Waypoint
 

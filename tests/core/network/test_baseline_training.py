@@ -17,9 +17,8 @@ from ltvn_core.network.training_examples import BatchSampler
 from ltvn_core.network.weights_file import load_weights, save_weights
 from ltvn_core.systems.registry import system_entry
 from ltvn_core.training.system_training import TemporalTraining
-from ltvn_core.training_data.random_walk import WalkRecipe
+from ltvn_core.training_data.random_walk import WalkRecipe, label_walks
 from ltvn_core.training_data.shards import Shard
-from ltvn_core.training_data.temporal_pairs import label_walks
 from ltvn_core.verbs.baseline import BaselineVerb
 from tests.core.network.tiny_data import SMALL
 from tests.core.training_data.box_world import two_rooms

@@ -19,7 +19,7 @@ from ltvn_core.predictors.geometric_features import image_grid
 from ltvn_core.predictors.geometric_pose import ROOM_DEPTH_M
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.systems.registry import system_entry
-from ltvn_core.training.calibration_pairs import DrivePairs, FoundPose
+from ltvn_core.training.calibration_tuning import DrivePairs, FoundPose
 from ltvn_core.training.drive_path import drive_path
 from ltvn_core.types import Observation
 

@@ -1,18 +1,11 @@
-"""The filters of presence by name, with constants for edges that a robot drives now and then.
+"""The filter of presence with constants for edges that a robot drives now and then.
 
 The values are ours: a stay or an absence of an edge may be that of a person, of a piece of furniture or of a door, and
 what is true of this one it must learn from a handful of observations.
 """
 
-import numpy as np
-
-from ltvn_core.close_names import which_name
-from ltvn_core.errors import OptionError
 from ltvn_core.graph.presence.durations import DurationMixture
-from ltvn_core.graph.presence.forgetting import ForgettingFilter
-from ltvn_core.graph.presence.fremen import FremenFilter
 from ltvn_core.graph.presence.persistent import PersistentFilter, SightErrors
-from ltvn_core.graph.presence.presence_filter import AlwaysPresent, PresenceFilter
 
 _MINUTE_S, _HOUR_S, _DAY_S = 60.0, 3600.0, 86400.0
 
@@ -30,24 +23,3 @@ PERSISTENT = PersistentFilter(
     errors=EDGE_ERRORS,
     present_at_first=USUALLY_PRESENT,
 )
-FORGETTING = ForgettingFilter(
-    usual=np.array(USUALLY_PRESENT),
-    memory_s=np.array(_HOUR_S),
-    errors=EDGE_ERRORS,
-)
-FREMEN = FremenFilter(periods_s=7 * _DAY_S / np.arange(1, 7 * 12 + 1), present_at_first=USUALLY_PRESENT)
-
-EDGE_FILTERS: dict[str, PresenceFilter] = {
-    "always": AlwaysPresent(),
-    "persistent": PERSISTENT,
-    "forgetting": FORGETTING,
-    "fremen": FREMEN,
-}
-"""All filters of presence by name."""
-
-
-def edge_filter(name: str) -> PresenceFilter:
-    """Return the filter of presence of that name. Raises OptionError where there is none."""
-    if name not in EDGE_FILTERS:
-        raise OptionError(f"No filter of presence is called {name!r}. {which_name(name, EDGE_FILTERS)}.")
-    return EDGE_FILTERS[name]

@@ -193,9 +193,6 @@ def _falling(value: float, middle: float, width: float) -> float:
 VERSION = 2
 """Increase it whenever equal images give another answer than before."""
 
-MAX_IMAGE_SIDE_PX = 320
-"""Larger images are not more exact for the time they take."""
-
 SHORTLIST_FROM = 24
 """One image against at least so many others is compared in full with the most similar ones alone."""
 SIMILAR = 64

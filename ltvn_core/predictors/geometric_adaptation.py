@@ -73,9 +73,6 @@ class Comparisons(NamedTuple):
         return self._replace(weight=self.weight * total / max(float(self.weight.sum()), 1e-9))
 
 
-NO_COMPARISONS = Comparisons(np.zeros((0, len(Evidence._fields))), np.zeros(0, bool), np.zeros(0))
-
-
 def is_right(found: Waypoint, truth: Waypoint, *, measured: bool) -> bool:
     """Tell whether a waypoint (3,) is near enough to the truth, its distance `measured` by depth or guessed."""
     gap = relative(truth, found)

@@ -135,10 +135,12 @@ _BLOCK = 48
 """Consecutive images from which groups are drawn, a little more than the largest labelled distance."""
 _GROUP = 12
 """Images of a group; each is encoded once and used in many pairs."""
+_CROSS_PAIRS = 16
+"""Pairs per group whose other end is in another group."""
 
 
-def label_walks(shard: Shard, rule: TemporalLabelRule, rng: np.random.Generator, *, cross_pairs: int = 16) -> Shard:
-    """Return a shard of walks with labelled pairs: all within each group, and `cross_pairs` per group to others.
+def label_walks(shard: Shard, rule: TemporalLabelRule, rng: np.random.Generator) -> Shard:
+    """Return a shard of walks with labelled pairs: all within each group, and some to others.
 
     Images of different walks are labelled not reachable, because no robot drove from one to the other.
     """
@@ -147,7 +149,7 @@ def label_walks(shard: Shard, rule: TemporalLabelRule, rng: np.random.Generator,
     order = np.lexsort((rng.random(len(walk)), time // _BLOCK, walk))
     group = np.empty(len(walk), np.int32)
     group[order] = np.arange(len(walk)) // _GROUP
-    sources, targets = _pairs(order, group, rng, cross_pairs)
+    sources, targets = _pairs(order, group, rng)
     labels = rule.labels_by_steps(time[targets] - time[sources], rng)
     labels = np.where(walk[sources] == walk[targets], labels, UNREACHABLE)
     known = labels != UNKNOWN
@@ -165,11 +167,11 @@ def label_walks(shard: Shard, rule: TemporalLabelRule, rng: np.random.Generator,
 
 
 def _pairs(
-    order: NDArray[np.intp], group: NDArray[np.int32], rng: np.random.Generator, cross_pairs: int
+    order: NDArray[np.intp], group: NDArray[np.int32], rng: np.random.Generator
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Return sources and targets (P,): all ordered pairs within groups, and some across them."""
     groups = len(order) // _GROUP
     within = [order[ends] for ends in cluster_pairs(groups, _GROUP)]
-    across = rng.integers(len(order), size=(cross_pairs * groups, 2))
+    across = rng.integers(len(order), size=(_CROSS_PAIRS * groups, 2))
     across = across[group[across[:, 0]] != group[across[:, 1]]]
     return np.concatenate([within[0], across[:, 0]]), np.concatenate([within[1], across[:, 1]])

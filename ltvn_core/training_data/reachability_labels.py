@@ -218,7 +218,6 @@ def label_poses(
     floor: FreeSpace,
     *,
     limits: ReachabilityLimits | None = None,
-    camera: CameraModel | None = None,
 ) -> PairLabels:
     """Label N pairs of poses by all criteria.
 
@@ -232,10 +231,9 @@ def label_poses(
         target_depth: Depth images (N, H, W) in metres at the targets.
         floor: Free space of the scene.
         limits: Limits of the criteria.
-        camera: The camera of the depth images.
     """
     limits = limits or ReachabilityLimits()
-    camera = camera or LOCOBOT.camera
+    camera = LOCOBOT.camera
     waypoints = relative(sources, targets)
     failed = _failures_without_overlap(waypoints, source_depth, limits, camera)
     shared = np.full(len(waypoints), np.nan)

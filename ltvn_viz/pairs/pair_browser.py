@@ -83,10 +83,10 @@ def scenes_in(folder: Path) -> dict[str, Path]:
 class PairBrowser:
     """Looks through the pairs of a folder of shards, one scene at a time."""
 
-    def __init__(self, paths: dict[str, Path], predictor: Predictor, seed: int = 0) -> None:
+    def __init__(self, paths: dict[str, Path], predictor: Predictor) -> None:
         """Open the first scene. Raises DatasetError."""
         self._paths, self._predictor = paths, predictor
-        self._rng = np.random.default_rng(seed)
+        self._rng = np.random.default_rng(0)
         self._pair_filter = PairFilter()
         self._open(next(iter(paths)))
 

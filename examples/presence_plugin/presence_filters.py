@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 import ltvn_core as ltvn
 from ltvn_core.graph.node_views import ViewConfig
 from ltvn_core.graph.presence.durations import FloatArray
-from ltvn_core.graph.presence.edge_filters import EDGE_ERRORS, USUALLY_PRESENT
 from ltvn_core.graph.presence.edge_presence import FilteredPresence
-from ltvn_core.graph.presence.persistent import SightErrors
+from ltvn_core.graph.presence.persistent import EDGE_ERRORS, USUALLY_PRESENT, SightErrors
 from ltvn_core.graph.presence.presence_filter import PresenceFilter, Rows
 from ltvn_core.graph.presence.presence_maintenance import PresenceMaintenance
 

@@ -12,8 +12,8 @@ from ltvn_core.errors import OptionError
 from ltvn_core.graph.ltvn import LifelongMaintenance
 from ltvn_core.graph.navigation_system import NavigationSystem, NoMaintenance
 from ltvn_core.graph.node_views import ViewConfig
-from ltvn_core.graph.presence.edge_filters import PERSISTENT
 from ltvn_core.graph.presence.edge_presence import EdgePresence, FilteredPresence
+from ltvn_core.graph.presence.persistent import PERSISTENT
 from ltvn_core.graph.presence.presence_filter import PresenceFilter
 from ltvn_core.graph.presence.presence_maintenance import PresenceMaintenance
 from ltvn_core.systems.brm import BayesianEdges, RoomOf

@@ -13,8 +13,8 @@ from ltvn_core.analysis.edge_presence_history import (
 )
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.graph.deltas import Belief, Cause, Edge, EdgeAdded, Node, NodeAdded, PoseRow, PresenceObserved
-from ltvn_core.graph.presence.edge_filters import PERSISTENT
 from ltvn_core.graph.presence.observation import PresenceObservation
+from ltvn_core.graph.presence.persistent import PERSISTENT
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import GraphChanged, StampedEvent
 

@@ -10,8 +10,8 @@ import torch
 
 from ltvn_core.errors import OptionError
 from ltvn_core.network.baseline_training import baseline_hyperparameters, baseline_training_plan, evaluate_baseline
+from ltvn_core.network.network_families import PairNetwork
 from ltvn_core.network.optimization.training_loop import TrainingData, train
-from ltvn_core.network.pair_network import PairNetwork
 from ltvn_core.network.predictor import load_predictor
 from ltvn_core.network.training_examples import BatchSampler
 from ltvn_core.network.weights_file import load_weights, save_weights

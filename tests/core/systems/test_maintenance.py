@@ -10,8 +10,8 @@ from ltvn_core.graph.deltas import Belief, BeliefUpdated, Cause, Edge, EdgeAdded
 from ltvn_core.graph.ltvn import LifelongMaintenance, ltvn_system
 from ltvn_core.graph.maintenance import AttemptEvidence
 from ltvn_core.graph.navigation_system import NoMaintenance
-from ltvn_core.graph.presence.edge_filters import PERSISTENT
 from ltvn_core.graph.presence.edge_presence import KnownPresence
+from ltvn_core.graph.presence.persistent import PERSISTENT
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.systems.brm import BayesianEdges
 from ltvn_core.systems.maintenance import recorded_filter, with_maintenance

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ltvn_core.errors import OptionError
-from ltvn_core.evaluation.presence.duration_fit import fit_durations, stays_of
+from ltvn_core.evaluation.presence.filter_fit import fit_durations, stays_of
 from ltvn_core.evaluation.presence.sequences import read_sequences
 from ltvn_core.graph.presence.persistent import SightErrors
 from tests.repository import ROOT

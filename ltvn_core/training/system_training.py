@@ -66,7 +66,7 @@ class TemporalTraining:
 
     def adapt_plan(self, plan: "FineTuningPlan") -> "FineTuningPlan":
         """Return the plan without hard negatives, which only poses can tell."""
-        from ltvn_core.network.optimization.baseline_plans import baseline_fine_tuning_plan
+        from ltvn_core.network.baseline_training import baseline_fine_tuning_plan
 
         return baseline_fine_tuning_plan(plan, even_distances=self.learning.even_distances)
 

@@ -21,7 +21,7 @@ from ltvn_core.verbs.system_option import SystemName
 from ltvn_core.verbs.verb import Summary, Verb
 
 if TYPE_CHECKING:
-    from ltvn_core.network.cards.baseline_card import BaselineCard
+    from ltvn_core.network.baseline_training import BaselineCard
     from ltvn_core.network.optimization.training_loop import TrainingData, TrainingPlan, TrainingResult
 
 
@@ -143,7 +143,7 @@ class BaselineVerb(Verb):
         return TrainingData(*split_shards(shards, VALIDATION_SCENES))
 
     def _plan(self) -> "TrainingPlan":
-        from ltvn_core.network.optimization.baseline_plans import baseline_training_plan
+        from ltvn_core.network.baseline_training import baseline_training_plan
 
         return baseline_training_plan(
             even_distances=_temporal_learning(self.baseline).even_distances,
@@ -156,8 +156,8 @@ class BaselineVerb(Verb):
     def _card(
         self, data: "TrainingData", plan: "TrainingPlan", result: "TrainingResult", learned: Path
     ) -> "BaselineCard":
-        from ltvn_core.network.cards.baseline_card import BaselineCard, evaluate_baseline
-        from ltvn_core.network.cards.model_card import TrainingDataSummary
+        from ltvn_core.network.baseline_training import BaselineCard, evaluate_baseline
+        from ltvn_core.network.model_card import TrainingDataSummary
         from ltvn_core.network.predictor import load_predictor
         from ltvn_core.network.weights_file import read_card, weights_fingerprint
         from ltvn_core.training_data.shards import Shard

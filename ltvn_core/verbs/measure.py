@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from tqdm import tqdm
 
     from ltvn_core.evaluation.scene_figures import SceneFigures
-    from ltvn_core.network.cards.driving_calibration import DrivingMeasurements
+    from ltvn_core.network.driving_calibration import DrivingMeasurements
 
 IMAGES_PER_SCENE = 150
 """Images of the drive through each scene: more than a hundred thousand ordered pairs in six."""
@@ -69,7 +69,7 @@ class MeasureVerb(Verb):
 
     def run(self) -> Summary:
         """Drive and measure; raises OptionError, SceneError and, for weights that cannot be read, WeightsError."""
-        from ltvn_core.network.cards.driving_calibration import likelihoods
+        from ltvn_core.network.driving_calibration import likelihoods
 
         self._check()
         measured = self._measure()
@@ -197,10 +197,10 @@ class MeasureVerb(Verb):
 
     def _write(self, measured: "DrivingMeasurements") -> Path:
         if self.predictor == "geometric":
-            from ltvn_core.predictors.geometric_driving import write_driving
+            from ltvn_core.predictors.geometric import write_driving
 
             return write_driving(measured)
-        from ltvn_core.network.cards.driving_calibration import DRIVING_SECTION
+        from ltvn_core.network.driving_calibration import DRIVING_SECTION
         from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
         from ltvn_core.network.weights_file import add_to_card
 

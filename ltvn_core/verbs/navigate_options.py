@@ -57,7 +57,7 @@ class NavigateOptions(Verb):
     maintenance: MaintenanceName | None = None
     """What driving teaches the map; by default what its system does. static: nothing; paper, robust: beliefs and
     pruning as in that preset; brm: BRM's posterior, which prunes nothing; brm-rooms: the same of ways between rooms;
-    persistent, forgetting, fremen: also what is open at which time; truth: what the simulator knows."""
+    persistent: also what is open at which time; truth: what the simulator knows."""
     world: str | None = None
     """Drive in a world that changes: static, doors, daily, telegraph, moving, light, people, all, several of them
     (doors+moving), or a JSON file with a script. A goal may be out of reach then."""

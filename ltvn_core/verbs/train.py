@@ -18,8 +18,7 @@ from ltvn_core.training.held_out_scenes import (
 from ltvn_core.verbs.verb import Summary, Verb
 
 if TYPE_CHECKING:
-    from ltvn_core.network.cards.model_card import HeldOutMetrics, ModelCard
-    from ltvn_core.network.metrics.inference_speed import InferenceSpeed
+    from ltvn_core.network.model_card import HeldOutMetrics, InferenceSpeed, ModelCard
     from ltvn_core.network.optimization.training_loop import TrainingData, TrainingPlan, TrainingResult
     from ltvn_core.training_data.shards import Shard
 
@@ -92,7 +91,7 @@ class TrainVerb(Verb):
         """Train, measure and save; raises OptionError, DatasetError, SceneError and WeightsError."""
         if self.evaluate:
             return self._evaluate()
-        from ltvn_core.network.metrics.inference_speed import measure_speed
+        from ltvn_core.network.model_card import measure_speed
         from ltvn_core.network.optimization.training_loop import train_distributed
         from ltvn_core.network.weights_file import load_weights, save_weights
 
@@ -110,7 +109,7 @@ class TrainVerb(Verb):
 
     def _plan(self) -> "TrainingPlan":
         from ltvn_core.network.network_families import default_architecture
-        from ltvn_core.network.optimization.hyperparameters import Hyperparameters
+        from ltvn_core.network.optimization.trainer import Hyperparameters
         from ltvn_core.network.optimization.training_loop import TrainingPlan
 
         plan = TrainingPlan(
@@ -165,7 +164,7 @@ class TrainVerb(Verb):
         speed: "InferenceSpeed",
         measured: "HeldOutMetrics",
     ) -> "ModelCard":
-        from ltvn_core.network.cards.model_card import ModelCard, TrainingDataSummary
+        from ltvn_core.network.model_card import ModelCard, TrainingDataSummary
 
         learned, _ = read_shards(self.data)
         return ModelCard(

@@ -14,7 +14,7 @@ import numpy as np
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.errors import LtvnError, MissingLibraryError, SceneError, WeightsError
 from ltvn_core.extras import naming_the_extra
-from ltvn_core.network.cards.driving_calibration import measured_likelihoods
+from ltvn_core.network.driving_calibration import measured_likelihoods
 from ltvn_core.predictors.opening import open_predictor, simulated_robot
 from ltvn_core.predictors.registry import NETWORK
 from ltvn_core.recording.map_file import LoadedMap

@@ -10,9 +10,8 @@ from threading import Event
 from typing import TYPE_CHECKING
 
 from ltvn_core.systems.registry import DEFAULT_SYSTEM, system_entry
-from ltvn_core.training.drive_source import DriveSource
 from ltvn_core.training.fine_tuning import FineTunedWeights, FineTuningProvenance, fine_tune
-from ltvn_core.training.fine_tuning_data import ProgressReporter, RehearsalData
+from ltvn_core.training.fine_tuning_data import DriveSource, ProgressReporter, RehearsalData
 from ltvn_core.training.system_training import system_training
 
 if TYPE_CHECKING:

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import torch
 
+from ltvn_core.network.network_families import PairNetwork
 from ltvn_core.network.optimization.fine_tuning_loop import FineTuningData, FineTuningPlan
-from ltvn_core.network.optimization.hyperparameters import Hyperparameters
-from ltvn_core.network.pair_network import PairNetwork
+from ltvn_core.network.optimization.trainer import Hyperparameters
 from ltvn_core.network.weights_file import save_weights
 from ltvn_core.recording.writer import RecordingWriter
 from ltvn_core.topological_map import TopologicalMap

@@ -1,7 +1,7 @@
-"""Filters of presence with the constants that suit recorded things, learned from looks at them alone.
+"""The filter of presence with the constants that suit recorded things, learned from looks at them alone.
 
-Looks are cut into stays, and mixtures are fitted to their lengths. Owns what is learned for each filter, and the
-simplest one, the last look. Reads no truth.
+Owns how the lengths of stays are found and fitted, what is learned from them, and the simplest filter to compare it
+with, the last look. Reads no truth.
 """
 
 from collections.abc import Sequence
@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 
 from ltvn_core.evaluation.presence.sequences import PresenceSequence
 from ltvn_core.graph.presence.durations import DurationMixture
-from ltvn_core.graph.presence.forgetting import ForgettingFilter
-from ltvn_core.graph.presence.fremen import FremenFilter
 from ltvn_core.graph.presence.persistent import PersistentFilter, SightErrors
 from ltvn_core.graph.presence.presence_filter import PresenceFilter
 
@@ -126,9 +124,6 @@ def _log_joint(logs: FloatArray, mixture: DurationMixture) -> FloatArray:
     return np.log(np.maximum(mixture.weights, 1e-12)) + np.log(mixture.shapes) + z - np.exp(z)
 
 
-FloatArray = NDArray[np.float64]
-
-
 @dataclass(frozen=True, slots=True)
 class FittedFilter:
     """A filter for certain things, and what tables call it."""
@@ -145,8 +140,6 @@ def fit_filters(things: Sequence[PresenceSequence], errors: SightErrors) -> list
     shares = np.array([each.share_present for each in stays])
     filters: dict[str, PresenceFilter] = {
         "last look": LastLook(),
-        "forgetting": _forgetting(stays, shares, errors),
-        "fremen": _fremen(stays, shares),
         "persistent": _persistent(stays, shares, errors),
     }
     return [FittedFilter(name, each, len(things)) for name, each in filters.items()]
@@ -162,24 +155,6 @@ def _persistent(stays: Sequence[Stays], shares: FloatArray, errors: SightErrors)
         present_at_first=float(np.clip(shares.mean(), 0.05, 0.95)),
         prior_stays=float(np.mean([len(each.present_s) for each in stays])) + 1,
     )
-
-
-def _forgetting(stays: Sequence[Stays], shares: FloatArray, errors: SightErrors) -> ForgettingFilter:
-    """Let a thing go and come as often as it did: the memory of that process is 1 / (1 / stay + 1 / absence)."""
-    rates = [
-        1 / _mean(each.present_s, 2 * each.length_s) + 1 / _mean(each.absent_s, 2 * each.length_s) for each in stays
-    ]
-    return ForgettingFilter(usual=np.clip(shares, 0.01, 0.99), memory_s=1 / np.array(rates), errors=errors)
-
-
-def _fremen(stays: Sequence[Stays], shares: FloatArray) -> FremenFilter:
-    """Let a recording, and 2, 3, ... 48 parts of it, be the periods."""
-    longest = max(each.length_s for each in stays)
-    return FremenFilter(longest / np.arange(1, 49), present_at_first=float(shares.mean()))
-
-
-def _mean(lengths_s: FloatArray, otherwise: float) -> float:
-    return float(lengths_s.mean()) if len(lengths_s) else otherwise
 
 
 def _stacked(mixtures: Sequence[DurationMixture]) -> DurationMixture:

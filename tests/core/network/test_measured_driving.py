@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from ltvn_core.config import ROBUST, Likelihoods, preset
 from ltvn_core.errors import OptionError, WeightsError
 from ltvn_core.graph.beliefs import update_existence
-from ltvn_core.network.cards.driving_calibration import (
+from ltvn_core.network.driving_calibration import (
     DRIVING_SECTION,
     DrivingMeasurements,
     likelihoods,

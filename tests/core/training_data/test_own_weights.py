@@ -9,9 +9,9 @@ import pytest
 import torch
 
 from ltvn_core.errors import WeightsError
+from ltvn_core.network.network_families import PairNetwork
 from ltvn_core.network.optimization.fine_tuning_loop import FineTuningPlan
-from ltvn_core.network.optimization.hyperparameters import Hyperparameters
-from ltvn_core.network.pair_network import PairNetwork
+from ltvn_core.network.optimization.trainer import Hyperparameters
 from ltvn_core.network.weights_file import card_path, load_weights, read_card, save_weights, weights_fingerprint
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.systems.registry import system_entry

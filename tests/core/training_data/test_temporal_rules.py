@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from ltvn_core.systems.registry import system_entry
-from ltvn_core.training_data.random_walk import WalkRecipe
-from ltvn_core.training_data.temporal_pairs import label_walks
+from ltvn_core.training_data.random_walk import WalkRecipe, label_walks
 from ltvn_core.training_data.temporal_rules import TemporalClosenessRule, TemporalDistanceRule
 from ltvn_core.training_data.trajectory import Trajectory, select_keyframes
 from ltvn_core.training_data.trajectory_pairs import REACHABLE, UNKNOWN, UNREACHABLE, label_trajectory

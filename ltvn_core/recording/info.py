@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ltvn_core.errors import RecordingError
 from ltvn_core.navigation.events import Collided, Judged, QueryEnded
-from ltvn_core.recording.integrity import repair
+from ltvn_core.recording.damage.integrity import repair
 from ltvn_core.recording.reader import Recording
 from ltvn_core.recording.rrd_contents import require_rrd
 

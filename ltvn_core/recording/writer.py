@@ -23,14 +23,12 @@ from ltvn_core.recording import event_drawing, map_drawing, schema
 from ltvn_core.recording.arrow_columns import ArchetypeColumns, integer_column, number_column, text_column
 from ltvn_core.recording.belief_drawing import BeliefDrawing
 from ltvn_core.recording.blueprint import Layout
-from ltvn_core.recording.drawn_poses import DrawnPoses
+from ltvn_core.recording.drawn_poses import DrawnPoses, FloorExtent
 from ltvn_core.recording.durable_stream import MIN_FREE_DISK_BYTES, PATIENCE_S, DurableStream
 from ltvn_core.recording.event_codec import EncodedEvent
-from ltvn_core.recording.floor_extent import FloorExtent
 from ltvn_core.recording.frame_codec import EncodedFrame, camera_text, encode_frame
-from ltvn_core.recording.map_drawing import DrawnEntity
+from ltvn_core.recording.map_drawing import DrawnEntity, NodeImages
 from ltvn_core.recording.metadata import RecordingMetadata, metadata_row, package_versions
-from ltvn_core.recording.node_images import NodeImages
 from ltvn_core.recording.schema import RowTime
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.types import FrameId, Observation, OriginalImage

@@ -12,9 +12,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import NamedTuple
 
-from ltvn_core.recording.closing_record import ClosingRecord, PlacedRecord, find_closing_records
-from ltvn_core.recording.mended_message import with_bit_put_right
-from ltvn_core.recording.rrd_framing import (
+from ltvn_core.recording.damage.mended_message import with_bit_put_right
+from ltvn_core.recording.rrf2.closing_record import ClosingRecord, PlacedRecord, find_closing_records
+from ltvn_core.recording.rrf2.framing import (
     CHUNK_KIND,
     END_KIND,
     FILE_MAGIC,

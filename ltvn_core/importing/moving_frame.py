@@ -48,6 +48,20 @@ def are_rotations(turns: NDArray[np.float64], tolerance: float) -> NDArray[np.bo
     return np.asarray((errors < tolerance) & (np.linalg.det(turns) > 0))
 
 
+def pose_between(positions: NDArray[np.float64], turns: Rotation, share: float) -> Transform:
+    """Return the pose between two, on the straight line and by the shortest turn.
+
+    Args:
+        positions: (2, 3) metres in the parent frame.
+        turns: Two of them, from the child frame to the parent frame.
+        share: 0 at the first pose, 1 at the second.
+    """
+    result = np.eye(4)
+    result[:3, :3] = Slerp([0.0, 1.0], turns)(share).as_matrix()
+    result[:3, 3] = (1 - share) * positions[0] + share * positions[1]
+    return result
+
+
 class MovingFrame:
     """Poses of a frame in its parent in the order of their stamps; what comes late is left out."""
 
@@ -97,11 +111,8 @@ class MovingFrame:
         turn = Rotation.from_matrix([first[:3, :3], second[:3, :3]])
         if end - begin > _LONGEST_GAP_S and not _stands(first, second, turn):
             return None
-        share = (stamp - begin) / (end - begin)
-        result = np.eye(4)
-        result[:3, :3] = Slerp([0.0, 1.0], turn)(share).as_matrix()
-        result[:3, 3] = (1 - share) * first[:3, 3] + share * second[:3, 3]
-        return result
+        places = np.array([first[:3, 3], second[:3, 3]])
+        return pose_between(places, turn, (stamp - begin) / (end - begin))
 
 
 def _stands(first: Transform, second: Transform, turn: Rotation) -> bool:

@@ -10,8 +10,7 @@ from collections.abc import Iterable, Sequence
 from copy import copy
 from typing import Self
 
-from ltvn_core.analysis.graph_history import GraphHistory
-from ltvn_core.analysis.map_history import MapHistory
+from ltvn_core.analysis.map_history import GraphHistory, MapHistory
 from ltvn_core.analysis.navigation_progress import NO_PROGRESS, NavigationProgress, apply_event
 from ltvn_core.analysis.recorded_frames import RecordedFrames
 from ltvn_core.analysis.timeline_records import (

@@ -1,20 +1,27 @@
-"""What a predictor must do: shapes, numbers that mean something, and the same answer to the same question."""
+"""What a predictor must do: shapes, numbers that mean something, and the same answer to the same question.
+
+Owns also the sample images with depth for contract tests, from the demo map, which comes with the toolkit.
+"""
 
 import pickle
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.contracts.contract_check import ContractCheck, require, run_checks
-from ltvn_core.contracts.sample_images import SampleImages, sample_images
+from ltvn_core.errors import RecordingError
 from ltvn_core.plugins import Plugin
 from ltvn_core.predictors.registry import open_plugin
 from ltvn_core.predictors.request import PredictorRequest, predictor_card
 from ltvn_core.preprocessing import recorded_observation
+from ltvn_core.recording.demo_files import DEMO_MAP, demo_file
+from ltvn_core.recording.metadata import RecordingMetadata
+from ltvn_core.recording.reader import Recording
 from ltvn_core.types import Features, Observation, Prediction, Predictor
 
 IMAGES = 8
@@ -25,6 +32,23 @@ SAME_PLACE_M = 0.25
 """An image compared with itself is reachable, and right here."""
 WALL_M = 1.0
 """Depth of the blank image: a plain wall."""
+
+
+class SampleImages(NamedTuple):
+    """Images and where they come from."""
+
+    observations: tuple[Observation, ...]
+    """In the order in which they were taken."""
+    meta: RecordingMetadata
+
+
+def sample_images(count: int) -> SampleImages:
+    """Return the first images of the demo map. Raises RecordingError where the file is missing."""
+    path = demo_file(DEMO_MAP)
+    if path is None:
+        raise RecordingError(f"{DEMO_MAP} is missing; install the toolkit anew: pip install ltvn (or -e .)")
+    recording = Recording.open(path)
+    return SampleImages(tuple(recording.observation(frame) for frame in recording.frames[:count]), recording.meta)
 
 
 def predictor_checks(plugin: Plugin) -> Iterator[ContractCheck]:

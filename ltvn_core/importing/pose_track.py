@@ -2,8 +2,8 @@
 
 Owns two notations, and finding out which axis of the world is up. One has `stamp tx ty tz qx qy qz qw` a line (TUM's
 format, which evo, ORB-SLAM and RTAB-Map write too). The other has a matrix for each picture, camera to world: 7-Scenes
-writes `frame-000000.pose.txt` beside `frame-000000.color.png`, ScanNet `pose/0.txt` for `color/0.jpg`, each with a 4 x 4
-matrix; Replica writes `traj.txt` with 16 numbers a row, row k for picture k.
+writes `frame-000000.pose.txt` beside `frame-000000.color.png`, ScanNet `pose/0.txt` for `color/0.jpg`, each with a
+4 x 4 matrix; Replica writes `traj.txt` with 16 numbers a row, row k for picture k.
 """
 
 import re

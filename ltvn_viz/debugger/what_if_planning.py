@@ -9,11 +9,9 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from ltvn_core.analysis.planner_state import PlannerState
 from ltvn_core.analysis.threshold_dry_run import PruneCounts, prune_dry_run, rebuild_dry_run
 from ltvn_core.analysis.what_if_changes import WhatIfChange, WhatIfThreshold, WithGoal, WithStart, WithThreshold
-from ltvn_core.analysis.what_if_replanning import PlanDifference, replan
-from ltvn_core.analysis.what_if_scenario import EdgeWeightFactory, PresenceMoment
+from ltvn_core.analysis.what_if_scenario import EdgeWeightFactory, PlanDifference, PlannerState, PresenceMoment, replan
 from ltvn_core.config import Method
 from ltvn_core.errors import LtvnError
 from ltvn_core.graph.topological_graph import TopologicalGraph

@@ -4,8 +4,7 @@ from collections.abc import Mapping
 
 from ltvn_core.analysis.edge_presence_history import PresenceState, presence_state
 from ltvn_core.analysis.what_if_changes import WithTime
-from ltvn_core.analysis.what_if_replanning import PlanDifference
-from ltvn_core.analysis.what_if_scenario import PresenceMoment
+from ltvn_core.analysis.what_if_scenario import PlanDifference, PresenceMoment
 from ltvn_core.analysis.world_clock import DAY_S, TimeAway, TimeOfDay
 from ltvn_core.graph.presence.presence_plan import OPEN_ABOVE
 from ltvn_core.graph.topological_graph import EdgeKey

@@ -19,8 +19,8 @@ from ltvn_core.importing.raw_frame import FrameMoment, RawFrame, ReadOptions
 from ltvn_core.importing.rosbag.bag_survey import frame_name
 from ltvn_core.importing.rosbag.bag_topics import ChosenTopics
 from ltvn_core.importing.rosbag.camera_rig import CameraRig
-from ltvn_core.importing.rosbag.transform_tree import TransformTree
 from ltvn_core.importing.rosbag.image_matching import MatchedImages, PendingImage
+from ltvn_core.importing.rosbag.transform_tree import TransformTree
 from ltvn_core.importing.rosbag.video_stream import VideoPicture
 from ltvn_core.importing.source_camera import fitted
 from ltvn_core.robots.ros2.ros_cameras import is_calibrated, ros_camera

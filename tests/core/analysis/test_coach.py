@@ -3,8 +3,12 @@
 import numpy as np
 import pytest
 
-from ltvn_core.analysis.mapping_advice import MappingAdvice, advise_mapping
-from ltvn_core.analysis.mapping_gaps import find_missing_loop_closures, one_sided_places
+from ltvn_core.analysis.mapping_advice import (
+    MappingAdvice,
+    advise_mapping,
+    find_missing_loop_closures,
+    one_sided_places,
+)
 from ltvn_core.config import ROBUST
 from ltvn_core.geometry import wrap_angle
 from ltvn_core.graph.builder import build

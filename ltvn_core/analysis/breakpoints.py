@@ -1,29 +1,185 @@
-"""When a breakpoint is met: one event, what was believed and planned before it, and the reason.
+"""Breakpoints: moments of a run worth stopping at, as a person types them: "prune", "edge 12->40", "margin < 0.2".
 
-The reason is what the event says (`navigation.event_text`). Owns these rules; what held before is the timeline's.
+Owns their kinds, the short text form both ways, when one is met, and the search for hits, event by event, live or in a
+recording. Why one is met is what the event says (`navigation.event_text`), what held before it is the timeline's, and
+what to do at a hit is the caller's.
 """
 
+import re
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import assert_never
+from enum import StrEnum
+from typing import NamedTuple, TypeAlias, assert_never
 
-from ltvn_core.analysis.breakpoint_kinds import (
-    BeliefCrossingBreakpoint,
-    Breakpoint,
-    BreakpointQuantity,
-    BreakpointTrigger,
-    EdgeBeliefBreakpoint,
-    EdgeBreakpoint,
-    EventBreakpoint,
-    LocalisationBreakpoint,
-    NodeBreakpoint,
-)
+from ltvn_core.analysis.number_parser import parse_number
 from ltvn_core.analysis.timeline import Timeline
-from ltvn_core.analysis.timeline_marks import is_other_plan
+from ltvn_core.analysis.timeline_records import Instant
+from ltvn_core.analysis.timeline_rows import is_other_plan
+from ltvn_core.config import ROBUST, BeliefConfig
+from ltvn_core.errors import OptionError
 from ltvn_core.graph import deltas as d
 from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.navigation import events as e
 from ltvn_core.navigation.event_text import describe_event, edge_text
 from ltvn_core.types import NodeId
+
+_EDGE = r"(\d+)\s*(?:->|→)\s*(\d+)"
+_COMPARED = r"\s*([<>])\s*(\S+)"
+_LOCALISATION = re.compile(rf"(margin|distance|r){_COMPARED}", re.IGNORECASE)
+_ON_EDGE = re.compile(rf"(p|mu)\s*\(\s*{_EDGE}\s*\){_COMPARED}", re.IGNORECASE)
+_AT_EDGE = re.compile(rf"edge\s+{_EDGE}", re.IGNORECASE)
+_AT_NODE = re.compile(r"node\s+(\d+)", re.IGNORECASE)
+_CROSSING = re.compile(r"p\s+crosses\s+(\S+)", re.IGNORECASE)
+
+
+class BreakpointTrigger(StrEnum):
+    """What can happen, in the words one types."""
+
+    PRUNE = "prune"
+    EXPANSION = "expand"
+    COLLISION = "collision"
+    REPLAN = "replan"
+    FAILED_ATTEMPT = "failed leg"
+    LOST = "lost"
+    NO_PATH = "no path"
+    HAND = "by hand"
+
+
+class BreakpointQuantity(StrEnum):
+    """Numbers that a condition can be about."""
+
+    MARGIN = "margin"
+    DISTANCE = "distance"
+    REACHABILITY = "r"
+    P = "p"
+    MU = "mu"
+
+
+@dataclass(frozen=True, slots=True)
+class EventBreakpoint:
+    """Stop when this happens."""
+
+    trigger: BreakpointTrigger
+
+
+@dataclass(frozen=True, slots=True)
+class BeliefCrossingBreakpoint:
+    """Stop when the p of any edge crosses a level, either way."""
+
+    level: float
+    is_prune_threshold: bool = False
+    """The level was asked for as R_p, below which edges are pruned, and is shown by that name."""
+
+
+@dataclass(frozen=True, slots=True)
+class LocalisationBreakpoint:
+    """Stop at each look whose margin, distance or reachability is so."""
+
+    quantity: BreakpointQuantity
+    less: bool
+    """Below the value; else above it."""
+    value: float
+
+
+@dataclass(frozen=True, slots=True)
+class EdgeBeliefBreakpoint:
+    """Stop when p or mu of one edge becomes so; not again until it was otherwise."""
+
+    quantity: BreakpointQuantity
+    edge: EdgeKey
+    less: bool
+    value: float
+
+
+@dataclass(frozen=True, slots=True)
+class EdgeBreakpoint:
+    """Stop whenever an edge is driven or changed."""
+
+    edge: EdgeKey
+
+
+@dataclass(frozen=True, slots=True)
+class NodeBreakpoint:
+    """Stop whenever the robot is at a node, heads for it, or the node changes."""
+
+    node: NodeId
+
+
+Breakpoint: TypeAlias = (
+    EventBreakpoint
+    | BeliefCrossingBreakpoint
+    | LocalisationBreakpoint
+    | EdgeBeliefBreakpoint
+    | EdgeBreakpoint
+    | NodeBreakpoint
+)
+
+BREAKPOINT_EXAMPLES = (
+    *(trigger.value for trigger in BreakpointTrigger),
+    "p crosses R_p",
+    "p crosses 0.5",
+    "margin < 0.2",
+    "distance > 1",
+    "r < 0.6",
+    "edge 12->40",
+    "node 12",
+    "p(12->40) < 0.5",
+    "mu(12->40) > 1.5",
+)
+"""One of each form, for help texts."""
+
+_TRIGGERS = frozenset(trigger.value for trigger in BreakpointTrigger)
+
+
+def parse_breakpoint(text: str, config: BeliefConfig = ROBUST.believing) -> Breakpoint:
+    """Read a breakpoint; "R_p" is the threshold of `config`.
+
+    Raises OptionError, which lists the valid forms, for anything else.
+    """
+    words = " ".join(text.split())
+    if found := _LOCALISATION.fullmatch(words):
+        return LocalisationBreakpoint(
+            BreakpointQuantity(found[1].lower()), found[2] == "<", parse_number(found[3], text, "no breakpoint")
+        )
+    if found := _ON_EDGE.fullmatch(words):
+        edge = int(found[2]), int(found[3])
+        return EdgeBeliefBreakpoint(
+            BreakpointQuantity(found[1].lower()), edge, found[4] == "<", parse_number(found[5], text, "no breakpoint")
+        )
+    if found := _AT_EDGE.fullmatch(words):
+        return EdgeBreakpoint((int(found[1]), int(found[2])))
+    if found := _AT_NODE.fullmatch(words):
+        return NodeBreakpoint(int(found[1]))
+    if found := _CROSSING.fullmatch(words):
+        if found[1].lower() == "r_p":
+            return prune_threshold_breakpoint(config)
+        return BeliefCrossingBreakpoint(parse_number(found[1], text, "no breakpoint"))
+    if words.lower() in _TRIGGERS:
+        return EventBreakpoint(BreakpointTrigger(words.lower()))
+    raise OptionError(f"{text[:60]!r} is no breakpoint; write one of: {', '.join(BREAKPOINT_EXAMPLES)}.")
+
+
+def prune_threshold_breakpoint(config: BeliefConfig) -> BeliefCrossingBreakpoint:
+    """Return the breakpoint that stops where p crosses R_p, the threshold of `config`."""
+    return BeliefCrossingBreakpoint(config.prune_below, is_prune_threshold=True)
+
+
+def format_breakpoint(breakpoint_: Breakpoint) -> str:
+    """Return what one types for a breakpoint; parsing it gives the same breakpoint."""
+    match breakpoint_:
+        case EventBreakpoint(trigger):
+            return trigger.value
+        case BeliefCrossingBreakpoint(level, is_prune_threshold):
+            return f"p crosses {'R_p' if is_prune_threshold else repr(level)}"
+        case LocalisationBreakpoint(quantity, less, value):
+            return f"{quantity} {'<' if less else '>'} {value!r}"
+        case EdgeBeliefBreakpoint(quantity, edge, less, value):
+            return f"{quantity}({edge[0]}->{edge[1]}) {'<' if less else '>'} {value!r}"
+        case EdgeBreakpoint(edge):
+            return f"edge {edge[0]}->{edge[1]}"
+        case NodeBreakpoint(node):
+            return f"node {node}"
+    assert_never(breakpoint_)
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,3 +338,32 @@ def _at_edge(occurrence: EventContext, edge: EdgeKey) -> str | None:
 
 def _is_at_node(occurrence: EventContext, node: NodeId) -> bool:
     return not occurrence.is_bulk and describe_event(occurrence.event).node == node
+
+
+class BreakpointHit(NamedTuple):
+    """An event at which breakpoints are met."""
+
+    moment: Instant
+    breakpoints: tuple[Breakpoint, ...]
+    """Those that were met at once, at least one, in the order they were given."""
+    why: str
+    """One line for a person."""
+
+
+def breakpoint_hit(timeline: Timeline, event: int, breakpoints: Sequence[Breakpoint]) -> BreakpointHit | None:
+    """Return the hit of event number `event`, None if it meets no breakpoint. Logarithmic for each breakpoint."""
+    context = EventContext(timeline, event)
+    hits = [(each, why) for each in breakpoints if (why := breakpoint_reason(each, context)) is not None]
+    if not hits:
+        return None
+    return BreakpointHit(
+        moment=timeline.instant(event),
+        breakpoints=tuple(each for each, _ in hits),
+        why="; ".join(dict.fromkeys(why for _, why in hits)),
+    )
+
+
+def find_breakpoint_hits(timeline: Timeline, breakpoints: Sequence[Breakpoint]) -> Iterator[BreakpointHit]:
+    """Yield every hit in a run so far, in order; linear in its events."""
+    hits = (breakpoint_hit(timeline, event, breakpoints) for event in range(len(timeline.events)))
+    return (hit for hit in hits if hit is not None)

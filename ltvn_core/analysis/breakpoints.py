@@ -263,7 +263,8 @@ def _event_reason(occurrence: EventContext) -> str:
 
 
 def _is_triggered(trigger: BreakpointTrigger, occurrence: EventContext) -> bool:
-    event, delta = occurrence.event, occurrence.delta
+    event = occurrence.event
+    delta = occurrence.delta
     match trigger:
         case BreakpointTrigger.PRUNE:
             return isinstance(delta, d.EdgePruned)
@@ -286,7 +287,8 @@ def _is_triggered(trigger: BreakpointTrigger, occurrence: EventContext) -> bool:
 
 
 def _crossed(occurrence: EventContext, level: float) -> str | None:
-    before, after = occurrence.before, occurrence.after
+    before = occurrence.before
+    after = occurrence.after
     if occurrence.key is None or before is None or after is None or (before.p < level) == (after.p < level):
         return None
     return (

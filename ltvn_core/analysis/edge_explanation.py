@@ -157,7 +157,8 @@ def explain_edge_belief(
     history = edge_history(timeline, source, target, at)
     if not history.lifetimes:
         return explain_missing_edge(timeline, source, target, at=at)
-    first, last = history.lifetimes[-1].beliefs[0], history.lifetimes[-1].beliefs[-1]
+    first = history.lifetimes[-1].beliefs[0]
+    last = history.lifetimes[-1].beliefs[-1]
     driven = last.attempts - first.attempts
     if not driven:
         text = f"No attempt has counted since, so that its belief is as it came in: {belief_text(last.belief)}."
@@ -185,7 +186,9 @@ def explain_missing_edge(
     `seen` is (r, d) of the pair as a predictor sees it now, `thresholds` the thresholds of the map; with both it tells
     which of them is in the way. Linear in the changes of the map.
     """
-    history, graph, ids = edge_history(timeline, source, target, at), timeline.graph_at(at), (source, target)
+    history = edge_history(timeline, source, target, at)
+    graph = timeline.graph_at(at)
+    ids = (source, target)
     if history.lifetimes:
         return explain_pruned_edge(timeline, source, target, at=at)
     name = f"edge {source} -> {target}"
@@ -216,7 +219,8 @@ def _gated(reachability: float, distance: float, thresholds: OperatorThresholds)
 
 def _steps(history: EdgeHistory) -> Iterator[ExplanationStep]:
     """Yield how an edge came in and what was learned from driving it: one step per attempt that changed its belief."""
-    life, ids = history.lifetimes[-1], (history.source, history.target)
+    life = history.lifetimes[-1]
+    ids = (history.source, history.target)
     first = life.beliefs[0]
     driven = f", driven {first.attempts} times before" if first.attempts else ""
     cause = CAUSE_TEXTS[life.cause]
@@ -270,7 +274,8 @@ def _attempt_step(
 
 
 def _departure(history: EdgeHistory, believing: BeliefConfig | None) -> ExplanationStep:
-    life, ids = history.lifetimes[-1], (history.source, history.target)
+    life = history.lifetimes[-1]
+    ids = (history.source, history.target)
     assert life.end is not None  # Only edges that are gone come here.
     last = life.beliefs[-1]
     if life.end.attempt is not None:

@@ -284,7 +284,8 @@ def _last_node(timeline: Timeline, query: QueryRecord) -> NodeId | None:
 
 def _second_before(timeline: Timeline, query: QueryRecord, event: int) -> Instant:
     """Return the instant a second before an event, but not before the query."""
-    begin, then = query.begin, timeline.instant(event)
+    begin = query.begin
+    then = timeline.instant(event)
     seconds = then.stamp - begin.stamp
     rate = (then.step - begin.step) / seconds if seconds > 0 else _STEPS_PER_S
     step = then.step - round(rate * _BEFORE_S)

@@ -73,8 +73,10 @@ def _node_poses(graph: TopologicalGraph, poses: Mapping[NodeId, Pose] | None = N
 def _nearest(a: Mapping[NodeId, Pose], b: Mapping[NodeId, Pose]) -> dict[NodeId, NodeId]:
     if not a or not b:
         return {}
-    names, others = list(a), list(b)
-    first, second = np.array(list(a.values())), np.array(list(b.values()))
+    names = list(a)
+    others = list(b)
+    first = np.array(list(a.values()))
+    second = np.array(list(b.values()))
     to_second = np.asarray(KDTree(_embedded(second)).query(_embedded(first))[1])
     to_first = np.asarray(KDTree(_embedded(first)).query(_embedded(second))[1])
     mutual = np.flatnonzero(to_first[to_second] == np.arange(len(names)))
@@ -88,18 +90,16 @@ def _embedded(poses: Pose) -> np.ndarray:
     return np.concatenate([poses[:, :2], turn], axis=1)
 
 
-def edge_betweenness(
-    graph: TopologicalGraph, *, weight: EdgeWeight | None = None, sources: int = _SOURCES
-) -> Mapping[EdgeKey, float]:
+def edge_betweenness(graph: TopologicalGraph, *, weight: EdgeWeight | None = None) -> Mapping[EdgeKey, float]:
     """Return for each edge the share in [0, 1] of cheapest paths that run over it; edges without any are left out.
 
-    Paths start at `sources` nodes, evenly spread over the graph's age, and end everywhere; the paper's cost mu stands
-    in for a missing `weight`. Takes O(sources * (edges + nodes) log nodes): about two seconds for 50,000 edges.
+    Paths start at `_SOURCES` nodes, evenly spread over the graph's age, and end everywhere; the paper's cost mu stands
+    in for a missing `weight`. Takes O(starts * (edges + nodes) log nodes): about two seconds for 50,000 edges.
     """
     nodes, costs = cost_matrix(graph, weight or _length)
     if len(nodes) < 2:
         return {}
-    starts = np.unique(np.linspace(0, len(nodes) - 1, min(sources, len(nodes))).astype(np.intp))
+    starts = np.unique(np.linspace(0, len(nodes) - 1, min(_SOURCES, len(nodes))).astype(np.intp))
     counts: dict[tuple[int, int], int] = {}
     paths = 0
     for start in starts:
@@ -203,7 +203,8 @@ def compare_maps(
         for key in a.edges
         if key[0] in there and key[1] in there and (other := (there[key[0]], there[key[1]])) in b.edges
     }
-    in_b, met = set(common.values()), set(there.values())
+    in_b = set(common.values())
+    met = set(there.values())
     only_a = tuple(key for key in a.edges if key not in common)
     only_b = tuple(key for key in b.edges if key not in in_b)
     pairs = [(key, other) for key, other in common.items() if _differs(a.edges[key], b.edges[other])]
@@ -250,7 +251,8 @@ def _by_importance(
     busy_a, busy_b = (edge_betweenness(graph, weight=weight) for graph in (a, b))
     found = []
     for key, other in pairs:
-        first, second = (None if key is None else a.edges[key]), (None if other is None else b.edges[other])
+        first = None if key is None else a.edges[key]
+        second = None if other is None else b.edges[other]
         betweenness = max(
             0.0 if key is None else busy_a.get(key, 0.0), 0.0 if other is None else busy_b.get(other, 0.0)
         )

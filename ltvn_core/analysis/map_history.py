@@ -156,7 +156,8 @@ class GraphHistory:
         return self._fading(self._edges["went_s"][:n], self._edges["died"][:n] <= version, stamp, within_s)
 
     def _connect(self, edge: d.Edge, cause: d.Cause, stamp: float) -> None:
-        source, target = self._node_rows.get(edge.source), self._node_rows.get(edge.target)
+        source = self._node_rows.get(edge.source)
+        target = self._node_rows.get(edge.target)
         if source is None or target is None or source == target or (edge.source, edge.target) in self._edge_rows:
             return
         added_edges = -np.inf if cause in d.BULK_CAUSES else stamp
@@ -195,7 +196,8 @@ class GraphHistory:
         renumbered[alive] = np.arange(len(alive))
         kept = np.flatnonzero(self._edges["died"][:e] > version)
         ends = np.stack([self._edges["source"][kept], self._edges["target"][kept]], axis=1)
-        p, attempts = np.zeros(e), np.zeros(e, np.int64)
+        p = np.zeros(e)
+        attempts = np.zeros(e, np.int64)
         # Where an index repeats, numpy keeps the last value, which is the latest belief.
         p[self._beliefs["edge"][:b]] = self._beliefs["p"][:b]
         attempts[self._beliefs["edge"][:b]] = self._beliefs["attempts"][:b]

@@ -119,7 +119,8 @@ def parse_what_if_change(text: str) -> WhatIfChange:
         edge = int(found[2]), int(found[3])
         return WithEdge(*edge) if found[1].lower() == "with" else WithoutEdge(*edge)
     if found := _BELIEF.fullmatch(words):
-        edge, value = (int(found[2]), int(found[3])), parse_number(found[4], text, "nothing to imagine")
+        edge = (int(found[2]), int(found[3]))
+        value = parse_number(found[4], text, "nothing to imagine")
         return WithBelief(*edge, p=value) if found[1].lower() == "p" else WithBelief(*edge, mu=value)
     if found := _PLACE.fullmatch(words):
         return WithGoal(int(found[2])) if found[1].lower() == "goal" else WithStart(int(found[2]))

@@ -302,7 +302,8 @@ class PlanDifference:
     @property
     def sentence(self) -> str:
         """The difference in one line."""
-        old, new = _path_text(self.old), _path_text(self.new)
+        old = _path_text(self.old)
+        new = _path_text(self.new)
         if self.old.nodes != self.new.nodes:
             return f"{new[0].upper()}{new[1:]}, instead of {old}."
         if not self.new.nodes:
@@ -335,8 +336,10 @@ def replan(
         presence=presence,
     )
     after = apply_what_if_changes(before, changes)
-    old_open, new_open = _open_edges(before), _open_edges(after)
-    old, new = _plan(before, old_open), _plan(after, new_open)
+    old_open = _open_edges(before)
+    new_open = _open_edges(after)
+    old = _plan(before, old_open)
+    new = _plan(after, new_open)
     old_keys, new_keys = (tuple(itertools.pairwise(path.nodes)) for path in (old, new))
     return PlanDifference(
         old=old,
@@ -356,12 +359,14 @@ def _open_edges(scenario: WhatIfScenario) -> Mapping[EdgeKey, float]:
 
 
 def _plan(scenario: WhatIfScenario, open_edges: Mapping[EdgeKey, float]) -> GraphPath:
-    source, goal = scenario.planner_state.source, scenario.planner_state.goal
+    source = scenario.planner_state.source
+    goal = scenario.planner_state.goal
     if source is None or goal is None:
         missing = "where the robot is" if source is None else "where it should go"
         scenario.notes.append(f"There is no plan because nobody knows {missing}; set it as a change.")
         return NO_PATH
-    planning, asked = scenario.method.planning, scenario.planner_state
+    planning = scenario.method.planning
+    asked = scenario.planner_state
     penalties = {edge: count * planning.failure_penalty for edge, count in asked.failures.items()}
     planner = Planner(scenario.graph, planning, weight=scenario.weight)
     return plan_by_presence(
@@ -370,7 +375,8 @@ def _plan(scenario: WhatIfScenario, open_edges: Mapping[EdgeKey, float]) -> Grap
 
 
 def _cost_parts(scenario: WhatIfScenario, key: EdgeKey, open_edges: Mapping[EdgeKey, float]) -> EdgeCostParts:
-    belief, planning = scenario.graph.edges[key].belief, scenario.method.planning
+    belief = scenario.graph.edges[key].belief
+    planning = scenario.method.planning
     penalty = scenario.planner_state.failures.get(key, 0) * planning.failure_penalty
     doubt = scenario.weight(belief) - belief.mu
     return EdgeCostParts(edge=key, mu=belief.mu, doubt=doubt, penalty=penalty, open_p=open_edges.get(key, 1.0))

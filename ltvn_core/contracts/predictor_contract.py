@@ -140,7 +140,8 @@ class PredictorContract:
 
     def is_deterministic(self) -> str:
         """Ask twice."""
-        first, second = self._compare(self.features), self._compare(self.features)
+        first = self._compare(self.features)
+        second = self._compare(self.features)
         same = np.array_equal(first.reachability, second.reachability) and np.array_equal(
             first.waypoints, second.waypoints
         )
@@ -168,7 +169,8 @@ class PredictorContract:
         """Compare images with themselves."""
         found = self.predictor.predict(self.features, self.features)
         away = np.hypot(found.waypoints[:, 0], found.waypoints[:, 1])
-        least, farthest = float(found.reachability.min()), float(away.max())
+        least = float(found.reachability.min())
+        farthest = float(away.max())
         require(
             least >= SAME_PLACE_R and farthest <= SAME_PLACE_M,
             f"an image compared with itself should have r of at least {SAME_PLACE_R} and lie within {SAME_PLACE_M} m, "
@@ -221,7 +223,8 @@ class PredictorContract:
 
     @staticmethod
     def _require_sound(found: Prediction, count: int) -> None:
-        r, waypoints = np.asarray(found.reachability), np.asarray(found.waypoints)
+        r = np.asarray(found.reachability)
+        waypoints = np.asarray(found.waypoints)
         require(
             r.shape == (count,) and waypoints.shape == (count, 3),
             f"predict must return r ({count},) and waypoints ({count}, 3), got {r.shape} and {waypoints.shape}",

@@ -101,11 +101,6 @@ class ExportedDrive:
         return all(self._recording.stored_frame(step).frame.depth is not None for step in self._steps)
 
     @cached_property
-    def has_truth(self) -> bool:
-        """Whether every frame has a true pose."""
-        return self._recording.poses.exact is not None
-
-    @cached_property
     def rate_hz(self) -> float:
         """The usual number of frames a second."""
         poses = self._recording.poses

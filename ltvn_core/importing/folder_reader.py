@@ -189,7 +189,8 @@ class FolderReader:
 
     def __init__(self, folder: Path, options: ReadOptions) -> None:
         """List the pictures and read the tables beside them. Raises DriveError."""
-        self._folder, self._options = folder, options
+        self._folder = folder
+        self._options = options
         pictures = colour_pictures(folder, options.rgb)
         self._images = pictures.colours
         self._depth: Mapping[Path, Path] = {}

@@ -27,7 +27,8 @@ _ASPECT_TOLERANCE = 0.02
 def recorded_camera(source: CameraModel) -> CameraModel:
     """Return the camera to whose images those of `source` are turned; pitch and height stay, roll is undone."""
     upright = _upright(source)
-    long_side, short_side = max(upright.width, upright.height), min(upright.width, upright.height)
+    long_side = max(upright.width, upright.height)
+    short_side = min(upright.width, upright.height)
     scale = min(1.0, ORIGINAL_SIZE.long_side / long_side, ORIGINAL_SIZE.short_side / short_side)
     if scale == 1.0:
         return upright
@@ -36,7 +37,8 @@ def recorded_camera(source: CameraModel) -> CameraModel:
 
 def _upright(source: CameraModel) -> CameraModel:
     """Return a camera as if it were mounted without quarter turns and roll."""
-    width, height = source.width, source.height
+    width = source.width
+    height = source.height
     places = {
         0: (source.cx, source.cy),
         1: (source.cy, width - 1 - source.cx),

@@ -25,7 +25,8 @@ _KEPT = 4096
 
 def transform(translation: ArrayLike, quaternion: ArrayLike) -> Transform | None:
     """Return a pose in space from (3,) metres and (4,) x, y, z, w; None where they are no pose."""
-    place, turn = np.asarray(translation, np.float64), np.asarray(quaternion, np.float64)
+    place = np.asarray(translation, np.float64)
+    turn = np.asarray(quaternion, np.float64)
     if not (np.all(np.isfinite(place)) and np.all(np.isfinite(turn))) or np.linalg.norm(turn) < 1e-6:
         return None
     result = np.eye(4)
@@ -106,8 +107,10 @@ class MovingFrame:
         return self._poses[nearest] if abs(self._stamps[nearest] - stamp) <= _LATEST_S else None
 
     def _between(self, after: int, stamp: float) -> Transform | None:
-        begin, end = self._stamps[after - 1], self._stamps[after]
-        first, second = self._poses[after - 1], self._poses[after]
+        begin = self._stamps[after - 1]
+        end = self._stamps[after]
+        first = self._poses[after - 1]
+        second = self._poses[after]
         turn = Rotation.from_matrix([first[:3, :3], second[:3, :3]])
         if end - begin > _LONGEST_GAP_S and not _stands(first, second, turn):
             return None

@@ -106,7 +106,8 @@ class PoseTrack:
             return self._sample(after)
         if not 0 < after < len(self.stamps) or self.stamps[after] - self.stamps[after - 1] > self._largest_gap_s:
             return self._nearest(stamp)
-        before_s, after_s = self.stamps[after - 1], self.stamps[after]
+        before_s = self.stamps[after - 1]
+        after_s = self.stamps[after]
         share = (stamp - before_s) / (after_s - before_s)
         around = slice(after - 1, after + 1)
         pose = pose_between(self._positions[around], self._rotations[around], share)
@@ -204,7 +205,8 @@ class PicturePoses:
         known = _are_rigid(matrices)
         self.missing = int(len(known) - known.sum())
         """Pictures without a pose."""
-        places, good = np.flatnonzero(known), matrices[known]
+        places = np.flatnonzero(known)
+        good = matrices[known]
         self._places = set(places.tolist())
         self._track = None
         if len(good):
@@ -227,10 +229,12 @@ def poses_beside(folder: Path, pictures: Sequence[Path]) -> PicturePoses | None:
     if rows.is_file():
         return PicturePoses(_rows(rows, len(pictures)), ROWS_FILE)
     beside = pictures[0].parent
-    where, listed = "*.pose.txt", list(beside.glob("*.pose.txt"))
+    where = "*.pose.txt"
+    listed = list(beside.glob("*.pose.txt"))
     for name in POSE_FOLDERS:
         if not listed:
-            where, listed = name, list((folder / name).glob("*.txt"))
+            where = name
+            listed = list((folder / name).glob("*.txt"))
     by_number = {_number(path): path for path in listed if path.is_file()}
     if not any(_number(picture) in by_number for picture in pictures):
         return None

@@ -175,7 +175,8 @@ class RtabmapReader:
         told = {node.id: node.truth for node in self._nodes if node.truth is not None}
         if told:
             return told
-        optimised, closures = self._database.optimised(), self._database.closures()
+        optimised = self._database.optimised()
+        closures = self._database.closures()
         if not closures or sum(node.id in optimised for node in self._nodes) < _COVERED * len(self._nodes):
             return {}
         self.doubts.append(

@@ -34,7 +34,9 @@ class FilePlace:
 
     def __init__(self, path: Path, file: int, min_free_bytes: int) -> None:
         """Watch the open `file` that was made as `path`; its disk has room with `min_free_bytes` left."""
-        self._path, self._file, self._min_free_bytes = path, file, min_free_bytes
+        self._path = path
+        self._file = file
+        self._min_free_bytes = min_free_bytes
         # Where the two differ from the beginning, as in some network folders, only the name can be watched.
         self._is_name_telling = _same_file(os.stat(path), os.fstat(file))
 
@@ -153,7 +155,8 @@ class AppendedFile:
         until = time.monotonic() + at_most_s
         with self._progress:
             while self.waiting_bytes > waiting_bytes and self.failure is None:
-                before, left = self._dealt_with, until - time.monotonic()
+                before = self._dealt_with
+                left = until - time.monotonic()
                 self._progress.wait(max(0.0, min(left, _STALL_S)))
                 if left <= 0 or (left > _STALL_S and self._dealt_with == before and self.failure is None):
                     return False

@@ -93,7 +93,10 @@ class MessageStream:
 
     def _messages(self, block: bytes) -> Sequence[bytes]:
         """Return the messages of what Rerun hands out: a small file with header, messages and an end."""
-        position, messages, chunks, footer = HEADER_BYTES, list[bytes](), list[int](), b""
+        position = HEADER_BYTES
+        messages = list[bytes]()
+        chunks = list[int]()
+        footer = b""
         while position + MESSAGE_HEADER.size <= len(block):
             kind, length = MESSAGE_HEADER.unpack_from(block, position)
             payload = position + MESSAGE_HEADER.size

@@ -96,7 +96,8 @@ class MapDrawing:
 
         `drawn_poses` must know every node. The viewer shows the newest of each column, so what is left out stays.
         """
-        ids, keys = [node.id for node in nodes], [(edge.source, edge.target) for edge in edges]
+        ids = [node.id for node in nodes]
+        keys = [(edge.source, edge.target) for edge in edges]
         drawn = [
             DrawnEntity(schema.EDGES, _beliefs(edges) if keys == self._edges else _edges(keys, edges, drawn_poses)),
             DrawnEntity(schema.GRAPH_SIZE, [rr.Scalars([float(len(nodes)), float(len(edges))])]),
@@ -142,7 +143,8 @@ def _blocked(keys: Sequence[EdgeKey], drawn_poses: DrawnPoses) -> list[rr.AsComp
 
 def _strips(keys: Sequence[EdgeKey], drawn_poses: DrawnPoses, height_m: float) -> NDArray[np.float32]:
     """Return (N, 2, 3) from where to where edges are drawn."""
-    sources, targets = [source for source, _ in keys], [target for _, target in keys]
+    sources = [source for source, _ in keys]
+    targets = [target for _, target in keys]
     return np.stack([drawn_poses.points(sources, height_m), drawn_poses.points(targets, height_m)], axis=1)
 
 

@@ -59,7 +59,8 @@ def _column(
     name: str, batches: Sequence[pa.RecordBatch], ids: Sequence[Sequence[bytes]], every: Sequence[bytes]
 ) -> pa.Array:
     """Return a column for the rows `every`, empty where no batch holds anything."""
-    pieces, places = list[pa.Array](), dict[bytes, int]()
+    pieces = list[pa.Array]()
+    places = dict[bytes, int]()
     start = 0
     for batch, row_ids in zip(batches, ids, strict=True):
         if name not in batch.schema.names:
@@ -139,7 +140,8 @@ def require_whole(path: Path) -> FileCheck:
         raise unreadable(path, error) from error
     if found.framing.finished and found.damage is None:
         return found
-    size, whole_bytes = path.stat().st_size, found.framing.whole_bytes
+    size = path.stat().st_size
+    whole_bytes = found.framing.whole_bytes
     if found.damage is not None:
         what = f"was damaged since it was written: {found.damage}"
     elif is_finished(path):

@@ -141,12 +141,12 @@ class ViewerAssets(NamedTuple):
     module: Path
 
 
-def viewer_assets(cache: Path | None = None) -> ViewerAssets:
+def viewer_assets() -> ViewerAssets:
     """Return the files of the web viewer, from the cache where they are there already.
 
     Raises ServerError when the installed Rerun does not hold them.
     """
-    folder = (cache or Path(platformdirs.user_cache_dir("ltvn"))) / f"rerun-viewer-{rr.__version__}"
+    folder = Path(platformdirs.user_cache_dir("ltvn")) / f"rerun-viewer-{rr.__version__}"
     assets = ViewerAssets(folder / f"{_SCRIPT}.gz", folder / f"{_MODULE}.gz")
     if not all(path.exists() for path in assets):
         _LOG.info("Unpacking the Rerun viewer once; this takes some seconds.")
@@ -165,7 +165,8 @@ def _keep(path: Path, content: bytes) -> None:
 
 @contextmanager
 def _served_by_rerun() -> Iterator[str]:
-    web, data = _free_port(), _free_port()
+    web = _free_port()
+    data = _free_port()
     command = [
         str(_program()),
         "--serve-web",
@@ -240,7 +241,8 @@ def contents_of(path: Path) -> RecordingContents:
         recording = Recording.open(path)
     except RecordingError:
         return RecordingContents(path.name)
-    graph, events = recording.final_graph(), recording.events
+    graph = recording.final_graph()
+    events = recording.events
     counts = {
         "image": len(recording.frames),
         "node": len(graph.nodes),

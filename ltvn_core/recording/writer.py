@@ -67,7 +67,8 @@ class RecordingWriter:
         Rerun viewers of this machine can watch at `live_port`; raises ServerError when it is taken. Where the disk is
         far behind, writing waits for it up to `patience_s`; 0 is for a robot in real time.
         """
-        camera, recording_id = camera or LOCOBOT.camera, recording_id or str(uuid4())
+        camera = camera or LOCOBOT.camera
+        recording_id = recording_id or str(uuid4())
         started_at = started_at or datetime.now(UTC).isoformat(timespec="seconds")
         versions = package_versions()
         meta = RecordingMetadata(
@@ -239,7 +240,8 @@ class RecordingWriter:
         self._draw_schedule.drawn(graph, time)
         for node in graph.nodes.values():
             self._drawn_poses.add_node(node)
-        nodes, edges = tuple(graph.nodes.values()), tuple(graph.edges.values())
+        nodes = tuple(graph.nodes.values())
+        edges = tuple(graph.edges.values())
         blocked = [key for key, observed in graph.presence.items() if not observed[-1].present]
         self._draw(time, self._map.draw(nodes, edges, blocked, self._drawn_poses))
 
@@ -263,7 +265,8 @@ class _DrawSchedule:
         return time.stamp >= self._next_stamp
 
     def drawn(self, graph: TopologicalGraph, time: RowTime) -> None:
-        self._drawn, self._waiting = (id(graph), graph.version), None
+        self._drawn = (id(graph), graph.version)
+        self._waiting = None
         self._next_stamp = time.stamp + max(_SNAPSHOT_S, _SNAPSHOT_S_PER_EDGE * len(graph.edges))
 
     def pending(self) -> tuple[TopologicalGraph, RowTime] | None:

@@ -350,7 +350,8 @@ def _lifelong_figures(lifelong_groups: Sequence[LifelongGroup], palette: FigureP
 
 
 def _before_and_after(group: LifelongGroup, name: str, palette: FigurePalette) -> Iterable[ReportFigure]:
-    first, last = group.runs[0].points[0], group.runs[0].points[-1]
+    first = group.runs[0].points[0]
+    last = group.runs[0].points[-1]
     if first is last or first.trial.floorplan is None or last.trial.floorplan is None:
         return
     panels = [MapPanel(f"after {point.queries:,} queries", point.trial) for point in (first, last)]

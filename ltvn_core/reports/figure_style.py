@@ -113,7 +113,8 @@ def save_png(figure: Figure, path: Path) -> Path:
 
 def small_png(png: bytes) -> bytes:
     """Return a picture with 256 colours, and with fewer colours and pixels until it is small enough."""
-    whole, small = Image.open(io.BytesIO(png)).convert("RGB"), png
+    whole = Image.open(io.BytesIO(png)).convert("RGB")
+    small = png
     for scale, colours in product((1.0, 0.8, 0.65, 0.5), (256, 128, 64)):
         buffer = io.BytesIO()
         size = (round(whole.width * scale), round(whole.height * scale))

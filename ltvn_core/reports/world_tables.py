@@ -1,6 +1,6 @@
-"""The tables of evaluations in changing worlds: what each maintenance came to, what makes each result again, and people.
+"""The tables of evaluations in changing worlds: what each maintenance came to, and what makes each result again.
 
-Of people they say how near the robot came, whom it touched, and how long it waited.
+Of people met there, a table says how near the robot came, whom it touched, and how long it waited.
 """
 
 from collections.abc import Iterable, Iterator, Sequence

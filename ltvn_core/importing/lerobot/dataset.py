@@ -193,7 +193,8 @@ def _read_info(folder: Path) -> Mapping[str, Any]:
 def _layout(folder: Path, info: Mapping[str, Any]) -> Layout:
     """Return where the files of a data set are, by its version. Raises DriveError for versions that are not read."""
     version = str(info.get("codebase_version", ""))
-    data, video = info.get("data_path"), info.get("video_path")
+    data = info.get("data_path")
+    video = info.get("video_path")
     if version.startswith("v3"):
         return LayoutV3(folder, data, video)
     if version.startswith("v2"):

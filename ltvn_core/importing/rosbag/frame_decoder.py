@@ -89,7 +89,8 @@ def lens_doubt(lens: CameraModel, info: Any, topic: str) -> str | None:
         info: The CameraInfo that says so.
         topic: Where it came from.
     """
-    middle_x, middle_y = (lens.width - 1) / 2, (lens.height - 1) / 2
+    middle_x = (lens.width - 1) / 2
+    middle_y = (lens.height - 1) / 2
     if abs(lens.cx - middle_x) > _OFF_CENTRE * lens.width or abs(lens.cy - middle_y) > _OFF_CENTRE * lens.height:
         return (
             f"{topic} puts the centre of the lens at {lens.cx:.0f}, {lens.cy:.0f} in images of {lens.width} x "

@@ -249,7 +249,8 @@ class RtabmapDatabase:
         if not {"opt_ids", "opt_poses"} <= self._columns("Admin"):
             return {}
         ids, poses = next(self._rows("SELECT opt_ids, opt_poses FROM Admin LIMIT 1"), (None, None))
-        numbers, floats = _matrix(ids, "<i4"), _matrix(poses, "<f4")
+        numbers = _matrix(ids, "<i4")
+        floats = _matrix(poses, "<f4")
         if numbers is None or floats is None or len(floats) != POSE_FLOATS * len(numbers):
             return {}
         found = {

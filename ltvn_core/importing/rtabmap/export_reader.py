@@ -157,7 +157,8 @@ def camera_poses(
         behind = behind if camera_on_robot is None else camera_on_robot
     turned = np.eye(4)
     turned[:3, :3] = BODY_FROM_OPTICAL.T
-    plain, other = poses @ behind, poses @ turned @ behind
+    plain = poses @ behind
+    other = poses @ turned @ behind
     return other if _uprightness(other) > _uprightness(plain) + _CLEARLY else plain
 
 
@@ -243,7 +244,8 @@ class RtabmapExportReader:
 
     def frames_where(self, wanted: FrameFilter) -> Iterator[RawFrame]:
         """Yield the frames without those whose moment is not wanted, whose images are not read."""
-        truth, stamps = self._truth, self._stamps
+        truth = self._truth
+        stamps = self._stamps
         images = (
             (FrameMoment.with_truth(stamps[image], None if truth is None else truth.at(stamps[image])), image)
             for image in self._images

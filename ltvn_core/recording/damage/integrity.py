@@ -63,7 +63,8 @@ class Losses(NamedTuple):
 
 def find_losses(salvage: Salvage, saved: Sequence[FrameId]) -> Losses:
     """Compare what was salvaged, of which the frames `saved` are whole, with what the file held once."""
-    recording, record = salvage.recording, salvage.record
+    recording = salvage.recording
+    record = salvage.record
     known = sorted({*recording.half_frames, *recording.frames} - set(saved))
     events = len(recording.stored_events)
     more: int | None = None
@@ -85,7 +86,8 @@ def find_losses(salvage: Salvage, saved: Sequence[FrameId]) -> Losses:
 
 
 def _lines(salvage: Salvage, frames: Sequence[FrameId], more: int | None) -> Iterable[str]:
-    recording, record = salvage.recording, salvage.record
+    recording = salvage.recording
+    record = salvage.record
     if not salvage.ended:
         yield "what was recorded last: the file was never finished, was cut, or has the ending of another"
     if frames:
@@ -185,7 +187,8 @@ def repair(path: Path | str, output: Path | str, *, recording_id: str | None = N
     What is damaged is left out and named. Raises RecordingError when `output` exists, when `path` is not ours, or when
     it is damaged and no frame and no event in it is whole. A file with several recordings needs a `recording_id`.
     """
-    path, output = Path(path), Path(output)
+    path = Path(path)
+    output = Path(output)
     require_file(path)
     salvage = open_salvage(path, recording_id)
     recording = salvage.recording

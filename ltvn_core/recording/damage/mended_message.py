@@ -48,7 +48,8 @@ def decompressed(block: bytes, size: int) -> Iterator[bytes]:
     """
     if not 0 < size <= min(_MOST_BYTES, _MOST_RATIO * len(block)):
         return
-    sequences, total = list[_Sequence](), 0
+    sequences = list[_Sequence]()
+    total = 0
     for sequence in _sequences(block):
         sequences.append(sequence)
         total += len(sequence.literals) + sequence.match
@@ -105,7 +106,8 @@ def _length(block: bytes, place: int, length: int) -> tuple[int, int]:
         return length, place
     while place < len(block):
         more = block[place]
-        length, place = length + more, place + 1
+        length = length + more
+        place = place + 1
         if more < _MOST_RATIO:
             break
     return length, place
@@ -176,7 +178,8 @@ def _table(payload: bytes) -> _Table | None:
     found = _TABLE_START.search(payload, 0, _BEFORE_TABLE)
     if found is None:
         return None
-    begin, length = found.end(), _number(found["length"])
+    begin = found.end()
+    length = _number(found["length"])
     chunk_id = b"\t" + zlib.crc32(payload).to_bytes(8, "little") + b"\x11" + len(payload).to_bytes(8, "little")
     return _Table(payload[begin : begin + length], _number(found["size"]), chunk_id)
 

@@ -154,7 +154,8 @@ def _readable_parts(folder: Path, store: bytes, doubtful: Sequence[FoundMessage]
     """
     if not doubtful:
         return ()
-    likely, others = folder / "likely.rrd", folder / "others.rrd"
+    likely = folder / "likely.rrd"
+    others = folder / "others.rrd"
     for path, part in ((likely, slice(0, 1)), (others, slice(1, None))):
         guesses = [
             each for message in doubtful for each in islice(readable_again(message.data, store), part.start, part.stop)

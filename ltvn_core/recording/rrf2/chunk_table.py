@@ -340,7 +340,8 @@ def _entities(store: _Store, chunks: NDArray[np.uint32]) -> pa.Array:
 
 
 def _column(field: pa.Field, parts: Mapping[str, Sequence[_Part]], count: int) -> pa.Array:
-    numbers, filled = np.zeros(count, np.int64), np.zeros(count, bool)
+    numbers = np.zeros(count, np.int64)
+    filled = np.zeros(count, bool)
     for part in parts.get(field.name, ()):
         numbers[part.rows], filled[part.rows] = part.numbers, True
     if pa.types.is_boolean(field.type):
@@ -379,7 +380,8 @@ def _bits(buffer: pa.Buffer, column: pa.Array) -> NDArray[np.bool_]:
 
 def _read_batch(rows: bytes) -> pa.RecordBatch:
     values = {field.number: field.value for field in read_fields(rows)}
-    payload, size = values[_PAYLOAD], values.get(_SIZE, 0)
+    payload = values[_PAYLOAD]
+    size = values.get(_SIZE, 0)
     if not isinstance(payload, bytes) or not isinstance(size, int):
         raise TypeError("the table is laid out otherwise")
     if size > _MOST_RATIO * len(payload):

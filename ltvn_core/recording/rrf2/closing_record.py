@@ -134,7 +134,8 @@ class PlacedRecord(NamedTuple):
 
 def find_closing_records(data: bytes) -> Sequence[PlacedRecord]:
     """Find the records in a damaged file that did not change themselves; several when files were put into one."""
-    found, at = list[PlacedRecord](), data.find(_MAGIC)
+    found = list[PlacedRecord]()
+    at = data.find(_MAGIC)
     left = _SEARCHED * len(data)
     while at >= 0 and left > 0:
         size = _size(data[at : at + len(_MAGIC) + _SIZES.size])
@@ -163,7 +164,8 @@ def _parsed(data: bytes) -> ClosingRecord | None:
     table_end = text_at + text_bytes + count * _SUM.size
     try:
         counts = parse_json(data[text_at : text_at + text_bytes])
-        rows, static_rows = dict(counts["rows"]), dict(counts["static_rows"])
+        rows = dict(counts["rows"])
+        static_rows = dict(counts["static_rows"])
     except (ValueError, LookupError, TypeError):
         return None  # Its checksum is right, so somebody wrote it so.
     return ClosingRecord(
@@ -186,7 +188,8 @@ def _surroundings_crc32(end: EndMessage, record_bytes: int) -> int:
 
 def chunk_places(messages: Sequence[MessageSum]) -> Sequence[ChunkPlace]:
     """Return where the payloads of the chunks stand in a file with these messages."""
-    position, places = HEADER_BYTES, list[ChunkPlace]()
+    position = HEADER_BYTES
+    places = list[ChunkPlace]()
     for message in messages:
         if message.kind == CHUNK_KIND:
             places.append(ChunkPlace(position + MESSAGE_HEADER.size, message.length))

@@ -167,5 +167,6 @@ def read_end(file: BinaryIO, position: int, size: int) -> EndMessage | None:
 
 def _checksum(file: BinaryIO, length: int, start: int) -> int:
     while length > 0 and (block := file.read(min(length, 1 << 20))):
-        start, length = zlib.crc32(block, start), length - len(block)
+        start = zlib.crc32(block, start)
+        length = length - len(block)
     return start

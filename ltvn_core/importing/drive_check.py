@@ -18,7 +18,8 @@ from ltvn_core.robots.robot_check import RobotReport, TopicReport, robot_finding
 def look_over_drive(drive: NamedDrive, *, seconds: float) -> RobotReport:
     """Look at the first seconds of a drive, and at its first image. Raises DriveError where it cannot be used."""
     robot = play_drive(drive)
-    camera, seen = robot.spec.camera, robot.observe()
+    camera = robot.spec.camera
+    seen = robot.observe()
     reader = drive.open()
     report = RobotReport(
         robot=robot.spec.name,

@@ -59,7 +59,8 @@ class PlayedDrive:
     def __init__(self, drive: NamedDrive, clock: WallClock) -> None:
         """Play a drive. Raises DriveError where no image can be used."""
         self.clock = clock
-        self._drive, self._name = drive, drive.path.name
+        self._drive = drive
+        self._name = drive.path.name
         reader = drive.open()
         self.open_loop = (
             f"{self._name} is a recorded drive, played open loop: it shows what was seen, and obeys no command. Goals "
@@ -71,7 +72,9 @@ class PlayedDrive:
             drive.mounted(raw) for raw in reader.frames() if self._odometry.pose(FrameMoment.of(raw)) is not None
         )
         self._lock = threading.RLock()
-        self._looks, self._begun_s, self._told = 0, 0.0, False
+        self._looks = 0
+        self._begun_s = 0.0
+        self._told = False
         self._observation, self._seen_s = self._first(self._frames)
         self._raw: RawFrame | None = None
         """The newest frame, until somebody looks at it."""
@@ -98,7 +101,8 @@ class PlayedDrive:
                 self._begun_s = self.clock.now()
             self._play()
             if self._raw is not None:
-                raw, self._raw = self._raw, None
+                raw = self._raw
+                self._raw = None
                 self._look(raw)
             return self._observation
 

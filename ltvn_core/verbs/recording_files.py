@@ -31,7 +31,7 @@ class VerifyVerb(Verb):
 
     def run(self) -> Summary:
         """Check the file; raises RecordingError that names `ltvn repair` for a cut or damaged one."""
-        from ltvn_core.recording.integrity import verify
+        from ltvn_core.recording.damage.integrity import verify
 
         return verify(self.recording)
 
@@ -49,6 +49,6 @@ class RepairVerb(Verb):
 
     def run(self) -> Summary:
         """Repair the file; raises RecordingError where nothing can be saved."""
-        from ltvn_core.recording.integrity import repair
+        from ltvn_core.recording.damage.integrity import repair
 
         return repair(self.recording, self.output, recording_id=self.recording_id or None)

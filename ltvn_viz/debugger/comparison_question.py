@@ -9,8 +9,7 @@ from typing import TypeAlias, assert_never
 
 from ltvn_core import palette
 from ltvn_core.analysis.edge_presence_history import PresenceChange, PresenceState, presence_state
-from ltvn_core.analysis.map_comparison import EdgeDifference, MapDifference
-from ltvn_core.analysis.node_matching import MatchedBy
+from ltvn_core.analysis.map_comparison import EdgeDifference, MapDifference, MatchedBy
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.world_clock import (
     DAY_S,

@@ -1,7 +1,7 @@
 """What happened when: counts and a strip of marks by kind, the way from each to the next, and traces of what changed.
 
 Owns the words, and what counts as lately: where edges were pruned and which nodes are new. What gets a mark is
-`ltvn_core.analysis.timeline_marks`; one moves through time by the page's timeline.
+`ltvn_core.analysis.timeline_rows`; one moves through time by the page's timeline.
 """
 
 from collections.abc import Mapping, Sequence

@@ -10,7 +10,6 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from ltvn_core.analysis.edge_presence_history import PresenceState, presence_state
-from ltvn_core.analysis.planner_state import PlannerState
 from ltvn_core.analysis.threshold_dry_run import PruneCounts, prune_dry_run, rebuild_dry_run
 from ltvn_core.analysis.what_if_changes import (
     WhatIfChange,
@@ -20,8 +19,7 @@ from ltvn_core.analysis.what_if_changes import (
     WithThreshold,
     WithTime,
 )
-from ltvn_core.analysis.what_if_replanning import PlanDifference, replan
-from ltvn_core.analysis.what_if_scenario import EdgeWeightFactory, PresenceMoment
+from ltvn_core.analysis.what_if_scenario import EdgeWeightFactory, PlanDifference, PlannerState, PresenceMoment, replan
 from ltvn_core.analysis.world_clock import DAY_S, TimeAway, TimeOfDay
 from ltvn_core.config import Method
 from ltvn_core.errors import LtvnError

@@ -8,7 +8,6 @@ from itertools import pairwise
 from typing import TypeAlias, assert_never
 
 from ltvn_core import palette
-from ltvn_core.analysis.planner_state import planner_state_at
 from ltvn_core.analysis.what_if_changes import (
     WhatIfChange,
     WithBelief,
@@ -18,9 +17,10 @@ from ltvn_core.analysis.what_if_changes import (
     WithStart,
     WithThreshold,
     WithTime,
+    format_what_if_change,
+    parse_what_if_change,
 )
-from ltvn_core.analysis.what_if_parser import format_what_if_change, parse_what_if_change
-from ltvn_core.analysis.what_if_replanning import EdgeCostParts, PlanDifference
+from ltvn_core.analysis.what_if_scenario import EdgeCostParts, PlanDifference, planner_state_at
 from ltvn_core.analysis.world_clock import clock_text
 from ltvn_core.errors import OptionError
 from ltvn_core.graph.planner import GraphPath

@@ -5,12 +5,10 @@ import itertools
 import pytest
 
 from ltvn_core.analysis.edge_presence_history import presence_difference
-from ltvn_core.analysis.planner_state import planner_state_at
 from ltvn_core.analysis.presence_decision import PresenceDecision, explain_decision, presence_decision
 from ltvn_core.analysis.timeline import Timeline
-from ltvn_core.analysis.what_if_parser import format_what_if_change, parse_what_if_change
-from ltvn_core.analysis.what_if_replanning import replan
-from ltvn_core.analysis.what_if_scenario import PresenceMoment
+from ltvn_core.analysis.what_if_changes import format_what_if_change, parse_what_if_change
+from ltvn_core.analysis.what_if_scenario import PresenceMoment, planner_state_at, replan
 from ltvn_core.analysis.world_clock import (
     clock_text,
     event_count_at,

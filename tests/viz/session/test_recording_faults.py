@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from ltvn_core.recording.integrity import verify
+from ltvn_core.recording.damage.integrity import verify
 from ltvn_core.recording.reader import Recording
 from ltvn_core.recording.writer import RecordingWriter
 from ltvn_core.types import Twist

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ltvn_core.analysis.graph_history import GraphArrays, GraphHistory
+from ltvn_core.analysis.map_history import GraphArrays, GraphHistory
 from ltvn_core.graph.deltas import (
     Belief,
     BeliefUpdated,

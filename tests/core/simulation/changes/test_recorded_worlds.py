@@ -9,9 +9,9 @@ from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.evaluation.ground_truth import GroundTruth
 from ltvn_core.navigation.events import ChangedBy, StampedEvent, WorldChanged
 from ltvn_core.recording import schema
+from ltvn_core.recording.damage.integrity import verify
 from ltvn_core.recording.drawn_poses import DrawnPoses
 from ltvn_core.recording.event_drawing import draw_event
-from ltvn_core.recording.integrity import verify
 from ltvn_core.recording.reader import Recording
 from ltvn_core.recording.writer import RecordingWriter
 from ltvn_core.simulation.changes.changed_scenes import ChangedScenes

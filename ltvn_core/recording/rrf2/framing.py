@@ -105,16 +105,6 @@ def is_finished(path: Path) -> bool:
         return file.read(len(_MARK)) == _MARK
 
 
-def scan_rrd(path: Path) -> RrdFraming:
-    """Walk over the messages of a Rerun file up to its end or to where it is cut."""
-    with path.open("rb") as file:
-        size = file.seek(0, 2)
-        messages, position = 0, min(size, HEADER_BYTES)
-        for message in walk_messages(file, size):
-            messages, position = messages + 1, position + message.size
-        return RrdFraming(messages, position, read_end(file, position, size) is not None)
-
-
 def walk_messages(file: BinaryIO, size: int) -> Iterator[MessageSum]:
     """Yield the messages of a file of `size` bytes up to its end message or to where the walk cannot go on.
 
@@ -175,16 +165,8 @@ def read_end(file: BinaryIO, position: int, size: int) -> EndMessage | None:
     return EndMessage(position, payload, tail)
 
 
-def copy_whole_messages(source: Path, target: Path, framing: RrdFraming) -> None:
-    """Copy the part of `source` that is whole to a new file."""
-    left = framing.whole_bytes
-    with source.open("rb") as reading, target.open("xb") as writing:
-        while left > 0 and (block := reading.read(min(left, 1 << 20))):
-            writing.write(block)
-            left -= len(block)
-
-
 def _checksum(file: BinaryIO, length: int, start: int) -> int:
     while length > 0 and (block := file.read(min(length, 1 << 20))):
-        start, length = zlib.crc32(block, start), length - len(block)
+        start = zlib.crc32(block, start)
+        length = length - len(block)
     return start

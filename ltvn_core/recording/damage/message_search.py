@@ -12,9 +12,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import NamedTuple
 
-from ltvn_core.recording.closing_record import ClosingRecord, PlacedRecord, find_closing_records
-from ltvn_core.recording.mended_message import with_bit_put_right
-from ltvn_core.recording.rrd_framing import (
+from ltvn_core.recording.damage.mended_message import with_bit_put_right
+from ltvn_core.recording.rrf2.closing_record import ClosingRecord, PlacedRecord, find_closing_records
+from ltvn_core.recording.rrf2.framing import (
     CHUNK_KIND,
     END_KIND,
     FILE_MAGIC,
@@ -106,7 +106,8 @@ _Found = Mapping[int, Mapping[int, FoundMessage]]
 def _written_as_recorded(data: bytes, placed: Sequence[PlacedRecord], walked: Sequence[FoundMessage]) -> _Found:
     """Look for every message of the closing records where it was written, and else where it may have moved to."""
     by_sum = {_sum(message.data): message.position for message in walked} if placed else {}
-    index, start = _HeaderIndex(data), HEADER_BYTES
+    index = _HeaderIndex(data)
+    start = HEADER_BYTES
     found: dict[int, dict[int, FoundMessage]] = {}
     for number, each in enumerate(placed):
         found[number] = {}
@@ -121,7 +122,8 @@ def _written_as_recorded(data: bytes, placed: Sequence[PlacedRecord], walked: Se
                 message = written.header + data[begin + MESSAGE_HEADER.size : begin + written.size]
                 if zlib.crc32(message) == written.crc32:
                     found[number][place] = FoundMessage(begin, message, number)
-                    position, behind_last = begin, begin + written.size
+                    position = begin
+                    behind_last = begin + written.size
                     break
             position += written.size
         start = each.end + TAIL_BYTES + HEADER_BYTES
@@ -136,7 +138,8 @@ def _sum(message: bytes) -> MessageSum:
 def _at_home(placed: Sequence[PlacedRecord], sure: _Found, walked: Sequence[FoundMessage]) -> set[int]:
     """Return the closing records of which something is in the file; another file's ending has none."""
     headers = {(message.position, message.data[: MESSAGE_HEADER.size]) for message in walked}
-    home, start = set[int](), HEADER_BYTES
+    home = set[int]()
+    start = HEADER_BYTES
     for number, each in enumerate(placed):
         sizes = itertools.accumulate((written.size for written in each.record.messages), initial=start)
         alike = sum((at, written.header) in headers for at, written in zip(sizes, each.record.messages, strict=False))

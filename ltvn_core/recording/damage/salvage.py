@@ -17,9 +17,8 @@ import rerun as rr
 from ltvn_core.errors import RecordingError
 from ltvn_core.protobuf_fields import bytes_field, read_fields
 from ltvn_core.recording import schema
-from ltvn_core.recording.closing_record import ClosingRecord
-from ltvn_core.recording.mended_message import readable_again
-from ltvn_core.recording.message_search import FoundMessage, FoundMessages, find_messages
+from ltvn_core.recording.damage.mended_message import readable_again
+from ltvn_core.recording.damage.message_search import FoundMessage, FoundMessages, find_messages
 from ltvn_core.recording.metadata import RecordingMetadata, package_versions, read_schema_version
 from ltvn_core.recording.reader import Recording
 from ltvn_core.recording.reading_trial import reading_failure, unreadable_messages
@@ -33,7 +32,8 @@ from ltvn_core.recording.rrd_contents import (
     several_recordings,
     unreadable,
 )
-from ltvn_core.recording.rrd_framing import CHUNK_KIND, MESSAGE_HEADER, TAIL_BYTES, Tail
+from ltvn_core.recording.rrf2.closing_record import ClosingRecord
+from ltvn_core.recording.rrf2.framing import CHUNK_KIND, MESSAGE_HEADER, TAIL_BYTES, Tail
 from ltvn_core.robots.robot_spec import LOCOBOT
 
 _FILE_HEADER = b"RRF2" + bytes([*map(int, rr.__version__.split("+")[0].split(".")[:2]), 0, 0]) + b"\x01\x02\x00\x00"
@@ -154,7 +154,8 @@ def _readable_parts(folder: Path, store: bytes, doubtful: Sequence[FoundMessage]
     """
     if not doubtful:
         return ()
-    likely, others = folder / "likely.rrd", folder / "others.rrd"
+    likely = folder / "likely.rrd"
+    others = folder / "others.rrd"
     for path, part in ((likely, slice(0, 1)), (others, slice(1, None))):
         guesses = [
             each for message in doubtful for each in islice(readable_again(message.data, store), part.start, part.stop)

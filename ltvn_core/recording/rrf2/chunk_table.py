@@ -2,7 +2,9 @@
 
 Rerun computes a table for every block of messages that it hands out. The rows of all of them are kept here, some fifty
 bytes each, until the file ends. Owns the layout of the footer. Copies the columns of Rerun's rows without knowing what
-they mean, but for where in the file a chunk stands.
+they mean, but for where in the file a chunk stands. The schema of all columns (Rerun's "sorbet schema") and its
+checksum come from Rerun too: it is given one made-up row for each kind of column, so that nothing of how it merges and
+hashes is repeated here.
 """
 
 import logging
@@ -13,13 +15,17 @@ from typing import NamedTuple
 
 import numpy as np
 import pyarrow as pa
+import rerun as rr
 from numpy.typing import NDArray
+from rerun.chunk import Chunk
 
 from ltvn_core.protobuf_fields import bytes_field, bytes_fields, number_field, read_fields
-from ltvn_core.recording.sorbet_schema import SorbetSchema, as_rerun_merges
+from ltvn_core.recording import schema
+from ltvn_core.recording.rrf2.framing import END_KIND, HEADER_BYTES, MESSAGE_HEADER
 
+_KIND, _STATIC, _EMPTY = b"rerun:kind", b"rerun:is_static", b"rerun:is_semantically_empty"
+_TIMEOUT_S = 10.0
 _LOG = logging.getLogger(__name__)
-
 MOST_CELLS = 24_000_000
 """A recording with more rows times columns gets no table: while it is made it takes some fifteen bytes a cell.
 
@@ -33,6 +39,99 @@ _ENTITY, _CHUNK_ID, _OFFSET, _LENGTH = "chunk_entity_path", "chunk_id", "chunk_b
 _TEXTS = (_ENTITY, _CHUNK_ID)
 _MOST_RATIO = 255
 """LZ4 makes nothing smaller by more."""
+
+
+class SorbetSchema(NamedTuple):
+    """A schema of a store as Rerun encodes it."""
+
+    encoded: bytes
+    """Arrow IPC."""
+    sha256: bytes
+    """A message with Rerun's checksum of it."""
+
+
+class _Kind(NamedTuple):
+    """What columns must have in common to stand in one chunk."""
+
+    is_static: bool
+    is_empty: bool
+    place: int
+    """The same column comes again where blocks differ in its type."""
+
+
+def as_rerun_merges(schemas: Sequence[SorbetSchema]) -> SorbetSchema:
+    """Return the schema of a store of which the blocks have `schemas`. Raises RuntimeError or ArrowException."""
+    if len(schemas) == 1:
+        return schemas[0]
+    chunks = _examples([field for each in schemas for field in pa.ipc.read_schema(pa.py_buffer(each.encoded))])
+    rerun = rr.RecordingStream(schema.APPLICATION_ID)
+    stream = rerun.binary_stream()
+    rerun.send_chunks(chunks)
+    block = stream.read(flush=True, flush_timeout_sec=_TIMEOUT_S)
+    rerun.disconnect()
+    if not block:
+        raise RuntimeError("Rerun did not encode the examples")
+    parts = bytes_fields(bytes_fields(_end_payload(block))[1])
+    return SorbetSchema(bytes_fields(parts[2])[1], parts[3])
+
+
+def _examples(fields: Sequence[pa.Field]) -> list[Chunk]:
+    """Return chunks of one row each in which every field stands as it is."""
+    times = list({field.name: field for field in fields if _metadata(field).get(_KIND) == b"index"}.values())
+    groups: dict[_Kind, list[pa.Field]] = defaultdict(list)
+    seen: dict[str, list[pa.Field]] = defaultdict(list)
+    for field in fields:
+        about = _metadata(field)
+        if about.get(_KIND) != b"data" or any(field.equals(other, check_metadata=True) for other in seen[field.name]):
+            continue
+        seen[field.name].append(field)
+        groups[_Kind(_STATIC in about, _EMPTY in about, len(seen[field.name]))].append(field)
+    chunks = list[Chunk]()
+    for kind, columns in groups.items():
+        indexes = [] if kind.is_static else times
+        cells = [_example(column.type, is_empty=kind.is_empty) for column in columns]
+        row = pa.RecordBatch.from_arrays(
+            [*(pa.array([0], index.type) for index in indexes), *cells], schema=pa.schema([*indexes, *columns])
+        )
+        chunks += Chunk.from_record_batch(row, index=None) if kind.is_static else Chunk.from_record_batch(row)
+    return chunks
+
+
+def _example(kind: pa.DataType, *, is_empty: bool) -> pa.Array:
+    """Return one cell of a column."""
+    return pa.nulls(1, kind) if is_empty else _zero(kind)
+
+
+def _zero(kind: pa.DataType) -> pa.Array:
+    """Return one value of a type that is not empty."""
+    if pa.types.is_fixed_size_list(kind):
+        values = pa.concat_arrays([_zero(kind.value_type)] * kind.list_size)
+        return pa.FixedSizeListArray.from_arrays(values, type=kind)
+    if pa.types.is_list(kind):
+        return pa.ListArray.from_arrays(pa.array([0, 1], pa.int32()), _zero(kind.value_type), type=kind)
+    if pa.types.is_struct(kind):
+        return pa.StructArray.from_arrays([_zero(field.type) for field in kind], fields=list(kind))
+    if pa.types.is_string(kind) or pa.types.is_binary(kind):
+        return pa.array([""]).cast(kind)
+    if pa.types.is_boolean(kind):
+        return pa.array([False])
+    if pa.types.is_union(kind) or pa.types.is_null(kind):
+        return pa.nulls(1, kind)
+    return pa.array([0]).cast(kind)
+
+
+def _end_payload(block: bytes) -> bytes:
+    position = HEADER_BYTES
+    while True:
+        kind, length = MESSAGE_HEADER.unpack_from(block, position)
+        position += MESSAGE_HEADER.size
+        if kind == END_KIND:
+            return block[position : position + length]
+        position += length
+
+
+def _metadata(field: pa.Field) -> dict[bytes, bytes]:
+    return field.metadata or {}
 
 
 class ChunkPlace(NamedTuple):
@@ -241,7 +340,8 @@ def _entities(store: _Store, chunks: NDArray[np.uint32]) -> pa.Array:
 
 
 def _column(field: pa.Field, parts: Mapping[str, Sequence[_Part]], count: int) -> pa.Array:
-    numbers, filled = np.zeros(count, np.int64), np.zeros(count, bool)
+    numbers = np.zeros(count, np.int64)
+    filled = np.zeros(count, bool)
     for part in parts.get(field.name, ()):
         numbers[part.rows], filled[part.rows] = part.numbers, True
     if pa.types.is_boolean(field.type):
@@ -280,7 +380,8 @@ def _bits(buffer: pa.Buffer, column: pa.Array) -> NDArray[np.bool_]:
 
 def _read_batch(rows: bytes) -> pa.RecordBatch:
     values = {field.number: field.value for field in read_fields(rows)}
-    payload, size = values[_PAYLOAD], values.get(_SIZE, 0)
+    payload = values[_PAYLOAD]
+    size = values.get(_SIZE, 0)
     if not isinstance(payload, bytes) or not isinstance(size, int):
         raise TypeError("the table is laid out otherwise")
     if size > _MOST_RATIO * len(payload):

@@ -1,7 +1,8 @@
-"""What a finished recording says of its own bytes: a checksum of every message, and how many rows were written.
+"""What a finished recording says of its own bytes, and the comparison of a file with it before Rerun's reader sees one.
 
-It stands in the end message, as a field that Rerun skips, and covers every byte of the file: its own, the rest of the
-end message and the tail too. Owns its layout.
+The closing record holds a checksum of every message, and how many rows were written. It stands in the end message, as a
+field that Rerun skips, and covers every byte of the file: its own, the rest of the end message and the tail too. Owns
+its layout. Does not look into messages.
 """
 
 import json
@@ -10,12 +11,23 @@ import zlib
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import NamedTuple
 
 from ltvn_core.protobuf_fields import bytes_field_start
-from ltvn_core.recording import rrd_framing
-from ltvn_core.recording.chunk_table import ChunkPlace, ChunkTable
-from ltvn_core.recording.rrd_framing import EndMessage, MessageSum, Tail
+from ltvn_core.recording.rrf2.chunk_table import ChunkPlace, ChunkTable, listed_chunks
+from ltvn_core.recording.rrf2.framing import (
+    CHUNK_KIND,
+    END_KIND,
+    HEADER_BYTES,
+    MESSAGE_HEADER,
+    EndMessage,
+    MessageSum,
+    RrdFraming,
+    Tail,
+    read_end,
+    walk_messages,
+)
 from ltvn_core.structured_text import parse_json
 
 _MAGIC = b"LTVNEND1"
@@ -45,7 +57,7 @@ class ClosingRecord:
     @property
     def messages_end(self) -> int:
         """Where the end message begins."""
-        return rrd_framing.HEADER_BYTES + sum(message.size for message in self.messages)
+        return HEADER_BYTES + sum(message.size for message in self.messages)
 
 
 class RecordingEnding:
@@ -69,7 +81,7 @@ class RecordingEnding:
             self._header_crc32 = zlib.crc32(block)
             return
         self.chunks.take_in()
-        kind, length = rrd_framing.MESSAGE_HEADER.unpack_from(block)
+        kind, length = MESSAGE_HEADER.unpack_from(block)
         self._table += _SUM.pack(kind, zlib.crc32(block), length)
 
     def encoded(self, *, complete: bool, is_short: bool = False) -> bytes:
@@ -93,7 +105,7 @@ def closing_bytes(record: ClosingRecord, footer: bytes = b"") -> bytes:
     table = b"".join(_SUM.pack(each.kind, each.crc32, each.length) for each in record.messages)
     body = _MAGIC + _SIZES.pack(len(text), len(record.messages)) + text + table + _CRC.pack(record.header_crc32)
     field_start = bytes_field_start(_FIELD, len(body) + 2 * _CRC.size)
-    start = record.messages_end + rrd_framing.MESSAGE_HEADER.size
+    start = record.messages_end + MESSAGE_HEADER.size
     tail = Tail.of(start, footer)
     # The first checksum covers what stands around the record, the second the record itself with the first: so the
     # record can be trusted when only its surroundings are damaged.
@@ -122,7 +134,8 @@ class PlacedRecord(NamedTuple):
 
 def find_closing_records(data: bytes) -> Sequence[PlacedRecord]:
     """Find the records in a damaged file that did not change themselves; several when files were put into one."""
-    found, at = list[PlacedRecord](), data.find(_MAGIC)
+    found = list[PlacedRecord]()
+    at = data.find(_MAGIC)
     left = _SEARCHED * len(data)
     while at >= 0 and left > 0:
         size = _size(data[at : at + len(_MAGIC) + _SIZES.size])
@@ -151,7 +164,8 @@ def _parsed(data: bytes) -> ClosingRecord | None:
     table_end = text_at + text_bytes + count * _SUM.size
     try:
         counts = parse_json(data[text_at : text_at + text_bytes])
-        rows, static_rows = dict(counts["rows"]), dict(counts["static_rows"])
+        rows = dict(counts["rows"])
+        static_rows = dict(counts["static_rows"])
     except (ValueError, LookupError, TypeError):
         return None  # Its checksum is right, so somebody wrote it so.
     return ClosingRecord(
@@ -168,15 +182,76 @@ def _messages(table: bytes | bytearray) -> Sequence[MessageSum]:
 
 def _surroundings_crc32(end: EndMessage, record_bytes: int) -> int:
     """Return the checksum of the end message without the record, and of the tail."""
-    before = rrd_framing.MESSAGE_HEADER.pack(rrd_framing.END_KIND, len(end.payload)) + end.payload[:-record_bytes]
+    before = MESSAGE_HEADER.pack(END_KIND, len(end.payload)) + end.payload[:-record_bytes]
     return zlib.crc32(end.tail.encoded(), zlib.crc32(before))
 
 
 def chunk_places(messages: Sequence[MessageSum]) -> Sequence[ChunkPlace]:
     """Return where the payloads of the chunks stand in a file with these messages."""
-    position, places = rrd_framing.HEADER_BYTES, list[ChunkPlace]()
+    position = HEADER_BYTES
+    places = list[ChunkPlace]()
     for message in messages:
-        if message.kind == rrd_framing.CHUNK_KIND:
-            places.append(ChunkPlace(position + rrd_framing.MESSAGE_HEADER.size, message.length))
+        if message.kind == CHUNK_KIND:
+            places.append(ChunkPlace(position + MESSAGE_HEADER.size, message.length))
         position += message.size
     return places
+
+
+class FileCheck(NamedTuple):
+    """What the bytes of a file say, without what they mean."""
+
+    framing: RrdFraming
+    record: ClosingRecord | None
+    """None for an unfinished file, a damaged end, and a file that Rerun itself finished."""
+    damage: str | None
+    """What is wrong in a finished file, as a clause; None when nothing is, as far as its checksums go."""
+
+
+def check_file(path: Path) -> FileCheck:
+    """Walk over a file and compare every byte with its closing record, where it has one. Raises OSError."""
+    with path.open("rb") as file:
+        size = file.seek(0, 2)
+        file.seek(0)
+        header_crc32 = zlib.crc32(file.read(HEADER_BYTES))
+        messages = tuple(walk_messages(file, size))
+        whole_bytes = min(size, HEADER_BYTES) + sum(message.size for message in messages)
+        end = read_end(file, whole_bytes, size)
+    framing = RrdFraming(len(messages), whole_bytes, finished=end is not None)
+    if end is None:
+        return FileCheck(framing, None, None)
+    record = read_closing_record(end)
+    return FileCheck(framing, record, _damage(header_crc32, messages, end, record))
+
+
+def _damage(
+    header_crc32: int, messages: Sequence[MessageSum], end: EndMessage, record: ClosingRecord | None
+) -> str | None:
+    if record is None:
+        return _damage_without_record(messages, end)
+    if header_crc32 != record.header_crc32:
+        return "its first 12 bytes changed"
+    position = HEADER_BYTES
+    for place, (found, written) in enumerate(zip(messages, record.messages, strict=False)):
+        if found != written:
+            return f"message {place}, at byte {position}, changed"
+        position += found.size
+    if len(messages) != len(record.messages):
+        return f"it holds {len(messages)} messages and was finished with {len(record.messages)}"
+    return None
+
+
+def _damage_without_record(messages: Sequence[MessageSum], end: EndMessage) -> str | None:
+    """Judge a file that was finished by Rerun itself: by an older recorder, or by a tool of Rerun's.
+
+    Either writes a table of all chunks. Whoever puts an empty ending behind a file that was cut does not.
+    """
+    if end.appended:
+        return "its table of checksums changed"
+    if not end.footer_is_right:
+        return "Rerun's table of its chunks changed"
+    if not end.footer:
+        return "it has neither our table of checksums nor Rerun's table of its chunks, as if it was cut and then ended"
+    listed = listed_chunks(end.footer)
+    if listed is not None and listed != set(chunk_places(messages)):
+        return "Rerun's table lists other chunks than it holds"
+    return None

@@ -112,7 +112,7 @@ def _play_recorded(
     from ltvn_core.graph.keyframes import KeyframeStore
     from ltvn_core.graph.topological_graph import TopologicalGraph
     from ltvn_core.recording.run_description import RunDescription
-    from ltvn_core.simulation.changes.door_names import door_names
+    from ltvn_core.simulation.scene import door_names
     from ltvn_core.systems.maintenance import with_maintenance
     from ltvn_core.systems.registry import DEFAULT_SYSTEM
     from ltvn_core.verbs.headless_runner import HeadlessRunner

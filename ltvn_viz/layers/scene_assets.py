@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 from ltvn_core.errors import SceneError
 from ltvn_core.simulation.changes.changed_scenes import ChangedScenes
 from ltvn_core.simulation.gltf_export import to_glb
-from ltvn_core.simulation.light import Light
 from ltvn_core.simulation.scene_registry import load_scene
-from ltvn_core.simulation.surfaces import Surfaces, joined
+from ltvn_core.simulation.surfaces import Light, Surfaces, joined
 from ltvn_core.worlds.world_change import OWN_PREFIX
 from ltvn_core.worlds.world_state import AS_MADE, WorldState
 from ltvn_viz.layers.cutaway import cut_away

@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.simulation.gltf_export import CORNER_LIGHT
-from ltvn_core.simulation.light import PLAIN_LIGHT, Light
-from ltvn_core.simulation.surfaces import Surfaces
+from ltvn_core.simulation.surfaces import PLAIN_LIGHT, Light, Surfaces
 from ltvn_core.structured_text import parse_json
 
 FACE_BRIGHTNESS = (0.95, 0.8, 0.68)

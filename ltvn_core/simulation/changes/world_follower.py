@@ -6,8 +6,7 @@ import numpy as np
 
 from ltvn_core.errors import SceneError
 from ltvn_core.simulation.body import SCENE_OBSTACLES, Body
-from ltvn_core.simulation.clearance_map import OBSTACLE_HEIGHT_M, ClearanceMap
-from ltvn_core.simulation.collision_mesh import extrude_blocked_cells
+from ltvn_core.simulation.clearance_map import OBSTACLE_HEIGHT_M, ClearanceMap, extrude_blocked_cells
 from ltvn_core.types import Renderer
 from ltvn_core.worlds.world_change import PersonMoved
 

@@ -11,7 +11,7 @@ import trimesh
 from numpy.typing import NDArray
 from PIL import Image
 
-from ltvn_core.simulation.texture_sizes import resize_to_power_of_two, shrink_to_budget
+from ltvn_core.simulation.surfaces import resize_to_power_of_two, shrink_to_budget
 from ltvn_core.types import Rgb
 
 MAX_TEXELS = 24_000_000

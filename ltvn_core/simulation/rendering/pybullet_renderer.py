@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.errors import SceneError
-from ltvn_core.simulation.light import PLAIN_LIGHT
 from ltvn_core.simulation.rendering.embree_renderer import MAX_DEPTH_M, VisibleScene
-from ltvn_core.simulation.surfaces import Surfaces
+from ltvn_core.simulation.surfaces import PLAIN_LIGHT, Surfaces
 from ltvn_core.types import Depth, Pose, Rgb
 
 _NEAR_M = 0.02

@@ -18,8 +18,8 @@ from ltvn_core.graph.planner import Planner
 from ltvn_core.graph.topological_graph import Edge, EdgeKey, TopologicalGraph
 from ltvn_core.navigation.events import Event, GraphChanged, Outcome, Planned, QueryEnded
 from ltvn_core.recording.map_file import LoadedMap, load_map
-from ltvn_core.simulation.changes.door_names import door_names
 from ltvn_core.simulation.changes.world import World
+from ltvn_core.simulation.scene import door_names
 from ltvn_core.simulation.scene_registry import load_scene
 from ltvn_core.systems.maintenance import with_maintenance
 from ltvn_core.worlds.world_change import DoorMoved, ThingRemoved, TimePassed

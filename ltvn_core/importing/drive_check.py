@@ -10,8 +10,7 @@ from ltvn_core.importing.drive_odometry import OdometrySource, chosen_odometry
 from ltvn_core.importing.named_drive import NamedDrive
 from ltvn_core.importing.played_drive import play_drive
 from ltvn_core.importing.raw_frame import DriveReader
-from ltvn_core.robots.floor_fit import fit_floor
-from ltvn_core.robots.robot_report import RobotReport, TopicReport, report_doubts
+from ltvn_core.robots.robot_report import RobotReport, TopicReport, fit_floor, report_doubts
 
 
 def look_over_drive(drive: NamedDrive, *, seconds: float) -> RobotReport:

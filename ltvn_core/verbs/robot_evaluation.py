@@ -24,9 +24,8 @@ from ltvn_core.navigation.events import Outcome
 from ltvn_core.navigation.lifelong_run import random_goals
 from ltvn_core.recording.map_file import load_map
 from ltvn_core.recording.run_description import RunDescription
-from ltvn_core.robots.continued_robot import ContinuedRobot
-from ltvn_core.robots.rectified_robot import fit_camera
 from ltvn_core.robots.robot import Robot
+from ltvn_core.robots.robot_view import ContinuedRobot, fit_camera
 from ltvn_core.structured_text import parse_json
 from ltvn_core.systems.maintenance import with_maintenance
 from ltvn_core.types import NodeId, Observation, Pose

@@ -22,8 +22,7 @@ from ltvn_core.navigation.events import Event, GraphChanged, Outcome, QueryEnded
 from ltvn_core.navigation.navigator import Navigator
 from ltvn_core.recording.recorded_robot import RecordedRobot
 from ltvn_core.recording.writer import RecordingWriter
-from ltvn_core.robots.open_loop import require_drivable
-from ltvn_core.robots.robot import Robot
+from ltvn_core.robots.robot import Robot, require_drivable
 from ltvn_core.types import CONTROL_STEP_S, NodeId, Predictor
 from ltvn_core.verbs.headless_runner import QueriesSummary
 

@@ -6,7 +6,7 @@ The sender's clock need not be ours: what counts is how much later a message com
 import math
 
 from ltvn_core.errors import RobotError
-from ltvn_core.robots.ros2.attachment import Attachment
+from ltvn_core.robots.ros2.topic_keys import Attachment
 
 MOST_LATE_COMMAND_S = 0.2
 """A command that comes so much later than the quickest is not obeyed, nor forwarded."""

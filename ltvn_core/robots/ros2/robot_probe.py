@@ -8,8 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ltvn_core.geometry import wrap_angle
-from ltvn_core.robots.floor_fit import fit_floor
-from ltvn_core.robots.robot_report import DriveReport, RobotReport, TopicReport, report_doubts
+from ltvn_core.robots.robot_report import DriveReport, RobotReport, TopicReport, fit_floor, report_doubts
 from ltvn_core.robots.ros2.ros_robot import RosRobot
 from ltvn_core.robots.ros2.sensor_inbox import Stream
 from ltvn_core.types import Twist

@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.cameras.camera_model import MILLIMETRES
-from ltvn_core.cameras.encoded_images import decode_colour, decode_depth, encoded_size
-from ltvn_core.cameras.rvl_depth import decode_rvl
+from ltvn_core.cameras.encoded_images import decode_colour, decode_depth, decode_rvl, encoded_size
 from ltvn_core.errors import DriveError
 from ltvn_core.types import Depth, Rgb
 

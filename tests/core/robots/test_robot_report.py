@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from ltvn_core.cameras.camera_model import CameraModel
-from ltvn_core.robots.floor_fit import fit_floor
+from ltvn_core.robots.robot_report import fit_floor
 
 SAID = CameraModel.from_fov(96, 72, math.radians(70), height_m=0.6, pitch_rad=-0.2)
 

@@ -143,7 +143,7 @@ def _play_recorded(
 
 def play(story: "DoorStory", runner: "HeadlessRunner", rng: "np.random.Generator") -> None:
     """Play a story to its end, and write its captions down."""
-    from ltvn_core.evaluation.door_story.story_steps import CallBack, Carry, Change, GoTo, Lead
+    from ltvn_core.evaluation.door_story.story import CallBack, Carry, Change, GoTo, Lead
     from ltvn_core.navigation.episode import run_episode
     from ltvn_core.navigation.events import Event, Note
 

@@ -8,9 +8,17 @@ from collections.abc import Callable, Sequence
 from typing import assert_never
 
 from ltvn_core.errors import LtvnError
-from ltvn_core.evaluation.door_story.story import STORY_MAINTENANCE, DoorStory
+from ltvn_core.evaluation.door_story.story import (
+    STORY_MAINTENANCE,
+    CallBack,
+    Carry,
+    Change,
+    DoorStory,
+    GoTo,
+    Lead,
+    StoryStep,
+)
 from ltvn_core.evaluation.door_story.story_map import StoryMap
-from ltvn_core.evaluation.door_story.story_steps import CallBack, Carry, Change, GoTo, Lead, StoryStep
 from ltvn_core.navigation.events import Note, Outcome, QueryEnded
 from ltvn_core.simulation.scene import door_names
 from ltvn_core.simulation.scripted_tour import LED_M_S, PathFollower

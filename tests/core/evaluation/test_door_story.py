@@ -4,11 +4,19 @@ import numpy as np
 import pytest
 
 from ltvn_core.config import ROBUST
-from ltvn_core.evaluation.door_story.captions import NO_STORY
-from ltvn_core.evaluation.door_story.stage_search import Stage
-from ltvn_core.evaluation.door_story.story import STEPS_AT_DOOR, STEPS_BEYOND_DOOR, DoorStory
-from ltvn_core.evaluation.door_story.story_map import StoryMap
-from ltvn_core.evaluation.door_story.story_steps import CallBack, Carry, Change, GoTo, Lead, StoryStep
+from ltvn_core.evaluation.door_story.story import (
+    NO_STORY,
+    STEPS_AT_DOOR,
+    STEPS_BEYOND_DOOR,
+    CallBack,
+    Carry,
+    Change,
+    DoorStory,
+    GoTo,
+    Lead,
+    StoryStep,
+)
+from ltvn_core.evaluation.door_story.story_map import Stage, StoryMap
 from ltvn_core.evaluation.door_story.unknown_way import UnknownWay
 from ltvn_core.geometry import relative
 from ltvn_core.graph.deltas import Belief, Cause, EdgeAdded, NodeAdded, PresenceObserved

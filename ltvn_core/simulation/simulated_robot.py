@@ -181,11 +181,6 @@ class SimulatedRobot:
         """Number of collisions so far; one collision ends after 0.2 s without contact."""
         return self._collision_counter.count
 
-    @property
-    def lease_expiries(self) -> int:
-        """Number of drive commands that expired, so that the robot stopped by itself."""
-        return self._lease.expiries
-
     def drive(self, twist: Twist) -> None:
         """Command a velocity for the duration of a lease; may be called from any thread.
 

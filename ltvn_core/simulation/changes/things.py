@@ -135,12 +135,6 @@ def _body(seed: int) -> Surfaces:
     return builder.build()
 
 
-def thing_outline(placed: ThingPlaced) -> Outline:
-    """Return where a thing stands."""
-    (x, y, yaw), (width, depth, height) = placed.pose, placed.size
-    return Outline(x=x, y=y, yaw=yaw, width=width, depth=depth, height=height)
-
-
 def add_thing(builder: SurfaceBuilder, placed: ThingPlaced) -> None:
     """Add a thing; its name decides its colours, so that it looks the same wherever it is put."""
     rng = SeededRng(np.random.default_rng(zlib.crc32(placed.thing.encode())))

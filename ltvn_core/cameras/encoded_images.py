@@ -100,18 +100,23 @@ def _numbers(data: bytes, source: str) -> NDArray[np.int64]:
 
 def _runs(numbers: NDArray[np.int64], pixels: int, source: str) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return which pixels have depth (N,), and the number that stands for each (N,)."""
-    places, steps = [], []
-    read, pixel = 0, 0
+    places = []
+    steps = []
+    read = 0
+    pixel = 0
     while pixel < pixels:
         if read + 1 >= len(numbers):
             raise DriveError(f"{source}: the compressed depth ends after {pixel:,} of {pixels:,} pixels.")
-        empty, full = int(numbers[read]), int(numbers[read + 1])
-        read, pixel = read + 2, pixel + empty
+        empty = int(numbers[read])
+        full = int(numbers[read + 1])
+        read = read + 2
+        pixel = pixel + empty
         if empty + full == 0 or pixel + full > pixels or read + full > len(numbers):
             raise DriveError(f"{source}: the compressed depth is damaged.")
         places.append(np.arange(pixel, pixel + full))
         steps.append(numbers[read : read + full])
-        read, pixel = read + full, pixel + full
+        read = read + full
+        pixel = pixel + full
     return np.concatenate(places), np.concatenate(steps)
 
 

@@ -77,7 +77,8 @@ def _most_on_a_plane(points: NDArray[np.float64]) -> NDArray[np.bool_]:
     usable = np.isfinite(slopes).all(axis=1) & (np.abs(slopes).max(axis=1) < _STEEPEST)
     if not usable.any():
         return np.zeros(len(points), bool)
-    slopes, corners = slopes[usable], corners[usable, 0]
+    slopes = slopes[usable]
+    corners = corners[usable, 0]
     begin = corners[:, 2] - (slopes * corners[:, :2]).sum(axis=1)
     on_plane = np.abs(points[:, 2] - slopes @ points[:, :2].T - begin[:, None]) < _ON_PLANE_M
     return on_plane[np.argmax(on_plane.sum(axis=1))]

@@ -63,7 +63,8 @@ def door_names(scene: Scene) -> tuple[str, ...]:
 
 def _room_names(rooms: tuple[Room, ...]) -> tuple[str, ...]:
     """Return a name for each room; where several serve the same purpose they are numbered."""
-    total, seen = Counter(room.kind for room in rooms), Counter[object]()
+    total = Counter(room.kind for room in rooms)
+    seen = Counter[object]()
     names: list[str] = []
     for room in rooms:
         seen[room.kind] += 1

@@ -40,8 +40,10 @@ class PathFollower:
         `turn_first_rad`, and is there within `arrived_m` of the end.
         """
         self.path = path
-        self._speed_m_s, self._lookahead_m = speed_m_s, lookahead_m
-        self._turn_first_rad, self._arrived_m = turn_first_rad, arrived_m
+        self._speed_m_s = speed_m_s
+        self._lookahead_m = lookahead_m
+        self._turn_first_rad = turn_first_rad
+        self._arrived_m = arrived_m
         self._ahead = 0
 
     def twist(self, pose: Pose) -> Twist | None:

@@ -370,7 +370,8 @@ class DoorStory:
 
     def _go_on_after(self, outcome: Outcome) -> None:
         """Go on after the end of a query; one that somebody else cancelled stops the story."""
-        stage, called_back = self._stage, self._is_called_back
+        stage = self._stage
+        called_back = self._is_called_back
         assert stage is not None
         self._is_called_back = False
         if outcome is Outcome.CANCELLED and not called_back:
@@ -390,7 +391,8 @@ class DoorStory:
 
     def _reopen(self, stage: Stage) -> None:
         """Open the door, let time pass, and send the robot that way again."""
-        self._phase, self._is_closed = _Phase.RETURNING, False
+        self._phase = _Phase.RETURNING
+        self._is_closed = False
         wait_s = self._map.wait_s(stage)
         self._captions.door_opens(stage.door, wait_s)
         self._steps += [Change(DoorMoved(stage.door, is_open=True)), Change(TimePassed(wait_s))]

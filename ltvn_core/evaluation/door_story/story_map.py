@@ -159,7 +159,8 @@ class StageSearch:
             if len(crossed) != 1:
                 continue
             place = there.index(crossed[0][0])
-            before, behind = there[: place + 1], there[place + 1 :]
+            before = there[: place + 1]
+            behind = there[place + 1 :]
             if self.ways.length_m(before) < BEFORE_DOOR_M or self.ways.length_m(behind) < BEYOND_DOOR_M:
                 continue
             before_s = self.ways.duration_s(before) + _S_PER_WIDTH_M * self.ways.doors[door].width_m
@@ -168,7 +169,8 @@ class StageSearch:
 
     def _round_about(self, crossing: _Crossing, closing: Mapping[EdgeKey, float]) -> Stage | None:
         """Return the story of a crossing where another way leads to the goal that is clearly dearer, or None."""
-        here, goal = crossing.there[crossing.place], crossing.there[-1]
+        here = crossing.there[crossing.place]
+        goal = crossing.there[-1]
         around = self.planner.plan(here, goal, closing)
         if not around.nodes or around.cost - self.planner.plan(here, goal).cost < _DETOUR_COST:
             return None
@@ -188,7 +190,9 @@ class StoryMap:
         robot: Callable[[], Pose],
     ) -> None:
         """Take hold of all; `observation` returns a node's image, `robot` where the robot really is, (3,)."""
-        self.graph, self.system, self.world = graph, system, world
+        self.graph = graph
+        self.system = system
+        self.world = world
         self._truth = GroundTruth(world.base.clearance, observation)
         self._ways = MappedWays(self._truth, world.base.parts.doors)
         self.robot = robot
@@ -273,7 +277,8 @@ class StoryMap:
         return Planner(self.graph, self.system.method.planning, weight=self.system.edge_weight)
 
     def _nearest(self) -> NodeId | None:
-        robot, nodes = self.robot(), list(self.graph.nodes)
+        robot = self.robot()
+        nodes = list(self.graph.nodes)
         if not nodes:
             return None
         poses = self._truth.poses(nodes)

@@ -69,7 +69,8 @@ class Freshness:
             self._quickest_s = math.inf
         self._jumps = 0
         faded_s = self._quickest_s + _DRIFT * (arrived_s - self._checked_s)
-        self._quickest_s, self._checked_s = min(took_s, faded_s), arrived_s
+        self._quickest_s = min(took_s, faded_s)
+        self._checked_s = arrived_s
         if took_s - self._quickest_s > self._most_late_s:
             raise RobotError(
                 f"{self._source}: a message is {took_s - self._quickest_s:.1f} s late; it is not used. Is the link "

@@ -169,10 +169,12 @@ class DepthStop:
 
     def take_depth(self, received: Received) -> None:
         """Look at an image. Raises RobotError where it is none."""
-        message, topic = received.message, self._profile.topics.depth
+        message = received.message
+        topic = self._profile.topics.depth
         if self._info is None or not is_calibrated(self._info):
             return
-        camera, size = self._profile.camera, sensor_size(message, topic)
+        camera = self._profile.camera
+        size = sensor_size(message, topic)
         depth = sensor_depth(message, topic, camera.depth_unit_m)
         try:
             lens = ros_camera(self._info, *size, rectified=camera.rectified, topic=topic)

@@ -48,7 +48,8 @@ def _watch(robot: RosRobot, seconds: float) -> tuple[tuple[TopicReport, ...], fl
     streams = robot.inbox.streams
     counts = [stream.count for stream in streams]
     gaps = [0.0] * len(streams)
-    worst_s, begun_s = 0.0, time.monotonic()
+    worst_s = 0.0
+    begun_s = time.monotonic()
     while (passed_s := time.monotonic() - begun_s) < seconds:
         time.sleep(0.02)
         worst_s = max(worst_s, robot.age_s)

@@ -95,7 +95,8 @@ def image_size(message: Any, source: str) -> tuple[int, int]:
     """Return width and height of an image message, which is not decoded. Raises DriveError."""
     if hasattr(message, "encoding"):
         return int(message.width), int(message.height)
-    data, form = bytes(message.data), str(message.format)
+    data = bytes(message.data)
+    form = str(message.format)
     if not _is_depth_format(form):
         return encoded_size(data, source)
     content = _behind_header(data, source)

@@ -244,8 +244,10 @@ class RosRobot:
 
     def link_report(self) -> LinkReport:
         """Say how well the robot is heard now."""
-        now_s, inbox = time.monotonic(), self.inbox
-        moment, odometry_age_s = inbox.newest(), inbox.odometry.age_s(now_s)
+        now_s = time.monotonic()
+        inbox = self.inbox
+        moment = inbox.newest()
+        odometry_age_s = inbox.odometry.age_s(now_s)
         return LinkReport(
             is_connected=self.link.is_connected,
             picture_age_s=math.inf if moment is None else now_s - moment.arrived_s,
@@ -267,7 +269,9 @@ class RosRobot:
         return self._commands.has_listener
 
     def _subscribe(self) -> None:
-        topics, domain, inbox = self.profile.topics, self.profile.domain, self.inbox
+        topics = self.profile.topics
+        domain = self.profile.domain
+        inbox = self.inbox
         for stream, topic in ((inbox.colour, colour_topic(self.profile)), (inbox.depth, depth_topic(self.profile))):
             self.link.subscribe(topic, partial(inbox.take_image, stream), partial(self._refuse, stream))
         take_pose = inbox.take_odometry if self.profile.odometry_transform is None else inbox.take_transforms
@@ -295,7 +299,8 @@ class RosRobot:
         return RobotError(f"{self.profile.name}: no whole image: {self.inbox.complaint(time.monotonic())}.")
 
     def _lens(self, moment: Moment) -> CameraModel:
-        info, topic = self.inbox.camera_info, self.profile.topics.camera_info
+        info = self.inbox.camera_info
+        topic = self.profile.topics.camera_info
         if not is_calibrated(info):
             raise RobotError(f"{topic} says nothing of the lens: all zeros; calibrate the camera on the robot.")
         size = sensor_size(moment.colour, self.profile.topics.colour)
@@ -305,8 +310,10 @@ class RosRobot:
             raise RobotError(str(error)) from error
 
     def _decoded(self, moment: Moment) -> Observation:
-        topics, camera = self.profile.topics, self._spec.camera
-        size, depth_size = sensor_size(moment.colour, topics.colour), sensor_size(moment.depth, topics.depth)
+        topics = self.profile.topics
+        camera = self._spec.camera
+        size = sensor_size(moment.colour, topics.colour)
+        depth_size = sensor_size(moment.depth, topics.depth)
         if size != (camera.width, camera.height):
             raise RobotError(
                 f"{topics.colour} is {_words(size)} now, and was {camera.width} x {camera.height} at first; open the "

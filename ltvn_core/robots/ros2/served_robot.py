@@ -98,7 +98,8 @@ class ServedRobot:
 
     def run(self, is_over: Callable[[], bool]) -> None:
         """Let time pass as on the wall, and send an image with odometry 10 times a second, until it is over."""
-        passed_s, looked_s = time.monotonic(), -math.inf
+        passed_s = time.monotonic()
+        looked_s = -math.inf
         while not is_over():
             now_s = time.monotonic()
             if now_s - looked_s >= CONTROL_STEP_S:

@@ -84,7 +84,8 @@ def _corridors(width: float, depth: float, broad: float, lows: tuple[float, floa
 
 def _opening(halls: tuple[Room, ...], along: int, across: int) -> Doorway:
     """Return the opening between a corridor along x and one that crosses its end."""
-    corridor, other = halls[along], halls[across]
+    corridor = halls[along]
+    other = halls[across]
     return Doorway(
         rooms=(along, across),
         axis=0,

@@ -84,7 +84,8 @@ def moved_piece(surfaces: Surfaces, piece: FurniturePiece, pose: PlaceRow) -> Su
     corners = surfaces.vertices[surfaces.faces[faces]].reshape(-1, 3).astype(np.float64)
     used, texture = np.unique(surfaces.face_texture[faces], return_inverse=True)
     x, y, yaw = pose
-    back, turn = _turn(piece.turn[0], -piece.turn[1]), _turn(*rounded_cos_sin(yaw))
+    back = _turn(piece.turn[0], -piece.turn[1])
+    turn = _turn(*rounded_cos_sin(yaw))
     corners[:, :2] = (corners[:, :2] - (piece.x, piece.y)) @ back.T @ turn.T + (x, y)
     return Surfaces(
         vertices=corners.astype(np.float32),

@@ -79,7 +79,8 @@ class FreeFloor:
 
         Returns whether that was possible: something else may stand there now.
         """
-        place, elsewhere = piece_cells(piece, self._clearance), self._placed.get(name)
+        place = piece_cells(piece, self._clearance)
+        elsewhere = self._placed.get(name)
         blocked = self._blocked.copy()
         if elsewhere is not None:
             blocked[elsewhere] = False

@@ -54,10 +54,12 @@ def add_leaf(builder: SurfaceBuilder, door: int, doorway: Doorway) -> None:
     size = (doorway.width_m, _LEAF_THICKNESS_M, _LEAF_HEIGHT_M)
     knob_at = 0.4 * doorway.width_m
     thick = _LEAF_THICKNESS_M + 0.1
-    knob, knob_size = (x + knob_at, y), (0.12, thick, 0.03)
+    knob = (x + knob_at, y)
+    knob_size = (0.12, thick, 0.03)
     if doorway.axis == 0:
         size = (size[1], size[0], size[2])
-        knob, knob_size = (x, y + knob_at), (thick, 0.12, 0.03)
+        knob = (x, y + knob_at)
+        knob_size = (thick, 0.12, 0.03)
     builder.box(builder.texture(_leaf_texture(door)), (x, y, _LEAF_HEIGHT_M / 2), size, tile_m=None)
     builder.box(builder.texture(_knob_texture()), (*knob, _KNOB_HEIGHT_M), knob_size)
 
@@ -70,7 +72,8 @@ def _leaf_texture(door: int) -> Rgb:
     image = wood(rng, colour, size=128).transpose(1, 0, 2).astype(np.float64)
     panels = 2 + rng.index(3)
     for panel in range(panels):
-        top, bottom = 10 + panel * 112 // panels, panel * 112 // panels + 112 // panels
+        top = 10 + panel * 112 // panels
+        bottom = panel * 112 // panels + 112 // panels
         image[top:bottom, 16:112] *= 0.72
         image[top + 4 : bottom - 4, 20:108] /= 0.8
     return np.clip(image, 0, 255).astype(np.uint8)

@@ -104,7 +104,8 @@ class World:
     def enter(self, body: Body, radius_m: float) -> None:
         """Let a robot in: nothing will be put onto it, and its clock moves the world's. It replaces one before."""
         self._epoch_s, self._stamp = self.time_s - body.stamp, body.stamp
-        self._body, self._radius_m = body, radius_m
+        self._body = body
+        self._radius_m = radius_m
         self.make_room(body.exact_pose)
 
     def make_room(self, pose: Pose) -> None:
@@ -190,7 +191,8 @@ class World:
         """Let people walk. Their state changes at each step, but only a few times a second anybody is told."""
         if not self.script.people:
             return []
-        clearance, pose = self.scene.clearance, None if self._body is None else self._body.exact_pose
+        clearance = self.scene.clearance
+        pose = None if self._body is None else self._body.exact_pose
         self._people.come_and_go(self.time_s, clearance, pose)
         self._people.walk(duration_s, clearance, None if pose is None else (pose[0], pose[1], self._radius_m))
         self._move_people()

@@ -91,7 +91,8 @@ class GltfFile:
     def read(cls, path: Path) -> "GltfFile | None":
         """Read a file; None where its JSON cannot be read, of which trimesh says more."""
         try:
-            data, rest = path.read_bytes(), None
+            data = path.read_bytes()
+            rest = None
             if data[:4] == _MAGIC:
                 length, kind = struct.unpack("<I4s", data[12:20])
                 if kind != _JSON:
@@ -125,7 +126,8 @@ class GltfFile:
             for place, each in enumerate(accessors)
             if each.get("normalized") and each.get("componentType") in _ONE
         }
-        marked, count = json.loads(json.dumps(self.header)), 0
+        marked = json.loads(json.dumps(self.header))
+        count = 0
         for primitive in (each for mesh in marked.get("meshes", []) for each in mesh.get("primitives", [])):
             names = primitive.get("attributes", {})
             mine = [

@@ -96,6 +96,7 @@ def _projection(camera: CameraModel) -> list[float]:
     across, down = _NEAR_M / camera.fx, _NEAR_M / camera.fy
     left = -camera.cx * across
     right = (camera.width - camera.cx) * across
-    bottom, top = (camera.cy + 1 - camera.height) * down, (camera.cy + 1) * down
+    bottom = (camera.cy + 1 - camera.height) * down
+    top = (camera.cy + 1) * down
     edges = (left, right, bottom, top)
     return pybullet.computeProjectionMatrix(*edges, _NEAR_M, _FAR_M)

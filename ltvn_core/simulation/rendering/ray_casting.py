@@ -56,7 +56,8 @@ def _turned(rays: Rays, yaw_rad: float, pitch_rad: float) -> NDArray[np.float32]
     Written out per element, because a matrix product would start BLAS threads that cost more than they save here.
     """
     cos, sin = np.float32(np.cos(yaw_rad)), np.float32(np.sin(yaw_rad))
-    rise, level = np.float32(np.sin(pitch_rad)), np.float32(np.cos(pitch_rad))
+    rise = np.float32(np.sin(pitch_rad))
+    level = np.float32(np.cos(pitch_rad))
     ahead = level - rise * rays.up
     directions = np.empty((len(rays.left), 3), np.float32)
     np.subtract(cos * ahead, sin * rays.left, out=directions[:, 0])

@@ -27,8 +27,7 @@ from ltvn_core.recording.metadata import RecordingMetadata
 from ltvn_core.recording.reader import Recording
 from ltvn_core.recording.writer import RecordingWriter
 from ltvn_core.robots.link_report import link_of
-from ltvn_core.robots.open_loop import open_loop_word
-from ltvn_core.robots.robot import Robot
+from ltvn_core.robots.robot import Robot, open_loop_word
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.simulation.body_selection import choose_body
 from ltvn_core.systems.maintenance import recorded_maintenance, with_maintenance

@@ -1,7 +1,7 @@
 """Encounters of the robot with people: how near they came, and whether an attentive driver would have touched anybody.
 
 A person never walks into the robot, and steps aside when it comes too near, as far as there is room
-(`simulation.changes.walking_person`). An attentive driver would have avoided a touch if the robot drove towards the
+(`simulation.changes.people`). An attentive driver would have avoided a touch if the robot drove towards the
 person, and either backwards, which is to drive blindly, or although the camera had had the person in view, with nothing
 between them, in the last seconds before, early enough to brake. What touches a robot that stands, or that drives away,
 was none of the driver's doing, and neither is what came out of sight at the last moment. Reads exact poses; needs no

@@ -27,10 +27,10 @@ from ltvn_core.robots.robot import Robot
 from ltvn_core.simulation.body_names import BodyName
 from ltvn_core.simulation.changes.world import World
 from ltvn_core.simulation.clearance_map import ClearanceMap
-from ltvn_core.simulation.light import PLAIN_LIGHT, Light
 from ltvn_core.simulation.rendering.renderer_selection import open_renderer
 from ltvn_core.simulation.scene import Scene
 from ltvn_core.simulation.simulated_robot import SimulatedRobot
+from ltvn_core.simulation.surfaces import PLAIN_LIGHT, Light
 from ltvn_core.topological_map import TopologicalMap
 from ltvn_core.types import CONTROL_STEP_S, FrameId, Pose
 

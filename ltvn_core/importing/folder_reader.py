@@ -18,8 +18,7 @@ from pathlib import Path
 from PIL import Image
 
 from ltvn_core.cameras.camera_model import MILLIMETRES, CameraModel
-from ltvn_core.cameras.encoded_images import decode_colour, decode_depth
-from ltvn_core.cameras.heif_images import heif_exif, is_heif
+from ltvn_core.cameras.encoded_images import decode_colour, decode_depth, heif_exif, is_heif
 from ltvn_core.errors import DriveError
 from ltvn_core.importing.depth_confidence import without_low_confidence
 from ltvn_core.importing.foreign_files import read_bytes_within

@@ -11,8 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from ltvn_core.cameras.camera_model import MILLIMETRES, CameraModel
-from ltvn_core.cameras.encoded_images import decode_colour, decode_depth
-from ltvn_core.cameras.rvl_depth import decode_rvl
+from ltvn_core.cameras.encoded_images import decode_colour, decode_depth, decode_rvl
 from ltvn_core.errors import CameraError, DriveError
 from ltvn_core.importing.camera_mounting import CameraMounting
 from ltvn_core.importing.moving_frame import Transform

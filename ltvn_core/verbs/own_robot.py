@@ -13,8 +13,8 @@ from ltvn_core.predictors.choice import ImageSource
 from ltvn_core.predictors.opening import open_predictor
 from ltvn_core.recording.recorded_robot import record_images
 from ltvn_core.recording.run_description import RunDescription
-from ltvn_core.robots.open_loop import open_loop_word
-from ltvn_core.robots.rectified_robot import fit_camera
+from ltvn_core.robots.robot import open_loop_word
+from ltvn_core.robots.robot_view import fit_camera
 from ltvn_core.robots.watched_drive import watch_drive
 from ltvn_core.systems.maintenance import with_maintenance
 from ltvn_core.verbs.collect_options import CollectOptions, CollectSummary, depth_findings

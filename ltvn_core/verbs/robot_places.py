@@ -7,9 +7,9 @@ from ltvn_core.errors import MapError
 from ltvn_core.importing.named_drive import NamedDrive
 from ltvn_core.importing.played_drive import play_drive
 from ltvn_core.navigation.passive_localisation import PassiveLocaliser
-from ltvn_core.robots.rectified_robot import fit_camera
 from ltvn_core.robots.robot import Robot, WallClock
 from ltvn_core.robots.robot_check import PlaceSeen, PlacesReport
+from ltvn_core.robots.robot_view import fit_camera
 from ltvn_core.robots.watched_drive import watch_drive
 from ltvn_core.topological_map import TopologicalMap
 from ltvn_core.types import Observation

@@ -16,10 +16,8 @@ from ltvn_core.importing.played_drive import open_robot
 from ltvn_core.navigation.events import Event, GraphChanged, StampedEvent
 from ltvn_core.recording.recorded_robot import RecordedRobot
 from ltvn_core.recording.writer import RecordingWriter
-from ltvn_core.robots.continued_robot import ContinuedRobot
-from ltvn_core.robots.open_loop import require_drivable
-from ltvn_core.robots.rectified_robot import fit_camera
-from ltvn_core.robots.robot import Robot
+from ltvn_core.robots.robot import Robot, require_drivable
+from ltvn_core.robots.robot_view import ContinuedRobot, fit_camera
 from ltvn_core.topological_map import TopologicalMap
 from ltvn_core.types import CONTROL_STEP_S, NodeId
 

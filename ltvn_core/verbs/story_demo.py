@@ -111,7 +111,7 @@ def _play_recorded(
     from ltvn_core.evaluation.door_story.story_map import StoryMap
     from ltvn_core.predictors.opening import open_method
     from ltvn_core.recording.run_description import RunDescription
-    from ltvn_core.simulation.changes.door_names import door_names
+    from ltvn_core.simulation.scene import door_names
     from ltvn_core.systems.maintenance import with_maintenance
     from ltvn_core.systems.registry import DEFAULT_SYSTEM, open_system
     from ltvn_core.topological_map import TopologicalMap
@@ -142,7 +142,7 @@ def _play_recorded(
 
 def play(story: "DoorStory", runner: "HeadlessRunner", rng: "np.random.Generator") -> None:
     """Play a story to its end, and write its captions down."""
-    from ltvn_core.evaluation.door_story.story_steps import CallBack, Carry, Change, GoTo, Lead
+    from ltvn_core.evaluation.door_story.story import CallBack, Carry, Change, GoTo, Lead
     from ltvn_core.evaluation.query_run import run_query
     from ltvn_core.navigation.events import Event, Note
 

@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 from ltvn_core.errors import SceneError
 from ltvn_core.simulation.changes.changed_scenes import ChangedScenes
 from ltvn_core.simulation.gltf_export import CORNER_LIGHT, to_glb
-from ltvn_core.simulation.light import PLAIN_LIGHT, Light
 from ltvn_core.simulation.scene_registry import load_scene
-from ltvn_core.simulation.surfaces import Surfaces, joined
+from ltvn_core.simulation.surfaces import PLAIN_LIGHT, Light, Surfaces, joined
 from ltvn_core.structured_text import parse_json
 from ltvn_core.worlds.world_change import OWN_PREFIX
 from ltvn_core.worlds.world_state import AS_MADE, WorldState

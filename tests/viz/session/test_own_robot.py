@@ -214,7 +214,7 @@ def test_the_last_command_is_renewed_while_a_robot_drives_and_held_while_its_nav
 
 def test_its_images_are_numbered_after_those_of_the_map_that_was_there() -> None:
     own = OwnRobot()
-    robot = LiveRobot(own, first_step=500, first_stamp=60.0)
+    robot = LiveRobot(own, last_step=499, last_stamp_s=59.9)
     own.pass_time(1.0)
     seen = robot.observe()
     assert (seen.step, seen.stamp) == (510, pytest.approx(61.0))

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import pytest
 
 from ltvn_core.robots.robot_spec import SpeedLimits
-from ltvn_core.robots.ros2.command_sender import CommandSender
+from ltvn_core.robots.ros2.ros_robot import CommandSender
 from ltvn_core.types import ZERO_TWIST, Twist
 from tests.waiting import until
 

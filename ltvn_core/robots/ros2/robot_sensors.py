@@ -1,16 +1,39 @@
-"""The door for images of a live robot: their size is known, and checked, before anything is decoded.
+"""The sensors of a live robot: their topics and types by its profile, and the door for their images.
 
-Decoding itself is `ros_images`.
+The size of an image is known, and checked, before anything is decoded. Decoding itself is `ros_images`.
 """
 
 from typing import Any
 
 from ltvn_core.errors import LtvnError, RobotError
-from ltvn_core.robots.ros2.ros_images import decode_colours, decode_metres, image_size
+from ltvn_core.robots.ros2.profile import RobotProfile
+from ltvn_core.robots.ros2.ros_images import COMPRESSED_IMAGE, IMAGE, decode_colours, decode_metres, image_size
+from ltvn_core.robots.ros2.ros_types import ODOMETRY, TRANSFORMS
+from ltvn_core.robots.ros2.topic_keys import Topic
 from ltvn_core.types import Depth, Rgb
 
 MOST_PIXELS = 16_000_000
 """No camera sends larger images over a network while it is driven; to decode one would hold the robot up."""
+
+
+def colour_topic(profile: RobotProfile) -> Topic:
+    """Return the topic of the colours."""
+    return Topic(profile.topics.colour, _image(compressed=profile.camera.compressed_colour), profile.domain)
+
+
+def depth_topic(profile: RobotProfile) -> Topic:
+    """Return the topic of depth."""
+    return Topic(profile.topics.depth, _image(compressed=profile.camera.compressed_depth), profile.domain)
+
+
+def odometry_topic(profile: RobotProfile) -> Topic:
+    """Return the topic that says where the robot is."""
+    kind = ODOMETRY if profile.odometry_transform is None else TRANSFORMS
+    return Topic(profile.odometry_topic, kind, profile.domain)
+
+
+def _image(*, compressed: bool) -> str:
+    return COMPRESSED_IMAGE if compressed else IMAGE
 
 
 def sensor_size(message: Any, topic: str) -> tuple[int, int]:

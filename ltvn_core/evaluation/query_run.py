@@ -5,7 +5,7 @@ never sees them.
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import closing
 from functools import partial
 from typing import Any
@@ -34,6 +34,64 @@ def judge_goal_reached(query: int, robot: Pose, goal: Pose) -> Judged:
     return Judged(query, away_m < SUCCESS_DISTANCE_M and yaw_rad < SUCCESS_YAW_RAD, away_m, yaw_rad)
 
 
+class QueryRun:
+    """A query under way: yields its events, counts what they change in the map, and ends with a verdict.
+
+    Whoever iterates decides when time passes: at each `Tick`. Closing it ends the query at once.
+    """
+
+    def __init__(
+        self, navigator: Navigator, goal: NodeId, query: int, *, verdict: Callable[[], Judged | None] | None = None
+    ) -> None:
+        """Begin a query. Raises MapError at once if the goal is not in the map.
+
+        `verdict` judges the robot where it stands at the end, unless a person cancelled the query; without one, or
+        where it returns None, what the robot believes counts.
+        """
+        self._query = query
+        self._goal = goal
+        self._verdict = verdict
+        self._events = navigator.query(goal, query)
+        self._changes: Counter[type[Any]] = Counter()
+        self._ended: QueryEnded | None = None
+        self._judged: Judged | None = None
+
+    def events(self) -> Generator[Event | Tick, None, None]:
+        """Yield the events of the query and a `Tick` for each control step; the verdict comes last."""
+        with closing(self._events):  # type: ignore[type-var]  # A generator.
+            for event in self._events:
+                if isinstance(event, GraphChanged):
+                    self._changes[type(event.delta)] += 1
+                elif isinstance(event, QueryEnded):
+                    self._ended = event
+                yield event
+        if self._ended is not None and self._ended.outcome is not Outcome.CANCELLED and self._verdict is not None:
+            self._judged = self._verdict()
+        if self._judged is not None:
+            yield self._judged
+
+    @property
+    def result(self) -> QueryResult:
+        """What became of the query, which is over."""
+        ended = self._ended
+        judged = self._judged
+        assert ended is not None  # A query that is not closed always ends with its event.
+        return QueryResult(
+            query=self._query,
+            goal=self._goal,
+            reached=ended.outcome is Outcome.ARRIVED if judged is None else judged.reached,
+            outcome=ended.outcome.value,
+            steps=ended.steps,
+            collisions=ended.collisions,
+            path_m=ended.path_m,
+            pruned=self._changes[EdgePruned],
+            added_nodes=self._changes[NodeAdded],
+            added_edges=self._changes[EdgeAdded],
+            position_error_m=None if judged is None else judged.position_error_m,
+            yaw_error_rad=None if judged is None else judged.yaw_error_rad,
+        )
+
+
 def run_query(
     navigator: Navigator,
     goal: NodeId,
@@ -53,36 +111,14 @@ def run_query(
         verdict: Judges the robot where it stands at the end. Without it, what the robot believes counts.
         consume: Gets every event, the verdict last.
     """
-    ended: QueryEnded | None = None
-    changes: Counter[type[Any]] = Counter()
-    with closing(navigator.query(goal, query)) as events:  # type: ignore[type-var]  # A generator.
+    run = QueryRun(navigator, goal, query, verdict=verdict)
+    with closing(run.events()) as events:
         for event in events:
             if isinstance(event, Tick):
                 advance()
-                continue
-            if consume is not None:
+            elif consume is not None:
                 consume(event)
-            if isinstance(event, GraphChanged):
-                changes[type(event.delta)] += 1
-            ended = event if isinstance(event, QueryEnded) else ended
-    assert ended is not None  # A query that is not closed always ends with its event.
-    judged = None if verdict is None else verdict()
-    if consume is not None and judged is not None:
-        consume(judged)
-    return QueryResult(
-        query=query,
-        goal=goal,
-        reached=ended.outcome is Outcome.ARRIVED if judged is None else judged.reached,
-        outcome=ended.outcome.value,
-        steps=ended.steps,
-        collisions=ended.collisions,
-        path_m=ended.path_m,
-        pruned=changes[EdgePruned],
-        added_nodes=changes[NodeAdded],
-        added_edges=changes[EdgeAdded],
-        position_error_m=None if judged is None else judged.position_error_m,
-        yaw_error_rad=None if judged is None else judged.yaw_error_rad,
-    )
+    return run.result
 
 
 def run_queries(

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from ltvn_core.errors import MapError
-from ltvn_core.evaluation.query_run import judge_goal_reached
+from ltvn_core.evaluation.query_run import QueryRun, judge_goal_reached
 from ltvn_core.findings import Finding
 from ltvn_core.geometry import distance, relative
 from ltvn_core.graph.deltas import Cause, DriveBegun, FramesReleased, GraphDelta, NodeDropped
@@ -19,7 +19,7 @@ from ltvn_core.graph.map_check import MappedDrive, diagnose
 from ltvn_core.graph.map_coverage import GoalReport, map_coverage
 from ltvn_core.graph.navigation_system import NavigationSystem, OnlineStrategy
 from ltvn_core.graph.topological_graph import TopologicalGraph
-from ltvn_core.navigation.events import Event, Outcome, QueryEnded, Tick
+from ltvn_core.navigation.events import Event, Judged, Tick
 from ltvn_core.navigation.navigator import Navigator
 from ltvn_core.predictors.request import predictor_card
 from ltvn_core.topological_map import TopologicalMap
@@ -179,21 +179,19 @@ class LiveMap:
         """Begin a navigation task; its last event is the verdict. Raises MapError when the goal is not in the map."""
         if self._navigator is None:
             self._navigator = self._map.navigator(robot, seed=self._rng, world_time=self._world_time)
-        return self._judged(robot, self._navigator.query(goal, query), goal)
+        run = QueryRun(self._navigator, goal, query, verdict=lambda: self._verdict(robot, goal, query))
+        return run.events()
 
     def cancel(self) -> None:
         """End the navigation task at its next pull, with its events. Safe from any thread."""
         if self._navigator is not None:
             self._navigator.cancel()
 
-    def _judged(self, robot: LiveRobot, events: Iterator[Event | Tick], goal: NodeId) -> Iterator[Event | Tick]:
-        for event in events:
-            yield event
-            if isinstance(event, QueryEnded) and event.outcome is not Outcome.CANCELLED:
-                truth = self.keyframes.observation(goal).exact_pose
-                exact = robot.exact_pose
-                if truth is not None and exact is not None:
-                    yield judge_goal_reached(event.query, exact, truth)
+    def _verdict(self, robot: LiveRobot, goal: NodeId, query: int) -> Judged | None:
+        """Judge the robot where it stands; None where nobody knows the exact poses."""
+        truth = self.keyframes.observation(goal).exact_pose
+        exact = robot.exact_pose
+        return None if truth is None or exact is None else judge_goal_reached(query, exact, truth)
 
     def map_observations(self) -> Sequence[Observation]:
         """Return the pictures that make up the map: of its nodes, its reserve and its views."""

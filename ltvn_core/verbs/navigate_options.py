@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ltvn_core.recording.map_file import LoadedMap
     from ltvn_core.recording.run_description import RunDescription
     from ltvn_core.types import Predictor
-    from ltvn_core.verbs.headless_runner import QueriesSummary
+    from ltvn_core.verbs.jobs.headless_runner import QueriesSummary
 
 _LOG = logging.getLogger(__name__)
 

@@ -25,7 +25,7 @@ from ltvn_core.recording.writer import RecordingWriter
 from ltvn_core.robots.open_loop import require_drivable
 from ltvn_core.robots.robot import Robot
 from ltvn_core.types import CONTROL_STEP_S, NodeId, Predictor
-from ltvn_core.verbs.headless_runner import QueriesSummary
+from ltvn_core.verbs.jobs.headless_runner import QueriesSummary
 
 _LOG = logging.getLogger(__name__)
 

@@ -6,21 +6,32 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import numpy as np
+
+from ltvn_core.composition import Simulation, open_method, open_predictor, open_simulation, open_system, simulated_robot
+from ltvn_core.evaluation.door_story.story import STORY_MAINTENANCE, DoorStory
+from ltvn_core.evaluation.door_story.story_map import StoryMap
+from ltvn_core.evaluation.door_story.story_steps import CallBack, Carry, Change, GoTo, Lead
+from ltvn_core.graph.keyframes import KeyframeStore
+from ltvn_core.graph.navigation_system import NavigationSystem
+from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.navigation.episode import run_episode
+from ltvn_core.navigation.events import Event, Note
+from ltvn_core.predictors.choice import ImageSource
+from ltvn_core.recording.demo_files import DEMO_MAP, demo_file
+from ltvn_core.recording.map_file import LoadedMap, load_map
+from ltvn_core.recording.run_description import RunDescription
+from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.simulation.body_names import BodyName
+from ltvn_core.simulation.changes.door_names import door_names
+from ltvn_core.systems.maintenance import with_maintenance
+from ltvn_core.systems.registry import DEFAULT_SYSTEM
+from ltvn_core.types import Predictor
+from ltvn_core.verbs.jobs.headless_runner import HeadlessRunner
 from ltvn_core.verbs.stream_option import announce_stream
 from ltvn_core.verbs.verb import Summary
-
-if TYPE_CHECKING:
-    import numpy as np
-
-    from ltvn_core.composition import Simulation
-    from ltvn_core.evaluation.door_story.story import DoorStory
-    from ltvn_core.graph.navigation_system import NavigationSystem
-    from ltvn_core.recording.map_file import LoadedMap
-    from ltvn_core.types import Predictor
-    from ltvn_core.verbs.headless_runner import HeadlessRunner
 
 _LOG = logging.getLogger(__name__)
 
@@ -64,12 +75,6 @@ class StoryOptions:
 
 def run_story(options: StoryOptions) -> Summary:
     """Play the story and record it. Raises LtvnError."""
-    import numpy as np
-
-    from ltvn_core.composition import open_predictor, open_simulation, simulated_robot
-    from ltvn_core.predictors.choice import ImageSource
-    from ltvn_core.robots.robot_spec import LOCOBOT
-
     started = time.monotonic()
     rng = np.random.default_rng(options.seed)
     choice = ImageSource(camera=LOCOBOT.camera).choose(options.predictor)
@@ -100,23 +105,12 @@ def run_story(options: StoryOptions) -> Summary:
 
 def _play_recorded(
     options: StoryOptions,
-    simulation: "Simulation",
-    predictor: "Predictor",
-    known: "LoadedMap | None",
-    rng: "np.random.Generator",
-) -> "DoorStory":
+    simulation: Simulation,
+    predictor: Predictor,
+    known: LoadedMap | None,
+    rng: np.random.Generator,
+) -> DoorStory:
     """Map the scene unless a map is known, and play the story in it."""
-    from ltvn_core.composition import open_method, open_system
-    from ltvn_core.evaluation.door_story.story import STORY_MAINTENANCE, DoorStory
-    from ltvn_core.evaluation.door_story.story_map import StoryMap
-    from ltvn_core.graph.keyframes import KeyframeStore
-    from ltvn_core.graph.topological_graph import TopologicalGraph
-    from ltvn_core.recording.run_description import RunDescription
-    from ltvn_core.simulation.changes.door_names import door_names
-    from ltvn_core.systems.maintenance import with_maintenance
-    from ltvn_core.systems.registry import DEFAULT_SYSTEM
-    from ltvn_core.verbs.headless_runner import HeadlessRunner
-
     system = with_maintenance(open_system(DEFAULT_SYSTEM, open_method(options.preset, predictor)), STORY_MAINTENANCE)
     run = RunDescription(
         scene=simulation.scene.address,
@@ -141,12 +135,8 @@ def _play_recorded(
     return story
 
 
-def play(story: "DoorStory", runner: "HeadlessRunner", rng: "np.random.Generator") -> None:
+def play(story: DoorStory, runner: HeadlessRunner, rng: np.random.Generator) -> None:
     """Play a story to its end, and write its captions down."""
-    from ltvn_core.evaluation.door_story.story_steps import CallBack, Carry, Change, GoTo, Lead
-    from ltvn_core.navigation.episode import run_episode
-    from ltvn_core.navigation.events import Event, Note
-
     navigator, told, queries = runner.navigator(rng), 0, 0
 
     def tell() -> None:
@@ -192,11 +182,8 @@ def play(story: "DoorStory", runner: "HeadlessRunner", rng: "np.random.Generator
     tell()
 
 
-def _ready_made(scene: str, predictor: "Predictor") -> "LoadedMap | None":
+def _ready_made(scene: str, predictor: Predictor) -> LoadedMap | None:
     """Return the map that comes with the demo apartment; None elsewhere, and where other weights are in use."""
-    from ltvn_core.recording.demo_files import DEMO_MAP, demo_file
-    from ltvn_core.recording.map_file import load_map
-
     place = demo_file(DEMO_MAP) if scene == "demo" else None
     known = None if place is None else load_map(place)
     return known if known is not None and known.meta.fingerprint == predictor.fingerprint else None

@@ -3,11 +3,9 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from ltvn_core.evaluation.worlds.world_metrics import WorldMetrics
-    from ltvn_core.evaluation.worlds.world_results import WorldResult
+from ltvn_core.evaluation.worlds.world_metrics import WorldMetrics, world_metrics
+from ltvn_core.evaluation.worlds.world_results import WorldResult
 
 
 @dataclass(frozen=True)
@@ -41,18 +39,16 @@ class WorldSummary:
     nodes: float
     edges: float
     collisions_per_episode: float
-    by_maintenance: "dict[str, WorldMetrics]"
+    by_maintenance: dict[str, WorldMetrics]
     """All numbers of each maintenance."""
     folder: Path
     wall_s: float
 
     @classmethod
     def of(
-        cls, results: "Sequence[WorldResult]", *, seeds: tuple[int, ...], folder: Path, wall_s: float
+        cls, results: Sequence[WorldResult], *, seeds: tuple[int, ...], folder: Path, wall_s: float
     ) -> "WorldSummary":
         """Sum up results of one world."""
-        from ltvn_core.evaluation.worlds.world_metrics import world_metrics
-
         names = dict.fromkeys(result.maintenance for result in results)
         found = {name: world_metrics([each for each in results if each.maintenance == name]) for name in names}
         first, metrics = results[0], found[results[0].maintenance]

@@ -1,4 +1,4 @@
-"""`ltvn evaluate --robot`: the paper's test on a robot (its Table II): episodes, queries with maintenance, episodes.
+"""`ltvn evaluate-robot`: the paper's test on a robot (its Table II): episodes, queries with maintenance, episodes.
 
 Each result is on disk before the next episode begins, so that a run that was ended, or lost its robot, goes on where it
 was. Owns the order, the goals and who judges.
@@ -18,7 +18,7 @@ import cattrs
 import numpy as np
 from scipy.stats import binomtest
 
-from ltvn_core.errors import RecordingError
+from ltvn_core.errors import OptionError, RecordingError
 from ltvn_core.navigation.episode import judge_goal_reached
 from ltvn_core.navigation.events import Outcome
 from ltvn_core.navigation.lifelong_run import random_goals
@@ -30,8 +30,9 @@ from ltvn_core.robots.robot import Robot
 from ltvn_core.structured_text import parse_json
 from ltvn_core.systems.maintenance import with_maintenance
 from ltvn_core.types import NodeId, Observation, Pose
+from ltvn_core.verbs.evaluate_robot import EvaluateRobotVerb
+from ltvn_core.verbs.jobs.robot_queries import QueryResult, RobotQueries, opened_robot
 from ltvn_core.verbs.navigate_options import NavigateOptions
-from ltvn_core.verbs.robot_queries import QueryResult, RobotQueries, opened_robot
 
 _LOG = logging.getLogger(__name__)
 
@@ -108,6 +109,24 @@ class RobotEvaluation:
     def count(self, phase: Phase) -> int:
         """Return how many episodes a phase has."""
         return self.queries if phase == "queries" else self.episodes
+
+
+def test_robot(options: EvaluateRobotVerb) -> RobotEvaluationSummary:
+    """Run what is not done yet. Raises RobotError where the robot is lost, MapError, RecordingError, OptionError."""
+    if options.episodes < 1 or options.queries < 0:
+        raise OptionError("--episodes must be 1 or more, and --queries 0 or more.")
+    drive = NavigateOptions(
+        map=options.map,
+        recording=options.folder,
+        preset=options.preset,
+        predictor=options.predictor,
+        weights=options.weights,
+        seed=options.seed,
+    )
+    test = RobotEvaluation(
+        robot=options.robot, map=drive, episodes=options.episodes, queries=options.queries, folder=options.folder
+    )
+    return evaluate_robot(test)
 
 
 def evaluate_robot(test: RobotEvaluation) -> RobotEvaluationSummary:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from tyro.conf import Positional
 
-from ltvn_core.verbs.system_option import SystemName
+from ltvn_core.verbs.option_types import SystemName
 from ltvn_core.verbs.verb import Verb
 
 

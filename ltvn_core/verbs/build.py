@@ -7,8 +7,7 @@ from typing import Literal
 from tyro.conf import Positional
 
 from ltvn_core.systems.registry import DEFAULT_SYSTEM
-from ltvn_core.verbs.predictor_option import AUTO, PredictorName
-from ltvn_core.verbs.system_option import SystemName
+from ltvn_core.verbs.option_types import AUTO, PredictorName, SystemName
 from ltvn_core.verbs.verb import Verb
 
 

@@ -6,7 +6,7 @@ from typing import Literal
 
 from tyro.conf import Positional
 
-from ltvn_core.verbs.predictor_option import AUTO, PredictorName
+from ltvn_core.verbs.option_types import AUTO, PredictorName
 from ltvn_core.verbs.verb import Verb
 
 

@@ -22,7 +22,7 @@ from ltvn_core.systems.registry import DEFAULT_SYSTEM
 from ltvn_core.verbs.demo import HeadlessDemoVerb
 from ltvn_core.verbs.jobs.headless_runner import HeadlessRunner, QueriesSummary
 from ltvn_core.verbs.jobs.story_demo import StoryOptions, run_story
-from ltvn_core.verbs.stream_option import announce_stream
+from ltvn_core.verbs.jobs.stream import announce_stream
 from ltvn_core.verbs.verb import Summary
 
 

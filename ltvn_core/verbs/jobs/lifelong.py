@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 from tqdm import tqdm
@@ -14,13 +14,14 @@ from ltvn_core.evaluation.parts import Part
 from ltvn_core.evaluation.results import LifelongResult
 from ltvn_core.evaluation.workers import workers
 from ltvn_core.evaluation.worlds.world_evaluation import run_world_evaluation
+from ltvn_core.evaluation.worlds.world_metrics import WorldMetrics, world_metrics
 from ltvn_core.evaluation.worlds.world_plans import WorldPlan
+from ltvn_core.evaluation.worlds.world_results import WorldResult
 from ltvn_core.simulation.scene_registry import load_scene
 from ltvn_core.systems.registry import DEFAULT_SYSTEM
 from ltvn_core.verbs.jobs.evaluate import command, trial_plans
 from ltvn_core.verbs.jobs.evaluation_bar import progress_on_bar
 from ltvn_core.verbs.jobs.part_summary import PartSummary
-from ltvn_core.verbs.jobs.world_summary import WorldSummary
 from ltvn_core.verbs.lifelong import LifelongVerb
 from ltvn_core.verbs.verb import Summary
 
@@ -43,6 +44,24 @@ class LifelongSummary:
     by_scene: dict[str, LifelongMetrics]
     folder: Path
     """Holds drives, weights, maps and results; called again, the verb goes on from there."""
+    wall_s: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class WorldSummary(WorldMetrics):
+    """What the queries in a changing world came to; the numbers are those of the first maintenance."""
+
+    world: str
+    days: float
+    scenes: tuple[str, ...]
+    preset: str
+    without: tuple[str, ...]
+    seeds: tuple[int, ...]
+    maintenance: str
+    """The first that was asked for."""
+    by_maintenance: dict[str, WorldMetrics]
+    """All numbers of each maintenance."""
+    folder: Path
     wall_s: float
 
 
@@ -86,7 +105,27 @@ def _in_world(options: LifelongVerb, world: str) -> Summary:
         )
     if len(results) < len(plans):
         return PartSummary(str(part), bar.n, len(plans), len(results), options.folder, time.monotonic() - started)
-    return WorldSummary.of(results, seeds=options.seed, folder=options.folder, wall_s=time.monotonic() - started)
+    return _world_summary(options, results, time.monotonic() - started)
+
+
+def _world_summary(options: LifelongVerb, results: Sequence[WorldResult], wall_s: float) -> WorldSummary:
+    names = dict.fromkeys(result.maintenance for result in results)
+    found = {name: world_metrics([each for each in results if each.maintenance == name]) for name in names}
+    first = results[0]
+    metrics = found[first.maintenance]
+    return WorldSummary(
+        **{field.name: getattr(metrics, field.name) for field in fields(metrics)},
+        world=first.world,
+        days=first.days,
+        scenes=tuple(dict.fromkeys(result.scene for result in results)),
+        preset=first.preset,
+        without=first.without,
+        seeds=options.seed,
+        maintenance=first.maintenance,
+        by_maintenance=found,
+        folder=options.folder,
+        wall_s=wall_s,
+    )
 
 
 def _without_world(options: LifelongVerb, maintenance: str | None) -> Summary:

@@ -27,7 +27,7 @@ from ltvn_core.simulation.scene_registry import load_scene
 from ltvn_core.training.held_out_scenes import TEST_SCENES
 from ltvn_core.verbs.jobs.part_summary import PartSummary
 from ltvn_core.verbs.measure import IMAGES_PER_SCENE, MeasureVerb
-from ltvn_core.verbs.predictor_option import AUTO
+from ltvn_core.verbs.option_types import AUTO
 from ltvn_core.verbs.verb import Summary
 
 _FEWEST_IMAGES = 10

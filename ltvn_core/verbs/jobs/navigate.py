@@ -19,9 +19,9 @@ from ltvn_core.systems.maintenance import with_maintenance
 from ltvn_core.types import NodeId, Pose
 from ltvn_core.verbs.jobs.headless_runner import HeadlessRunner
 from ltvn_core.verbs.jobs.own_robot import navigate_with
+from ltvn_core.verbs.jobs.stream import announce_stream
 from ltvn_core.verbs.navigate import NavigateVerb
 from ltvn_core.verbs.navigate_options import NavigateSummary
-from ltvn_core.verbs.stream_option import announce_stream
 from ltvn_core.verbs.verb import Summary
 
 

@@ -20,8 +20,8 @@ from ltvn_core.systems.maintenance import with_maintenance
 from ltvn_core.verbs.collect import CollectVerb
 from ltvn_core.verbs.jobs.collect import CollectSummary, doubts_of
 from ltvn_core.verbs.jobs.robot_queries import RobotQueries, opened_robot, summed_up
+from ltvn_core.verbs.jobs.stream import announce_stream
 from ltvn_core.verbs.navigate_options import NavigateOptions, NavigateSummary
-from ltvn_core.verbs.stream_option import announce_stream
 
 _LOG = logging.getLogger(__name__)
 

@@ -12,7 +12,6 @@ from ltvn_core.verbs.verb import Summary
 
 _LOG = logging.getLogger(__name__)
 
-
 TEST = "test"
 
 

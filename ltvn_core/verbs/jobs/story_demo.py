@@ -30,7 +30,7 @@ from ltvn_core.systems.maintenance import with_maintenance
 from ltvn_core.systems.registry import DEFAULT_SYSTEM
 from ltvn_core.types import Predictor
 from ltvn_core.verbs.jobs.headless_runner import HeadlessRunner
-from ltvn_core.verbs.stream_option import announce_stream
+from ltvn_core.verbs.jobs.stream import announce_stream
 from ltvn_core.verbs.verb import Summary
 
 _LOG = logging.getLogger(__name__)

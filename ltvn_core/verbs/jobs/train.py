@@ -26,12 +26,8 @@ from ltvn_core.verbs.verb import Summary
 
 _VALIDATION_DRIVE = 220
 """Images of the drive through each validation scene,"""
-
-
 _SHORT_DRIVE = 60
 """and where training is so short that rendering and comparing them would take longer than training,"""
-
-
 _FEW_STEPS = 1000
 """in fewer steps than these. A fifth of the pairs is compared then."""
 

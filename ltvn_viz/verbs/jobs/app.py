@@ -11,7 +11,7 @@ from ltvn_core.atomic_files import atomic_output
 from ltvn_core.errors import RecordingError
 from ltvn_core.recording.demo_files import demo_file
 from ltvn_core.recording.info import read_info
-from ltvn_core.verbs.stream_option import announce_stream
+from ltvn_core.verbs.jobs.stream import announce_stream
 from ltvn_core.verbs.verb import Summary
 from ltvn_viz.app import AppOptions, run_app
 from ltvn_viz.session.options import DEMO_SCENE

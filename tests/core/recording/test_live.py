@@ -19,7 +19,7 @@ from ltvn_core.recording.rrd_framing import is_finished
 from ltvn_core.recording.this_machine import open_here
 from ltvn_core.recording.viewer_server import serve_viewer
 from ltvn_core.recording.writer import RecordingWriter
-from ltvn_core.verbs.stream_option import announce_stream
+from ltvn_core.verbs.jobs.stream import announce_stream
 from tests.waiting import PATIENCE_S
 
 ABOUT = {"scene": "flat", "config": {}, "fingerprint": "flat"}

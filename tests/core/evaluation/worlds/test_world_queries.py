@@ -17,7 +17,7 @@ from ltvn_core.evaluation.worlds.world_plans import WorldFiles, WorldPlan
 from ltvn_core.evaluation.worlds.world_results import WorldResult
 from ltvn_core.recording.map_file import load_map
 from ltvn_core.simulation.changes.world_script import MORNING_S
-from ltvn_core.verbs.jobs.world_summary import WorldSummary
+from ltvn_core.verbs.jobs.lifelong import WorldSummary
 from ltvn_core.verbs.lifelong import LifelongVerb
 from tests.core.simulation.two_room_mesh import box_house, save
 

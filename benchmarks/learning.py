@@ -5,9 +5,8 @@ import numpy as np
 from benchmarks.measurement import Measurement, alternating, measured
 from benchmarks.unoptimized_training import UnoptimizedTrainer
 from ltvn_core.network.allocator import retain_freed_memory
-from ltvn_core.network.optimization.hyperparameters import Hyperparameters
 from ltvn_core.network.optimization.mixed_precision import choose_precision
-from ltvn_core.network.optimization.trainer import Trainer
+from ltvn_core.network.optimization.trainer import Hyperparameters, Trainer
 from ltvn_core.network.training_examples import BatchSampler
 from ltvn_core.simulation.rendering.renderer_selection import open_renderer
 from ltvn_core.simulation.scene_registry import load_scene

@@ -7,7 +7,7 @@ import numpy as np
 import torch
 
 from ltvn_core.network.loss import cross_entropy, pair_loss
-from ltvn_core.network.pair_network import PairNetwork
+from ltvn_core.network.network_families import PairNetwork
 from ltvn_core.network.predictor import images_to_tensors
 from ltvn_core.network.training_examples import TrainingBatch
 

@@ -9,10 +9,11 @@ from dataclasses import replace
 import numpy as np
 
 import ltvn_core as ltvn
-from ltvn_core.composition import open_predictor, open_simulation
 from ltvn_core.graph.deltas import Belief
 from ltvn_core.graph.navigation_system import NoMaintenance
 from ltvn_core.navigation.events import QueryEnded
+from ltvn_core.predictors.opening import open_predictor
+from ltvn_core.simulation.opening import open_simulation
 from ltvn_core.simulation.scripted_tour import drive_tour
 from ltvn_core.types import CONTROL_STEP_S
 

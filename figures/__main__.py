@@ -56,7 +56,7 @@ class FiguresVerb(Verb):
         from figures.network_tables import network_blocks
         from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
         from ltvn_core.network.weights_file import read_card, weights_fingerprint
-        from ltvn_core.reports.page_blocks import fill_blocks
+        from ltvn_core.reports.evaluation_blocks import fill_blocks
         from ltvn_core.systems.registry import baseline_systems
 
         weights = self.weights or SHIPPED_WEIGHTS

@@ -14,9 +14,15 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from ltvn_core.reports.figure_style import Colour, FigurePalette
-from ltvn_core.training_data.camera_projection import waypoint_outline
-from ltvn_core.training_data.failure_explanations import criterion_name, limits_from_recipe, reasons, single_criteria
-from ltvn_core.training_data.pair_table import LabelledPair, PairTable
+from ltvn_core.training_data.pair_table import (
+    LabelledPair,
+    PairTable,
+    criterion_name,
+    limits_from_recipe,
+    reasons,
+    single_criteria,
+    waypoint_outline,
+)
 from ltvn_core.training_data.reachability_labels import FailedCriteria, ReachabilityLimits
 from ltvn_core.training_data.shards import Shard
 

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from ltvn_core import analysis as analysis
     from ltvn_core.analysis.timeline import Timeline as Timeline
     from ltvn_core.cameras.camera_model import CameraModel as CameraModel
-    from ltvn_core.composition import open_system as open_system
     from ltvn_core.config import PAPER as PAPER
     from ltvn_core.config import ROBUST as ROBUST
     from ltvn_core.config import Method as Method
@@ -36,6 +35,7 @@ if TYPE_CHECKING:
     from ltvn_core.robots.robot import Robot as Robot
     from ltvn_core.robots.robot import WallClock as WallClock
     from ltvn_core.robots.robot_spec import RobotSpec as RobotSpec
+    from ltvn_core.systems.registry import open_system as open_system
     from ltvn_core.topological_map import TopologicalMap as TopologicalMap
     from ltvn_core.topological_map import build_map as build_map
     from ltvn_core.types import Observation as Observation
@@ -72,7 +72,7 @@ _HOMES = {
     "WallClock": "robots.robot",
     "build_map": "topological_map",
     "load_predictor": "network.predictor",
-    "open_system": "composition",
+    "open_system": "systems.registry",
     "preprocess_observation": "preprocessing",
     "preset": "config",
 }

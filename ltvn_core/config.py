@@ -179,8 +179,8 @@ class Likelihoods:
 class BeliefConfig:
     """Eq. 3, Eq. 4 and pruning.
 
-    The first two and `sigma2` hold for a predictor that nobody measured; `composition.open_method` puts the measured
-    ones in their place.
+    The first two and `sigma2` hold for a predictor that nobody measured; `predictors.opening.open_method` puts the
+    measured ones in their place.
     """
 
     p_success_if_reachable: float = 0.85

@@ -102,6 +102,23 @@ def admit_observation(
     )
 
 
+def continued_observation(
+    observation: Observation, *, steps: int, seconds: float, source: str = "camera"
+) -> Observation:
+    """Check an observation whose step and stamp go on from those of a map: these many steps and seconds are added."""
+    return check_observation(
+        observation.rgb,
+        observation.depth,
+        observation.odometry,
+        stamp=observation.stamp + seconds,
+        step=observation.step + steps,
+        exact_pose=observation.exact_pose,
+        original=observation.original,
+        tilt=observation.tilt,
+        source=source,
+    )
+
+
 def rectify_observation(
     observation: Observation,
     camera: CameraModel,

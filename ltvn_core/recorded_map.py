@@ -9,10 +9,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
-from ltvn_core.composition import open_method, open_predictor
 from ltvn_core.drives.joined_drives import join_drives
 from ltvn_core.graph.builder import ProgressCallback
 from ltvn_core.predictors.choice import AUTO, ImageSource, PredictorChoice
+from ltvn_core.predictors.opening import open_method, open_predictor
 from ltvn_core.recording.metadata import is_lens_known
 from ltvn_core.recording.reader import Recording
 from ltvn_core.systems.registry import DEFAULT_SYSTEM, system_entry
@@ -62,8 +62,8 @@ def build_recorded_map(
     meta = recordings[0].meta
     choice = ImageSource.of(meta).choose_anew(options.predictor)
     joined = join_drives(recordings)
-    for doubt in joined.doubts:
-        log.warning(doubt)
+    for finding in joined.findings:
+        log.warning(finding)
     entry = system_entry(options.system)
     weights = entry.weights_for(choice.name, options.weights)
     predictor = open_predictor(choice.name, meta.scene, weights, camera=meta.camera)
@@ -80,7 +80,7 @@ def build_recorded_map(
         drives=joined.drives,
         progress=progress,
     )
-    built = replace(built, doubts=(*joined.doubts, *built.doubts), scene_glb=recordings[0].scene_glb())
+    built = replace(built, findings=(*joined.findings, *built.findings), scene_glb=recordings[0].scene_glb())
     return RecordedMap(built, choice, joined.observations)
 
 

@@ -5,7 +5,7 @@ This is what a program holds that builds a map or drives by one.
 """
 
 import logging
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Self
@@ -14,25 +14,25 @@ import numpy as np
 
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.cameras.rectification import rectified_camera
-from ltvn_core.composition import open_method, open_predictor
-from ltvn_core.drives.drive_report import DriveReport, drive_doubts
 from ltvn_core.drives.joined_drives import JoinedDrive
-from ltvn_core.drives.joined_map import join_map
+from ltvn_core.drives.joined_map import DriveReport, drive_findings, join_map
+from ltvn_core.findings import Finding, WithDoubts
 from ltvn_core.graph.builder import ProgressCallback
-from ltvn_core.graph.goal_standing import GoalReport, goal_reports
 from ltvn_core.graph.keyframes import KeyframeStore
-from ltvn_core.graph.map_coverage import MapCoverage, map_coverage
-from ltvn_core.graph.map_diagnosis import MappedDrive, diagnose
-from ltvn_core.graph.navigation_system import NavigationSystem
+from ltvn_core.graph.map_check import MappedDrive, diagnose
+from ltvn_core.graph.map_coverage import GoalReport, MapCoverage, goal_reports, map_coverage
+from ltvn_core.graph.navigation_system import Deltas, NavigationSystem
 from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.navigation.bystanders import Bystanders
 from ltvn_core.navigation.navigator import Navigator
-from ltvn_core.predictors.choice import ImageSource
+from ltvn_core.predictors.choice import AUTO, ImageSource
+from ltvn_core.predictors.opening import open_method, open_predictor
 from ltvn_core.predictors.registry import NETWORK
 from ltvn_core.predictors.request import predictor_card
 from ltvn_core.preprocessing import recorded_observation
-from ltvn_core.recording.map_file import check_fingerprint, load_map, save_map
-from ltvn_core.robots.observation_check import sequence_doubts
+from ltvn_core.recording.map_file import LoadedMap, check_fingerprint, load_map, save_map
 from ltvn_core.robots.robot import Robot
+from ltvn_core.robots.robot_check import sequence_findings
 from ltvn_core.systems.registry import DEFAULT_SYSTEM, recorded_system, system_entry
 from ltvn_core.types import FrameId, Observation, Predictor
 
@@ -40,7 +40,7 @@ log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class TopologicalMap:
+class TopologicalMap(WithDoubts):
     """Nodes, edges, and the images behind them."""
 
     graph: TopologicalGraph
@@ -65,17 +65,40 @@ class TopologicalMap:
     """What became of each drive when the map was built from several; empty for a map of one, or one that was loaded."""
     goals: tuple[GoalReport, ...] = ()
     """How each of the goals that were named stood to the map when it was built."""
-    doubts: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
     """What was doubtful of the drive and of the map when it was built, with likely causes and what to do."""
 
     @classmethod
-    def load(cls, path: Path | str, predictor: Predictor | None = None, *, with_reserve: bool = True) -> Self:
+    def of(
+        cls,
+        predictor: Predictor,
+        system: NavigationSystem,
+        graph: TopologicalGraph | None = None,
+        observations: Sequence[Observation] = (),
+    ) -> Self:
+        """Hold a graph with the images of its frames; without one it is an empty map, to be built."""
+        graph = TopologicalGraph() if graph is None else graph
+        keyframes = KeyframeStore(predictor)
+        keyframes.begin_drives(graph.drives)
+        keyframes.add(observations)
+        return cls(graph=graph, keyframes=keyframes, predictor=predictor, system=system)
+
+    @classmethod
+    def load(
+        cls,
+        path: Path | str,
+        predictor: Predictor | None = None,
+        *,
+        system: NavigationSystem | None = None,
+        with_reserve: bool = True,
+    ) -> Self:
         """Open the map at the end of a map file, or of any recording in which one was built or used.
 
         Args:
             path: The file.
             predictor: What compares images; None opens the one that made the map, with its shipped weights.
-            with_reserve: Whether to encode the images that are no nodes too; navigation needs them, finding a place
+            system: What drives by the map; None is the system that built it, with the `robust` preset.
+            with_reserve: Whether to encode the images of the reserve too; navigation needs them, finding a place
                 does not.
 
         Raises:
@@ -85,33 +108,94 @@ class TopologicalMap:
             WeightsError: The shipped weights are damaged.
         """
         loaded = load_map(path)
-        meta, name = loaded.meta, ""
-        entry = recorded_system(meta.config)
         if predictor is None:
-            name, _ = ImageSource.of(meta).choose()
-            predictor = open_predictor(name, meta.scene, entry.weights_for(name), camera=meta.camera)
-        check_fingerprint(meta, predictor.fingerprint)
-        keyframes = KeyframeStore(predictor)
-        keyframes.begin_drives(loaded.graph.drives)
-        nodes = loaded.graph.nodes
-        keyframes.add([seen for frame, seen in loaded.observations.items() if with_reserve or frame in nodes])
-        return cls(
-            graph=loaded.graph,
-            keyframes=keyframes,
-            predictor=predictor,
-            system=entry.factory(open_method("robust", predictor)),
-            scene=meta.scene,
-            camera=meta.camera,
-            predictor_name=name,
-            scene_glb=loaded.scene_glb,
-        )
+            return cls.open(loaded, with_reserve=with_reserve)
+        system = system or recorded_system(loaded.meta.config).factory(open_method("robust", predictor))
+        return cls.take(loaded, predictor, system, with_reserve=with_reserve)
 
-    def save(self, path: Path | str, *, config: Mapping[str, Any] | None = None) -> None:
+    @classmethod
+    def open(
+        cls,
+        loaded: LoadedMap,
+        *,
+        preset: str = "robust",
+        predictor: str = AUTO,
+        weights: Path | None = None,
+        with_reserve: bool = True,
+    ) -> Self:
+        """Open what a map needs that was read from a file: the predictor that made it, and the system that built it.
+
+        Args:
+            loaded: What the file holds.
+            preset: Name of the method's settings.
+            predictor: What compares images, by name; `auto` is the one that made the map.
+            weights: Weights to use instead of those that come with the map's system.
+            with_reserve: Whether to encode the images of the reserve too.
+
+        Raises:
+            MapError: Another predictor made the map.
+            OptionError: The predictor or the map's navigation system is not installed.
+            WeightsError: The weights are missing or damaged.
+        """
+        meta = loaded.meta
+        entry = recorded_system(meta.config)
+        name = ImageSource.of(meta).choose(predictor).name
+        opened = open_predictor(name, meta.scene, entry.weights_for(name, weights), camera=meta.camera)
+        known = cls.take(loaded, opened, entry.factory(open_method(preset, opened)), with_reserve=with_reserve)
+        return replace(known, predictor_name=name)
+
+    @classmethod
+    def take(
+        cls, loaded: LoadedMap, predictor: Predictor, system: NavigationSystem, *, with_reserve: bool = True
+    ) -> Self:
+        """Hold a map that was read from a file. Raises MapError where another predictor made it."""
+        meta, graph = loaded.meta, loaded.graph
+        check_fingerprint(meta, predictor.fingerprint)
+        seen = [each for frame, each in loaded.observations.items() if with_reserve or frame not in graph.reserve]
+        known = cls.of(predictor, system, graph, seen)
+        return replace(known, scene=meta.scene, camera=meta.camera, scene_glb=loaded.scene_glb)
+
+    @property
+    def observations(self) -> list[Observation]:
+        """The images that belong to the map, in the order they were taken: of its nodes, its reserve and its views."""
+        return [self.keyframes.observation(frame) for frame in sorted(self.graph.frames)]
+
+    @property
+    def images(self) -> list[Observation]:
+        """All images at hand, in the order they were taken; after building, those too that the map did not keep."""
+        return [self.keyframes.observation(frame) for frame in self.keyframes.frames]
+
+    def build(
+        self,
+        observations: Sequence[Observation],
+        *,
+        rng: np.random.Generator,
+        goals: Collection[FrameId] = (),
+        progress: ProgressCallback | None = None,
+    ) -> Deltas:
+        """Build this map, which is empty, as its system does; returns the changes that make it.
+
+        Raises MapError where there is no image, or a goal is none of them.
+        """
+        deltas = self.system.build(
+            observations, self.keyframes, self.predictor, rng=rng, goals=goals, progress=progress
+        )
+        for delta in deltas:
+            self.graph.apply(delta)
+        return deltas
+
+    def goal_reports(self, goals: Sequence[FrameId]) -> tuple[GoalReport, ...]:
+        """Return how each goal stands to the map, before any drive."""
+        return goal_reports(self.graph, goals, self.keyframes, self.predictor, self.system)
+
+    def save(self, path: Path | str, *, config: Mapping[str, Any] | None = None, origin: Path | None = None) -> None:
         """Write the map to a new file, which appears only when it is whole.
 
         Args:
             path: The file to write; it must not exist yet. Its name ends in `.rrd`.
             config: What else the file should say of how the map came about, as JSON holds it.
+            origin: A file whose images are copied as they lie there, because pictures lose a little each time they are
+                compressed.
 
         Raises:
             MapError: An image of a node is missing.
@@ -120,7 +204,7 @@ class TopologicalMap:
         save_map(
             path,
             self.graph,
-            [self.keyframes.observation(frame) for frame in self.keyframes.frames],
+            self.images,
             scene=self.scene,
             fingerprint=self.predictor.fingerprint,
             camera=self.camera or self.predictor.camera,
@@ -132,14 +216,24 @@ class TopologicalMap:
                 **({"drives": [asdict(each) for each in self.drives]} if self.drives else {}),
                 **(config or {}),
             },
+            origin=origin,
         )
 
-    def navigator(self, robot: Robot, *, seed: int = 0) -> Navigator:
+    def navigator(
+        self,
+        robot: Robot,
+        *,
+        seed: int | np.random.Generator = 0,
+        bystanders: Bystanders | None = None,
+        world_time: Callable[[], float] | None = None,
+    ) -> Navigator:
         """Return a navigator that drives `robot` through the map; what it learns changes the map.
 
         Args:
             robot: The robot to drive.
-            seed: Draws which images of the reserve are tried where the map has no path.
+            seed: Draws which images of the reserve are tried where the map has no path; a generator is drawn from.
+            bystanders: The people that the robot met before, under another navigator.
+            world_time: Tells the time in seconds where the world has another clock than the robot.
         """
         return Navigator(
             robot,
@@ -149,6 +243,8 @@ class TopologicalMap:
             self.system.method,
             np.random.default_rng(seed),
             system=self.system,
+            bystanders=bystanders,
+            world_time=world_time,
         )
 
 
@@ -198,10 +294,11 @@ def build_map(
     images = observations
     if camera is not None:
         images = [recorded_observation(seen, camera, target) for seen in observations]
-    keyframes = KeyframeStore(predictor)
+    built = TopologicalMap.of(predictor, system)
+    graph = built.graph
+    keyframes = built.keyframes
     keyframes.begin_drives([each.first for each in drives], resumed=[each.first for each in drives if each.continues])
-    deltas = system.build(images, keyframes, predictor, rng=np.random.default_rng(seed), goals=goals, progress=progress)
-    graph = TopologicalGraph(deltas)
+    built.build(images, rng=np.random.default_rng(seed), goals=goals, progress=progress)
     resumed = keyframes.resumed_starts  # Without the drives whose images contradicted that odometry goes on.
     drives = [each if each.first in resumed else replace(each, continues="") for each in drives]
     reports: tuple[DriveReport, ...] = ()
@@ -221,10 +318,10 @@ def build_map(
         least_width_px=predictor_card(predictor).least_width_px,
     )
     standing = goal_reports(graph, [*goals], keyframes, predictor, system)
-    told = [report.text for report in standing if report.text]
-    doubts = (*drive_doubts(reports), *_sequence_doubts(in_order, drives), *diagnose(drive, coverage), *told)
-    for doubt in doubts:
-        log.warning(doubt)
+    told = [report.finding for report in standing if report.finding is not None]
+    findings = (*drive_findings(reports), *_sequence_findings(in_order, drives), *diagnose(drive, coverage), *told)
+    for finding in findings:
+        log.warning(finding)
     return TopologicalMap(
         graph=graph,
         keyframes=keyframes,
@@ -236,14 +333,14 @@ def build_map(
         coverage=coverage,
         drives=reports,
         goals=standing,
-        doubts=doubts,
+        findings=findings,
     )
 
 
-def _sequence_doubts(in_order: Sequence[Observation], drives: Sequence[JoinedDrive]) -> Iterator[str]:
+def _sequence_findings(in_order: Sequence[Observation], drives: Sequence[JoinedDrive]) -> Iterator[Finding]:
     """Yield what is doubtful of the images of each drive; between two drives clock and odometry may jump."""
     if not drives:
-        yield from sequence_doubts(in_order)
+        yield from sequence_findings(in_order)
     for drive in drives:
-        found = sequence_doubts([seen for seen in in_order if drive.holds(seen.step)])
-        yield from (f"{drive.name}: {doubt}" for doubt in found)
+        found = sequence_findings([seen for seen in in_order if drive.holds(seen.step)])
+        yield from (finding.of(drive.name) for finding in found)

@@ -13,11 +13,12 @@ import numpy as np
 
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.cameras.camera_model import CameraModel
-from ltvn_core.composition import open_method, open_robot, open_system, simulated_robot
 from ltvn_core.errors import OptionError, RecordingError, SceneError
 from ltvn_core.graph.navigation_system import NavigationSystem
+from ltvn_core.importing.played_drive import open_robot
 from ltvn_core.navigation.events import GraphChanged, Severity
 from ltvn_core.predictors.choice import AUTO, ImageSource
+from ltvn_core.predictors.opening import open_method, simulated_robot
 from ltvn_core.predictors.registry import NETWORK
 from ltvn_core.recorded_map import BuildOptions
 from ltvn_core.recording.demo_files import DEMO_MAP, demo_file
@@ -26,12 +27,12 @@ from ltvn_core.recording.metadata import RecordingMetadata
 from ltvn_core.recording.reader import Recording
 from ltvn_core.recording.writer import RecordingWriter
 from ltvn_core.robots.link_report import link_of
-from ltvn_core.robots.open_loop import open_loop_word
-from ltvn_core.robots.robot import Robot
+from ltvn_core.robots.robot import Robot, open_loop_word
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.simulation.body_selection import choose_body
 from ltvn_core.systems.maintenance import recorded_maintenance, with_maintenance
-from ltvn_core.systems.registry import DEFAULT_SYSTEM, recorded_system
+from ltvn_core.systems.registry import DEFAULT_SYSTEM, open_system, recorded_system
+from ltvn_core.topological_map import TopologicalMap
 from ltvn_core.types import Predictor
 from ltvn_viz.debugger.inspector import Inspector
 from ltvn_viz.debugger.question_registry import all_questions, watching_inspector
@@ -85,7 +86,7 @@ def open_app_state(options: AppOptions, stack: ExitStack, thumbnails: ThumbnailS
     known = chosen or _ready_made(options, predictor)
     backend = open_backend(options, known, stack) if own_robot is None else Backend(robot=own_robot)
     world_time = None if backend.world is None else lambda world=backend.world: world.time_s
-    live_map = LiveMap(predictor, system, np.random.default_rng(options.seed), world_time=world_time)
+    live_map = LiveMap(TopologicalMap.of(predictor, system), np.random.default_rng(options.seed), world_time=world_time)
     worker = Worker(ThreadPoolExecutor(1, "map and model"))
     robot = live_robot(backend, predictor, known)
     recorder = Recorder(
@@ -269,5 +270,5 @@ def _new_recording(
 def _take_map(live: LiveRun, live_map: LiveMap, known: LoadedMap) -> None:
     for frame, seen in known.observations.items():
         live.timeline.place_frame(frame, seen.odometry if seen.exact_pose is None else seen.exact_pose)
-    for delta in live_map.load(known.graph, list(known.observations.values())):
+    for delta in live_map.load(TopologicalMap.take(known, live_map.predictor, live_map.system)):
         live.emit(GraphChanged(delta))

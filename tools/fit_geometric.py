@@ -20,6 +20,13 @@ from scipy.cluster.vq import kmeans2
 
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.geometry import relative
+from ltvn_core.predictors.geometric_adaptation import (
+    PAIRS_FILE,
+    Comparisons,
+    fit_logistic,
+    is_right,
+    write_comparisons,
+)
 from ltvn_core.predictors.geometric_calibration import (
     BOTH_DEPTHS,
     CALIBRATION_FILE,
@@ -29,15 +36,15 @@ from ltvn_core.predictors.geometric_calibration import (
     shipped_calibration,
 )
 from ltvn_core.predictors.geometric_evidence import Evidence
-from ltvn_core.predictors.geometric_features import FeatureExtractor, ImageFeatures, ImageGrid
-from ltvn_core.predictors.geometric_fitting import (
-    PAIRS_FILE,
-    Comparisons,
-    fit_logistic,
-    is_right,
-    write_comparisons,
+from ltvn_core.predictors.geometric_features import (
+    WORDS_FILE,
+    FeatureExtractor,
+    ImageFeatures,
+    ImageGrid,
+    VisualWords,
+    visual_words,
+    votes,
 )
-from ltvn_core.predictors.geometric_shortlist import WORDS_FILE, VisualWords, visual_words, votes
 from ltvn_core.predictors.geometric_verification import verify, waypoint
 from ltvn_core.recording.reader import Recording
 from ltvn_core.simulation.rendering.renderer_selection import open_renderer

@@ -22,8 +22,8 @@ from ltvn_core.evaluation.presence.accuracy import FilterAccuracy, PresenceAccur
 from ltvn_core.evaluation.presence.filter_fit import fit_filters
 from ltvn_core.evaluation.presence.sequences import read_sequences
 from ltvn_core.graph.presence.persistent import SightErrors
+from ltvn_core.reports.evaluation_blocks import fill_blocks
 from ltvn_core.reports.evaluation_tables import ReportTable
-from ltvn_core.reports.page_blocks import fill_blocks
 
 
 @dataclass(frozen=True)

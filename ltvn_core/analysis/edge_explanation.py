@@ -1,8 +1,7 @@
-"""Explains why an edge is gone, why it is believed so little, or why it is missing, step by step.
+"""Explains why an edge or a node is in the map, is gone, or is missing, and why an edge is believed so little.
 
 Owns the order and the words of the steps, which come from what the robot itself knew. Why a plan led through an edge is
-`analysis.plan_alternative`, why a node is here `analysis.node_explanation`. What was truly so, and what a failed
-episode failed of, is for `ltvn_core.evaluation`.
+`analysis.plan_alternative`. What was truly so, and what a failed episode failed of, is for `ltvn_core.evaluation`.
 """
 
 from collections.abc import Iterator
@@ -10,15 +9,118 @@ from itertools import groupby, pairwise
 
 from ltvn_core.analysis.edge_history import EdgeAttempt, EdgeHistory, EdgeLifetime, TimedBelief, edge_history
 from ltvn_core.analysis.explanation_steps import CAUSE_TEXTS, ExplanationKind, ExplanationStep, belief_text, count_text
-from ltvn_core.analysis.node_explanation import explain_node
 from ltvn_core.analysis.plan_alternative import explain_planned_edge
 from ltvn_core.analysis.timeline import Timeline
-from ltvn_core.analysis.timeline_records import Instant
+from ltvn_core.analysis.timeline_records import Instant, MapChange
 from ltvn_core.config import BeliefConfig
+from ltvn_core.graph.deltas import (
+    Cause,
+    EdgeAdded,
+    FramesReserved,
+    GraphDelta,
+    NodeAdded,
+    NodeDropped,
+    ViewAdded,
+    ViewDropped,
+    ViewUsed,
+)
 from ltvn_core.graph.operators import OperatorThresholds
+from ltvn_core.navigation.events import Localised
 from ltvn_core.types import NodeId
 
 __all__ = ["explain_edge_belief", "explain_missing_edge", "explain_node", "explain_planned_edge", "explain_pruned_edge"]
+
+
+def explain_node(timeline: Timeline, node: NodeId, *, at: Instant | None = None) -> tuple[ExplanationStep, ...]:
+    """Tell why a node is in the map at an instant, and what it was good for; at the end without one.
+
+    Linear in the events.
+    """
+    count = timeline.count_until(at)
+    came = [change for change in timeline.changes_of_node(node) if change.event < count]
+    if not came:
+        return tuple(_never(timeline, node, count))
+    return tuple(reason for change in came for reason in _moved(timeline, change, node)) + _use(timeline, node, count)
+
+
+def _never(timeline: Timeline, node: NodeId, count: int) -> Iterator[ExplanationStep]:
+    yield ExplanationStep(f"Image {node} never was a node.", None, ExplanationKind.NEVER, (node,))
+    for change in timeline.changes_before(count):
+        if isinstance(change.delta, FramesReserved) and node in change.delta.frames:
+            text = f"It was put in the reserve {CAUSE_TEXTS[change.delta.cause]}, from where it can still become one."
+            yield ExplanationStep(text, change.instant, ExplanationKind.NEVER, (node,))
+
+
+def _moved(timeline: Timeline, change: MapChange, node: NodeId) -> Iterator[ExplanationStep]:
+    cause = change.delta.cause
+    if isinstance(change.delta, NodeAdded):
+        text = f"Node {node} came in {CAUSE_TEXTS[cause]}."
+        yield ExplanationStep(text, change.instant, ExplanationKind.BORN, (node,))
+        yield from _circumstances(timeline, change, node, cause)
+        tied = _tied(timeline, change, node)
+        text = f"It was joined with {count_text(len(tied), 'node')}" + ": " * bool(tied) + ", ".join(map(str, tied[:8]))
+        text += "..." if len(tied) > 8 else "."
+        yield ExplanationStep(text, change.instant, ExplanationKind.BORN, (node, *tied))
+    elif isinstance(change.delta, NodeDropped):
+        text = f"Node {node} left {CAUSE_TEXTS[cause]}."
+        yield ExplanationStep(text, change.instant, ExplanationKind.GONE, (node,))
+    elif (view := _view_text(change.delta)) is not None:
+        yield ExplanationStep(view, change.instant, ExplanationKind.BELIEF, (node,))
+
+
+def _view_text(delta: GraphDelta) -> str | None:
+    match delta:
+        case ViewAdded(view=view, cause=Cause.LOAD):
+            return f"It came with image {view.frame} as a view, used in {count_text(view.uses, 'query', 'queries')}."
+        case ViewAdded(view=view):
+            return f"It looked different from image {view.frame}, where odometry put the robot here: a view of it now."
+        case ViewUsed(frame=frame):
+            return f"The robot recognised it by its view {frame}."
+        case ViewDropped(frame=frame):
+            return f"Its view {frame} was the least useful one and made room."
+        case _:
+            return None
+
+
+def _circumstances(timeline: Timeline, change: MapChange, node: NodeId, cause: Cause) -> Iterator[ExplanationStep]:
+    """Yield what the robot was about when a node came in under way."""
+    query = timeline.query_at(change.event)
+    if query is None or cause not in (Cause.EXPAND, Cause.NOVEL):
+        return
+    events = (stamped.event for stamped in timeline.events[query.first : change.event])
+    localisations = [event for event in events if isinstance(event, Localised)]
+    if cause is Cause.EXPAND and localisations and localisations[-1].node is not None:
+        start = localisations[-1].node
+        text = f"In query {query.id} no path led from node {start} to {query.goal}; a way through image {node} did."
+        yield ExplanationStep(text, change.instant, ExplanationKind.PLAN, (start, query.goal))
+    elif cause is Cause.NOVEL:
+        known = max((k + 1 for k, each in enumerate(localisations) if each.node is not None), default=0)
+        lost = count_text(len(localisations) - known, "look")
+        text = f"In query {query.id} the robot had not recognised anything in {lost}."
+        yield ExplanationStep(text, change.instant, ExplanationKind.BORN, (node,))
+
+
+def _tied(timeline: Timeline, change: MapChange, node: NodeId) -> tuple[NodeId, ...]:
+    """Return the nodes that a new one was joined with at once."""
+    tied: dict[NodeId, None] = {}
+    for number in range(timeline.change_count_before(change.event + 1), len(timeline.changes)):
+        later = timeline.changes[number]
+        delta = later.delta
+        if isinstance(delta, NodeAdded) and delta.cause is Cause.LOAD:
+            continue  # A file's map tells all its nodes before its edges.
+        if later.instant != change.instant or not isinstance(delta, EdgeAdded):
+            break
+        if delta.edge.source == node:
+            tied[delta.edge.target] = None
+    return tuple(tied)
+
+
+def _use(timeline: Timeline, node: NodeId, count: int) -> tuple[ExplanationStep, ...]:
+    plans = [plan for plan in timeline.plans if plan.event < count and node in plan.planned.nodes]
+    if not plans:
+        return (ExplanationStep("No plan has led through it yet.", None, ExplanationKind.PLAN, (node,)),)
+    text = f"{count_text(len(plans), 'plan')} led through it, the last one in query {plans[-1].planned.query}."
+    return (ExplanationStep(text, plans[-1].instant, ExplanationKind.PLAN, (node,)),)
 
 
 def explain_pruned_edge(
@@ -55,7 +157,8 @@ def explain_edge_belief(
     history = edge_history(timeline, source, target, at)
     if not history.lifetimes:
         return explain_missing_edge(timeline, source, target, at=at)
-    first, last = history.lifetimes[-1].beliefs[0], history.lifetimes[-1].beliefs[-1]
+    first = history.lifetimes[-1].beliefs[0]
+    last = history.lifetimes[-1].beliefs[-1]
     driven = last.attempts - first.attempts
     if not driven:
         text = f"No attempt has counted since, so that its belief is as it came in: {belief_text(last.belief)}."
@@ -83,7 +186,9 @@ def explain_missing_edge(
     `seen` is (r, d) of the pair as a predictor sees it now, `thresholds` the thresholds of the map; with both it tells
     which of them is in the way. Linear in the changes of the map.
     """
-    history, graph, ids = edge_history(timeline, source, target, at), timeline.graph_at(at), (source, target)
+    history = edge_history(timeline, source, target, at)
+    graph = timeline.graph_at(at)
+    ids = (source, target)
     if history.lifetimes:
         return explain_pruned_edge(timeline, source, target, at=at)
     name = f"edge {source} -> {target}"
@@ -114,7 +219,8 @@ def _gated(reachability: float, distance: float, thresholds: OperatorThresholds)
 
 def _steps(history: EdgeHistory) -> Iterator[ExplanationStep]:
     """Yield how an edge came in and what was learned from driving it: one step per attempt that changed its belief."""
-    life, ids = history.lifetimes[-1], (history.source, history.target)
+    life = history.lifetimes[-1]
+    ids = (history.source, history.target)
     first = life.beliefs[0]
     driven = f", driven {first.attempts} times before" if first.attempts else ""
     cause = CAUSE_TEXTS[life.cause]
@@ -168,7 +274,8 @@ def _attempt_step(
 
 
 def _departure(history: EdgeHistory, believing: BeliefConfig | None) -> ExplanationStep:
-    life, ids = history.lifetimes[-1], (history.source, history.target)
+    life = history.lifetimes[-1]
+    ids = (history.source, history.target)
     assert life.end is not None  # Only edges that are gone come here.
     last = life.beliefs[-1]
     if life.end.attempt is not None:

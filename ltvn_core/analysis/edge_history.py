@@ -209,7 +209,8 @@ def _concerning(timeline: Timeline, source: NodeId, target: NodeId) -> list[MapC
 
 
 def _take_change(lifetimes: list[_OpenLifetime], change: MapChange) -> None:
-    last, delta = next((life for life in lifetimes[-1:] if life.end is None), None), change.delta
+    last = next((life for life in lifetimes[-1:] if life.end is None), None)
+    delta = change.delta
     match delta:
         case EdgeAdded() if last is None:
             edge = delta.edge
@@ -257,7 +258,8 @@ def _end_with_its_map(lifetimes: list[_OpenLifetime], timeline: Timeline, epoch:
 def _row(
     attempt: AttemptRecord, edge: EdgeKey, belief_changes: Collection[tuple[int | None, int | None]]
 ) -> EdgeAttempt:
-    started, ended = attempt.started, attempt.ended
+    started = attempt.started
+    ended = attempt.ended
     return EdgeAttempt(
         attempt=started.attempt,
         query=started.query,

@@ -89,8 +89,10 @@ def presence_strip(
 
     Linear in observations and times.
     """
-    tracks, row = presence_filter.follow(1), np.zeros(1, np.intp)
-    found, next_look = [], 0
+    tracks = presence_filter.follow(1)
+    row = np.zeros(1, np.intp)
+    found = []
+    next_look = 0
     for at_s in times_s:
         while next_look < len(observations) and observations[next_look].stamp_s <= at_s:
             seen = observations[next_look]

@@ -1,7 +1,7 @@
 """One step of an explanation: a sentence, and where in the run to look for oneself.
 
-Owns the shape, and how causes and beliefs are said. The explanations are made in `analysis.edge_explanation`,
-`analysis.node_explanation` and `analysis.plan_alternative`.
+Owns the shape, and how causes and beliefs are said. The explanations are made in `analysis.edge_explanation`
+and `analysis.plan_alternative`.
 """
 
 from dataclasses import dataclass

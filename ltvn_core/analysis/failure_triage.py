@@ -1,28 +1,118 @@
 """The failed queries of a run: of what each failed, where, and when it began to go wrong, as far as the robot knew.
 
-Owns the failure modes and the moment before. Works without truth; what truly was the cause of a failure only
-`ltvn_core.evaluation` can tell.
+Owns the failure modes, the setbacks within a query, and the moment before. A robot has recovered from a setback as soon
+as a plan shows it nearer to its goal than it ever was before. An attempt that succeeds is not enough, for a robot that
+is stuck drives to and fro, and half of its attempts succeed. Works without truth; what truly was the cause of a failure
+only `ltvn_core.evaluation` can tell.
 """
 
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
-from math import hypot
-from typing import assert_never
+from math import hypot, inf
+from typing import NamedTuple, assert_never
 
-from ltvn_core.analysis.query_setbacks import Setback, first_setback, worst_collision
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import Instant, QueryRecord
 from ltvn_core.graph.deltas import NodeAdded, PoseRow
 from ltvn_core.graph.topological_graph import EdgeKey
-from ltvn_core.navigation.events import AttemptEnd, Localised, Outcome, Planned
+from ltvn_core.navigation.event_text import describe_event
+from ltvn_core.navigation.events import (
+    AttemptEnd,
+    AttemptStarted,
+    Collided,
+    Event,
+    GraphChanged,
+    Localised,
+    Outcome,
+    Planned,
+    Severity,
+)
 from ltvn_core.types import NodeId
 
+_NEARER = 0.2
+"""So much cheaper must the plan have become; less may come from new beliefs alone (ours)."""
 WASTED_SHARE = 1 / 3
 """If less than this share of its steps was wasted, a robot that ran out of steps was just too slow (ours)."""
 _BEFORE_S = 1.0
 _STEPS_PER_S = 10.0
 """Where the query is too short to tell."""
+
+
+class Setback(NamedTuple):
+    """Something that went wrong."""
+
+    event: int
+    """Index in the timeline's events."""
+    text: str
+    edge: EdgeKey | None
+    """The edge that was driven then."""
+    node: NodeId | None
+    """Where the robot last thought it was."""
+
+
+class _SetbackTracker:
+    """Follows a query."""
+
+    def __init__(self) -> None:
+        self.collisions: list[Setback] = []
+        self.setback: Setback | None = None
+        """The first one that was not recovered from, as yet."""
+        self._cheapest = inf
+        self._cheapest_before = inf
+        self._node: NodeId | None = None
+        self._edge: EdgeKey | None = None
+
+    def take(self, index: int, event: Event) -> None:
+        description = describe_event(event)
+        if isinstance(event, Localised):
+            self._node = self._node if event.node is None else event.node
+            self._edge = None
+        elif isinstance(event, AttemptStarted):
+            self._edge = None if event.source is None else (event.source, event.target)
+        elif isinstance(event, Planned) and event.nodes:
+            self._nearer(event.cost)
+        if not _is_setback(event, description.severity):
+            return
+        setback = Setback(event=index, text=description.sentence, edge=self._edge, node=self._node)
+        if isinstance(event, Collided):
+            self.collisions.append(setback)
+        if self.setback is None:
+            self.setback = setback
+            self._cheapest_before = self._cheapest
+
+    def _nearer(self, cost: float) -> None:
+        if self.setback is not None and cost < self._cheapest_before - _NEARER:
+            self.setback = None
+        self._cheapest = min(self._cheapest, cost)
+
+
+def first_setback(timeline: Timeline, query: QueryRecord) -> Setback | None:
+    """Return the first thing in a query that it never recovered from, None if all was well; linear in its events."""
+    return _tracked(timeline, query).setback
+
+
+def worst_collision(timeline: Timeline, query: QueryRecord) -> Setback | None:
+    """Return the first touch at the node where a query touched things most often; None without touches.
+
+    Touches add up whether or not the robot recovers from each. Linear in its events.
+    """
+    collisions = _tracked(timeline, query).collisions
+    counts = Counter(collision.node for collision in collisions)
+    return max(collisions, key=lambda collision: counts[collision.node], default=None)
+
+
+def _tracked(timeline: Timeline, query: QueryRecord) -> _SetbackTracker:
+    watch = _SetbackTracker()
+    for index in range(query.first, query.last + 1):
+        watch.take(index, timeline.events[index].event)
+    return watch
+
+
+def _is_setback(event: Event, severity: Severity) -> bool:
+    """Tell whether something went wrong; a change of the map is what follows from that, and no setback itself."""
+    return severity is not Severity.INFO and not isinstance(event, GraphChanged)
 
 
 class FailureMode(StrEnum):
@@ -51,6 +141,7 @@ _WASTING_MODES = (
     FailureMode.NO_PATH,
 )
 """What a robot may spend its steps on in vain."""
+
 _OBSTRUCTED_MODES = {AttemptEnd.COLLISION: FailureMode.COLLISION, AttemptEnd.BLOCKED: FailureMode.BLOCKED}
 
 
@@ -193,7 +284,8 @@ def _last_node(timeline: Timeline, query: QueryRecord) -> NodeId | None:
 
 def _second_before(timeline: Timeline, query: QueryRecord, event: int) -> Instant:
     """Return the instant a second before an event, but not before the query."""
-    begin, then = query.begin, timeline.instant(event)
+    begin = query.begin
+    then = timeline.instant(event)
     seconds = then.stamp - begin.stamp
     rate = (then.step - begin.step) / seconds if seconds > 0 else _STEPS_PER_S
     step = then.step - round(rate * _BEFORE_S)

@@ -5,14 +5,16 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
+_FIRST_ROWS = 64
+
 
 class GrowingTable:
     """A table that only grows; cells may be overwritten."""
 
-    def __init__(self, dtypes: Mapping[str, DTypeLike], capacity: int = 64) -> None:
+    def __init__(self, dtypes: Mapping[str, DTypeLike]) -> None:
         """Make an empty table with one column per name."""
-        self._arrays = {name: np.empty(capacity, dtype) for name, dtype in dtypes.items()}
-        self._capacity = capacity
+        self._arrays = {name: np.empty(_FIRST_ROWS, dtype) for name, dtype in dtypes.items()}
+        self._capacity = _FIRST_ROWS
         self._length = 0
 
     def __len__(self) -> int:

@@ -92,7 +92,9 @@ def _rolling(succeeded: NDArray[np.bool_], window: int) -> NDArray[np.float64]:
 
 def _counts(timeline: Timeline, lasts: list[int]) -> NDArray[np.int64]:
     """Return (Q, 5) nodes and edges after each query, and edges pruned, nodes and edges added since the one before."""
-    rows, folding, place = np.zeros((len(lasts), 5), np.int64), MapReplay(), 0
+    rows = np.zeros((len(lasts), 5), np.int64)
+    folding = MapReplay()
+    place = 0
     for row, last in zip(rows, lasts, strict=True):
         while place < len(timeline.changes) and timeline.changes[place].event <= last:
             before = len(folding.graph.edges)

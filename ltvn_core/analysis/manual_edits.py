@@ -29,7 +29,6 @@ def add_edge(
     config: BeliefConfig,
     *,
     waypoint: Waypoint | None = None,
-    protected: bool = False,
 ) -> d.EdgeAdded:
     """Return the delta that joins two nodes, with the highest p that the method allows.
 
@@ -47,7 +46,7 @@ def add_edge(
             f"most {_MAX_EDGE_DISTANCE:g} apart. Choose nearer nodes or join them through others."
         )
     belief = d.Belief(config.p_cap, length, config.sigma2)
-    return d.EdgeAdded(d.Edge(source, target, pose_row(way), belief, protected=protected), d.Cause.HAND)
+    return d.EdgeAdded(d.Edge(source, target, pose_row(way), belief), d.Cause.HAND)
 
 
 def remove_edge(graph: TopologicalGraph, source: NodeId, target: NodeId) -> d.EdgePruned:
@@ -90,19 +89,6 @@ def mark_goal(graph: TopologicalGraph, node: NodeId, name: str = "", *, goal: bo
     _require_nodes(graph, node)
     named = _free_name(graph, node, name) or graph.nodes[node].name
     return d.NodeNamed(node, named, goal=goal, cause=d.Cause.HAND)
-
-
-def undo_deltas(deltas: Sequence[d.GraphDelta], graph_before: TopologicalGraph) -> tuple[d.GraphDelta, ...]:
-    """Return the deltas that lead from the map after `deltas` back to `graph_before`, which is not changed.
-
-    Cost: one copy of the map besides the deltas. Raises MapError where the deltas do not fit the map.
-    """
-    graph, steps = graph_before.copy(), []
-    for delta in deltas:
-        back = inverse_deltas(delta, graph)
-        graph.apply(delta)
-        steps.append(back)
-    return tuple(delta for back in reversed(steps) for delta in back)
 
 
 def inverse_deltas(delta: d.GraphDelta, graph_before: TopologicalGraph) -> tuple[d.GraphDelta, ...]:

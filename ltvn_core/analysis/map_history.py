@@ -1,16 +1,24 @@
-"""All changes of the maps of one run, and the map after any number of them.
+"""All changes of the maps of one run, and the map after any number of them: as a graph, and as columns for drawing.
 
-Owns the order of the changes, where each map begins, and the maps kept on the way for time travel. The map for drawing,
-as arrays, is `analysis.graph_history`, which is fed here so that both always agree.
+Owns the order of the changes, where each map begins, the maps kept on the way for time travel, and where nodes are
+drawn. A version is a count of map changes; in the columns (when each node and edge was born, when it died, what was
+believed of it) the map at any version is found with a few vectorised comparisons, without folding from the start. Does
+not own the map that the robot navigates by (`ltvn_core.graph`).
 """
 
 from bisect import bisect_left
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from copy import copy
+from dataclasses import dataclass
 
-from ltvn_core.analysis.graph_history import GraphHistory
+import numpy as np
+from numpy.typing import NDArray
+
+from ltvn_core.analysis.growing_table import GrowingTable
 from ltvn_core.analysis.map_replay import MapEpochs, MapReplay
 from ltvn_core.analysis.timeline_records import Instant, MapChange
+from ltvn_core.graph import deltas as d
 from ltvn_core.graph.deltas import (
     Belief,
     BeliefUpdated,
@@ -32,10 +40,177 @@ from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.navigation.events import GraphChanged
 from ltvn_core.types import NodeId, Pose
 
+NEVER = np.iinfo(np.int64).max
 _STRIDE = 10_000
 """A map is kept after so many changes; folding as many takes some tens of milliseconds."""
 _MOST_KEPT = 12
 """A map of 10,000 nodes and 50,000 edges takes some 10 MB."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class GraphArrays:
+    """A map at one moment, as arrays for drawing. The same moment gives the same object."""
+
+    ids: NDArray[np.int64]
+    """(N,) node ids."""
+    poses: NDArray[np.float64]
+    """(N, 3) x_m, y_m, yaw_rad."""
+    edges: NDArray[np.int64]
+    """(E, 2) rows of source and target in `ids`."""
+    p: NDArray[np.float64]
+    """(E,) probability that the edge can be driven."""
+    attempts: NDArray[np.int64]
+    """(E,) how often it was driven."""
+
+    def poses_of(self, nodes: tuple[NodeId, ...]) -> NDArray[np.float64]:
+        """Return (K, 3) poses of those of `nodes` that are in the map, in their order."""
+        if not nodes or not len(self.ids):
+            return self.poses[:0]
+        order = np.argsort(self.ids)
+        places = np.searchsorted(self.ids, nodes, sorter=order).clip(max=len(order) - 1)
+        rows = order[places]
+        return self.poses[rows[self.ids[rows] == np.array(nodes)]]
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class FadingEdges:
+    """Edges that came or went lately."""
+
+    segments: NDArray[np.float64]
+    """(F, 2, 2) x_m, y_m of both ends."""
+    ages_s: NDArray[np.float64]
+    """(F,) seconds since it happened."""
+
+
+EMPTY_GRAPH = GraphArrays(
+    np.empty(0, np.int64), np.empty((0, 3)), np.empty((0, 2), np.int64), np.empty(0), np.empty(0, np.int64)
+)
+
+NO_FADING_EDGES = FadingEdges(np.empty((0, 2, 2)), np.empty(0))
+
+
+class GraphHistory:
+    """Every state that the maps of a run ever had, as arrays."""
+
+    def __init__(self) -> None:
+        """Begin with an empty map."""
+        self.version = 0
+        """How many changes happened so far; any number up to this can be looked at."""
+        self._nodes = GrowingTable({"id": int, "x": float, "y": float, "yaw": float, "born": int, "died": int})
+        edge = {"source": int, "target": int, "born": int, "died": int, "came_s": float, "went_s": float}
+        self._edges = GrowingTable(edge)
+        self._beliefs = GrowingTable({"edge": int, "at": int, "p": float, "attempts": int})
+        self._node_rows: dict[NodeId, int] = {}
+        self._edge_rows: dict[EdgeKey, int] = {}
+        self._touching: defaultdict[NodeId, list[EdgeKey]] = defaultdict(list)
+        """Edges that a node ever had since it came in, in the order they came."""
+        self._latest: tuple[int, GraphArrays] = (0, EMPTY_GRAPH)
+
+    def apply(self, delta: d.GraphDelta, stamp: float, pose: Pose | None = None) -> None:
+        """Append a change at `stamp` seconds; a new node is drawn at `pose` (3,), else where odometry put it.
+
+        A change that does not fit, in a recording that lost some, leaves the map as it was.
+        """
+        self.version += 1
+        match delta:
+            case d.NodeAdded(node, _) if node.id not in self._node_rows:
+                x, y, yaw = node.odometry if pose is None else pose
+                row = self._nodes.append(id=node.id, x=x, y=y, yaw=yaw, born=self.version, died=NEVER)
+                self._node_rows[node.id] = row
+            case d.NodeDropped(node, cause):
+                self._drop(node, cause, stamp)
+            case d.EdgeAdded(edge, cause):
+                self._connect(edge, cause, stamp)
+            case d.BeliefUpdated(source, target, belief, attempts):
+                self._believe(self._edge_rows.get((source, target)), belief.p, attempts)
+            case d.EdgePruned(source, target, cause):
+                self._cut((source, target), cause, stamp)
+            case d.NodeAdded():
+                pass  # It is there already.
+            case d.EdgeProtected() | d.PresenceObserved() | d.NodeNamed() | d.FramesReserved() | d.FramesReleased():
+                pass  # It is not drawn.
+            case d.ViewAdded() | d.ViewUsed() | d.ViewDropped() | d.DriveBegun():
+                pass
+
+    def clear(self) -> None:
+        """Let nothing be left of the map from the next change on, because another map begins with it."""
+        for table, rows in ((self._nodes, self._node_rows), (self._edges, self._edge_rows)):
+            table["died"][list(rows.values())] = self.version + 1
+            rows.clear()
+        self._touching.clear()
+
+    def at(self, version: int) -> GraphArrays:
+        """Return the map after the first `version` changes."""
+        if version != self._latest[0]:
+            self._latest = (version, self._view(version))
+        return self._latest[1]
+
+    def added_edges(self, version: int, stamp: float, within_s: float) -> FadingEdges:
+        """Return the edges alive at `version` that came in the last `within_s` seconds before `stamp`."""
+        n = int(np.searchsorted(self._edges["born"], version, "right"))
+        return self._fading(self._edges["came_s"][:n], self._edges["died"][:n] > version, stamp, within_s)
+
+    def removed_edges(self, version: int, stamp: float, within_s: float) -> FadingEdges:
+        """Return the edges gone at `version` that went in the last `within_s` seconds before `stamp`."""
+        n = int(np.searchsorted(self._edges["born"], version, "right"))
+        return self._fading(self._edges["went_s"][:n], self._edges["died"][:n] <= version, stamp, within_s)
+
+    def _connect(self, edge: d.Edge, cause: d.Cause, stamp: float) -> None:
+        source = self._node_rows.get(edge.source)
+        target = self._node_rows.get(edge.target)
+        if source is None or target is None or source == target or (edge.source, edge.target) in self._edge_rows:
+            return
+        added_edges = -np.inf if cause in d.BULK_CAUSES else stamp
+        row = self._edges.append(
+            source=source, target=target, born=self.version, died=NEVER, came_s=added_edges, went_s=-np.inf
+        )
+        self._edge_rows[edge.source, edge.target] = row
+        for node in (edge.source, edge.target):
+            self._touching[node].append((edge.source, edge.target))
+        self._believe(row, edge.belief.p, edge.attempts)
+
+    def _believe(self, row: int | None, p: float, attempts: int) -> None:
+        if row is not None:
+            self._beliefs.append(edge=row, at=self.version, p=p, attempts=attempts)
+
+    def _cut(self, pair: tuple[NodeId, NodeId], cause: d.Cause, stamp: float) -> None:
+        row = self._edge_rows.pop(pair, None)
+        if row is not None:
+            self._edges["died"][row] = self.version
+            self._edges["went_s"][row] = -np.inf if cause in d.BULK_CAUSES else stamp
+
+    def _drop(self, node: NodeId, cause: d.Cause, stamp: float) -> None:
+        row = self._node_rows.pop(node, None)
+        if row is None:
+            return
+        self._nodes["died"][row] = self.version
+        for pair in self._touching.pop(node, ()):
+            self._cut(pair, cause, stamp)
+
+    def _view(self, version: int) -> GraphArrays:
+        n = int(np.searchsorted(self._nodes["born"], version, "right"))
+        e = int(np.searchsorted(self._edges["born"], version, "right"))
+        b = int(np.searchsorted(self._beliefs["at"], version, "right"))
+        alive = np.flatnonzero(self._nodes["died"][:n] > version)
+        renumbered = np.zeros(n, np.int64)
+        renumbered[alive] = np.arange(len(alive))
+        kept = np.flatnonzero(self._edges["died"][:e] > version)
+        ends = np.stack([self._edges["source"][kept], self._edges["target"][kept]], axis=1)
+        p = np.zeros(e)
+        attempts = np.zeros(e, np.int64)
+        # Where an index repeats, numpy keeps the last value, which is the latest belief.
+        p[self._beliefs["edge"][:b]] = self._beliefs["p"][:b]
+        attempts[self._beliefs["edge"][:b]] = self._beliefs["attempts"][:b]
+        poses = np.stack([self._nodes[axis][alive] for axis in ("x", "y", "yaw")], axis=1)
+        return GraphArrays(self._nodes["id"][alive], poses, renumbered[ends], p[kept], attempts[kept])
+
+    def _fading(self, stamps: NDArray, candidate: NDArray, stamp: float, within_s: float) -> FadingEdges:
+        rows = np.flatnonzero(candidate & (stamps > stamp - within_s) & (stamps <= stamp))
+        if not len(rows):
+            return NO_FADING_EDGES
+        ends = np.stack([self._edges["source"][rows], self._edges["target"][rows]], axis=1)
+        points = np.stack([self._nodes["x"], self._nodes["y"]], axis=1)
+        return FadingEdges(points[ends], stamp - stamps[rows])
 
 
 class MapHistory:

@@ -1,20 +1,20 @@
 """The collect coach: what the map still lacks while somebody drives, and where to drive next.
 
-Owns the order in which gaps are worth mending, and the words. Finding them is `analysis.coverage`.
+Owns finding loops that were driven but not closed and places seen from one side only, from a graph and from odometry,
+and the order in which these gaps are worth mending.
 """
 
+import itertools
 import math
-from collections.abc import Sequence
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ltvn_core.analysis.mapping_gaps import (
-    MissingLoopClosure,
-    OneSidedPlace,
-    find_missing_loop_closures,
-    one_sided_places,
-)
+from ltvn_core.findings import Finding, Severity
 from ltvn_core.geometry import relative, wrap_angle
 from ltvn_core.graph.connectivity import strongly_connected_components
 from ltvn_core.graph.deltas import PoseRow
@@ -23,6 +23,23 @@ from ltvn_core.graph.operators import pose_row
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.types import FrameId, NodeId, Pose
 
+SAME_PLACE_M = 0.8
+"""Nodes nearer than this by odometry are the same place."""
+_NEAR_RAD = 0.5
+"""Nodes turned by less than this look at the same things."""
+_AWAY_M = 3.0
+"""Driven between two visits, at least, so that they are two."""
+_HOPS = 6
+"""Nodes joined by so few edges are joined well enough."""
+_JUMP_M = 1.5
+"""Two poses in a row that are farther apart were not driven from one to the other."""
+_CELL_M = 1.0
+HEADING_SECTORS = 8
+"""Of 45 degrees, centred on the axes and the diagonals."""
+_OPPOSITE = 3
+"""Sectors apart, at least, that count as another side."""
+_MIN_IMAGES = 3
+"""A place with fewer images is not yet a place."""
 _KNOWN = 0.5
 """A view whose best r is above this shows nothing new."""
 _AHEAD_M = 1.0
@@ -32,13 +49,26 @@ _HERE_M = 0.5
 
 
 @dataclass(frozen=True, slots=True)
-class DrivingHint:
-    """Where to drive next."""
+class MissingLoopClosure:
+    """Two nodes at one place, from two visits, that no edge joins and no short path either."""
 
-    text: str
-    """One sentence."""
-    target: PoseRow | None
-    """A pose in the odometry frame; None where any direction is as good."""
+    first: NodeId
+    second: NodeId
+    gap_m: float
+    """Between the two by odometry, which drifts: the loop is a guess."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OneSidedPlace:
+    """A place where the camera always looked to the same side."""
+
+    x_m: float
+    y_m: float
+    """Mean of the poses there."""
+    yaw_rad: float
+    """Mean heading."""
+    images: int
+    """Taken there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +83,14 @@ class MappingAdvice:
     """Places seen from one side only."""
     novelty: float | None
     """1 - best r of the current view to any node: 0 = known, 1 = new; None where nobody compared it."""
-    hint: DrivingHint
+    hint: Finding
+    """Where to drive next, and why."""
+    target: PoseRow | None
+    """A pose in the odometry frame to drive to; None where any direction is as good."""
+
+
+_Hint: TypeAlias = tuple[Finding, PoseRow | None]
+"""Where to drive next and why, and the pose to drive to."""
 
 
 def advise_mapping(
@@ -70,29 +107,123 @@ def advise_mapping(
     missing_closures = find_missing_loop_closures(graph, steps, poses)
     places = one_sided_places(poses)
     novelty = None if current is None else 1 - float(np.max(current.reachability, initial=0.0))
+    hint, target = _hint(graph, poses, components, missing_closures, places, novelty)
     return MappingAdvice(
         strongly_connected_components=components,
         missing_closures=missing_closures,
         one_sided_places=places,
         novelty=novelty,
-        hint=_hint(
-            graph, poses, components=components, missing_closures=missing_closures, places=places, novelty=novelty
-        ),
+        hint=hint,
+        target=target,
     )
+
+
+def find_missing_loop_closures(
+    graph: TopologicalGraph, steps: Sequence[FrameId], poses: Pose
+) -> tuple[MissingLoopClosure, ...]:
+    """Return where the drive came back and no edge, nor a few of them, lead across; one per place, the closest pair.
+
+    `steps` (T,) and odometry `poses` (T, 3) are the drive so far, ascending. Nodes that were not on it belong to
+    another visit. Linear in T, in nodes, and in pairs of nodes at one place.
+    """
+    nodes = list(graph.nodes.values())
+    if len(nodes) < 2:
+        return ()
+    places = np.array([node.odometry for node in nodes])
+    driven = _driven_m(np.array([node.id for node in nodes]), np.asarray(steps), np.asarray(poses))
+    found: list[tuple[float, int, int]] = []
+    for k, others in _at_one_place(places):
+        gaps = np.hypot(*(places[others] - places[k])[:, :2].T)
+        turned = np.abs(wrap_angle(places[others, 2] - places[k, 2]))
+        twice = (gaps < SAME_PLACE_M) & (turned < _NEAR_RAD) & ~(np.abs(driven[others] - driven[k]) < _AWAY_M)
+        if twice.any():
+            close = _reached(graph, nodes[k].id)
+            chosen = zip(gaps[twice], others[twice], strict=True)
+            found += [(float(gap), k, int(j)) for gap, j in chosen if nodes[j].id not in close]
+    return tuple(MissingLoopClosure(nodes[k].id, nodes[j].id, gap) for gap, k, j in _thinned(sorted(found), places))
+
+
+def one_sided_places(poses: Pose) -> tuple[OneSidedPlace, ...]:
+    """Return the places, squares of 1 m, where odometry `poses` (T, 3) never look to another side. Linear in T."""
+    poses = np.asarray(poses, np.float64).reshape(-1, 3)
+    cells = np.floor(poses[:, :2] / _CELL_M).astype(np.int64)
+    _, owner, counts = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
+    sector = np.round(poses[:, 2] / (2 * np.pi / HEADING_SECTORS)).astype(np.int64) % HEADING_SECTORS
+    histograms = np.bincount(owner.ravel() * HEADING_SECTORS + sector, minlength=len(counts) * HEADING_SECTORS).reshape(
+        -1, HEADING_SECTORS
+    )
+    sums = [np.bincount(owner.ravel(), weights, len(counts)) for weights in _weights(poses)]
+    found = []
+    for k in np.flatnonzero((counts >= _MIN_IMAGES) & ~_other_sides(histograms > 0)):
+        x, y, cos, sin = (float(each[k]) for each in sums)
+        count = int(counts[k])
+        found.append(OneSidedPlace(x_m=x / count, y_m=y / count, yaw_rad=float(np.arctan2(sin, cos)), images=count))
+    return tuple(found)
+
+
+def _weights(poses: Pose) -> tuple[NDArray[np.float64], ...]:
+    return poses[:, 0], poses[:, 1], np.cos(poses[:, 2]), np.sin(poses[:, 2])
+
+
+def _other_sides(seen: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Tell (C,) whether any two sectors of (C, 8) that were seen lie on different sides."""
+    apart = range(_OPPOSITE, HEADING_SECTORS - _OPPOSITE + 1)
+    return np.any([seen & np.roll(seen, shift, axis=1) for shift in apart], axis=(0, 2))
+
+
+def _driven_m(nodes: NDArray[np.int64], steps: NDArray[np.int64], poses: Pose) -> NDArray[np.float64]:
+    """Return (N,) metres driven up to each node, nan where it is not on the drive or odometry jumped in between."""
+    if not len(steps):
+        return np.full(len(nodes), np.nan)
+    moves = np.hypot(*np.diff(poses[:, :2], axis=0).T)
+    # A jump counts as a long drive: what lies before and after it are two visits.
+    path = np.concatenate([[0.0], np.cumsum(np.where(moves > _JUMP_M, 1e6, moves))])
+    row = np.clip(np.searchsorted(steps, nodes), 0, len(steps) - 1)
+    return np.where(steps[row] == nodes, path[row], np.nan)
+
+
+def _at_one_place(places: Pose) -> Iterator[tuple[int, NDArray[np.intp]]]:
+    """Yield each row of (N, 3) with the earlier ones in its square and the eight around."""
+    squares: defaultdict[tuple[int, int], list[int]] = defaultdict(list)
+    for k, (x, y) in enumerate(np.floor(places[:, :2] / SAME_PLACE_M).astype(int).tolist()):
+        around = itertools.product((x - 1, x, x + 1), (y - 1, y, y + 1))
+        others = [j for square in around if square in squares for j in squares[square]]
+        squares[x, y].append(k)
+        if others:
+            yield k, np.array(others, np.intp)
+
+
+def _reached(graph: TopologicalGraph, start: NodeId) -> set[NodeId]:
+    """Return the nodes that a few edges, either way, lead to."""
+    reached, frontier = {start}, [start]
+    for _ in range(_HOPS):
+        beside = {other for node in frontier for other in (*graph.successors(node), *graph.predecessors(node))}
+        frontier = list(beside - reached)
+        reached |= beside
+    return reached
+
+
+def _thinned(found: Sequence[tuple[float, int, int]], places: Pose) -> Iterator[tuple[float, int, int]]:
+    """Yield the closest pair of each place."""
+    kept: list[NDArray[np.float64]] = []
+    for gap, k, j in found:
+        here = places[k, :2]
+        if all(np.hypot(*(here - other)) > 2 * SAME_PLACE_M for other in kept):
+            kept.append(here)
+            yield gap, k, j
 
 
 def _hint(
     graph: TopologicalGraph,
     poses: Pose,
-    *,
-    components: tuple[tuple[NodeId, ...], ...],
-    missing_closures: tuple[MissingLoopClosure, ...],
-    places: tuple[OneSidedPlace, ...],
+    components: Sequence[Sequence[NodeId]],
+    missing_closures: Sequence[MissingLoopClosure],
+    places: Sequence[OneSidedPlace],
     novelty: float | None,
-) -> DrivingHint:
+) -> _Hint:
     """Choose what to mend: first what makes goals unreachable, last what makes the map richer."""
     if not len(poses):
-        return DrivingHint("Drive a little, so that there is something to see.", None)
+        return _told("Drive a little, so that there is something to see."), None
     here = poses[-1]
     hints = (
         _join(graph, here, components),
@@ -103,7 +234,7 @@ def _hint(
     return next((hint for hint in hints if hint is not None), _elsewhere(here, poses))
 
 
-def _join(graph: TopologicalGraph, here: Pose, components: Sequence[Sequence[NodeId]]) -> DrivingHint | None:
+def _join(graph: TopologicalGraph, here: Pose, components: Sequence[Sequence[NodeId]]) -> _Hint | None:
     """Lead to the nearest node of a component in which the robot is not."""
     worth = [component for component in components if len(component) >= _STRAY]
     if len(worth) < 2:
@@ -111,52 +242,46 @@ def _join(graph: TopologicalGraph, here: Pose, components: Sequence[Sequence[Nod
     nearest = [min((_apart(graph, here, node), node) for node in component) for component in worth]
     gap, node = sorted(nearest)[1]
     target = graph.nodes[node].odometry
-    way = "drive from there back to where you are" if gap < _HERE_M else f"drive to node {node}, {_way(here, target)}"
-    return DrivingHint(
-        f"The map is in {len(worth)} pieces: {way}, and look ahead on the way, so that they join.", target
-    )
+    way = "Drive from there back to where you are" if gap < _HERE_M else f"Drive to node {node}, {_way(here, target)}"
+    remedy = f"{way}, and look ahead on the way, so that they join."
+    return _told(f"The map is in {len(worth)} pieces.", remedy), target
 
 
-def _close(graph: TopologicalGraph, here: Pose, missing_closures: Sequence[MissingLoopClosure]) -> DrivingHint | None:
+def _close(graph: TopologicalGraph, here: Pose, missing_closures: Sequence[MissingLoopClosure]) -> _Hint | None:
     """Lead to the nearest place where a loop is open."""
     if not missing_closures:
         return None
     loop = min(missing_closures, key=lambda each: _apart(graph, here, each.first))
     target = graph.nodes[loop.first].odometry
-    return DrivingHint(
-        f"Nodes {loop.first} and {loop.second} are the same place on two visits, but no edge joins them: drive through "
-        f"it again, {_way(here, target)}.",
-        target,
-    )
+    text = f"Nodes {loop.first} and {loop.second} are the same place on two visits, but no edge joins them."
+    return _told(text, f"Drive through it again, {_way(here, target)}."), target
 
 
-def _turn_round(here: Pose, sides: Sequence[OneSidedPlace]) -> DrivingHint | None:
+def _turn_round(here: Pose, sides: Sequence[OneSidedPlace]) -> _Hint | None:
     """Lead to the nearest place that was seen from one side only, to look the other way."""
     if not sides:
         return None
     place = min(sides, key=lambda each: math.hypot(each.x_m - here[0], each.y_m - here[1]))
     target = PoseRow(place.x_m, place.y_m, float(wrap_angle(place.yaw_rad + math.pi)))
-    return DrivingHint(
-        f"One place was seen from one side only: look the other way there, {_way(here, target)}.", target
-    )
+    remedy = f"Look the other way there, {_way(here, target)}."
+    return _told("One place was seen from one side only.", remedy), target
 
 
-def _go_on(here: Pose, novelty: float | None) -> DrivingHint | None:
+def _go_on(here: Pose, novelty: float | None) -> _Hint | None:
     """Let the robot go on where everything is new."""
     if novelty is None or 1 - novelty > _KNOWN:
         return None
     target = here + np.array([_AHEAD_M * np.cos(here[2]), _AHEAD_M * np.sin(here[2]), 0.0])
-    return DrivingHint(
-        "This view is new: go on slowly, so that the next pictures join it to the map.", pose_row(target)
-    )
+    remedy = "Go on slowly, so that the next pictures join it to the map."
+    return _told("This view is new.", remedy), pose_row(target)
 
 
-def _elsewhere(here: Pose, poses: Pose) -> DrivingHint:
+def _elsewhere(here: Pose, poses: Pose) -> _Hint:
     """Lead to the rim of what was driven, where something new is likeliest."""
     middle = poses[:, :2].mean(axis=0)
     rim = poses[int(np.argmax(np.hypot(*(poses[:, :2] - middle).T)))]
     target = PoseRow(float(rim[0]), float(rim[1]), float(np.arctan2(*(rim[:2] - middle)[::-1])))
-    return DrivingHint(f"All is well here: go beyond the rim of what you have seen, {_way(here, target)}.", target)
+    return _told("All is well here.", f"Go beyond the rim of what you have seen, {_way(here, target)}."), target
 
 
 def _apart(graph: TopologicalGraph, here: Pose, node: NodeId) -> float:
@@ -177,3 +302,7 @@ def _way(here: Pose, target: PoseRow) -> str:
     elif abs(bearing) > 155:
         side = "behind you"
     return f"{away:.1f} m away {side}"
+
+
+def _told(text: str, remedy: str = "") -> Finding:
+    return Finding(text, Severity.INFO, remedy)

@@ -53,18 +53,21 @@ def plan_alternative(
 
     `planning` and `weight` are those of the run. Linear in the changes of the map, and two plans.
     """
-    edge, count = (source, target), timeline.count_until(at)
+    edge = (source, target)
+    count = timeline.count_until(at)
     plans = [plan for plan in timeline.plans if plan.event < count and edge in plan.edges]
     if not plans:
         return None
-    plan, graph = plans[-1], timeline.graph_before(plans[-1].event)
+    plan = plans[-1]
+    graph = timeline.graph_before(plans[-1].event)
     if edge not in graph.edges:
         return None  # The recording does not hold the map in which it was planned.
     planner = Planner(graph, planning, weight=weight)
     penalties = failure_penalties_at(timeline, plan.event, planning)
     belief = graph.edges[edge].belief
     costs = weight(belief) if weight else edge_cost(belief, planning)
-    start, goal = plan.planned.nodes[0], plan.planned.nodes[-1]
+    start = plan.planned.nodes[0]
+    goal = plan.planned.nodes[-1]
     replanned = planner.plan(start, goal, penalties)
     without_edge = planner.plan(start, goal, {**penalties, edge: inf})
     return PlanAlternative(
@@ -118,8 +121,10 @@ def explain_planned_edge(
 
 
 def _planned(made: PlanAlternative) -> ExplanationStep:
-    nodes, cost = made.plan.planned.nodes, made.plan.planned.cost
-    number, edges_text = made.plan.planned.query, count_text(len(nodes) - 1, "edge")
+    nodes = made.plan.planned.nodes
+    cost = made.plan.planned.cost
+    number = made.plan.planned.query
+    edges_text = count_text(len(nodes) - 1, "edge")
     where = f"In query {number} the robot thought it was at node {nodes[0]}"
     text = f"{where} and planned {edges_text} to {nodes[-1]}, cost {cost:.2f}."
     return ExplanationStep(text, made.plan.instant, ExplanationKind.PLAN, nodes)
@@ -133,9 +138,11 @@ def _edge_cost_step(made: PlanAlternative) -> ExplanationStep:
 
 def _alternative(made: PlanAlternative) -> ExplanationStep:
     if not isfinite(made.without_edge.cost):
-        text, ids = "Without it there is no path at all.", made.edge
+        text = "Without it there is no path at all."
+        ids = made.edge
     else:
-        more, ids = made.without_edge.cost - made.replanned.cost, made.without_edge.nodes
+        more = made.without_edge.cost - made.replanned.cost
+        ids = made.without_edge.nodes
         fresh = len(set(itertools.pairwise(ids)) - set(made.plan.edges))
         text = (
             f"The best path without it costs {made.without_edge.cost:.2f}, {more:.2f} more, with "

@@ -91,7 +91,8 @@ def presence_decision(
     doubts = {edge: -planning.belief_weight * log(p) for edge, p in open_now.items() if p >= OPEN_ABOVE}
     costs = {edge: penalties.get(edge, 0.0) + doubts.get(edge, 0.0) for edge in penalties.keys() | doubts.keys()}
     planner = Planner(graph, planning, weight=weight)
-    start, goal = plan.planned.nodes[0], plan.planned.nodes[-1]
+    start = plan.planned.nodes[0]
+    goal = plan.planned.nodes[-1]
     through = planner.plan(start, goal, costs)
     on_way = list(itertools.pairwise(through.nodes))
     passed = [edge for edge in on_way if edge in closed]

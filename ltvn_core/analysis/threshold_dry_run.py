@@ -12,7 +12,7 @@ import numpy as np
 from ltvn_core.analysis.explanation_steps import count_text
 from ltvn_core.analysis.what_if_scenario import prunable_edges
 from ltvn_core.config import PAPER, BeliefConfig, Method
-from ltvn_core.graph.builder import ProgressCallback, build
+from ltvn_core.graph.builder import build
 from ltvn_core.graph.connectivity import count_strongly_connected_components
 from ltvn_core.graph.deltas import Cause, EdgePruned
 from ltvn_core.graph.keyframes import KeyframeStore
@@ -90,8 +90,6 @@ def rebuild_dry_run(
     method: Method,
     changed: Method,
     rng: np.random.Generator,
-    *,
-    progress: ProgressCallback | None = None,
 ) -> RebuildCounts:
     """Build a map from the same images with both methods and the same random numbers, and return both sizes.
 
@@ -105,7 +103,7 @@ def rebuild_dry_run(
         own.begin_drives(keyframes.drive_starts, resumed=keyframes.resumed_starts)
         if observations:
             own.add(observations, known.features([seen.step for seen in observations]))
-        deltas = build(observations, own, predictor, each, deepcopy(rng), progress=progress)
+        deltas = build(observations, own, predictor, each, deepcopy(rng))
         sizes.append(MapSize.of(TopologicalGraph(deltas)))
     before, after = sizes
     return RebuildCounts(before=before, after=after)

@@ -10,8 +10,7 @@ from collections.abc import Iterable, Sequence
 from copy import copy
 from typing import Self
 
-from ltvn_core.analysis.graph_history import GraphHistory
-from ltvn_core.analysis.map_history import MapHistory
+from ltvn_core.analysis.map_history import GraphHistory, MapHistory
 from ltvn_core.analysis.navigation_progress import NO_PROGRESS, NavigationProgress, apply_event
 from ltvn_core.analysis.recorded_frames import RecordedFrames
 from ltvn_core.analysis.timeline_records import (
@@ -49,7 +48,8 @@ class Timeline:
         Never raises for events that are cut, incomplete or in disorder: `notes` tells. Images of a map that was loaded
         before the run say where its nodes are; they were not driven in this run. Linear in both.
         """
-        timeline, arrived = cls(), list(events)
+        timeline = cls()
+        arrived = list(events)
         loaded = _loaded_until(arrived)
         for step, stamp, pose in frames:
             if step > loaded:
@@ -154,7 +154,8 @@ class Timeline:
 
     def instant_at(self, stamp: float) -> Instant:
         """Return the moment at `stamp` seconds: its step is the newest of an image or event, -1 before the first."""
-        frames, events = self.frames.count_at(stamp), self.count_at(stamp)
+        frames = self.frames.count_at(stamp)
+        events = self.count_at(stamp)
         last_frame = self.frames.step(frames - 1) if frames else -1
         last_event = int(self._events[events - 1].step) if events else -1
         return Instant(max(last_frame, last_event), stamp)
@@ -280,7 +281,8 @@ class Timeline:
             self._append(stamped)
 
     def _append(self, stamped: StampedEvent) -> None:
-        number, event = len(self._events), stamped.event
+        number = len(self._events)
+        event = stamped.event
         stamp = max(float(stamped.stamp), self._stamps[-1]) if self._stamps else float(stamped.stamp)
         instant = Instant(int(stamped.step), stamp)
         if isinstance(event, GraphChanged):
@@ -299,7 +301,8 @@ class Timeline:
         return self._known_rows
 
     def _take_row(self, number: int) -> None:
-        event, instant = self._events[number].event, self.instant(number)
+        event = self._events[number].event
+        instant = self.instant(number)
         if isinstance(event, GraphChanged) and (epoch := self._maps.begun_by.get(number)) is not None:
             self._known_rows.begin_map(number, instant, event.delta.cause, epoch)
         self._known_rows.take(number, instant, event)
@@ -315,7 +318,8 @@ def _loaded_until(events: Sequence[StampedEvent]) -> FrameId:
 
 def _late_count(events: Sequence[StampedEvent]) -> int:
     """Return how many events come after one of a later step."""
-    latest, late = -1, 0
+    latest = -1
+    late = 0
     for stamped in events:
         late += stamped.step < latest
         latest = max(latest, stamped.step)

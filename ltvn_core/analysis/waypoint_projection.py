@@ -32,14 +32,16 @@ def pole_in_image(waypoint: Waypoint, camera: CameraModel) -> tuple[Pixel, Pixel
     if top is None or foot is None:
         return None
     ends = np.array([top, foot])
-    begin, end = 0.0, 1.0
+    begin = 0.0
+    end = 1.0
     for start, stop, size in zip(ends[0], ends[1], (camera.width, camera.height), strict=True):
         slope = stop - start
         if abs(slope) < 1e-9:
             begin, end = (begin, end) if 0 <= start <= size else (1.0, 0.0)
             continue
         first, last = sorted(((0 - start) / slope, (size - start) / slope))
-        begin, end = max(begin, first), min(end, last)
+        begin = max(begin, first)
+        end = min(end, last)
     if begin > end:
         return None
     cut = [ends[0] + share * (ends[1] - ends[0]) for share in (begin, end)]

@@ -1,15 +1,26 @@
 """Changes for a what-if question: another edge, belief, goal, start, threshold or time.
 
-Owns these changes as data. `analysis.what_if_scenario` puts them into effect on a copy of the map.
+Owns these changes as data and their short text form, both ways: "without 12->40", "p(12->40) = 0.1", "goal 120",
+"D_c = 1.3", "at 18:00". `analysis.what_if_scenario` puts them into effect on a copy of the map.
 """
 
+import re
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import TypeAlias
+from typing import TypeAlias, assert_never
 
-from ltvn_core.analysis.world_clock import WorldTime
+from ltvn_core.analysis.number_parser import parse_number
+from ltvn_core.analysis.world_clock import TIME_EXAMPLES, WorldTime, format_world_time, parse_world_time
+from ltvn_core.errors import OptionError
 from ltvn_core.graph.deltas import Belief
 from ltvn_core.types import NodeId
+
+_EDGE = r"(\d+)\s*(?:->|→)\s*(\d+)"
+_PRESENCE = re.compile(rf"(with|without)\s+{_EDGE}", re.IGNORECASE)
+_BELIEF = re.compile(rf"(p|mu)\s*\(\s*{_EDGE}\s*\)\s*=\s*(\S+)", re.IGNORECASE)
+_PLACE = re.compile(r"(goal|from)\s+(\d+)", re.IGNORECASE)
+_TIME = re.compile(r"(at|in)\s.*|\d{1,2}:\d{2}", re.IGNORECASE)
+_THRESHOLD = re.compile(r"([A-Za-z_ ]+?)\s*=\s*(\S+)")
 
 
 class WhatIfThreshold(StrEnum):
@@ -85,3 +96,59 @@ class WithTime:
 
 
 WhatIfChange: TypeAlias = WithEdge | WithoutEdge | WithBelief | WithGoal | WithStart | WithThreshold | WithTime
+
+WHAT_IF_EXAMPLES = (
+    "without 12->40",
+    "with 12->40",
+    "p(12->40) = 0.1",
+    "mu(12->40) = 2",
+    "goal 120",
+    "from 12",
+    *(f"{threshold} = 1.3" for threshold in WhatIfThreshold),
+    *TIME_EXAMPLES,
+)
+"""One of each form, for help texts."""
+
+_THRESHOLDS = {threshold.value.lower(): threshold for threshold in WhatIfThreshold}
+
+
+def parse_what_if_change(text: str) -> WhatIfChange:
+    """Read a change. Raises OptionError, which lists the valid forms, for anything else."""
+    words = " ".join(text.split())
+    if found := _PRESENCE.fullmatch(words):
+        edge = int(found[2]), int(found[3])
+        return WithEdge(*edge) if found[1].lower() == "with" else WithoutEdge(*edge)
+    if found := _BELIEF.fullmatch(words):
+        edge = (int(found[2]), int(found[3]))
+        value = parse_number(found[4], text, "nothing to imagine")
+        return WithBelief(*edge, p=value) if found[1].lower() == "p" else WithBelief(*edge, mu=value)
+    if found := _PLACE.fullmatch(words):
+        return WithGoal(int(found[2])) if found[1].lower() == "goal" else WithStart(int(found[2]))
+    if _TIME.fullmatch(words):
+        return WithTime(parse_world_time(words))
+    found = _THRESHOLD.fullmatch(words)
+    if found and (threshold := _THRESHOLDS.get(found[1].lower())) is not None:
+        return WithThreshold(threshold, parse_number(found[2], text, "nothing to imagine"))
+    raise OptionError(f"{text[:60]!r} is nothing to imagine; write one of: {', '.join(WHAT_IF_EXAMPLES)}.")
+
+
+def format_what_if_change(change: WhatIfChange) -> str:
+    """Return what one types for a change; parsing it gives the same change, if an edge has no belief of its own."""
+    match change:
+        case WithEdge(source, target):
+            return f"with {source}->{target}"
+        case WithoutEdge(source, target):
+            return f"without {source}->{target}"
+        case WithBelief(source, target, None, mu):
+            return f"mu({source}->{target}) = {mu!r}"
+        case WithBelief(source, target, p):
+            return f"p({source}->{target}) = {p!r}"
+        case WithGoal(goal):
+            return f"goal {goal}"
+        case WithStart(source):
+            return f"from {source}"
+        case WithThreshold(threshold, value):
+            return f"{threshold.value} = {value!r}"
+        case WithTime(time):
+            return format_world_time(time)
+    assert_never(change)

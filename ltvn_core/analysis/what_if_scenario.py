@@ -1,9 +1,13 @@
-"""The map, the planner's question and the thresholds at one moment, as they were or with imagined changes.
+"""What the planner was asked at one moment, and what it would plan with imagined changes.
 
-Owns what each imagined change does to a copy. Does not plan (`analysis.what_if_replanning`).
+Owns the question (where the robot was, where to, which edges had failed), what each change does to a copy of the map,
+and the comparison of both plans. Neither the map nor the recording is touched. Counting what other thresholds would do
+to the map is `analysis.threshold_dry_run`.
 """
 
-from collections.abc import Callable, Sequence
+import itertools
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TypeAlias, assert_never
@@ -12,7 +16,8 @@ import numpy as np
 
 from ltvn_core.analysis.edge_presence_history import presence_as_if
 from ltvn_core.analysis.manual_edits import add_edge
-from ltvn_core.analysis.planner_state import PlannerState
+from ltvn_core.analysis.timeline import Timeline
+from ltvn_core.analysis.timeline_records import Instant
 from ltvn_core.analysis.what_if_changes import (
     WhatIfChange,
     WhatIfThreshold,
@@ -30,13 +35,47 @@ from ltvn_core.errors import MapError, OptionError
 from ltvn_core.geometry import distance
 from ltvn_core.graph.deltas import Belief, BeliefUpdated, Cause, Edge, EdgeAdded, EdgePruned, PoseRow
 from ltvn_core.graph.maintenance import should_prune
-from ltvn_core.graph.planner import EdgeWeight, edge_cost
+from ltvn_core.graph.planner import NO_PATH, EdgeWeight, GraphPath, Planner, edge_cost
 from ltvn_core.graph.presence.presence_filter import PresenceFilter
+from ltvn_core.graph.presence.presence_plan import plan_by_presence
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
+from ltvn_core.navigation.events import Localised
 from ltvn_core.types import NodeId
 
 EdgeWeightFactory: TypeAlias = Callable[[Method], EdgeWeight]
 """How a navigation system weighs edges, given the thresholds."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlannerState:
+    """A question to the planner."""
+
+    source: NodeId | None
+    """Where the robot held itself to be; None when it was lost or nobody asked yet."""
+    goal: NodeId | None
+    """None outside of queries."""
+    failures: Mapping[EdgeKey, int] = field(default_factory=dict)
+    """How often each edge had failed in this query, each time at the price of `Planning.failure_penalty`."""
+    localised: Localised | None = None
+    """The localisation that told the source."""
+    tries: int = 0
+    """How often something was in the way in this query."""
+
+
+def planner_state_at(timeline: Timeline, instant: Instant | None = None) -> PlannerState:
+    """Return what the planner knew after everything that happened up to and in a step, at the end without one.
+
+    Failed attempts count against all edges of the plan that they went along, as the navigator counts them. Events of a
+    query whose beginning was cut off are used as far as they go. Logarithmic.
+    """
+    progress = timeline.progress_before(timeline.count_until(instant))
+    return PlannerState(
+        source=progress.localised.node if progress.localised else None,
+        goal=progress.goal,
+        failures=progress.failures,
+        localised=progress.localised,
+        tries=progress.obstructions,
+    )
 
 
 def ltvn_edge_weight(method: Method) -> EdgeWeight:
@@ -222,3 +261,126 @@ def _node(graph: TopologicalGraph, node: NodeId) -> NodeId:
     if node not in graph.nodes:
         raise MapError(f"Node {node} is not in the map at this moment, which has {len(graph.nodes)} nodes.")
     return node
+
+
+@dataclass(frozen=True, slots=True)
+class EdgeCostParts:
+    """What one edge of a path costs, part by part."""
+
+    edge: EdgeKey
+    mu: float
+    """Believed length."""
+    doubt: float
+    """What the weight of the edge adds: -weight * ln p in the paper's system."""
+    penalty: float
+    """For failures earlier in the query."""
+    open_p: float = 1.0
+    """How probably it is open then."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlanDifference:
+    """Two plans side by side."""
+
+    old: GraphPath
+    new: GraphPath
+    old_edges: tuple[EdgeCostParts, ...]
+    """Along the old path."""
+    new_edges: tuple[EdgeCostParts, ...]
+    """Along the new path, under the changes."""
+    removed_edges: tuple[EdgeKey, ...]
+    """Edges of the old path that the new one does without, in order."""
+    added_edges: tuple[EdgeKey, ...]
+    """Edges that only the new path has, in order."""
+    notes: tuple[str, ...]
+    """What these plans cannot tell about the changes, for a person."""
+    old_open: Mapping[EdgeKey, float] = field(default_factory=dict)
+    """How probably the edges are open that were ever seen blocked,"""
+    new_open: Mapping[EdgeKey, float] = field(default_factory=dict)
+    """and how probably they would be."""
+
+    @property
+    def sentence(self) -> str:
+        """The difference in one line."""
+        old = _path_text(self.old)
+        new = _path_text(self.new)
+        if self.old.nodes != self.new.nodes:
+            return f"{new[0].upper()}{new[1:]}, instead of {old}."
+        if not self.new.nodes:
+            return "Still no way."
+        same = math.isclose(self.old.cost, self.new.cost)
+        return f"The same way, {new}." if same else f"The same way, {new} instead of {self.old.cost:.2f}."
+
+
+def replan(
+    graph: TopologicalGraph,
+    planner_state: PlannerState,
+    method: Method,
+    changes: Sequence[WhatIfChange],
+    *,
+    edge_weight_of: EdgeWeightFactory = ltvn_edge_weight,
+    presence: PresenceMoment | None = None,
+) -> PlanDifference:
+    """Plan twice, as it was and as it would be under `changes`, taken in order.
+
+    `edge_weight_of` are those of the system that planned; the paper's own unless another is named. With `presence` both
+    plans take into account what is open.
+    Costs two copies of the map and two searches. Raises MapError where a change names a node or an edge that is not in
+    the map, OptionError for values that cannot be.
+    """
+    before = WhatIfScenario(
+        graph=graph,
+        planner_state=planner_state,
+        method=method,
+        edge_weight_of=edge_weight_of,
+        presence=presence,
+    )
+    after = apply_what_if_changes(before, changes)
+    old_open = _open_edges(before)
+    new_open = _open_edges(after)
+    old = _plan(before, old_open)
+    new = _plan(after, new_open)
+    old_keys, new_keys = (tuple(itertools.pairwise(path.nodes)) for path in (old, new))
+    return PlanDifference(
+        old=old,
+        new=new,
+        old_edges=tuple(_cost_parts(before, key, old_open) for key in old_keys),
+        new_edges=tuple(_cost_parts(after, key, new_open) for key in new_keys),
+        removed_edges=tuple(key for key in old_keys if key not in new_keys),
+        added_edges=tuple(key for key in new_keys if key not in old_keys),
+        notes=tuple(after.notes),
+        old_open=old_open,
+        new_open=new_open,
+    )
+
+
+def _open_edges(scenario: WhatIfScenario) -> Mapping[EdgeKey, float]:
+    return {} if scenario.presence is None else scenario.presence.probabilities(scenario.graph)
+
+
+def _plan(scenario: WhatIfScenario, open_edges: Mapping[EdgeKey, float]) -> GraphPath:
+    source = scenario.planner_state.source
+    goal = scenario.planner_state.goal
+    if source is None or goal is None:
+        missing = "where the robot is" if source is None else "where it should go"
+        scenario.notes.append(f"There is no plan because nobody knows {missing}; set it as a change.")
+        return NO_PATH
+    planning = scenario.method.planning
+    asked = scenario.planner_state
+    penalties = {edge: count * planning.failure_penalty for edge, count in asked.failures.items()}
+    planner = Planner(scenario.graph, planning, weight=scenario.weight)
+    return plan_by_presence(
+        planner, source, goal, penalties, open_edges, belief_weight=planning.belief_weight, tries=asked.tries
+    )
+
+
+def _cost_parts(scenario: WhatIfScenario, key: EdgeKey, open_edges: Mapping[EdgeKey, float]) -> EdgeCostParts:
+    belief = scenario.graph.edges[key].belief
+    planning = scenario.method.planning
+    penalty = scenario.planner_state.failures.get(key, 0) * planning.failure_penalty
+    doubt = scenario.weight(belief) - belief.mu
+    return EdgeCostParts(edge=key, mu=belief.mu, doubt=doubt, penalty=penalty, open_p=open_edges.get(key, 1.0))
+
+
+def _path_text(path: GraphPath) -> str:
+    return f"{len(path.nodes)} nodes at cost {path.cost:.2f}" if path.nodes else "no way"

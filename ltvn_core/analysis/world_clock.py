@@ -70,7 +70,8 @@ def _time_after(timeline: Timeline, count: int, stamp: float) -> float:
 
 def event_count_at(timeline: Timeline, at_s: float) -> int:
     """Return how many events of a run happened up to a time of the world; linear in the events."""
-    count, offset_s = 0, 0.0
+    count = 0
+    offset_s = 0.0
     for number, stamped in enumerate(timeline.events):
         stamp = timeline.instant(number).stamp
         told = _told_time(stamped)

@@ -1,9 +1,16 @@
-"""Compressed images of strangers: their size is looked at before they are decoded, and damage is one clear error."""
+"""Compressed images of strangers: their size is looked at before they are decoded, and damage is one clear error.
+
+Pictures in HEIC, as phones take them, are read where pillow_heif is installed. Depth that RTAB-Map and ROS compressed
+by RVL (A. Wilson, *Fast Lossless Depth Image Compression*, ISS 2017) is runs of pixels without depth and with depth by
+turns, and depth is the difference to the pixel before; every number is three bits a nibble, the fourth says whether
+more follow.
+"""
 
 import io
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import cv2
 import numpy as np
@@ -11,15 +18,106 @@ from cv2.utils import logging as cv2_logging
 from numpy.typing import NDArray
 from PIL import Image
 
-from ltvn_core.cameras.heif_images import heif_colours, heif_size, is_heif
 from ltvn_core.errors import DriveError
+from ltvn_core.extras import is_installed, missing_text
 from ltvn_core.types import Depth, Rgb
 
+_LIBRARY = "pillow_heif"
+_BRANDS = (b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"mif1", b"msf1")
+_SHIFTS = np.arange(28, -4, -4)
+"""A word of 32 bits has eight nibbles, the first in its highest bits."""
+_LONGEST = 11
+"""Nibbles of a number of 32 bits."""
 MAX_PIXELS = 64_000_000
 """No camera that a robot carries has more; a small file that unpacks to more is no photograph."""
 NO_RETURN = 65535
 """In depth of 16 bits: what some cameras say in place of 0."""
 _FORMATS = ("JPEG", "PNG", "WEBP", "BMP", "PPM", "TIFF")
+
+
+def is_heif(blob: bytes) -> bool:
+    """Tell whether the bytes begin as a HEIC picture does."""
+    return blob[4:8] == b"ftyp" and blob[8:12] in _BRANDS
+
+
+def heif_size(blob: bytes, source: str) -> tuple[int, int]:
+    """Return width and height, without decoding. Raises DriveError like `heif_colours`."""
+    width, height = _opened(blob, source).size
+    return width, height
+
+
+def heif_colours(blob: bytes, source: str) -> Rgb:
+    """Return the colours (H, W, 3), upright. Raises DriveError for a damaged picture, or without the library."""
+    opened = _opened(blob, source)
+    try:
+        return np.array(opened.to_pillow().convert("RGB"), np.uint8)
+    except Exception as error:  # The library has many kinds for damaged pictures.
+        raise DriveError(_damaged(blob, source)) from error
+
+
+def heif_exif(blob: bytes) -> Image.Exif:
+    """Return what the camera wrote beside the picture; empty where it wrote nothing."""
+    exif = Image.Exif()
+    exif.load(_opened(blob, "the picture").info.get("exif") or b"")
+    return exif
+
+
+def _opened(blob: bytes, source: str) -> Any:
+    if not is_installed(_LIBRARY):
+        raise DriveError(f"{source} is in HEIC. {missing_text(_LIBRARY)} Or convert it to JPEG.")
+    import pillow_heif
+
+    try:
+        return pillow_heif.open_heif(io.BytesIO(blob))
+    except Exception as error:  # As above.
+        raise DriveError(_damaged(blob, source)) from error
+
+
+def decode_rvl(data: bytes, width: int, height: int, source: str) -> NDArray[np.uint16]:
+    """Return depth (height, width) in the units in which it was compressed. Raises DriveError where it is damaged."""
+    pixels = width * height
+    if not 0 < pixels <= MAX_PIXELS or len(data) < 4:
+        raise DriveError(f"{source}: {len(data):,} bytes are no depth image of {width} x {height}.")
+    numbers = _numbers(data, source)
+    places, steps = _runs(numbers, pixels, source)
+    change = (steps >> 1) ^ -(steps & 1)
+    image = np.zeros(pixels, np.uint16)
+    image[places] = np.cumsum(change).astype(np.uint16)
+    return image.reshape(height, width)
+
+
+def _numbers(data: bytes, source: str) -> NDArray[np.int64]:
+    """Return all numbers of the stream."""
+    words = np.frombuffer(data[: len(data) // 4 * 4], "<u4")
+    nibbles = ((words[:, None] >> _SHIFTS.astype(np.uint32)) & 0xF).ravel().astype(np.int64)
+    ends = np.flatnonzero(nibbles < 8)
+    begins = np.concatenate([[0], ends[:-1] + 1]) if len(ends) else ends
+    if len(ends) == 0 or (ends - begins).max() >= _LONGEST:
+        raise DriveError(f"{source}: the compressed depth is damaged.")
+    place = np.arange(ends[-1] + 1) - np.repeat(begins, ends - begins + 1)
+    return np.add.reduceat((nibbles[: ends[-1] + 1] & 7) << (3 * place), begins)
+
+
+def _runs(numbers: NDArray[np.int64], pixels: int, source: str) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return which pixels have depth (N,), and the number that stands for each (N,)."""
+    places = []
+    steps = []
+    read = 0
+    pixel = 0
+    while pixel < pixels:
+        if read + 1 >= len(numbers):
+            raise DriveError(f"{source}: the compressed depth ends after {pixel:,} of {pixels:,} pixels.")
+        empty = int(numbers[read])
+        full = int(numbers[read + 1])
+        read = read + 2
+        pixel = pixel + empty
+        if empty + full == 0 or pixel + full > pixels or read + full > len(numbers):
+            raise DriveError(f"{source}: the compressed depth is damaged.")
+        places.append(np.arange(pixel, pixel + full))
+        steps.append(numbers[read : read + full])
+        read = read + full
+        pixel = pixel + full
+    return np.concatenate(places), np.concatenate(steps)
 
 
 def encoded_size(blob: bytes, source: str) -> tuple[int, int]:

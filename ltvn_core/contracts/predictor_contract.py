@@ -1,20 +1,27 @@
-"""What a predictor must do: shapes, numbers that mean something, and the same answer to the same question."""
+"""What a predictor must do: shapes, numbers that mean something, and the same answer to the same question.
+
+Owns also the sample images with depth for contract tests, from the demo map, which comes with the toolkit.
+"""
 
 import pickle
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.contracts.contract_check import ContractCheck, require, run_checks
-from ltvn_core.contracts.sample_images import SampleImages, sample_images
+from ltvn_core.errors import RecordingError
 from ltvn_core.plugins import Plugin
 from ltvn_core.predictors.registry import open_plugin
 from ltvn_core.predictors.request import PredictorRequest, predictor_card
 from ltvn_core.preprocessing import recorded_observation
+from ltvn_core.recording.demo_files import DEMO_MAP, demo_file
+from ltvn_core.recording.metadata import RecordingMetadata
+from ltvn_core.recording.reader import Recording
 from ltvn_core.types import Features, Observation, Prediction, Predictor
 
 IMAGES = 8
@@ -25,6 +32,23 @@ SAME_PLACE_M = 0.25
 """An image compared with itself is reachable, and right here."""
 WALL_M = 1.0
 """Depth of the blank image: a plain wall."""
+
+
+class SampleImages(NamedTuple):
+    """Images and where they come from."""
+
+    observations: tuple[Observation, ...]
+    """In the order in which they were taken."""
+    meta: RecordingMetadata
+
+
+def sample_images(count: int) -> SampleImages:
+    """Return the first images of the demo map. Raises RecordingError where the file is missing."""
+    path = demo_file(DEMO_MAP)
+    if path is None:
+        raise RecordingError(f"{DEMO_MAP} is missing; install the toolkit anew: pip install ltvn (or -e .)")
+    recording = Recording.open(path)
+    return SampleImages(tuple(recording.observation(frame) for frame in recording.frames[:count]), recording.meta)
 
 
 def predictor_checks(plugin: Plugin) -> Iterator[ContractCheck]:
@@ -116,7 +140,8 @@ class PredictorContract:
 
     def is_deterministic(self) -> str:
         """Ask twice."""
-        first, second = self._compare(self.features), self._compare(self.features)
+        first = self._compare(self.features)
+        second = self._compare(self.features)
         same = np.array_equal(first.reachability, second.reachability) and np.array_equal(
             first.waypoints, second.waypoints
         )
@@ -144,7 +169,8 @@ class PredictorContract:
         """Compare images with themselves."""
         found = self.predictor.predict(self.features, self.features)
         away = np.hypot(found.waypoints[:, 0], found.waypoints[:, 1])
-        least, farthest = float(found.reachability.min()), float(away.max())
+        least = float(found.reachability.min())
+        farthest = float(away.max())
         require(
             least >= SAME_PLACE_R and farthest <= SAME_PLACE_M,
             f"an image compared with itself should have r of at least {SAME_PLACE_R} and lie within {SAME_PLACE_M} m, "
@@ -197,7 +223,8 @@ class PredictorContract:
 
     @staticmethod
     def _require_sound(found: Prediction, count: int) -> None:
-        r, waypoints = np.asarray(found.reachability), np.asarray(found.waypoints)
+        r = np.asarray(found.reachability)
+        waypoints = np.asarray(found.waypoints)
         require(
             r.shape == (count,) and waypoints.shape == (count, 3),
             f"predict must return r ({count},) and waypoints ({count}, 3), got {r.shape} and {waypoints.shape}",

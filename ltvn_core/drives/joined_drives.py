@@ -13,6 +13,7 @@ from pathlib import Path
 from ltvn_core.cameras.rectification import have_same_rays
 from ltvn_core.drives.continued_drives import is_continued, may_be_one_place
 from ltvn_core.errors import MapError
+from ltvn_core.findings import Finding
 from ltvn_core.navigation.events import WorldChanged
 from ltvn_core.preprocessing import recorded_observation
 from ltvn_core.recording.reader import Recording
@@ -53,8 +54,8 @@ class JoinedDrives:
     """In order, as the camera of the first drive would have taken them."""
     drives: tuple[JoinedDrive, ...]
     """Empty where there is only one."""
-    doubts: tuple[str, ...]
-    """What a person should know, in words."""
+    findings: tuple[Finding, ...]
+    """What a person should know."""
 
 
 def join_drives(recordings: Sequence[Recording]) -> JoinedDrives:
@@ -66,7 +67,8 @@ def join_drives(recordings: Sequence[Recording]) -> JoinedDrives:
         only = recordings[0]
         return JoinedDrives([only.observation(frame) for frame in only.frames], (), ())
     _check(recordings)
-    observations, drives, doubts, added_s = list[Observation](), list[JoinedDrive](), list[str](), 0.0
+    observations, drives, findings = list[Observation](), list[JoinedDrive](), list[Finding]()
+    added_s = 0.0
     for before, recording in zip([None, *recordings], recordings, strict=False):
         joined = _following(recording, observations, drives)
         if before is not None and is_continued(before, recording):
@@ -76,8 +78,8 @@ def join_drives(recordings: Sequence[Recording]) -> JoinedDrives:
         added = joined.added_steps
         observations += [_moved(recording, frame, recordings[0], added, added_s) for frame in recording.frames]
         drives.append(replace(joined, world_offset_s=joined.world_offset_s - added_s))
-        doubts += _doubts(recording, recordings[0])
-    return JoinedDrives(observations, tuple(drives), tuple(doubts))
+        findings += _findings(recording, recordings[0])
+    return JoinedDrives(observations, tuple(drives), tuple(findings))
 
 
 def _check(recordings: Sequence[Recording]) -> None:
@@ -140,10 +142,10 @@ def _world_offset_s(recording: Recording) -> float:
     return 0.0
 
 
-def _doubts(recording: Recording, first: Recording) -> list[str]:
+def _findings(recording: Recording, first: Recording) -> list[Finding]:
     """Return what speaks against joining two drives at all."""
     here, there = recording.meta, first.meta
     if may_be_one_place(here, there):
         return []
     named = f"{recording.path.name} was recorded in {here.scene!r}, {first.path.name} in {there.scene!r}"
-    return [f"{named}; only drives of one place make one map."]
+    return [Finding(f"{named}; only drives of one place make one map.", where=recording.path.name)]

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from ltvn_core.evaluation.condition_names import CONDITION_NAMES
 from ltvn_core.evaluation.protocol import USUAL_LOOPS, EvaluationProtocol
-from ltvn_core.simulation.light import PLAIN_LIGHT, Light
+from ltvn_core.simulation.surfaces import PLAIN_LIGHT, Light
 
 _OF_THE_DRIVE = ("slip", "one-loop")
 _SLIPPING = {"distance_noise": 0.05, "angle_noise": 0.03, "slips_per_m": 0.2}

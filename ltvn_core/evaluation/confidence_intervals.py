@@ -14,6 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
+from ltvn_core.network.metrics.success_rate import SuccessRate
+
 CONFIDENCE_LEVEL = 0.95
 
 
@@ -27,6 +29,10 @@ class Estimate(NamedTuple):
     def within(self, low: float, high: float) -> "Estimate":
         """Return the estimate with its interval clipped to possible values."""
         return Estimate(self.mean, max(self.low, low), min(self.high, high))
+
+    def covering(self, rate: SuccessRate) -> "Estimate":
+        """Return the estimate with an interval that is nowhere narrower than that of a success rate."""
+        return Estimate(self.mean, min(self.low, rate.low), max(self.high, rate.high))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -11,8 +11,8 @@ from ltvn_core.analysis.map_replay import MapReplay
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import Instant
 from ltvn_core.evaluation.ground_truth import GroundTruth
+from ltvn_core.evaluation.query_run import judge_goal_reached
 from ltvn_core.graph.topological_graph import EdgeKey
-from ltvn_core.navigation.episode import judge_goal_reached
 from ltvn_core.navigation.events import AttemptEnded, QueryEnded, StampedEvent
 
 

@@ -1,6 +1,6 @@
 """Drives single edges in simulation with the navigator: its localisation, controller and obstacle avoidance.
 
-Each edge is driven in a small map of its own. `ltvn_core.navigation.episode` defines arrival.
+Each edge is driven in a small map of its own. `ltvn_core.evaluation.query_run` defines arrival.
 """
 
 from collections.abc import Generator
@@ -13,12 +13,12 @@ import numpy as np
 from ltvn_core.config import Method
 from ltvn_core.evaluation.edge_proposals import EdgeProposal
 from ltvn_core.evaluation.imaged_scene import ImagedScene
+from ltvn_core.evaluation.query_run import judge_goal_reached
 from ltvn_core.geometry import compose
 from ltvn_core.graph.beliefs import initial_belief
 from ltvn_core.graph.deltas import Cause, Edge, EdgeAdded, GraphDelta, NodeAdded, PoseRow
 from ltvn_core.graph.operators import node_from_observation, pose_row
 from ltvn_core.graph.topological_graph import TopologicalGraph
-from ltvn_core.navigation.episode import judge_goal_reached
 from ltvn_core.navigation.events import AttemptEnd, AttemptEnded, Event, Localised, Tick
 from ltvn_core.navigation.navigator import Navigator
 from ltvn_core.simulation.body_names import BodyName

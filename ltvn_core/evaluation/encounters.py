@@ -1,7 +1,7 @@
 """Encounters of the robot with people: how near they came, and whether an attentive driver would have touched anybody.
 
 A person never walks into the robot, and steps aside when it comes too near, as far as there is room
-(`simulation.changes.walking_person`). An attentive driver would have avoided a touch if the robot drove towards the
+(`simulation.changes.people`). An attentive driver would have avoided a touch if the robot drove towards the
 person, and either backwards, which is to drive blindly, or although the camera had had the person in view, with nothing
 between them, in the last seconds before, early enough to brake. What touches a robot that stands, or that drives away,
 was none of the driver's doing, and neither is what came out of sight at the last moment. Reads exact poses; needs no
@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ltvn_core.evaluation.query_result import EncounterCounts
 from ltvn_core.geometry import relative
 from ltvn_core.robots.robot_spec import LOCOBOT, RobotSpec
 from ltvn_core.simulation.body import PERSON_RADIUS_M
@@ -56,48 +57,17 @@ class Encounter:
         return any(first_s <= seen_s <= last_s for seen_s in self.seen_s)
 
 
-@dataclass(frozen=True, slots=True)
-class EncounterCounts:
-    """Several encounters in numbers."""
-
-    encounters: int = 0
-    gave_way: int = 0
-    """In which the person had to step aside."""
-    touched: int = 0
-    avoidable: int = 0
-    """Touches that an attentive driver would have avoided."""
-    closest_m: float | None = None
-    """Least distance from surface to surface; None where nobody was met."""
-    closest_each_m: tuple[float, ...] = ()
-    """The same of each encounter, in whole millimetres."""
-    stood_s: float = 0.0
-    """So long the robot stood still in encounters; twice where there were two at once."""
-
-    @classmethod
-    def of(cls, encounters: Sequence[Encounter]) -> "EncounterCounts":
-        """Count encounters."""
-        return cls(
-            encounters=len(encounters),
-            gave_way=sum(each.gave_way for each in encounters),
-            touched=sum(each.touched for each in encounters),
-            avoidable=sum(each.avoidable for each in encounters),
-            closest_m=min((each.closest_m for each in encounters), default=None),
-            closest_each_m=tuple(round(each.closest_m, 3) for each in encounters),
-            stood_s=round(sum(each.stood_s for each in encounters), 1),
-        )
-
-    def __add__(self, other: "EncounterCounts") -> "EncounterCounts":
-        """Count both."""
-        closest = [each for each in (self.closest_m, other.closest_m) if each is not None]
-        return EncounterCounts(
-            encounters=self.encounters + other.encounters,
-            gave_way=self.gave_way + other.gave_way,
-            touched=self.touched + other.touched,
-            avoidable=self.avoidable + other.avoidable,
-            closest_m=min(closest, default=None),
-            closest_each_m=self.closest_each_m + other.closest_each_m,
-            stood_s=round(self.stood_s + other.stood_s, 1),
-        )
+def count_encounters(encounters: Sequence[Encounter]) -> EncounterCounts:
+    """Return several encounters in numbers."""
+    return EncounterCounts(
+        encounters=len(encounters),
+        gave_way=sum(each.gave_way for each in encounters),
+        touched=sum(each.touched for each in encounters),
+        avoidable=sum(each.avoidable for each in encounters),
+        closest_m=min((each.closest_m for each in encounters), default=None),
+        closest_each_m=tuple(round(each.closest_m, 3) for each in encounters),
+        stood_s=round(sum(each.stood_s for each in encounters), 1),
+    )
 
 
 class EncounterLog:

@@ -1,38 +1,77 @@
-"""Runs episodes with one map in one scene, and evaluates them with the ground truth.
+"""Runs episodes with one map in one scene, and evaluates them with the ground truth: success, causes, checkpoints.
 
 Each query gets a robot and a random generator of its own, so that an episode is the same in every process and order,
 and can be repeated for its recording.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ltvn_core.evaluation.checkpoints import Checkpoints
 from ltvn_core.evaluation.failure_causes import FailureClassifier
 from ltvn_core.evaluation.ground_truth import GroundTruth, shortest_m
 from ltvn_core.evaluation.imaged_scene import ImagedScene
 from ltvn_core.evaluation.perturbations.perturbed_robot import PerturbedRobot
 from ltvn_core.evaluation.protocol import EpisodePlan, EvaluationProtocol
-from ltvn_core.evaluation.results import EpisodeResult, FailureCause
-from ltvn_core.graph.keyframes import KeyframeStore
-from ltvn_core.graph.navigation_system import NavigationSystem
+from ltvn_core.evaluation.query_result import FailureCause, QueryResult
+from ltvn_core.evaluation.query_run import judge_goal_reached, run_query
+from ltvn_core.geometry import lengths_along, points_along
 from ltvn_core.navigation.bystanders import Bystanders
-from ltvn_core.navigation.episode import Episode, judge_goal_reached, run_episode
 from ltvn_core.navigation.events import Event, Outcome
-from ltvn_core.navigation.navigator import Navigator
-from ltvn_core.recording.map_file import check_fingerprint, load_map
 from ltvn_core.robots.robot import Robot
 from ltvn_core.simulation.body_names import BodyName
 from ltvn_core.simulation.changes.world import World
-from ltvn_core.simulation.light import PLAIN_LIGHT, Light
+from ltvn_core.simulation.clearance_map import ClearanceMap
 from ltvn_core.simulation.rendering.renderer_selection import open_renderer
 from ltvn_core.simulation.scene import Scene
 from ltvn_core.simulation.simulated_robot import SimulatedRobot
-from ltvn_core.types import CONTROL_STEP_S, FrameId, Predictor
+from ltvn_core.simulation.surfaces import PLAIN_LIGHT, Light
+from ltvn_core.topological_map import TopologicalMap
+from ltvn_core.types import CONTROL_STEP_S, FrameId, Pose
+
+SPACING_M = 1.0
+"""Metres from one checkpoint to the next (ours)."""
+CROSSED_M = 0.72
+"""A robot that comes nearer than this crosses it: the distance at which the paper has a goal reached."""
+
+
+class Checkpoints:
+    """Checkpoints along the way to a goal, and which of them the robot crossed: how far an episode came that failed.
+
+    The measure of VISTA (arXiv 2606.17294). Reads the ground truth; the robot knows nothing of them.
+    """
+
+    def __init__(self, clearance: ClearanceMap, start: Pose, goal: Pose) -> None:
+        """Lay them along the way through the middle of the free space, the last at the goal; none without a way."""
+        way = clearance.path(start[:2], goal[:2])
+        self._xy = np.empty((0, 2)) if way is None else _each_metre(way)
+        self._crossed = np.zeros(len(self._xy), bool)
+
+    def see(self, robot: Pose) -> None:
+        """Cross what lies around the exact pose (3,) of the robot."""
+        self._crossed |= np.hypot(*(self._xy - robot[:2]).T) < CROSSED_M
+
+    @property
+    def count(self) -> int:
+        """How many there are."""
+        return len(self._xy)
+
+    @property
+    def crossed(self) -> int:
+        """How many were crossed so far, in whatever order."""
+        return int(self._crossed.sum())
+
+
+def _each_metre(way: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the checkpoints (N, 2) of a way (M, 2), without its start."""
+    length_m = lengths_along(way)[-1]
+    return points_along(way, np.append(np.arange(SPACING_M, length_m, SPACING_M), length_m))
+
 
 EventCallback = Callable[[Event, SimulatedRobot], None]
 """Called with an event while the robot is still where it happened."""
@@ -59,44 +98,37 @@ class EpisodeRunner:
     def __init__(
         self,
         scene: Scene,
-        map_file: Path,
-        predictor: Predictor,
-        system: NavigationSystem,
+        known: TopologicalMap,
         protocol: EvaluationProtocol,
         *,
         perturbations: Sequence[str] = (),
         light: Light = PLAIN_LIGHT,
         world: World | None = None,
     ) -> None:
-        """Load a map; the robot's camera will have these perturbations, and see the scene in this light.
+        """Drive by a map; the robot's camera will have these perturbations, and see the scene in this light.
 
         `world` may change around the robot, and has a light of its own.
-
-        Raises MapError where other weights made the map.
         """
-        loaded = load_map(map_file)
-        check_fingerprint(loaded.meta, predictor.fingerprint)
         self.scene = scene
-        self.graph = loaded.graph
-        self.keyframes = KeyframeStore(predictor)
-        self.keyframes.begin_drives(self.graph.drives)
-        self.keyframes.add(list(loaded.observations.values()))
-        self.truth = GroundTruth(scene.clearance, self.keyframes.observation)
-        self.fingerprint = predictor.fingerprint
+        self.map = known
+        self.truth = GroundTruth(scene.clearance, known.keyframes.observation)
         self._camera = open_renderer(scene if light == PLAIN_LIGHT else replace(scene, light=light))
-        self.predictor = predictor
-        self.system = system
         self.noise = protocol.odometry_noise
         self.body: BodyName = protocol.body
         self._perturbations = perturbations
         self._world, self._bystanders = world, Bystanders()
-        self._next_frame = max(self.keyframes.frames) + 1
+        self._next_frame = max(known.keyframes.frames) + 1
 
     @property
     def imaged_scene(self) -> ImagedScene:
         """The scene with the images of the map, for driving single edges."""
-        poses = {frame: self.truth.pose(frame) for frame in self.keyframes.frames}
-        return ImagedScene(scene=self.scene, camera=self._camera, keyframes=self.keyframes, poses=poses)
+        keyframes = self.map.keyframes
+        poses = {frame: self.truth.pose(frame) for frame in keyframes.frames}
+        return ImagedScene(scene=self.scene, camera=self._camera, keyframes=keyframes, poses=poses)
+
+    def save_map(self, path: Path, settings: Mapping[str, Any], *, origin: Path) -> None:
+        """Save the map as queries made it of the one at `origin`; `settings` say which."""
+        self.map.save(path, config={"verb": "lifelong", **settings}, origin=origin)
 
     def run(
         self,
@@ -108,22 +140,18 @@ class EpisodeRunner:
         wrap_robot: Callable[[Robot], Robot] = _unwrapped,
         first_frame: FrameId | None = None,
         on_step: StepCallback | None = None,
-    ) -> EpisodeResult:
+    ) -> QueryResult:
         """Drive one query and evaluate it; `wrap_robot` may wrap the robot that the navigator gets.
 
         Images are numbered from `first_frame`, by default after all earlier ones. `on_step` sees the robot after each
         control step.
         """
-        if plan.goal not in self.graph.nodes:
+        if plan.goal not in self.map.graph.nodes:
             return self._without_goal(query, plan)
-        classifier = FailureClassifier(self.truth, self.graph)
+        classifier = FailureClassifier(self.truth, self.map.graph)
         with closing(self._robot(plan, rng, self._next_frame if first_frame is None else first_frame)) as robot:
-            parts = self.graph, self.keyframes, self.predictor, self.system.method, rng
             looking = wrap_robot(self._looking(robot, query))
-            navigator = Navigator(
-                looking, *parts, system=self.system, bystanders=self._bystanders, world_time=self._world_time
-            )
-
+            navigator = self.map.navigator(looking, seed=rng, bystanders=self._bystanders, world_time=self._world_time)
             checkpoints = self._checkpoints(plan)
 
             def consume_event(event: Event) -> None:
@@ -131,7 +159,7 @@ class EpisodeRunner:
                 if on_event is not None:
                     on_event(event, robot)
 
-            episode = run_episode(
+            result = run_query(
                 navigator,
                 plan.goal,
                 query,
@@ -140,7 +168,7 @@ class EpisodeRunner:
                 consume=consume_event,
             )
             self._next_frame = max(self._next_frame, robot.step + 1)
-        return self._result(plan, episode, classifier, checkpoints)
+        return self._judged(plan, result, classifier, checkpoints)
 
     def _robot(self, plan: EpisodePlan, rng: np.random.Generator, first_frame: FrameId) -> SimulatedRobot:
         return SimulatedRobot(
@@ -166,48 +194,38 @@ class EpisodeRunner:
     def _checkpoints(self, plan: EpisodePlan) -> Checkpoints:
         return Checkpoints(self.scene.clearance, np.array(plan.start_pose), np.array(plan.goal_pose))
 
-    def _result(
-        self, plan: EpisodePlan, episode: Episode, classifier: FailureClassifier, checkpoints: Checkpoints
-    ) -> EpisodeResult:
-        ended, judged = episode.ended, episode.judged
-        cause = classifier.failure(ended, judged)
+    def _judged(
+        self, plan: EpisodePlan, result: QueryResult, classifier: FailureClassifier, checkpoints: Checkpoints
+    ) -> QueryResult:
+        """Add what the ground truth says of a query."""
+        cause = classifier.failure(result)
         counts = classifier.statistics
         # The criterion asks for the robot's own decision: standing there by chance when time runs out does not count.
-        reached = judged.reached and ended.outcome is Outcome.ARRIVED
-        return EpisodeResult(
-            episode=ended.query,
+        reached = result.reached and result.outcome == Outcome.ARRIVED
+        return replace(
+            result,
             start=plan.start,
-            goal=plan.goal,
             reached=reached,
-            outcome=ended.outcome.value,
             failure=None if reached else cause,
             trigger=None if reached else counts.trigger,
-            steps=ended.steps,
-            collisions=ended.collisions,
-            path_m=ended.path_m,
             shortest_m=self._shortest(plan),
-            position_error_m=judged.position_error_m,
-            yaw_error_rad=judged.yaw_error_rad,
             checkpoints=checkpoints.count,
             crossed=checkpoints.crossed,
             localised=counts.localised,
             mislocalised=counts.mislocalised,
         )
 
-    def _without_goal(self, query: int, plan: EpisodePlan) -> EpisodeResult:
+    def _without_goal(self, query: int, plan: EpisodePlan) -> QueryResult:
         """Return the result of an episode whose goal is no node of the map; the robot does not start."""
         judged = judge_goal_reached(query, np.array(plan.start_pose), np.array(plan.goal_pose))
-        return EpisodeResult(
-            episode=query,
+        return QueryResult(
+            query=query,
             start=plan.start,
             goal=plan.goal,
             reached=False,
             outcome=Outcome.NO_PATH.value,
             failure=FailureCause.NO_PATH,
             trigger=FailureCause.NO_PATH,
-            steps=0,
-            collisions=0,
-            path_m=0.0,
             shortest_m=self._shortest(plan),
             position_error_m=judged.position_error_m,
             yaw_error_rad=judged.yaw_error_rad,

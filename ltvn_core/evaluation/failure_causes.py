@@ -1,15 +1,16 @@
 """Classifies why an episode failed, from its events and the exact poses of the robot.
 
-The rules are listed in `FailureClassifier.failure`; `failure_attribution` has the sums behind them.
+An episode is divided into segments, each from one localisation to the next, with at most one cause: the first of
+`CAUSE_ORDER`. The rules by which the sums over segments name the cause of the failure are listed in
+`FailureClassifier.failure`.
 """
 
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from ltvn_core.analysis.failure_triage import WASTED_SHARE
-from ltvn_core.evaluation.failure_attribution import EpisodeSegment, FailureAttribution
 from ltvn_core.evaluation.ground_truth import GroundTruth
-from ltvn_core.evaluation.results import FailureCause
+from ltvn_core.evaluation.query_result import FailureCause, QueryResult
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import (
     OBSTRUCTED_ENDS,
@@ -17,13 +18,66 @@ from ltvn_core.navigation.events import (
     AttemptStarted,
     Collided,
     Event,
-    Judged,
     Localised,
     Outcome,
     Planned,
-    QueryEnded,
 )
 from ltvn_core.types import FrameId, Pose
+
+CAUSE_ORDER = (FailureCause.SPURIOUS_EDGE, FailureCause.MISLOCALISED, FailureCause.NO_PATH, FailureCause.COLLISION)
+"""Causes in causal order: each may lead to those after it."""
+
+
+@dataclass(slots=True)
+class EpisodeSegment:
+    """The part of an episode from one localisation to the next."""
+
+    begin: FrameId
+    """Step of the image."""
+    causes: set[FailureCause] = field(default_factory=set)
+    """The causes that apply to it."""
+    collisions: int = 0
+
+    @property
+    def cause(self) -> FailureCause | None:
+        """The first cause in causal order; None if nothing went wrong."""
+        return next((cause for cause in CAUSE_ORDER if cause in self.causes), None)
+
+
+class FailureAttribution:
+    """Sums over segments by cause."""
+
+    def __init__(self) -> None:
+        """Start with zero steps and collisions for each cause."""
+        self._steps: Counter[FailureCause] = Counter()
+        self._collisions: Counter[FailureCause] = Counter()
+
+    def add(self, segment: EpisodeSegment, end: FrameId) -> None:
+        """Attribute the steps and collisions of a segment that ended at step `end` to its cause.
+
+        Collisions in a segment without a cause are attributed to the controller.
+        """
+        cause = segment.cause
+        self._collisions[cause or FailureCause.COLLISION] += segment.collisions
+        if cause is not None:
+            self._steps[cause] += max(end - segment.begin, 0)
+
+    @property
+    def wasted_steps(self) -> int:
+        """Steps of all segments with a cause."""
+        return self._steps.total()
+
+    def main_waste_cause(self) -> FailureCause:
+        """Return the cause with most steps; of equal ones the first in causal order."""
+        return max(CAUSE_ORDER, key=lambda cause: self._steps[cause])
+
+    def main_collision_cause(self) -> FailureCause:
+        """Return the cause with most collisions; COLLISION if there are none."""
+        return (
+            max(CAUSE_ORDER, key=lambda cause: self._collisions[cause])
+            if self._collisions.total()
+            else FailureCause.COLLISION
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +138,7 @@ class FailureClassifier:
         elif self._segment is not None:
             self._in_segment(self._segment, event)
 
-    def failure(self, ended: QueryEnded, judged: Judged) -> FailureCause | None:
+    def failure(self, ended: QueryResult) -> FailureCause | None:
         """Return the cause of a failure, None if the robot arrived and decided so. The first rule that applies:
 
         1. The robot decided that it had arrived: WRONG_ARRIVAL.
@@ -96,9 +150,9 @@ class FailureClassifier:
            the steps; else STEP_LIMIT.
         """
         self._close(self._latest)
-        match ended.outcome:
+        match Outcome(ended.outcome):
             case Outcome.ARRIVED:
-                return None if judged.reached else FailureCause.WRONG_ARRIVAL
+                return None if ended.reached else FailureCause.WRONG_ARRIVAL
             case Outcome.NO_PATH:
                 mislocalised = 2 * self._mislocalised_plans >= self._counts["no_path"] > 0
                 return FailureCause.MISLOCALISED if mislocalised else FailureCause.NO_PATH

@@ -11,8 +11,8 @@ from ltvn_core.evaluation.episode_runner import EpisodeRunner
 from ltvn_core.evaluation.preparation import prepare
 from ltvn_core.evaluation.protocol import EpisodePlan
 from ltvn_core.evaluation.results import TrialResult
+from ltvn_core.evaluation.segments import episode_rng, open_runner
 from ltvn_core.evaluation.trial_plans import TrialFiles, TrialPlan
-from ltvn_core.evaluation.trials import episode_rng, open_runner
 from ltvn_core.navigation.events import Event, StampedEvent
 from ltvn_core.recording.recorded_robot import RecordedRobot
 from ltvn_core.recording.run_description import RunDescription
@@ -24,7 +24,7 @@ def record_failures(plan: TrialPlan, files: TrialFiles, trial: TrialResult, coun
 
     Raises RecordingError if an episode differs from its first run.
     """
-    failed = [episode.episode for episode in trial.episodes if not episode.reached][:count]
+    failed = [episode.query for episode in trial.episodes if not episode.reached][:count]
     missing = [number for number in failed if not files.failure(number).exists()]
     if missing:
         runner = open_runner(plan, files, trial.queries)
@@ -37,17 +37,17 @@ def record_failures(plan: TrialPlan, files: TrialFiles, trial: TrialResult, coun
 def _record(
     plan: TrialPlan, files: TrialFiles, runner: EpisodeRunner, trial: TrialResult, episode: EpisodePlan, number: int
 ) -> None:
-    system = runner.system
+    system = runner.map.system
     settings = {"verb": "evaluate", "system": system.name, "episode": number, "seed": plan.seed}
     settings["method"] = asdict(system.method)
     described = RunDescription(
         scene=runner.scene.address,
         config=settings,
-        fingerprint=runner.fingerprint,
+        fingerprint=runner.map.predictor.fingerprint,
         scene_glb=runner.scene.glb(),
     )
     with atomic_output(files.failure(number)) as part, described.open_writer(part) as writer:
-        writer.write_map(runner.graph, [runner.keyframes.observation(frame) for frame in runner.keyframes.frames])
+        writer.write_map(runner.map.graph, runner.map.images)
 
         def write(event: Event, robot: SimulatedRobot) -> None:
             state = robot.state()

@@ -4,30 +4,32 @@ The queries of one map run one after the other; those of different maps, and the
 parallel.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from importlib.metadata import version
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 from joblib import delayed
 
 from ltvn_core.errors import OptionError
 from ltvn_core.evaluation.ground_truth import calibration_bins
 from ltvn_core.evaluation.gzipped_results import is_stored
-from ltvn_core.evaluation.lifelong_batches import load_queries, run_queries
+from ltvn_core.evaluation.lifelong_drive import LifelongDrive
 from ltvn_core.evaluation.parts import WHOLE, Part
+from ltvn_core.evaluation.preparation_progress import EvaluationProgress
 from ltvn_core.evaluation.results import LifelongPoint, LifelongResult, load_results, save_results
-from ltvn_core.evaluation.trial_plans import TrialFiles, TrialPlan
-from ltvn_core.evaluation.trials import (
-    EvaluationProgress,
+from ltvn_core.evaluation.segments import (
+    Episodes,
+    Queries,
+    ScheduledTest,
     cached_runner,
-    episode_batch_jobs,
-    finish_trial,
-    keep_drawing,
-    prepare_all,
+    load_batches,
+    run_segments,
 )
+from ltvn_core.evaluation.trial_plans import TrialFiles, TrialPlan
+from ltvn_core.evaluation.trials import finish_trial, keep_drawing, prepare_all
 from ltvn_core.evaluation.workers import Workers
 
 
@@ -55,6 +57,12 @@ class Schedule:
         return (*range(0, self.queries, self.every), self.queries)
 
     @property
+    def segments(self) -> tuple[Queries | Episodes, ...]:
+        """The static tests, and the queries between them."""
+        tests = (Episodes(at, self.episodes) for at in self.points)
+        return (*tests, *(Queries(first, until) for first, until in pairwise(self.points)))
+
+    @property
     def work(self) -> int:
         """Total number of queries and episodes."""
         return self.queries + self.episodes * len(self.points)
@@ -76,24 +84,14 @@ def run_lifelong(
     OptionError if the folder has results of other settings.
     """
     jobs = prepare_all(part.of(plans), folder, parallel, progress)
-    for at in schedule.points:
-        for done in parallel(_jobs_at(jobs, schedule, at)):
-            progress.work_done(done)
+    run_segments([_scheduled(plan, files, schedule) for plan, files in jobs], parallel, progress)
     list(parallel(delayed(_finish)(plan, files, schedule, command) for plan, files in jobs))
     results = (_result_file(TrialFiles.of(plan, folder), schedule) for plan in plans)
     return [load_results(result, LifelongResult) for result in results if is_stored(result)]
 
 
-def _jobs_at(jobs: Sequence[tuple[TrialPlan, TrialFiles]], schedule: Schedule, at: int) -> Iterator[Any]:
-    """Yield the jobs that need the maps after `at` queries: the next queries, and then the static test.
-
-    The queries come first, because they take long and cannot run in parallel.
-    """
-    for first, until in pairwise(schedule.points):
-        if first == at:
-            yield from (delayed(run_queries)(plan, files, first, until) for plan, files in jobs)
-    for plan, files in jobs:
-        yield from episode_batch_jobs(plan, files, at, schedule.episodes)
+def _scheduled(plan: TrialPlan, files: TrialFiles, schedule: Schedule) -> ScheduledTest:
+    return ScheduledTest(plan, files, schedule.segments, partial(LifelongDrive, plan, files))
 
 
 def _finish(plan: TrialPlan, files: TrialFiles, schedule: Schedule, command: str) -> None:
@@ -110,7 +108,10 @@ def _finish(plan: TrialPlan, files: TrialFiles, schedule: Schedule, command: str
         seed=plan.seed,
         points=points,
         queries=tuple(
-            query for first, until in pairwise(schedule.points) for query in load_queries(files, first, until)
+            query
+            for first, until in pairwise(schedule.points)
+            for batch in load_batches(files, first, until)
+            for query in batch.queries
         ),
         version=version("ltvn"),
         command=command,
@@ -121,7 +122,7 @@ def _finish(plan: TrialPlan, files: TrialFiles, schedule: Schedule, command: str
 
 def _point(plan: TrialPlan, files: TrialFiles, at: int, episodes: int, command: str) -> LifelongPoint:
     runner = cached_runner(plan, files, at)
-    cells = calibration_bins(runner.graph, runner.truth)
+    cells = calibration_bins(runner.map.graph, runner.truth)
     return LifelongPoint(at, finish_trial(plan, files, at, episodes, command), cells)
 
 

@@ -15,7 +15,7 @@ from ltvn_core.evaluation.edge_driver import EdgeDriver, MeasuredAttempt
 from ltvn_core.evaluation.edge_proposals import EdgeProposal, EdgeProposals
 from ltvn_core.evaluation.predicted_drive import predict_drive
 from ltvn_core.evaluation.scene_figures import SceneFigures, scene_figures
-from ltvn_core.network.cards.driving_calibration import DrivingMeasurements
+from ltvn_core.network.driving_calibration import DrivingMeasurements
 from ltvn_core.network.metrics.binned_metrics import calibration_table, error_table
 from ltvn_core.network.metrics.success_rate import SuccessRate
 from ltvn_core.robots.robot_spec import LOCOBOT, RobotSpec

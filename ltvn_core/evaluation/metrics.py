@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.evaluation.confidence_intervals import Estimate, SampleGroup, estimates
-from ltvn_core.evaluation.results import EpisodeResult, FailureCause, TrialResult
+from ltvn_core.evaluation.query_result import FailureCause, QueryResult
+from ltvn_core.evaluation.results import TrialResult
 from ltvn_core.navigation.events import Outcome
 from ltvn_core.network.metrics.success_rate import SuccessRate
 from ltvn_core.types import CONTROL_STEP_S
@@ -59,7 +60,7 @@ def compute_metrics(trials: Sequence[TrialResult]) -> EvaluationMetrics:
     return EvaluationMetrics(
         trials=len(trials),
         episodes=len(episodes),
-        success_rate=_at_least_as_wide(success.within(0, 1), overall_success(trials)),
+        success_rate=success.covering(overall_success(trials)).within(0, 1),
         spl=spl.within(0, 1),
         collisions_per_episode=collisions,
         steps_per_episode=steps,
@@ -103,7 +104,7 @@ class RecognitionShares:
     """How far episodes came, and how often the robot took a place for another; nan where there is nothing to share."""
 
     crossed: float
-    """Share of the checkpoints that were crossed, each episode counting the same (see `evaluation.checkpoints`)."""
+    """Share of the checkpoints that were crossed, each episode counting the same (see `episode_runner.Checkpoints`)."""
     mislocalised: float
     """Share of the localisations that named a node where the robot was not."""
     wrong_arrivals: float
@@ -172,20 +173,16 @@ def _sorted(trials: Sequence[TrialResult]) -> list[TrialResult]:
     return sorted(trials, key=lambda trial: (trial.scene, trial.seed, trial.queries, trial.method, trial.without))
 
 
-def _in_order(trial: TrialResult) -> list[EpisodeResult]:
-    return sorted(trial.episodes, key=lambda episode: episode.episode)
+def _in_order(trial: TrialResult) -> list[QueryResult]:
+    return sorted(trial.episodes, key=lambda episode: episode.query)
 
 
 def _episode_keys(trial: TrialResult) -> tuple[object, ...]:
-    return trial.scene, trial.seed, [(each.episode, each.start, each.goal) for each in _in_order(trial)]
+    return trial.scene, trial.seed, [(each.query, each.start, each.goal) for each in _in_order(trial)]
 
 
-def _episodes(trials: Sequence[TrialResult]) -> list[EpisodeResult]:
+def _episodes(trials: Sequence[TrialResult]) -> list[QueryResult]:
     return [episode for trial in trials for episode in trial.episodes]
-
-
-def _at_least_as_wide(estimate: Estimate, rate: SuccessRate) -> Estimate:
-    return Estimate(estimate.mean, min(estimate.low, rate.low), max(estimate.high, rate.high))
 
 
 def _share(part: int, whole: int) -> float:

@@ -12,24 +12,24 @@ from pathlib import Path
 import numpy as np
 
 from ltvn_core.atomic_files import atomic_output
-from ltvn_core.composition import open_predictor, open_simulation
 from ltvn_core.evaluation.preparation_progress import PreparationLog, PreparationPart
 from ltvn_core.evaluation.protocol import EpisodePlan, choose_goals, draw_episodes
 from ltvn_core.evaluation.results import load_results, save_results
 from ltvn_core.evaluation.trial_plans import TrialFiles, TrialPlan, open_planned_system
 from ltvn_core.graph.deltas import PoseRow
-from ltvn_core.graph.goal_standing import goal_reports
-from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.operators import pose_row
-from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.predictors.opening import open_predictor
 from ltvn_core.recording.map_file import save_map
 from ltvn_core.recording.reader import Recording
 from ltvn_core.recording.recorded_robot import record_images
 from ltvn_core.recording.writer import RecordingWriter
 from ltvn_core.robots.robot_spec import LOCOBOT
+from ltvn_core.simulation.opening import open_simulation
 from ltvn_core.simulation.scene_registry import load_scene
 from ltvn_core.simulation.scripted_tour import drive_tour
 from ltvn_core.systems.registry import system_entry
+from ltvn_core.topological_map import TopologicalMap
+from ltvn_core.training.system_training import system_training
 from ltvn_core.types import FrameId, Observation, is_usable
 
 _LOG = logging.getLogger(__name__)
@@ -73,7 +73,7 @@ def _weights(plan: TrialPlan, files: TrialFiles, observations: Sequence[Observat
     from ltvn_core.training.fine_tuning import FineTuningProvenance, fine_tune
     from ltvn_core.training.fine_tuning_data import label_drive
 
-    training = system_entry(plan.system).training
+    training = system_training(system_entry(plan.system))
     name = files.weights.stem
     fine_tune(
         label_drive(observations, name, camera=LOCOBOT.camera, rule=training.label_rule()),
@@ -151,29 +151,25 @@ def _build(
     scene = load_scene(plan.scene)
     predictor = open_predictor(plan.predictor, plan.scene, weights)
     system = open_planned_system(plan, predictor, scene, maintain=False)
-    keyframes = KeyframeStore(predictor)
+    built = TopologicalMap.of(predictor, system)
     rng = np.random.default_rng([plan.seed, 4])
     # A drive of an earlier version may have a goal without depth, which then is no node: its episodes find no path.
     usable = {seen.step for seen in observations if is_usable(seen, predictor)}
     goals = [goal for goal in drive_truth.goals if goal in usable]
-    deltas = system.build(
+    built.build(
         observations,
-        keyframes,
-        predictor,
         rng=rng,
         goals=goals,
         progress=lambda done, total: log.report(PreparationPart.MAP, done / max(total, 1)),
     )
-    graph = TopologicalGraph(deltas)
-    for report in goal_reports(graph, goals, keyframes, predictor, system):
-        if report.text:
-            _LOG.warning("%s, seed %d: %s", scene.name, plan.seed, report.text)
-    kept = [keyframes.observation(frame) for frame in keyframes.frames]
+    for report in built.goal_reports(goals):
+        if report.finding is not None:
+            _LOG.warning("%s, seed %d: %s", scene.name, plan.seed, report.finding)
     config = {"verb": "evaluate", "system": system.name, "predictor": plan.predictor, "method": asdict(system.method)}
     save_map(
         files.map(),
-        graph,
-        kept,
+        built.graph,
+        built.images,
         scene=scene.address,
         fingerprint=predictor.fingerprint,
         config=config,

@@ -8,6 +8,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
 
@@ -60,6 +61,24 @@ def read_share(path: Path) -> float:
         return float(path.read_text(encoding="ascii"))
     except (OSError, ValueError):
         return 0.0
+
+
+def _tell_nobody(number: float) -> None:
+    """Show nothing."""
+
+
+@dataclass(frozen=True, slots=True)
+class EvaluationProgress:
+    """Callbacks for the progress of an evaluation."""
+
+    maps_ready: Callable[[int], object]
+    """Called with the number of maps that are ready."""
+    work_done: Callable[[int], object]
+    """Called with the number of further episodes or queries that are done."""
+    preparing: Callable[[float], object] = _tell_nobody
+    """Called from a thread, with the share of all drives, weights and maps that is prepared."""
+    unfinished: Callable[[int], object] = _tell_nobody
+    """Called from a thread, with the number of episodes that are done in batches that are not."""
 
 
 @contextmanager

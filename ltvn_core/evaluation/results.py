@@ -1,11 +1,11 @@
-"""The results of evaluations as plain data: episodes, maps, trials, and queries with maintenance.
+"""The results of evaluations as plain data: maps, trials, and tests with maintenance.
 
-Field names are the keys of the JSON files, so they stay. `metrics` computes the metrics over results.
+Field names are the keys of the JSON files, so they stay. `query_result` has the rows; `metrics`, `lifelong_metrics` and
+`world_metrics` compute the metrics over results.
 """
 
 import json
-from dataclasses import asdict, dataclass
-from enum import StrEnum
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,65 +14,8 @@ import cattrs
 from ltvn_core.atomic_files import write_text_atomically
 from ltvn_core.errors import OptionError
 from ltvn_core.evaluation.gzipped_results import read_result_text
+from ltvn_core.evaluation.query_result import CONVERTER, QueryResult
 from ltvn_core.structured_text import parse_json
-from ltvn_core.types import FrameId
-
-
-class FailureCause(StrEnum):
-    """The cause to which the failure of an episode is attributed, by the ground truth."""
-
-    WRONG_ARRIVAL = "wrong arrival"
-    """The robot decided that it had arrived, and had not."""
-    SPURIOUS_EDGE = "spurious edge"
-    """It spent its time on spurious edges."""
-    MISLOCALISED = "mis-localised"
-    """It localised at a node where it was not."""
-    COLLISION = "collision"
-    """The controller collided too often, or was blocked."""
-    NO_PATH = "no path"
-    """The map has no path to the goal."""
-    STEP_LIMIT = "step limit"
-    """It reached the step limit without another cause."""
-
-
-@dataclass(frozen=True, slots=True)
-class EpisodeResult:
-    """The result of one episode."""
-
-    episode: int
-    start: FrameId
-    """Image of the mapping drive at whose exact pose the robot started."""
-    goal: FrameId
-    """The goal image."""
-    reached: bool
-    """Within 0.72 m and 0.4 rad by the robot's own decision (paper)."""
-    outcome: str
-    """Outcome by the robot's own decision, see `navigation.events.Outcome`."""
-    failure: FailureCause | None
-    """None where the goal was reached."""
-    trigger: FailureCause | None
-    """The first cause since the last correct localisation; may differ from the one with most steps."""
-    steps: int
-    collisions: int
-    path_m: float
-    """Driven length."""
-    shortest_m: float
-    """Length of the shortest feasible path from start to goal."""
-    position_error_m: float
-    yaw_error_rad: float
-    checkpoints: int | None = None
-    """Checkpoints on the way from start to goal, see `evaluation.checkpoints`; None in older results, as all below."""
-    crossed: int | None = None
-    """How many of them the robot crossed."""
-    localised: int | None = None
-    """Localisations that found a node."""
-    mislocalised: int | None = None
-    """Those of them at a node where the robot was not, most often one that looks alike."""
-
-    @property
-    def spl(self) -> float:
-        """Success weighted by path length (Anderson et al. 2018), in [0, 1]."""
-        return self.shortest_m / max(self.path_m, self.shortest_m, 1e-9) if self.reached else 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,7 +76,7 @@ class TrialResult:
     map: MapTruthMetrics
     floorplan: MapDrawing | None
     """None in a file: the drawing lies beside it, see `evaluation.map_drawings`. Older files hold it themselves."""
-    episodes: tuple[EpisodeResult, ...]
+    episodes: tuple[QueryResult, ...]
     wall_s: float
     """Time that the episodes took, over all processes."""
     version: str
@@ -170,31 +113,6 @@ class LifelongPoint:
 
 
 @dataclass(frozen=True, slots=True)
-class LifelongQuery:
-    """One query with maintenance and its changes of the map."""
-
-    query: int
-    reached: bool
-    outcome: str
-    steps: int
-    collisions: int
-    pruned: int
-    """Edges that were pruned,"""
-    pruned_bad: int
-    """and how many of them are spurious or could not be driven by the robot."""
-    added_nodes: int
-    added_edges: int
-    added_spurious: int
-    """Added edges that are spurious."""
-    nodes: int
-    """In the map afterwards."""
-    edges: int
-    spurious_edges: int
-    pruned_spurious: int = 0
-    """Pruned edges that are spurious."""
-
-
-@dataclass(frozen=True, slots=True)
 class LifelongResult:
     """Queries with maintenance in one scene with one map seed, and the tests in between."""
 
@@ -204,7 +122,7 @@ class LifelongResult:
     seed: int
     points: tuple[LifelongPoint, ...]
     """At 0, 100, 200, ... queries."""
-    queries: tuple[LifelongQuery, ...]
+    queries: tuple[QueryResult, ...]
     version: str
     command: str
     maintenance: str | None = None
@@ -219,18 +137,48 @@ class EvaluationResults:
     lifelong: tuple[LifelongResult, ...] = ()
 
 
-_CONVERTER = cattrs.Converter(forbid_extra_keys=True)
+@dataclass(frozen=True, slots=True)
+class DoorMove:
+    """A door was closed or opened by the script."""
+
+    at_s: float
+    door: int
+    is_open: bool
+
+
+@dataclass(frozen=True, slots=True)
+class WorldResult:
+    """All queries of one maintenance in one changing scene with one map seed."""
+
+    scene: str
+    preset: str
+    without: tuple[str, ...]
+    seed: int
+    world: str
+    days: float
+    maintenance: str
+    nodes: int
+    """Of the map before the first query."""
+    edges: int
+    """Of the map before the first query."""
+    true_edges: int
+    """Edges of that map that are not spurious."""
+    doors: tuple[DoorMove, ...]
+    queries: tuple[QueryResult, ...]
+    wall_s: float
+    version: str
+    command: str
 
 
 def save_results(path: Path, results: Any) -> None:
     """Write one of these dataclasses as JSON to a new file, whole or not at all. Raises RecordingError."""
-    write_text_atomically(path, json.dumps(asdict(results), separators=(",", ":")))
+    write_text_atomically(path, json.dumps(CONVERTER.unstructure(results), separators=(",", ":")))
 
 
 def load_results(path: Path, kind: type) -> Any:
     """Read results of a kind that `save_results` wrote, gzipped or not. Raises OptionError for any other file."""
     try:
-        return _CONVERTER.structure(parse_json(read_result_text(path)), kind)
+        return CONVERTER.structure(parse_json(read_result_text(path)), kind)
     except OSError as error:
         raise OptionError(f"{path} cannot be read: {error.strerror}.") from error
     except (ValueError, TypeError, AttributeError, cattrs.BaseValidationError) as error:

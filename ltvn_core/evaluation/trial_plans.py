@@ -11,20 +11,20 @@ from pathlib import Path
 from typing import Any
 
 from ltvn_core.atomic_files import write_text_atomically
-from ltvn_core.composition import open_method
-from ltvn_core.composition import open_system as open_named_system
 from ltvn_core.errors import OptionError
 from ltvn_core.evaluation.ablation import PARTS, without_parts
 from ltvn_core.evaluation.conditions import drive_conditions, episode_conditions
 from ltvn_core.evaluation.map_drawings import drawing_path
 from ltvn_core.evaluation.protocol import EvaluationProtocol
 from ltvn_core.graph.navigation_system import NavigationSystem
+from ltvn_core.predictors.opening import open_method
 from ltvn_core.predictors.registry import NETWORK
 from ltvn_core.simulation.body_selection import choose_body
 from ltvn_core.simulation.scene import Scene
 from ltvn_core.structured_text import parse_json
 from ltvn_core.systems.maintenance import with_maintenance
 from ltvn_core.systems.registry import DEFAULT_SYSTEM, network_owner, system_entry
+from ltvn_core.systems.registry import open_system as open_named_system
 from ltvn_core.types import Predictor
 
 _FINE_TUNING = "fine-tuning"

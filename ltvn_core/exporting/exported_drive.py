@@ -19,7 +19,7 @@ from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.errors import RecordingError
 from ltvn_core.importing.source_camera import CAMERA_FILE
 from ltvn_core.importing.spatial_pose import BODY_FROM_OPTICAL
-from ltvn_core.recording.image_codec import decode_depth
+from ltvn_core.recording.frame_codec import decode_depth
 from ltvn_core.recording.metadata import is_lens_known
 from ltvn_core.recording.reader import Recording
 from ltvn_core.types import Depth, Pose, Tilt
@@ -99,11 +99,6 @@ class ExportedDrive:
     def has_depth(self) -> bool:
         """Whether every frame has a depth image."""
         return all(self._recording.stored_frame(step).frame.depth is not None for step in self._steps)
-
-    @cached_property
-    def has_truth(self) -> bool:
-        """Whether every frame has a true pose."""
-        return self._recording.poses.exact is not None
 
     @cached_property
     def rate_hz(self) -> float:

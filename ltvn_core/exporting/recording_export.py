@@ -1,15 +1,72 @@
-"""One recording in another format: which formats there are, and that a file or folder appears only when it is whole."""
+"""One recording in another format: which formats there are, and that a file or folder appears only when it is whole.
 
+Owns the two formats that need no library. The layout of the TUM RGB-D benchmark, which many SLAM programs read, has
+`rgb.txt`, `depth.txt`, `odometry.txt` and `groundtruth.txt` with stamps; poses are of the camera's optical frame, and
+depth has 5000 units a metre. GNM, ViNT and NoMaD are trained from `0.jpg`, `1.jpg`, ... and `traj_data.pkl`. Of both,
+`camera.json` says what the lens is, as our own reader takes it.
+"""
+
+import pickle
 from collections.abc import Callable
 from enum import Enum
 from pathlib import Path
 from typing import NamedTuple
 
+import cv2
+import numpy as np
+
 from ltvn_core.atomic_files import atomic_output, new_folder
-from ltvn_core.exporting.exported_drive import ExportedDrive
+from ltvn_core.exporting.exported_drive import CameraPlace, ExportedDrive
 from ltvn_core.exporting.map_files import PlacedMap, placed_map, write_geojson, write_graphml, write_nav2_route
 from ltvn_core.extras import naming_the_extra
 from ltvn_core.recording.reader import Recording
+
+UNITS_PER_METRE = 5000
+_FARTHEST = 65535
+_POSE_HEAD = "# stamp tx ty tz qx qy qz qw of the camera: x right, y down, z forward\n"
+
+
+def write_tum_folder(drive: ExportedDrive, folder: Path) -> None:
+    """Fill a folder, which exists and is empty. Depth beyond 13.1 m becomes no return. Raises OSError."""
+    (folder / "rgb").mkdir()
+    (folder / "depth").mkdir()
+    lists: dict[str, list[str]] = {"rgb": [], "depth": [], "odometry": [], "groundtruth": []}
+    for frame in drive.frames():
+        stamp = f"{frame.stamp:.6f}"
+        (folder / f"rgb/{stamp}.jpg").write_bytes(frame.jpeg)
+        lists["rgb"].append(f"{stamp} rgb/{stamp}.jpg\n")
+        if (depth := frame.depth_m) is not None:
+            units = np.rint(depth * UNITS_PER_METRE)
+            png = cv2.imencode(".png", np.where(units <= _FARTHEST, units, 0).astype(np.uint16))[1]
+            (folder / f"depth/{stamp}.png").write_bytes(png.tobytes())
+            lists["depth"].append(f"{stamp} depth/{stamp}.png\n")
+        lists["odometry"].append(_pose_line(stamp, drive.in_world(frame.odometry, frame.tilt)))
+        if frame.truth is not None:
+            lists["groundtruth"].append(_pose_line(stamp, drive.in_world(frame.truth, frame.tilt)))
+    for name, lines in lists.items():
+        if lines:
+            head = "# stamp file\n" if name in ("rgb", "depth") else _POSE_HEAD
+            (folder / f"{name}.txt").write_text(head + "".join(lines), encoding="utf-8")
+    drive.write_camera(folder, units_per_metre=UNITS_PER_METRE)
+
+
+def _pose_line(stamp: str, place: CameraPlace) -> str:
+    numbers = [*place.position, *place.rotation.as_quat()]
+    return " ".join([stamp, *(f"{number:.9f}" for number in numbers)]) + "\n"
+
+
+def write_vint_folder(drive: ExportedDrive, folder: Path) -> None:
+    """Fill a folder, which exists and is empty, with images and odometry; depth and stamps have no place there.
+
+    Raises OSError.
+    """
+    poses = []
+    for number, frame in enumerate(drive.frames()):
+        (folder / f"{number}.jpg").write_bytes(frame.jpeg)
+        poses.append(frame.odometry)
+    drive.write_camera(folder)
+    held = np.array(poses, np.float64)
+    (folder / "traj_data.pkl").write_bytes(pickle.dumps({"position": held[:, :2].copy(), "yaw": held[:, 2].copy()}, 4))
 
 
 class ExportFormat(Enum):
@@ -88,7 +145,7 @@ def _writer(to: ExportFormat) -> Callable[[ExportedDrive, Path], None]:
             case ExportFormat.LEROBOT:
                 from ltvn_core.exporting.lerobot_dataset import write_lerobot_dataset as write
             case ExportFormat.VINT:
-                from ltvn_core.exporting.vint_folder import write_vint_folder as write
+                write = write_vint_folder
             case _:
-                from ltvn_core.exporting.tum_folder import write_tum_folder as write
+                write = write_tum_folder
     return write

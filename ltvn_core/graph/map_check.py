@@ -1,10 +1,28 @@
-"""What is doubtful of a map as a whole, in words. Decides nothing: such a map is kept and can be driven by."""
+"""What is doubtful of a map, and why nothing came of a drive: likely causes of a map that nobody can navigate by.
 
-from collections.abc import Iterator
+Owns the questions, their limits and what to do. Asks the predictor about some images in a row, because images that
+follow each other are near if anything is. Decides nothing: such a map is kept and can be driven by.
+"""
 
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.cameras.rectification import Rectification, have_same_rays
+from ltvn_core.findings import Finding
+from ltvn_core.geometry import relative
 from ltvn_core.graph.connectivity import strongly_connected_components
-from ltvn_core.graph.map_coverage import MapCoverage
+from ltvn_core.graph.image_similarity import colour_descriptors
+from ltvn_core.graph.keyframes import KeyframeStore
+from ltvn_core.graph.map_coverage import MapCoverage, evenly
+from ltvn_core.graph.revisits import near_pairs, revisits
 from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.types import Features, FrameId, Observation, Predictor, is_usable
 
 MANY_NODES = 6
 SMALL_PIECE = 0.5
@@ -13,9 +31,59 @@ MANY_IMAGES = 20
 """A drive of two metres has so many images; a shorter one may show one place indeed."""
 LITTLE_KNOWN = 0.8
 """A map that knows a smaller share of its own drive leaves the robot lost on the rest."""
+PAIRS = 30
+"""So many pairs of images in a row are asked about, spread over the drive."""
+RECOGNISED = 0.5
+"""Images with a higher r show one place,"""
+FEW_RECOGNISED = 0.5
+"""and where fewer of those in a row than this do, that is why the map falls apart."""
+MOST_RECOGNISED = 0.95
+"""Where not even so many do, the drive breaks there."""
+GEOMETRIC = "geometric"
+"""What to try, unless it was tried."""
+SEEN = 0.6
+"""A predictor that is shown less of its own field of view than this sees little."""
+MOST_WITHOUT_DEPTH = 0.5
+ALIKE = 0.97
+"""Similarity of images far apart in time, above which they look alike throughout the drive."""
+FEW_KEY_POINTS = 150
+"""A predictor that compares key points finds too little where it has fewer of them in an image."""
+MOST_ONE_WAY = 0.5
+"""Where so many of the images that a map does not know have one cause, it is said."""
+NO_WAY_M, NO_TURN_RAD = 0.5, math.radians(15)
+"""A drive within both of these has one place to show."""
 
 
-def map_doubts(graph: TopologicalGraph, images: int, coverage: MapCoverage) -> tuple[str, ...]:
+@runtime_checkable
+class KeyPointPredictor(Protocol):
+    """A predictor that compares images by key points."""
+
+    def key_point_counts(self, features: Features) -> NDArray[np.intp]:
+        """Return how many key points were found in each of N images, (N,)."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class MappedDrive:
+    """A drive and the map that was built of it."""
+
+    observations: Sequence[Observation]
+    """As they were recorded, in the order of their steps."""
+    camera: CameraModel | None
+    """That took them; None where it is the predictor's."""
+    is_lens_known: bool
+    """Whether somebody said what the lens of that camera is."""
+    graph: TopologicalGraph
+    keyframes: KeyframeStore
+    """The images as the predictor sees them."""
+    predictor: Predictor
+    predictor_name: str = ""
+    """By what name it was asked for; empty where it has none."""
+    least_width_px: int = 0
+    """The predictor finds too little in images that are narrower."""
+
+
+def map_findings(graph: TopologicalGraph, images: int, coverage: MapCoverage) -> tuple[Finding, ...]:
     """Return what is doubtful of a map; nothing for a map that is in order, or of less than two images.
 
     Args:
@@ -25,42 +93,42 @@ def map_doubts(graph: TopologicalGraph, images: int, coverage: MapCoverage) -> t
     """
     if images < 2:
         return ()
-    return (*_joint_doubts(graph, images, coverage), *_coverage_doubts(coverage))
+    return (*_joints(graph, images, coverage), *_coverage(coverage))
 
 
-def _joint_doubts(graph: TopologicalGraph, images: int, coverage: MapCoverage) -> Iterator[str]:
+def _joints(graph: TopologicalGraph, images: int, coverage: MapCoverage) -> Iterator[Finding]:
     """Yield what is doubtful of nodes and edges alone."""
     if len(graph.nodes) == 1:
         yield _one_node(images, coverage)
     elif len(graph.nodes) > 1 and not graph.edges:
-        yield (
+        yield Finding(
             f"None of the {len(graph.nodes)} nodes is joined to another, and nobody can navigate by this map. Are the "
             "images far apart, or the weights trained for another camera?"
         )
     elif len(graph.nodes) >= MANY_NODES:
         pieces = strongly_connected_components(graph)
         if len(pieces[0]) < SMALL_PIECE * len(graph.nodes):
-            yield (
+            yield Finding(
                 f"The map falls into {len(pieces)} pieces, the largest with {len(pieces[0])} of {len(graph.nodes)} "
-                "nodes, and between them nobody can navigate. Drive the ways between them too, slowly and both ways "
-                "round."
+                "nodes, and between them nobody can navigate.",
+                remedy="Drive the ways between them too, slowly and both ways round.",
             )
 
 
-def _one_node(images: int, coverage: MapCoverage) -> str:
+def _one_node(images: int, coverage: MapCoverage) -> Finding:
     text = "The map has one node, and nobody can navigate by it."
     if coverage.share < LITTLE_KNOWN:
-        return text  # Most images show something else; the doubt about the coverage says how many.
+        return Finding(text)  # Most images show something else; the finding about the coverage says how many.
     if images < MANY_IMAGES:
-        return f"{text} It was built from {images} images of one place; drive farther."
+        return Finding(f"{text} It was built from {images} images of one place; drive farther.")
     share = "all" if coverage.share == 1 else "nearly all"
-    return (
+    return Finding(
         f"{text} It is as if {share} {images} images showed one place: does the camera work, and is it the one that "
         "the weights were trained for?"
     )
 
 
-def _coverage_doubts(coverage: MapCoverage) -> Iterator[str]:
+def _coverage(coverage: MapCoverage) -> Iterator[Finding]:
     if coverage.share >= LITTLE_KNOWN:
         return
     text = (
@@ -68,9 +136,227 @@ def _coverage_doubts(coverage: MapCoverage) -> Iterator[str]:
         "nor recognised as one, so there the robot will be lost."
     )
     if coverage.gap is None:
-        yield f"{text} Drive there again, slowly."
+        yield Finding(text, remedy="Drive there again, slowly.")
         return
-    yield (
-        f"{text} The longest such part is from {coverage.gap.begin_s:.1f} s to {coverage.gap.end_s:.1f} s of "
-        f"{coverage.gap.drive or 'the drive'}; drive it again, slowly."
+    gap = coverage.gap
+    longest = f"The longest such part is from {gap.begin_s:.1f} s to {gap.end_s:.1f} s of {gap.drive or 'the drive'};"
+    yield Finding(f"{text} {longest} drive it again, slowly.", where=gap.drive)
+
+
+def diagnose(drive: MappedDrive, coverage: MapCoverage) -> tuple[Finding, ...]:
+    """Return what is doubtful of a map as a whole, then why it came of the drive; nothing for a map in order."""
+    doubtful = map_findings(drive.graph, len(drive.observations), coverage)
+    if not doubtful:
+        return ()
+    recognised = _recognised_in_a_row(drive)
+    return (
+        *doubtful,
+        *(finding for check in _CAUSES for finding in check(drive)),
+        *_overlap(drive, recognised),
+        *_one_way(drive, coverage, recognised),
     )
+
+
+def _cause(text: str, remedy: str = "") -> Finding:
+    return Finding(f"Likely cause: {text}", remedy=remedy)
+
+
+def _lens(drive: MappedDrive) -> Iterator[Finding]:
+    if not drive.is_lens_known:
+        yield _cause(
+            "the lens is not known, a field of view was assumed.",
+            "Import the drive again and say the lens by --camera, or roughly by --fov.",
+        )
+
+
+def _depth(drive: MappedDrive) -> Iterator[Finding]:
+    without = sum(not seen.has_depth for seen in drive.observations)
+    if without > MOST_WITHOUT_DEPTH * len(drive.observations):
+        yield _cause(
+            f"{without} of {len(drive.observations)} images have no depth, and without it distances are guessed or "
+            "images left out.",
+            "Record the depth camera too.",
+        )
+
+
+def _size(drive: MappedDrive) -> Iterator[Finding]:
+    width_px = drive.predictor.camera.width
+    if width_px < drive.least_width_px:
+        yield _cause(
+            f"the images are {width_px} pixels wide, and in less than {drive.least_width_px} the predictor finds too "
+            "little.",
+            "Record larger images, or use --predictor network.",
+        )
+
+
+def _key_points(drive: MappedDrive) -> Iterator[Finding]:
+    frames = [seen.step for seen in drive.observations if seen.step in drive.keyframes]
+    if not isinstance(drive.predictor, KeyPointPredictor) or not frames:
+        return
+    usual = float(np.median(drive.predictor.key_point_counts(drive.keyframes.features(evenly(frames, PAIRS)))))
+    if usual < FEW_KEY_POINTS:
+        yield _cause(
+            f"few key points ({usual:.0f} an image, where less than {FEW_KEY_POINTS} are few): the images are small, "
+            "dark, blurred or show bare walls.",
+            "Record larger and sharper ones in more light, or try --predictor network.",
+        )
+
+
+def _view(drive: MappedDrive) -> Iterator[Finding]:
+    """Ask how much of what the predictor expects to see the camera showed at all."""
+    camera, target = drive.camera, drive.predictor.camera
+    if camera is None or have_same_rays(camera, target):
+        return
+    tilts = [seen.tilt for seen in drive.observations if seen.tilt is not None]
+    if tilts:
+        pitch, roll = (float(np.median(angles)) for angles in np.array(tilts).T)
+        camera = replace(camera, pitch_rad=pitch, roll_rad=roll)
+    seen = float(Rectification(camera, target).seen.mean())
+    if seen < SEEN:
+        yield _cause(
+            f"the predictor's camera is level and {math.degrees(target.horizontal_fov_rad):.0f} degrees wide, the "
+            f"drive's is pitched by {math.degrees(camera.pitch_rad):.0f} and "
+            f"{math.degrees(camera.horizontal_fov_rad):.0f} degrees wide, so it sees {seen:.0%} of what it needs.",
+            "Use --predictor geometric, which takes any camera, or mount the camera nearly level.",
+        )
+
+
+def _places(drive: MappedDrive) -> Iterator[Finding]:
+    """Ask whether the drive shows more than one place."""
+    poses = np.array([seen.odometry for seen in drive.observations])
+    way = relative(poses[0], poses)
+    moved_m, turned_rad = np.hypot(way[:, 0], way[:, 1]).max(), np.abs(way[:, 2]).max()
+    if _has_odometry(drive) and moved_m < NO_WAY_M and turned_rad < NO_TURN_RAD:
+        yield _cause(
+            f"by its odometry the robot stayed within {NO_WAY_M} m and hardly turned.",
+            "Drive farther, or give odometry in metres and radians.",
+        )
+    if _look_alike(drive):
+        yield _cause(
+            "all images look alike. Is the camera covered, does it see the robot itself, or a bare wall or floor "
+            "alone?",
+            "Point it at what differs from place to place.",
+        )
+
+
+_CAUSES = (_lens, _depth, _size, _key_points, _view, _places)
+
+
+def _look_alike(drive: MappedDrive) -> bool:
+    """Tell whether images far apart in time resemble each other throughout the drive."""
+    frames = [seen.step for seen in drive.observations if seen.step in drive.keyframes]
+    if len(frames) < 2:
+        return False
+    places = np.linspace(0, len(frames) - 1, min(PAIRS, len(frames))).astype(int)
+    likeness = colour_descriptors(drive.keyframes, [frames[place] for place in places])
+    apart = np.abs(np.subtract.outer(places, places)) > len(frames) // 3
+    return float(np.median((likeness @ likeness.T)[apart])) > ALIKE
+
+
+def _overlap(drive: MappedDrive, recognised: NDArray[np.bool_] | None) -> Iterator[Finding]:
+    """Ask whether images in a row are recognised (P,), and whether they could be."""
+    if recognised is None or recognised.mean() >= MOST_RECOGNISED:
+        return
+    text = f"of {len(recognised)} pairs of images in a row {recognised.sum()} are recognised as one place"
+    if recognised.mean() >= FEW_RECOGNISED:
+        yield _cause(
+            f"{text}, and where one is not, the map may break.",
+            "Look at those images (`ltvn view`): in turns, before bare walls or in the dark drive slower, record more "
+            f"images a second, or {_thin_less(drive)}.",
+        )
+        return
+    apart = _far_apart(drive)
+    if _has_odometry(drive) and apart > FEW_RECOGNISED / 2:
+        yield _cause(
+            f"{text}, for they hardly overlap: {apart:.0%} are farther than 1 m or turned by half of the field of "
+            "view.",
+            f"Drive slower, record more images a second, or {_thin_less(drive)}.",
+        )
+        return
+    other = "network" if drive.predictor_name == GEOMETRIC else GEOMETRIC
+    yield _cause(
+        f"{text}. The predictor cannot compare images of this camera, or they do not overlap: try --predictor "
+        f"{other}, adapt the network by `ltvn finetune`, and look at images in a row for blur and gaps (`ltvn view`)."
+    )
+
+
+def _thin_less(drive: MappedDrive) -> str:
+    if _has_odometry(drive):
+        return "thin less (--every-m, --every-deg of `ltvn import`)"
+    return "leave no image out (--every-m 0 --every-deg 0 of `ltvn import`)"
+
+
+def _one_way(drive: MappedDrive, coverage: MapCoverage, recognised: NDArray[np.bool_] | None) -> Iterator[Finding]:
+    """Ask whether the images that the map does not know could be joined from one side alone."""
+    if not coverage.lost or recognised is None or recognised.mean() < FEW_RECOGNISED:
+        return  # Where nothing is recognised, a second pass would be recognised as little.
+    again = "Drive there again, the other way round too, and slowly."
+    once = _passed_once(drive, coverage.lost)
+    if once >= MOST_ONE_WAY * len(coverage.lost):
+        yield _cause(
+            f"one way only. {once} of the {len(coverage.lost)} images that the map does not know were taken where the "
+            "drive passes once and in one direction.",
+            again,
+        )
+        return
+    single, asked = _recognised_one_way(drive, coverage.lost)
+    if asked and single >= MOST_ONE_WAY * asked:
+        yield _cause(
+            f"one way only. Of {asked} images that the map does not know {single} see a node ahead, or are seen from "
+            "one, and not the other way round.",
+            again,
+        )
+
+
+def _passed_once(drive: MappedDrive, lost: Sequence[FrameId]) -> int:
+    """Return how many images were taken where the drive passes once, by odometry; 0 where that does not know."""
+    if not _has_odometry(drive) or len(drive.graph.drives) > 1:
+        return 0
+    poses = np.array([seen.odometry for seen in drive.observations])
+    stamps = np.array([seen.stamp for seen in drive.observations])
+    passed_again = {drive.observations[row].step for row in revisits(near_pairs(poses), poses, stamps).ravel().tolist()}
+    return sum(frame not in passed_again for frame in lost)
+
+
+def _recognised_one_way(drive: MappedDrive, lost: Sequence[FrameId]) -> tuple[int, int]:
+    """Return how many images are recognised in one direction alone by the nodes next to them in time, and how many
+    were asked.
+    """
+    nodes = np.array(sorted(drive.graph.nodes))
+    held = [frame for frame in lost if frame in drive.keyframes and frame not in drive.graph.nodes]
+    held = [frame for frame in held if is_usable(drive.keyframes.observation(frame), drive.predictor)]
+    asked = evenly(held, PAIRS)
+    if not asked or not len(nodes):
+        return 0, 0
+    after = np.searchsorted(nodes, asked)
+    beside = nodes[np.clip([after - 1, after], 0, len(nodes) - 1)].ravel().tolist()
+    images, targets = drive.keyframes.features([*asked, *asked]), drive.keyframes.features(beside)
+    there = drive.predictor.predict(images, targets).reachability.reshape(2, -1) > RECOGNISED
+    back = drive.predictor.predict(targets, images).reachability.reshape(2, -1) > RECOGNISED
+    return int(((there | back).any(axis=0) & ~(there & back).any(axis=0)).sum()), len(asked)
+
+
+def _far_apart(drive: MappedDrive) -> float:
+    """Return the share of the images in a row that by odometry can hardly overlap."""
+    poses = np.array([seen.odometry for seen in drive.observations])
+    steps = relative(poses[:-1], poses[1:])
+    moved_m, turned_rad = np.hypot(steps[:, 0], steps[:, 1]), np.abs(steps[:, 2])
+    camera = drive.camera or drive.predictor.camera
+    return float(((moved_m > 1.0) | (turned_rad > camera.horizontal_fov_rad / 2)).mean())
+
+
+def _has_odometry(drive: MappedDrive) -> bool:
+    return bool(np.ptp([seen.odometry for seen in drive.observations], axis=0).any())
+
+
+def _recognised_in_a_row(drive: MappedDrive) -> NDArray[np.bool_] | None:
+    """Return for some pairs of images in a row (P,) whether the predictor calls them one place, either way round."""
+    frames = [seen.step for seen in drive.observations if seen.step in drive.keyframes]
+    frames = [frame for frame in frames if is_usable(drive.keyframes.observation(frame), drive.predictor)]
+    if len(frames) < 2:
+        return None
+    places = evenly(range(len(frames) - 1), PAIRS)
+    first = drive.keyframes.features([frames[place] for place in places])
+    second = drive.keyframes.features([frames[place + 1] for place in places])
+    there, back = drive.predictor.predict(first, second), drive.predictor.predict(second, first)
+    return np.maximum(there.reachability, back.reachability) > RECOGNISED

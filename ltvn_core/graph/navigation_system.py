@@ -1,4 +1,5 @@
-"""A navigation system as the paper's Table I takes it apart: five strategies that can be exchanged one by one.
+"""A navigation system as the paper's Table I takes it apart: five strategies that can be exchanged one by one, and what
+a system may have beside them: growing while somebody drives, presence of edges, a filter over places, views of nodes.
 
 Owns the interfaces alone. The paper's own strategies are put together in `graph.ltvn`, its baselines' in
 `ltvn_core.systems`, a file each; the navigator drives whatever `NavigationSystem` it is given:
@@ -141,7 +142,10 @@ def choose_first_node(path: Sequence[NodeId], reachability: Callable[[NodeId], f
 
 @dataclass(frozen=True, slots=True)
 class NavigationSystem:
-    """A navigation system: what it does in its own way, and the thresholds of all the rest."""
+    """A navigation system: five strategies, four parts that a system may have, and the thresholds of all the rest.
+
+    The four parts, `online`, `presence`, `follows_places` and `views`, are off where nothing is said.
+    """
 
     name: str
     """What reports call it."""

@@ -6,18 +6,20 @@ from dataclasses import replace
 
 import numpy as np
 
+from ltvn_core.findings import Finding, findings_of
 from ltvn_core.importing.drive_odometry import OdometrySource, chosen_odometry
 from ltvn_core.importing.named_drive import NamedDrive
 from ltvn_core.importing.played_drive import play_drive
 from ltvn_core.importing.raw_frame import DriveReader
 from ltvn_core.robots.floor_fit import fit_floor
-from ltvn_core.robots.robot_report import RobotReport, TopicReport, report_doubts
+from ltvn_core.robots.robot_check import RobotReport, TopicReport, robot_findings
 
 
 def look_over_drive(drive: NamedDrive, *, seconds: float) -> RobotReport:
     """Look at the first seconds of a drive, and at its first image. Raises DriveError where it cannot be used."""
     robot = play_drive(drive)
-    camera, seen = robot.spec.camera, robot.observe()
+    camera = robot.spec.camera
+    seen = robot.observe()
     reader = drive.open()
     report = RobotReport(
         robot=robot.spec.name,
@@ -31,7 +33,7 @@ def look_over_drive(drive: NamedDrive, *, seconds: float) -> RobotReport:
         commands_taken=False,
         driving=None,
     )
-    return replace(report, doubts=(*report_doubts(report), *_doubts(reader), *reader.doubts))
+    return replace(report, findings=(*robot_findings(report), *_findings(reader), *findings_of(reader.doubts)))
 
 
 def _watch(reader: DriveReader, seconds: float) -> tuple[TopicReport, ...]:
@@ -49,8 +51,9 @@ def _watch(reader: DriveReader, seconds: float) -> tuple[TopicReport, ...]:
     )
 
 
-def _doubts(reader: DriveReader) -> Iterator[str]:
+def _findings(reader: DriveReader) -> Iterator[Finding]:
     if chosen_odometry(reader) is OdometrySource.NONE:
-        yield "It has no odometry: every image seems to be taken at one place."
+        yield Finding("It has no odometry: every image seems to be taken at one place.")
     if reader.dropped:
-        yield "Left out: " + ", ".join(f"{count} with {reason}" for reason, count in reader.dropped.items()) + "."
+        counts = ", ".join(f"{count} with {reason}" for reason, count in reader.dropped.items())
+        yield Finding(f"Left out: {counts}.")

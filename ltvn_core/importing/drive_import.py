@@ -1,6 +1,7 @@
 """Importing a drive: raw frames are checked, chosen, prepared and written as a recording, and what happened is told.
 
-Owns the order of these steps and the count of what was left out. Knows no format.
+Owns the order of these steps, the count of what was left out, and which images are kept: a map needs images that
+differ, so one whenever the robot has moved on, by its odometry or by what it sees. Knows no format.
 """
 
 from collections import Counter
@@ -8,34 +9,123 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, replace
 from itertools import chain, islice
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
+import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from ltvn_core.atomic_files import atomic_output
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.errors import DriveError, ImageError
-from ltvn_core.importing.drive_doubts import drive_doubts
-from ltvn_core.importing.drive_findings import TOO_LITTLE_MOTION, KeptFrame, drive_findings
+from ltvn_core.findings import Finding, findings_of
+from ltvn_core.geometry import wrap_angle
+from ltvn_core.importing.drive_findings import TOO_LITTLE_MOTION, KeptFrame, drive_findings, drive_statistics
 from ltvn_core.importing.drive_odometry import OdometrySource, chosen_odometry
 from ltvn_core.importing.frame_preparation import FramePreparation
-from ltvn_core.importing.frame_selection import FrameSelection, MotionSelection, PictureSelection
 from ltvn_core.importing.import_options import ImportOptions
 from ltvn_core.importing.import_summary import ImportSummary, import_summary
 from ltvn_core.importing.raw_frame import DriveReader, FrameMoment, RawFrame, SelectiveReader
-from ltvn_core.navigation.events import Note, Severity, StampedEvent
+from ltvn_core.navigation.events import Note, StampedEvent
 from ltvn_core.recording.metadata import SOURCE_SCENE
 from ltvn_core.recording.writer import RecordingWriter
-from ltvn_core.robots.observation_check import ObservationCheck
-from ltvn_core.types import Depth, Observation
+from ltvn_core.robots.robot_check import ObservationCheck
+from ltvn_core.types import Depth, Observation, Pose, Rgb, Tilt
 
+MOVED_SHARE = 0.04
+"""An image is kept when half of what is followed moved by this share of the image's width,"""
+LOST_SHARE = 0.5
+"""or when more than this share of it is no longer to be found."""
+_WIDTH_PX = 160
+_POINTS = 120
+_FEWEST_POINTS = 8
+_ROUNDING = 1e-4
+"""Metres and radians that a source's poses may be rounded by: images 0.1 m apart are kept at 0.1 m."""
+_NOISE = 2.0
+"""Images that differ by less, in grey levels of 255 on average, show the same."""
 _DECIDING_FRAMES = 100
 """The camera's usual tilt is the median of so many images, which are held until the recording begins."""
 _EVERY_PIXEL = 4
 """Of these the median of depth is taken."""
-
 Progress = Callable[[int, int | None], None]
 """Called with the number of images looked at, and of images in all where that is known."""
+
+
+class FrameSelection(Protocol):
+    """Says of each image in turn whether to keep it; it is kept then."""
+
+    def may_keep(self, pose: Pose, tilt: Tilt | None) -> bool:
+        """Tell whether an image that was taken there could be kept, before anybody decodes it."""
+        ...
+
+    def keeps(self, rgb: Rgb, pose: Pose, tilt: Tilt | None) -> bool:
+        """Tell whether the camera moved enough since the last image that was kept."""
+        ...
+
+
+class MotionSelection:
+    """Keeps an image after so many metres or radians, of heading, pitch or roll."""
+
+    def __init__(self, every_m: float, every_rad: float) -> None:
+        """Keep everything where both are 0."""
+        self._every_m, self._every_rad = every_m, every_rad
+        self._last: NDArray[np.float64] | None = None
+
+    def may_keep(self, pose: Pose, tilt: Tilt | None) -> bool:
+        """Tell whether the robot drove or turned enough; see `FrameSelection`."""
+        if self._last is None:
+            return True
+        gap = _pose_and_tilt(pose, tilt) - self._last
+        moved_m, turned_rad = np.hypot(*gap[:2]), np.abs(wrap_angle(gap[2:])).max()
+        # What is no number has not stood still: it is kept here, and refused with its reason where it is checked.
+        return not (moved_m < self._every_m - _ROUNDING and turned_rad < self._every_rad - _ROUNDING)
+
+    def keeps(self, rgb: Rgb, pose: Pose, tilt: Tilt | None) -> bool:
+        """Tell whether the robot drove or turned enough; see `FrameSelection`."""
+        if not self.may_keep(pose, tilt):
+            return False
+        self._last = _pose_and_tilt(pose, tilt)
+        return True
+
+
+class PictureSelection:
+    """Keeps an image when the picture has moved on; for drives without any odometry."""
+
+    def __init__(self) -> None:
+        """Nothing was seen yet."""
+        self._last: NDArray[np.uint8] | None = None
+
+    def may_keep(self, pose: Pose, tilt: Tilt | None) -> bool:
+        """Want every image, for the picture alone says whether it differs."""
+        return True
+
+    def keeps(self, rgb: Rgb, pose: Pose, tilt: Tilt | None) -> bool:
+        """Tell whether the picture differs enough; see `FrameSelection`."""
+        height = max(round(_WIDTH_PX * rgb.shape[0] / rgb.shape[1]), 1)
+        small = cv2.resize(cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY), (_WIDTH_PX, height), interpolation=cv2.INTER_AREA)
+        grey = np.asarray(small, np.uint8)
+        if self._last is not None and self._last.shape == grey.shape and not _has_moved(self._last, grey):
+            return False
+        self._last = grey
+        return True
+
+
+def _pose_and_tilt(pose: Pose, tilt: Tilt | None) -> NDArray[np.float64]:
+    return np.array([*pose, *(tilt or (0.0, 0.0))])
+
+
+def _has_moved(before: NDArray[np.uint8], now: NDArray[np.uint8]) -> bool:
+    if float(cv2.absdiff(before, now).mean()) < _NOISE:
+        return False
+    points = cv2.goodFeaturesToTrack(before, _POINTS, 0.01, 5)
+    if points is None or len(points) < _FEWEST_POINTS:
+        return True
+    found, status, _ = cv2.calcOpticalFlowPyrLK(before, now, points, None)  # type: ignore[call-overload]
+    followed = status.ravel() == 1
+    if followed.mean() < 1 - LOST_SHARE:
+        return True
+    moved_px = np.linalg.norm((found - points)[followed].reshape(-1, 2), axis=1)
+    return float(np.median(moved_px)) >= MOVED_SHARE * _WIDTH_PX
 
 
 def import_drive(
@@ -62,7 +152,8 @@ class _DriveImport:
         self._preparation: FramePreparation | None = None
         self._dropped: Counter[str] = Counter()
         self._faults: list[str] = []
-        self._check, self._sequence_doubts = ObservationCheck(), list[str]()
+        self._check = ObservationCheck()
+        self._sequence_findings: list[Finding] = []
         self._stamps: list[float] = []
         self._kept: list[KeptFrame] = []
         self._scene = options.scene or f"{SOURCE_SCENE}{reader.facts.place or reader.facts.format}"
@@ -80,11 +171,11 @@ class _DriveImport:
         ) as writer:
             for seen in chain(first, observations):
                 writer.write_frame(seen)
-                self._sequence_doubts += self._check.doubts(seen)
+                self._sequence_findings += self._check.findings(seen)
                 last_step, last_stamp = seen.step, seen.stamp
             summary = self._summary(name, self._preparation, camera)
-            for doubt in summary.doubts:
-                writer.write_event(StampedEvent(last_step, last_stamp, Note(doubt, Severity.WARN)))
+            for finding in summary.findings:
+                writer.write_event(StampedEvent(last_step, last_stamp, Note(str(finding), finding.severity)))
         return summary
 
     def _observations(self) -> Iterator[Observation]:
@@ -169,7 +260,7 @@ class _DriveImport:
 
     def _summary(self, name: Path, preparation: FramePreparation, camera: CameraModel) -> ImportSummary:
         dropped = self._all_dropped()
-        found = drive_findings(
+        statistics = drive_statistics(
             self._kept,
             self._stamps,
             dropped,
@@ -180,15 +271,16 @@ class _DriveImport:
             camera=camera,
         )
         faults = [f"An image was left out: {fault}" for fault in self._faults[:1]]
+        told = findings_of([*self._reader.doubts, *faults])
         return import_summary(
-            found,
+            statistics,
             recording=name,
             facts=self._reader.facts,
             scene=self._scene,
             dropped=dropped,
             camera=camera,
             seconds=self._stamps[-1] - self._stamps[0],
-            doubts=(*self._reader.doubts, *faults, *self._sequence_doubts, *drive_doubts(found)),
+            findings=(*told, *self._sequence_findings, *drive_findings(statistics)),
         )
 
     def _nothing_left(self) -> str:

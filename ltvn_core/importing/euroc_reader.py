@@ -99,14 +99,16 @@ class EurocReader:
 
     def _lens(self, said: CalibrationYaml) -> CameraModel | None:
         """Return the lens of a `sensor.yaml`, None where it is of a kind that is not read. Raises DriveError."""
-        model, distortion = said.word("camera_model").lower(), said.word("distortion_model").lower()
+        model = said.word("camera_model").lower()
+        distortion = said.word("distortion_model").lower()
         if model not in ("pinhole", "") or distortion not in (*_FISHEYES, *_DISTORTIONS):
             self.doubts.append(
                 f"The lens in {_SENSOR} is of the kind {model} with {distortion or 'no distortion'}, which is not "
                 "read; name a pinhole lens by --camera."
             )
             return None
-        focal, size = said.numbers("intrinsics"), said.numbers("resolution")
+        focal = said.numbers("intrinsics")
+        size = said.numbers("resolution")
         try:
             fx, fy, cx, cy = focal
             width, height = (int(side) for side in size)
@@ -142,7 +144,9 @@ class EurocReader:
     def _doubt_times(self, truth_name: str) -> None:
         if self._truth is None:
             return
-        begin, end, stamps = self._images[0][0], self._images[-1][0], self._truth.stamps
+        begin = self._images[0][0]
+        end = self._images[-1][0]
+        stamps = self._truth.stamps
         if stamps[-1] < begin or stamps[0] > end:
             self.doubts.append(
                 f"The images are from {begin:.3f} to {end:.3f} s, {truth_name} from {stamps[0]:.3f} to "

@@ -1,7 +1,9 @@
 """From a raw frame to an observation of the recorded camera: upright, scaled, depth laid over the colours.
 
-Owns the maps from the source's cameras to the recorded one, and what is done about a lens that nobody knows. Chooses no
-frames.
+Owns the choice of that camera, the maps from the source's cameras to it, and what is done about a lens that nobody
+knows. The recorded camera has the source's own lens, upright, and at most 320 x 240 pixels. Its distortion stays,
+because an image without is stretched at the rim and cut off, and key points are found best in what the lens saw; who
+measures asks the camera for rays. `ltvn_core.cameras.rectification` makes its images. Chooses no frames.
 """
 
 from dataclasses import replace
@@ -13,14 +15,59 @@ from ltvn_core.cameras.rectification import rectification
 from ltvn_core.errors import DriveError, ImageError
 from ltvn_core.image_validity import check_observation
 from ltvn_core.importing.raw_frame import RawFrame
-from ltvn_core.importing.recorded_camera import recorded_camera
 from ltvn_core.importing.source_camera import HOW_TO, camera_of_fov, fitted
+from ltvn_core.preprocessing import ORIGINAL_SIZE
 from ltvn_core.types import Depth, FrameId, Observation, Pose
 
 ASSUMED_FOV_DEG = 60.0
 """Horizontal; what most cameras of phones, laptops and robots have within 15 degrees."""
-
 _ASPECT_TOLERANCE = 0.02
+
+
+def recorded_camera(source: CameraModel) -> CameraModel:
+    """Return the camera to whose images those of `source` are turned; pitch and height stay, roll is undone."""
+    upright = _upright(source)
+    long_side = max(upright.width, upright.height)
+    short_side = min(upright.width, upright.height)
+    scale = min(1.0, ORIGINAL_SIZE.long_side / long_side, ORIGINAL_SIZE.short_side / short_side)
+    if scale == 1.0:
+        return upright
+    return upright.scaled(max(round(upright.width * scale), 1), max(round(upright.height * scale), 1))
+
+
+def _upright(source: CameraModel) -> CameraModel:
+    """Return a camera as if it were mounted without quarter turns and roll."""
+    width = source.width
+    height = source.height
+    places = {
+        0: (source.cx, source.cy),
+        1: (source.cy, width - 1 - source.cx),
+        2: (width - 1 - source.cx, height - 1 - source.cy),
+        3: (height - 1 - source.cy, source.cx),
+    }
+    cx, cy = places[source.quarter_turns]
+    level = replace(
+        source,
+        cx=cx,
+        cy=cy,
+        distortion=source.distortion if source.fisheye else _turned(source.distortion, source.quarter_turns),
+        quarter_turns=0,
+        roll_rad=0.0,
+        depth_scale=1.0,
+    )
+    if source.quarter_turns % 2 == 0:
+        return level
+    return replace(level, width=height, height=width, fx=source.fy, fy=source.fx)
+
+
+def _turned(distortion: tuple[float, ...], quarter_turns: int) -> tuple[float, ...]:
+    """Return coefficients for the turned picture: p1 and p2 of k1 k2 p1 p2 ... are a direction and turn with it."""
+    if not distortion:
+        return distortion
+    down, right = distortion[2:4]
+    for _ in range(quarter_turns):
+        right, down = down, -right
+    return (*distortion[:2], down, right, *distortion[4:])
 
 
 class FramePreparation:

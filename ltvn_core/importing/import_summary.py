@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ltvn_core.cameras.camera_model import CameraModel
-from ltvn_core.importing.drive_findings import DriveFindings
+from ltvn_core.findings import Finding, WithDoubts
+from ltvn_core.importing.drive_findings import Drift, DriveStatistics, TiltRange, path_m
 from ltvn_core.importing.drive_odometry import OdometrySource
-from ltvn_core.importing.drive_statistics import Drift, TiltRange, path_m
 from ltvn_core.importing.raw_frame import DriveFacts
 
 
@@ -49,7 +49,7 @@ class ImportedCamera:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ImportSummary:
+class ImportSummary(WithDoubts):
     """What an import found, left out and wrote."""
 
     recording: Path
@@ -86,14 +86,14 @@ class ImportSummary:
     """How the camera was tilted, where that changes."""
     drift: Drift | None
     """How odometry strays from the true poses, where the source has both."""
-    doubts: tuple[str, ...]
+    findings: tuple[Finding, ...]
     """What is doubtful, with the likely cause and what to do; nothing where all is well."""
     next_step: str
     """What to do now, and what that will tell."""
 
 
 def import_summary(
-    found: DriveFindings,
+    found: DriveStatistics,
     *,
     recording: Path,
     facts: DriveFacts,
@@ -101,7 +101,7 @@ def import_summary(
     dropped: Mapping[str, int],
     camera: CameraModel,
     seconds: float,
-    doubts: tuple[str, ...],
+    findings: tuple[Finding, ...],
 ) -> ImportSummary:
     """Put a summary together."""
     rates = {stream.role: stream.rate_hz for stream in facts.streams if stream.role and stream.rate_hz}
@@ -124,7 +124,7 @@ def import_summary(
         longest_gap_s=max(found.gaps_s, default=0.0),
         tilt=found.tilt,
         drift=found.drift,
-        doubts=doubts,
+        findings=findings,
         next_step=(
             f"`ltvn build {recording} --output map.rrd` makes a map, and its `known_share` says of how much of the "
             "drive the map knows the place; below 80 % it says where, and likely causes."

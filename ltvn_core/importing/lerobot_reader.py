@@ -27,7 +27,6 @@ _YAW = re.compile(r"(^|[._/])(yaw|theta|heading)(_rad|\.pos|_pos)?$", re.IGNOREC
 
 DAMAGED = "damaged image"
 OTHER_EPISODE = "of another episode"
-NO_IMAGE = "no image in the video"
 
 
 class LerobotReader:
@@ -69,10 +68,12 @@ class LerobotReader:
 
     def frames(self) -> Iterator[RawFrame]:
         """Yield the frames of the episode. Raises DriveError where none can be read."""
-        read, last = 0, -math.inf
+        read = 0
+        last = -math.inf
         columns = ["timestamp", *(each.key for each in (self._rgb, self._depth) if each and each.dtype == "image")]
         columns += [] if self._state is None else [self._state.key]
-        rgb, depth = self._video(self._rgb), self._video(self._depth)
+        rgb = self._video(self._rgb)
+        depth = self._video(self._depth)
         for row in self._dataset.rows(self._episode, columns):
             stamp = row["timestamp"]
             if not isinstance(stamp, int | float) or not last < stamp < math.inf:

@@ -25,7 +25,8 @@ _KEPT = 4096
 
 def transform(translation: ArrayLike, quaternion: ArrayLike) -> Transform | None:
     """Return a pose in space from (3,) metres and (4,) x, y, z, w; None where they are no pose."""
-    place, turn = np.asarray(translation, np.float64), np.asarray(quaternion, np.float64)
+    place = np.asarray(translation, np.float64)
+    turn = np.asarray(quaternion, np.float64)
     if not (np.all(np.isfinite(place)) and np.all(np.isfinite(turn))) or np.linalg.norm(turn) < 1e-6:
         return None
     result = np.eye(4)
@@ -46,6 +47,20 @@ def are_rotations(turns: NDArray[np.float64], tolerance: float) -> NDArray[np.bo
     """Tell (...) which matrices (..., 3, 3) of finite numbers turn without mirroring or stretching."""
     errors = np.abs(turns @ turns.swapaxes(-1, -2) - np.eye(3)).max(axis=(-2, -1))
     return np.asarray((errors < tolerance) & (np.linalg.det(turns) > 0))
+
+
+def pose_between(positions: NDArray[np.float64], turns: Rotation, share: float) -> Transform:
+    """Return the pose between two, on the straight line and by the shortest turn.
+
+    Args:
+        positions: (2, 3) metres in the parent frame.
+        turns: Two of them, from the child frame to the parent frame.
+        share: 0 at the first pose, 1 at the second.
+    """
+    result = np.eye(4)
+    result[:3, :3] = Slerp([0.0, 1.0], turns)(share).as_matrix()
+    result[:3, 3] = (1 - share) * positions[0] + share * positions[1]
+    return result
 
 
 class MovingFrame:
@@ -92,16 +107,15 @@ class MovingFrame:
         return self._poses[nearest] if abs(self._stamps[nearest] - stamp) <= _LATEST_S else None
 
     def _between(self, after: int, stamp: float) -> Transform | None:
-        begin, end = self._stamps[after - 1], self._stamps[after]
-        first, second = self._poses[after - 1], self._poses[after]
+        begin = self._stamps[after - 1]
+        end = self._stamps[after]
+        first = self._poses[after - 1]
+        second = self._poses[after]
         turn = Rotation.from_matrix([first[:3, :3], second[:3, :3]])
         if end - begin > _LONGEST_GAP_S and not _stands(first, second, turn):
             return None
-        share = (stamp - begin) / (end - begin)
-        result = np.eye(4)
-        result[:3, :3] = Slerp([0.0, 1.0], turn)(share).as_matrix()
-        result[:3, 3] = (1 - share) * first[:3, 3] + share * second[:3, 3]
-        return result
+        places = np.array([first[:3, 3], second[:3, 3]])
+        return pose_between(places, turn, (stamp - begin) / (end - begin))
 
 
 def _stands(first: Transform, second: Transform, turn: Rotation) -> bool:

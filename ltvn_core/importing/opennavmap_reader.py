@@ -36,7 +36,8 @@ class OpenNavMapReader:
 
     def __init__(self, folder: Path, options: ReadOptions) -> None:
         """Read the lists, and no image yet. Raises DriveError."""
-        self._folder, self._options = folder, options
+        self._folder = folder
+        self._options = options
         stamps = {name: numbers[0] for name, numbers in _rows(folder / STAMPS, columns=1).items()}
         self._stamps = dict(sorted(stamps.items(), key=lambda item: item[1]))
         self._lenses = _rows(folder / LENSES, columns=6) if (folder / LENSES).is_file() else {}

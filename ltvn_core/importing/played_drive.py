@@ -1,7 +1,7 @@
 """A recorded drive that plays a robot: its images come as they were taken, whatever anybody commands (open loop).
 
-Any format that can be imported can be played. Owns the pace; reading is the reader's, and fitting the camera that of
-`frame_preparation`.
+Any format that can be imported can be played. Owns the pace, and opening a robot by a name that may be such a drive's;
+reading is the reader's, and fitting the camera that of `frame_preparation`.
 """
 
 import logging
@@ -14,11 +14,28 @@ from ltvn_core.importing.drive_odometry import chosen_odometry
 from ltvn_core.importing.frame_preparation import FramePreparation
 from ltvn_core.importing.named_drive import NamedDrive
 from ltvn_core.importing.raw_frame import FrameMoment, RawFrame
-from ltvn_core.robots.robot import WallClock
+from ltvn_core.plugins import ROBOTS, find_plugins
+from ltvn_core.robots.robot import Robot, WallClock
+from ltvn_core.robots.robot_plugins import check_robot
+from ltvn_core.robots.robot_plugins import open_robot as open_live_robot
 from ltvn_core.robots.robot_spec import RobotSpec
 from ltvn_core.types import CONTROL_STEP_S, ZERO_TWIST, Observation, RobotState, Twist
 
 _LOG = logging.getLogger(__name__)
+
+
+def open_robot(wanted: str) -> Robot:
+    """Make a robot by its name, by `path/to/file.py:factory` or by PROFILE@ADDRESS, or let a recorded drive play one.
+
+    A drive is named by its file or folder, of any format that can be imported, or by PROFILE@PATH. One image is taken;
+    nothing is driven. Raises PluginError, RobotError and DriveError.
+    """
+    drive = None if wanted in find_plugins(ROBOTS) else NamedDrive.find(wanted)
+    if drive is None:
+        return open_live_robot(wanted)
+    robot = play_drive(drive)
+    check_robot(robot, wanted)
+    return robot
 
 
 def play_drive(drive: NamedDrive, clock: WallClock | None = None) -> "PlayedDrive":
@@ -42,7 +59,8 @@ class PlayedDrive:
     def __init__(self, drive: NamedDrive, clock: WallClock) -> None:
         """Play a drive. Raises DriveError where no image can be used."""
         self.clock = clock
-        self._drive, self._name = drive, drive.path.name
+        self._drive = drive
+        self._name = drive.path.name
         reader = drive.open()
         self.open_loop = (
             f"{self._name} is a recorded drive, played open loop: it shows what was seen, and obeys no command. Goals "
@@ -54,7 +72,9 @@ class PlayedDrive:
             drive.mounted(raw) for raw in reader.frames() if self._odometry.pose(FrameMoment.of(raw)) is not None
         )
         self._lock = threading.RLock()
-        self._looks, self._begun_s, self._told = 0, 0.0, False
+        self._looks = 0
+        self._begun_s = 0.0
+        self._told = False
         self._observation, self._seen_s = self._first(self._frames)
         self._raw: RawFrame | None = None
         """The newest frame, until somebody looks at it."""
@@ -81,7 +101,8 @@ class PlayedDrive:
                 self._begun_s = self.clock.now()
             self._play()
             if self._raw is not None:
-                raw, self._raw = self._raw, None
+                raw = self._raw
+                self._raw = None
                 self._look(raw)
             return self._observation
 

@@ -1,18 +1,22 @@
-"""A trajectory in space as others write it: `stamp tx ty tz qx qy qz qw` a line, turned so that z is up.
+"""A trajectory in space as others write it, turned so that z is up.
 
-Owns reading such files (TUM's format, which evo, ORB-SLAM and RTAB-Map write too), interpolation, and finding out which
-axis of the world is up.
+Owns two notations, and finding out which axis of the world is up. One has `stamp tx ty tz qx qy qz qw` a line (TUM's
+format, which evo, ORB-SLAM and RTAB-Map write too). The other has a matrix for each picture, camera to world: 7-Scenes
+writes `frame-000000.pose.txt` beside `frame-000000.color.png`, ScanNet `pose/0.txt` for `color/0.jpg`, each with a
+4 x 4 matrix; Replica writes `traj.txt` with 16 numbers a row, row k for picture k.
 """
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation, Slerp
+from scipy.spatial.transform import Rotation
 
 from ltvn_core.errors import DriveError
+from ltvn_core.importing.moving_frame import are_rotations, pose_between
 from ltvn_core.importing.spatial_pose import SpatialPose, spatial_pose
 from ltvn_core.importing.stamp_matching import period_s
 from ltvn_core.importing.text_lists import list_lines
@@ -20,7 +24,6 @@ from ltvn_core.importing.text_lists import list_lines
 LARGEST_GAP_S = (0.25, 1.0)
 """Between samples that are farther apart nothing is known: the first, or twice their usual distance up to the
 second."""
-
 _COLUMNS = 8
 _UPRIGHT = 0.25
 """Where the camera's up is within 75 degrees of z on average, z is up, as nearly always; it may look down steeply."""
@@ -34,6 +37,12 @@ _SECONDS_BELOW = 1e11
 _UNITS = (("milliseconds", 1e-3), ("microseconds", 1e-6), ("nanoseconds", 1e-9))
 _AXES = {"z": (0, 0, 1), "-y": (0, -1, 0), "y": (0, 1, 0), "-z": (0, 0, -1)}
 """What programs take for up: z in robotics, -y where the world is the first camera, y in graphics."""
+POSE_FOLDERS = ("pose", "poses")
+ROWS_FILE = "traj.txt"
+_NUMBERS = 16
+_MOST_M = 1e6
+_RIGID_TOLERANCE = 0.01
+_FIRST_NUMBER = re.compile(r"[0-9]+")
 
 
 class StampedLines(NamedTuple):
@@ -84,7 +93,6 @@ class PoseTrack:
         self._rotations = rotations if turn is None else turn * rotations
         least_s, most_s = LARGEST_GAP_S
         self._largest_gap_s = min(max(least_s, 2 * (period_s(stamps) or 0.0)), most_s)
-        self._slerp = Slerp(stamps, self._rotations) if len(stamps) > 1 else None
 
     @classmethod
     def read(cls, path: Path) -> "PoseTrack":
@@ -98,11 +106,12 @@ class PoseTrack:
             return self._sample(after)
         if not 0 < after < len(self.stamps) or self.stamps[after] - self.stamps[after - 1] > self._largest_gap_s:
             return self._nearest(stamp)
-        before_s, after_s = self.stamps[after - 1], self.stamps[after]
+        before_s = self.stamps[after - 1]
+        after_s = self.stamps[after]
         share = (stamp - before_s) / (after_s - before_s)
-        position = (1 - share) * self._positions[after - 1] + share * self._positions[after]
-        assert self._slerp is not None  # There are two samples.
-        return spatial_pose(position, self._slerp(stamp).as_matrix())
+        around = slice(after - 1, after + 1)
+        pose = pose_between(self._positions[around], self._rotations[around], share)
+        return spatial_pose(pose[:3, 3], pose[:3, :3])
 
     def _nearest(self, stamp: float) -> SpatialPose | None:
         place = int(np.argmin(np.abs(self.stamps - stamp)))
@@ -184,3 +193,88 @@ def _up_axis(rotations: Rotation) -> str:
         return "z"
     best = max(_AXES, key=lambda name: float(up @ _AXES[name]))
     return best if float(up @ _AXES[best]) / length >= _CLEARLY_UP else "z"
+
+
+class PicturePoses:
+    """Poses of pictures by their place in the drive; z is up, however the source's world is turned."""
+
+    def __init__(self, matrices: NDArray[np.float64], name: str) -> None:
+        """Take (N, 4, 4) camera to world, one for each picture; rows that are no pose hold no rotation."""
+        self.name = name
+        """The file or folder that they come from."""
+        known = _are_rigid(matrices)
+        self.missing = int(len(known) - known.sum())
+        """Pictures without a pose."""
+        places = np.flatnonzero(known)
+        good = matrices[known]
+        self._places = set(places.tolist())
+        self._track = None
+        if len(good):
+            self._track = PoseTrack(places.astype(np.float64), good[:, :3, 3], Rotation.from_matrix(good[:, :3, :3]))
+
+    def at(self, place: int) -> SpatialPose | None:
+        """Return the pose of a picture by its place; None where it has none."""
+        if self._track is None or place not in self._places:
+            return None
+        return self._track.at(place)
+
+    def __len__(self) -> int:
+        """Return how many pictures have a pose."""
+        return len(self._places)
+
+
+def poses_beside(folder: Path, pictures: Sequence[Path]) -> PicturePoses | None:
+    """Return the poses that lie beside a folder's pictures; None where there are none. Raises DriveError."""
+    rows = folder / ROWS_FILE
+    if rows.is_file():
+        return PicturePoses(_rows(rows, len(pictures)), ROWS_FILE)
+    beside = pictures[0].parent
+    where = "*.pose.txt"
+    listed = list(beside.glob("*.pose.txt"))
+    for name in POSE_FOLDERS:
+        if not listed:
+            where = name
+            listed = list((folder / name).glob("*.txt"))
+    by_number = {_number(path): path for path in listed if path.is_file()}
+    if not any(_number(picture) in by_number for picture in pictures):
+        return None
+    matrices = [_matrix(by_number.get(_number(picture))) for picture in pictures]
+    return PicturePoses(np.array(matrices), where)
+
+
+def _number(path: Path) -> int | None:
+    found = _FIRST_NUMBER.search(path.name)
+    return None if found is None else int(found.group()[:18])
+
+
+def _matrix(path: Path | None) -> NDArray[np.float64]:
+    """Return the matrix of a file, (4, 4); of NaN where the picture has no file or its file no matrix."""
+    numbers = [] if path is None else _numbers(path)
+    return np.array(numbers if len(numbers) == _NUMBERS else [np.nan] * _NUMBERS).reshape(4, 4)
+
+
+def _rows(path: Path, count: int) -> NDArray[np.float64]:
+    numbers = _numbers(path)
+    if not numbers or len(numbers) % _NUMBERS or len(numbers) // _NUMBERS != count:
+        raise DriveError(
+            f"{path} holds {len(numbers)} numbers, which are not 16 for each of the {count} pictures (a 4 x 4 matrix, "
+            "camera to world, row by row). Complete the file, or move it away to import the pictures without poses."
+        )
+    return np.array(numbers).reshape(count, 4, 4)
+
+
+def _numbers(path: Path) -> list[float]:
+    try:
+        return [float(word) for _, _, words in list_lines(path, "list of poses") for word in words]
+    except ValueError as error:
+        raise DriveError(
+            f"{path} cannot be read as poses ({error!s:.80}); it needs 4 x 4 numbers, camera to world."
+        ) from error
+
+
+def _are_rigid(matrices: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Tell (N,) which of (N, 4, 4) are finite and turn without stretching."""
+    finite = np.asarray((np.isfinite(matrices) & (np.abs(matrices) < _MOST_M)).all(axis=(1, 2)))
+    turns = np.zeros((len(matrices), 3, 3))
+    turns[finite] = matrices[finite, :3, :3]
+    return finite & are_rotations(turns, _RIGID_TOLERANCE)

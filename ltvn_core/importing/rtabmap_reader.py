@@ -11,16 +11,13 @@ from pathlib import Path
 import numpy as np
 
 from ltvn_core.cameras.camera_model import MILLIMETRES, CameraModel
-from ltvn_core.cameras.encoded_images import decode_colour, decode_depth
-from ltvn_core.cameras.rvl_depth import decode_rvl
+from ltvn_core.cameras.encoded_images import decode_colour, decode_depth, decode_rvl
 from ltvn_core.errors import CameraError, DriveError
 from ltvn_core.importing.camera_mounting import CameraMounting
 from ltvn_core.importing.moving_frame import Transform
 from ltvn_core.importing.raw_frame import DriveFacts, RawFrame, ReadOptions, SourceFact
-from ltvn_core.importing.rtabmap.calibration import RigCamera, parse_calibration
-from ltvn_core.importing.rtabmap.database import Node, NodeImages, RtabmapDatabase
-from ltvn_core.importing.rtabmap.export_files import ExportFiles
-from ltvn_core.importing.rtabmap.export_reader import RtabmapExportReader
+from ltvn_core.importing.rtabmap.database import Node, NodeImages, RigCamera, RtabmapDatabase, parse_calibration
+from ltvn_core.importing.rtabmap.export_reader import ExportFiles, RtabmapExportReader
 from ltvn_core.importing.source_camera import fitted
 from ltvn_core.importing.spatial_pose import SpatialPose, spatial_pose
 from ltvn_core.types import Depth
@@ -177,7 +174,8 @@ class RtabmapReader:
         told = {node.id: node.truth for node in self._nodes if node.truth is not None}
         if told:
             return told
-        optimised, closures = self._database.optimised(), self._database.closures()
+        optimised = self._database.optimised()
+        closures = self._database.closures()
         if not closures or sum(node.id in optimised for node in self._nodes) < _COVERED * len(self._nodes):
             return {}
         self.doubts.append(

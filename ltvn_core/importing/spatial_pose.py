@@ -39,7 +39,9 @@ def spatial_pose(position: ArrayLike, rotation: ArrayLike) -> SpatialPose:
     """
     x, y, z = np.asarray(position, np.float64)
     body: NDArray[np.float64] = np.asarray(rotation, np.float64) @ BODY_FROM_OPTICAL.T
-    forward, left, up = body[:, 0], body[:, 1], body[:, 2]
+    forward = body[:, 0]
+    left = body[:, 1]
+    up = body[:, 2]
     pitch = np.clip(np.arcsin(np.clip(forward[2], -1.0, 1.0)), -_WORST_PITCH, _WORST_PITCH)
     return SpatialPose(
         planar=np.array([x, y, np.arctan2(forward[1], forward[0])]),

@@ -26,7 +26,8 @@ def nearest(stamps: Sequence[float], others: Sequence[float], *, slack_s: float)
     """
     if not len(others):
         return [None] * len(stamps)
-    wanted, offered = np.asarray(stamps, np.float64), np.asarray(others, np.float64)
+    wanted = np.asarray(stamps, np.float64)
+    offered = np.asarray(others, np.float64)
     after = np.clip(np.searchsorted(offered, wanted), 1, max(len(offered) - 1, 1))
     before = after - 1
     after = np.minimum(after, len(offered) - 1)

@@ -114,7 +114,8 @@ class TumReader:
         tracks = (("groundtruth.txt", self._truth), ("the odometry", self._odometry))
         yield from (track.doubt for _, track in tracks if track is not None and track.doubt)
         spans = [(name, track.stamps) for name, track in tracks if track is not None]
-        begin, end = self._colour[0][0], self._colour[-1][0]
+        begin = self._colour[0][0]
+        end = self._colour[-1][0]
         for name, stamps in [("depth.txt", [stamp for stamp, _ in self._depth]), *spans]:
             if len(stamps) and (stamps[-1] < begin - SLACK_S or stamps[0] > end + SLACK_S):
                 yield (
@@ -161,7 +162,8 @@ class TumReader:
 
     def _depth_camera(self, depth: Depth) -> CameraModel | None:
         """Return the lens of depth images that are not registered to the colours, where the folder names one."""
-        focal, camera = self._described.depth_focal_px, self._camera
+        focal = self._described.depth_focal_px
+        camera = self._camera
         if focal is None or camera is None:
             return None
         height, width = depth.shape

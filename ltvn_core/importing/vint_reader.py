@@ -126,7 +126,8 @@ def _poses(folder: Path) -> Pose:
     held = load_pickle(path)
     if not isinstance(held, Mapping) or not {"position", "yaw"} <= held.keys():
         raise DriveError(f"{path} holds no trajectory: expected a mapping with position (T, 2) and yaw (T,).")
-    position, yaw = _numbers(held["position"]), _numbers(held["yaw"])
+    position = _numbers(held["position"])
+    yaw = _numbers(held["yaw"])
     if position.ndim != 2 or position.shape[1] < 2 or len(position) != yaw.size or not len(position):
         raise DriveError(f"{path}: position of shape {position.shape} and yaw of {yaw.shape} are no (T, 2) and (T,).")
     poses = np.column_stack([position[:, :2], yaw.reshape(-1)])

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import NamedTuple, TypeAlias
 
+from ltvn_core.findings import Severity
 from ltvn_core.graph.deltas import GraphDelta, PoseRow
 from ltvn_core.types import FrameId, NodeId
 from ltvn_core.worlds.world_change import Outline, WorldChange
@@ -178,14 +179,6 @@ class Judged:
     reached: bool
     position_error_m: float
     yaw_error_rad: float
-
-
-class Severity(StrEnum):
-    """How loud a note is."""
-
-    INFO = "INFO"
-    WARN = "WARN"
-    ERROR = "ERROR"
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,7 @@
 """The base class of all networks: what training, mining, prediction and files need, and the calibration of r.
 
-The networks are in `ltvn_core.network.pair_network` and `ltvn_core.network.stacked_network`. Optional parts (cheap
-scores, auxiliary losses) are absent by default.
+The networks are in `ltvn_core.network.network_families`. Optional parts (cheap scores, auxiliary losses) are absent by
+default.
 """
 
 from abc import abstractmethod

@@ -1,6 +1,6 @@
 """The training loss: Eq. 1 of the paper, and two auxiliary terms of ours that speed up the learning of matches.
 
-The weights of the terms are in `ltvn_core.network.optimization.hyperparameters.Hyperparameters`.
+The weights of the terms are in `ltvn_core.network.optimization.trainer.Hyperparameters`.
 """
 
 import math

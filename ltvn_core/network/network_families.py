@@ -1,26 +1,227 @@
-"""The registry of network families: from a name to layer sizes and modules.
+"""The network families: the pair network, those for comparison and beside it, and the registry of all of them.
 
 A new family needs a description in `architecture`, a subclass of `BaseNetwork`, and one line in `_FAMILIES`.
+
+The pair network is the one that is shipped. The stacked network is for comparison: a residual network over both images,
+stacked along the channels. Its feature rows are the images themselves, so every pair costs a full forward pass. It has
+neither token matches nor a cheap score, and is trained with Eq. 1 alone. Ensemble and contrastive networks add last
+layers of their own to a trained pair network, of which nothing else changes: a navigation system that needs labels or a
+loss of its own gets them for a few kilobytes; the pose estimator stays the same one. `ltvn_core.network.weights_file`
+keeps the added layers alone.
 """
 
 from collections.abc import Callable, Mapping
 from dataclasses import fields, replace
-from typing import Any
+from itertools import pairwise
+from typing import Any, NamedTuple, Self
 
 import torch
+from torch import Tensor, nn
 
 from ltvn_core.errors import WeightsError
 from ltvn_core.network.architecture import (
+    NETWORK_CAMERA,
     AnyArchitecture,
     ContrastiveArchitecture,
     EnsembleArchitecture,
     PairArchitecture,
     StackedArchitecture,
 )
-from ltvn_core.network.base_network import AnyNetwork
-from ltvn_core.network.ensemble_network import ContrastiveNetwork, EnsembleNetwork
-from ltvn_core.network.pair_network import PairNetwork
-from ltvn_core.network.stacked_network import StackedNetwork
+from ltvn_core.network.base_network import AnyNetwork, BaseNetwork, ComparedBatch
+from ltvn_core.network.encoder import FARTHEST_DEPTH_M, Encoder, ResidualBlock, conv_block
+from ltvn_core.network.image_features import ImageFeatures, place_columns, row_length, unpack
+from ltvn_core.network.loss import contrastive_loss, matching_loss, place_loss, true_correspondence
+from ltvn_core.network.pair_head import PairHead, PairOutput, summary_length
+from ltvn_core.network.prefilter import PrefilterScores, coarse_descriptors, similarity
+
+
+class PairNetwork(BaseNetwork[ImageFeatures]):
+    """Encodes each image into tokens in space, matches two images' tokens and aligns what matched."""
+
+    is_traceable = True
+
+    def __init__(self, size: PairArchitecture | None = None) -> None:
+        super().__init__()
+        size = size or PairArchitecture()
+        self.encoder = Encoder(size)
+        self.head = PairHead(size)
+        self.place_line = nn.Parameter(torch.tensor([8.0, -4.0]))
+
+    @property
+    def size(self) -> PairArchitecture:
+        """Return the widths of the layers."""
+        return self.encoder.size
+
+    @property
+    def row_length(self) -> int:
+        """Return F, the numbers that are kept per image."""
+        return row_length(self.size)
+
+    def encode(self, rgb: Tensor, depth: Tensor) -> ImageFeatures:
+        """Encode rgb (B, 3, H, W) in [0, 1] and depth (B, H, W) in metres."""
+        return self.encoder(rgb, depth)
+
+    def unpack(self, rows: Tensor) -> ImageFeatures:
+        """Return the features held in (B, F) rows, as float32."""
+        return unpack(rows, self.size)
+
+    def compare(self, source: ImageFeatures, target: ImageFeatures) -> PairOutput:
+        """Compare P sources with P targets, in float32 whatever precision is set: matching and geometry need it."""
+        with torch.autocast(source.points.device.type, enabled=False):
+            return self.head(source, target)
+
+    def place_logits(self, query: Tensor, key: Tensor) -> Tensor:
+        """Return (S, T) rough logits of reachability from place queries (S, P) and keys (T, P)."""
+        return self.place_line[0] * (query @ key.T) + self.place_line[1]
+
+    def rough_logits(self, features: ImageFeatures) -> Tensor:
+        """Return (B, B) place scores."""
+        return self.place_logits(features.place_query, features.place_key)
+
+    def prefilter_scores(self, source: Tensor, targets: Tensor) -> PrefilterScores:
+        """Return the place scores of one source row (1, F) with target rows (T, F), and match some of its tokens."""
+        query, key = place_columns(self.size)
+        logits = self.place_logits(source[:, query].float(), targets[:, key].float())[0]
+        alike = similarity(self.unpack(source), coarse_descriptors(targets, self.size), self.head.sharpness)
+        return PrefilterScores(logits, alike)
+
+    def auxiliary_losses(self, compared: ComparedBatch[ImageFeatures]) -> dict[str, Tensor]:
+        """Return the losses on token matches and on the place score."""
+        losses = {"place": place_loss(self.rough_logits(compared.features), compared.labels)}
+        if compared.output.matching is not None:
+            true = true_correspondence(
+                compared.source_features, compared.target_features, compared.waypoints, compared.same_scene
+            )
+            losses["matching"] = matching_loss(compared.output.matching, true)
+        return losses
+
+
+_PIXELS = NETWORK_CAMERA.height * NETWORK_CAMERA.width
+
+
+class StackedFeatures(NamedTuple):
+    """B images without any encoding."""
+
+    rgb: Tensor
+    """(B, 3, H, W) in [0, 1]"""
+    depth: Tensor
+    """(B, H, W) metres; 0 where missing."""
+
+    def take(self, rows: Tensor) -> "StackedFeatures":
+        """Return the given images (N,)."""
+        return StackedFeatures(self.rgb[rows], self.depth[rows])
+
+    def channels(self) -> Tensor:
+        """Return (B, 4, H, W): colour and depth, each about in [-1, 1]."""
+        depth = self.depth.clamp(max=FARTHEST_DEPTH_M) * 0.4 - 1
+        return torch.cat([self.rgb * 2 - 1, depth[:, None]], dim=1)
+
+
+class StackedNetwork(BaseNetwork[StackedFeatures]):
+    """Maps the 8 channels of source and target to the logit of reachability and the waypoint."""
+
+    def __init__(self, size: StackedArchitecture | None = None) -> None:
+        super().__init__()
+        self._size = size = size or StackedArchitecture()
+        widths = (size.stem, size.quarter, size.eighth, size.sixteenth, size.last)
+        stages = [residual_stage(*each) for each in pairwise(widths)]
+        self.trunk = nn.Sequential(conv_block(8, size.stem, stride=2, kernel=5), *stages)
+        self.last = nn.Sequential(nn.Linear(size.last, size.hidden), nn.ReLU(), nn.Linear(size.hidden, 5))
+
+    @property
+    def size(self) -> StackedArchitecture:
+        """Return the widths of the layers."""
+        return self._size
+
+    @property
+    def row_length(self) -> int:
+        """Return F, the numbers that are kept per image: its pixels."""
+        return 4 * _PIXELS
+
+    def encode(self, rgb: Tensor, depth: Tensor) -> StackedFeatures:
+        """Keep rgb (B, 3, H, W) in [0, 1] and depth (B, H, W) in metres."""
+        return StackedFeatures(rgb, depth)
+
+    def unpack(self, rows: Tensor) -> StackedFeatures:
+        """Return the images held in (B, F) rows, as float32."""
+        rgb, depth = rows.float().split([3 * _PIXELS, _PIXELS], dim=1)
+        shape = (NETWORK_CAMERA.height, NETWORK_CAMERA.width)
+        return StackedFeatures(rgb.reshape(-1, 3, *shape), depth.reshape(-1, *shape))
+
+    def compare(self, source: StackedFeatures, target: StackedFeatures) -> PairOutput:
+        """Compare P sources with P targets."""
+        pair = torch.cat([source.channels(), target.channels()], dim=1)
+        features = self.trunk(pair.contiguous(memory_format=torch.channels_last)).mean(dim=(2, 3))
+        numbers = self.last(features).float()
+        return PairOutput(numbers[:, 0], numbers[:, 1:])
+
+    def rough_logits(self, features: StackedFeatures) -> Tensor:
+        """Return (B, B) zeros: there is no cheaper way than a full comparison."""
+        return features.rgb.new_zeros(len(features.rgb), len(features.rgb))
+
+
+def residual_stage(inputs: int, outputs: int) -> nn.Sequential:
+    """Return the layers of one resolution: a halving, then two residual blocks."""
+    return nn.Sequential(conv_block(inputs, outputs, stride=2), ResidualBlock(outputs), ResidualBlock(outputs))
+
+
+NEGATIVES = 50
+"""A reachable pair is told from so many that are not; HTM's number."""
+
+
+class EnsembleNetwork(PairNetwork):
+    """Last layers that judge by themselves: each learns from a share of the pairs, and the least sure one counts."""
+
+    def __init__(self, size: EnsembleArchitecture | None = None) -> None:
+        size = size or EnsembleArchitecture()
+        super().__init__(size)
+        self.requires_grad_(False)
+        self.members = nn.ModuleList(_last_layers(size) for _ in range(size.members))
+
+    def train(self, mode: bool = True) -> Self:
+        """Let the added layers learn; batch normalisation below them keeps its statistics."""
+        super().train(mode)
+        self.encoder.eval()
+        self.head.eval()
+        return self
+
+    def compare(self, source: ImageFeatures, target: ImageFeatures) -> PairOutput:
+        """Compare P sources with P targets, in float32 whatever precision is set: matching and geometry need it."""
+        with torch.autocast(source.points.device.type, enabled=False):
+            summary = self.head.summarise(source, target)
+            logits = torch.cat([member(summary.numbers) for member in self.members], dim=1)
+            return PairOutput(self._judge(logits), self.head.conclude(summary).pose)
+
+    def _judge(self, logits: Tensor) -> Tensor:
+        """Return (P,) of logits (P, M): of the least sure member; while learning, of the one whose turn a pair is."""
+        if not self.training:
+            return logits.min(dim=1).values
+        pairs = torch.arange(len(logits), device=logits.device)
+        return logits[pairs, pairs % logits.shape[1]]
+
+    def auxiliary_losses(self, compared: ComparedBatch[ImageFeatures]) -> dict[str, Tensor]:
+        """Return none: what they would teach does not change."""
+        return {}
+
+
+class ContrastiveNetwork(EnsembleNetwork):
+    """One score, which learns to tell a reachable pair from many others (contrastive predictive coding)."""
+
+    def __init__(self, size: ContrastiveArchitecture | None = None) -> None:
+        super().__init__(size or ContrastiveArchitecture())
+
+    def reachability_loss(self, logit: Tensor, reachable: Tensor) -> Tensor:
+        """Return InfoNCE for P pairs, (P,)."""
+        return contrastive_loss(logit, reachable, negatives=NEGATIVES)
+
+
+def _last_layers(size: EnsembleArchitecture) -> nn.Sequential:
+    """Return layers from a summary to a logit."""
+    wide, narrow = size.member_hidden, size.member_hidden // 2
+    return nn.Sequential(
+        nn.Linear(summary_length(size), wide), nn.ReLU(), nn.Linear(wide, narrow), nn.ReLU(), nn.Linear(narrow, 1)
+    )
+
 
 _FAMILIES: Mapping[type[AnyArchitecture], Callable[[Any], AnyNetwork]] = {
     PairArchitecture: PairNetwork,

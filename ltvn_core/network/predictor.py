@@ -1,15 +1,19 @@
 """The predictor: a network with numpy arrays as inputs and outputs, deterministic and in bounded memory.
 
 Adds batching, checks of the input, and the prefilter for one source with many targets. Implements `types.Predictor`.
+
+A few pairs take as long as the operations of a network are many, and Python takes half of that. So what a network does
+is recorded once (a TorchScript trace) and repeated: the same operations in the same order, hence the same bits.
 """
 
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch import Tensor
+from torch import Tensor, nn
 
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.config import Likelihoods
@@ -17,14 +21,58 @@ from ltvn_core.errors import ImageError
 from ltvn_core.network.allocator import retain_freed_memory
 from ltvn_core.network.architecture import NETWORK_CAMERA, AnyArchitecture
 from ltvn_core.network.base_network import AnyNetwork
-from ltvn_core.network.cards.driving_calibration import measured_likelihoods
-from ltvn_core.network.comparison import Comparison
 from ltvn_core.network.device import CPU, device_of, limit_threads, to_tensor
+from ltvn_core.network.driving_calibration import measured_likelihoods
 from ltvn_core.network.image_features import pack as pack_features
 from ltvn_core.network.prefilter import PrefilterScores
 from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
 from ltvn_core.network.weights_file import load_weights, weights_fingerprint
 from ltvn_core.types import Features, Observation, Prediction
+
+_CALLS_BEFORE_RECORDING = 20
+"""Recording takes as long as a hundred small comparisons, which few of those who compare little would win back."""
+
+
+class Comparison:
+    """Asks a network about pairs; call it in inference mode."""
+
+    def __init__(self, network: AnyNetwork) -> None:
+        """Compare with `network`, whose weights may still change, but not its layers."""
+        self._steps = _ComparisonSteps(network).eval()
+        self._recorded: torch.jit.ScriptModule | None = None
+        self._may_record = network.is_traceable
+        self._calls = 0
+
+    def __call__(self, sources: Tensor, targets: Tensor) -> tuple[Tensor, Tensor]:
+        """Return reachability (P,) and poses (P, 4) for rows (P, F) or (1, F) and (P, F)."""
+        self._calls += 1
+        if self._recorded is None and self._may_record and self._calls > _CALLS_BEFORE_RECORDING:
+            self._recorded = _record(self._steps, sources, targets)
+        return (self._recorded or self._steps)(sources, targets)
+
+
+class _ComparisonSteps(nn.Module):
+    """From rows to answers."""
+
+    def __init__(self, network: AnyNetwork) -> None:
+        super().__init__()
+        self.network = network
+
+    def forward(self, sources: Tensor, targets: Tensor) -> tuple[Tensor, Tensor]:
+        """Return reachability (P,) and poses (P, 4) for rows (P, F) or (1, F) and (P, F)."""
+        here, there = self.network.unpack(sources), self.network.unpack(targets)
+        here = here._make([part.expand(targets.shape[0], *part.shape[1:]) for part in here])
+        output = self.network.compare(here, there)
+        return self.network.reachability(output.logit), output.pose
+
+
+def _record(steps: nn.Module, sources: Tensor, targets: Tensor) -> torch.jit.ScriptModule:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # It advises other ways, which need a compiler, and take minutes.
+        recorded = torch.jit.trace(steps, (sources, targets), check_trace=False)
+    assert isinstance(recorded, torch.jit.ScriptModule)
+    return recorded
+
 
 PREFILTER_FROM = 200
 """A single source with at least this many targets is compared in full with the most similar ones alone."""

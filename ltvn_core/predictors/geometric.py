@@ -1,19 +1,32 @@
 """The geometric predictor: compares images by local features, depth and poses, without trained weights.
 
-SIFT key points are matched, the camera's motion follows from those with depth, and r is how sure that motion is after
-all evidence, less where the way there cannot be driven straight. Owns the order of these steps, the shortlist for one
-image against many, and the memory of pairs. Implements `ltvn_core.types.Predictor`.
+SIFT key points are matched, the motion of the camera follows from those with depth, and r is how sure that motion is
+after all evidence, less where the way there cannot be driven straight. Owns the order of these steps, the memory of
+pairs that were compared, the limits of what can be driven (all fall gradually, so that no threshold of the method meets
+an edge), and the file of how it drives in simulation, which `ltvn measure --predictor geometric --write` writes.
+Implements `ltvn_core.types.Predictor`.
 """
 
 import hashlib
+import json
 import logging
+from collections import OrderedDict
 from collections.abc import Sequence
+from dataclasses import asdict
+from functools import lru_cache
+from pathlib import Path
+from threading import Lock
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ltvn_core.atomic_files import atomic_replacement
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.config import Likelihoods
+from ltvn_core.errors import WeightsError
+from ltvn_core.geometry import invert
+from ltvn_core.network.driving_calibration import DRIVING_SECTION, DrivingMeasurements, likelihoods, read_driving
 from ltvn_core.predictors.geometric_calibration import (
     CALIBRATION_FILE,
     DEPTHS,
@@ -22,23 +35,163 @@ from ltvn_core.predictors.geometric_calibration import (
     read_calibration,
     shipped_calibration,
 )
-from ltvn_core.predictors.geometric_driving import shipped_likelihoods
-from ltvn_core.predictors.geometric_epipolar import ROOM_DEPTH_M
-from ltvn_core.predictors.geometric_features import FeatureExtractor, ImageFeatures
-from ltvn_core.predictors.geometric_memory import NO_POSE, PairMemory, SurePose
-from ltvn_core.predictors.geometric_reach import drivable_share
-from ltvn_core.predictors.geometric_shortlist import WORDS_FILE, most_similar, votes
+from ltvn_core.predictors.geometric_features import (
+    WORDS_FILE,
+    FeatureExtractor,
+    ImageFeatures,
+    ImageGrid,
+    most_similar,
+    votes,
+)
+from ltvn_core.predictors.geometric_pose import ROOM_DEPTH_M, points
 from ltvn_core.predictors.geometric_verification import verify, waypoint
 from ltvn_core.predictors.request import PredictorRequest
+from ltvn_core.structured_text import parse_json
 from ltvn_core.types import Features, Observation, Prediction, Waypoint
 
 log = logging.getLogger(__name__)
 
+
+DRIVING_FILE = Path(__file__).with_name("geometric_driving.json")
+"""The measurements that come with the package."""
+
+
+@lru_cache(maxsize=1)
+def shipped_likelihoods() -> Likelihoods | None:
+    """Return the constants of Eq. 3 and Eq. 4; None where nothing was measured. Raises WeightsError for a bad file."""
+    if not DRIVING_FILE.is_file():
+        return None
+    try:
+        measured = read_driving(parse_json(DRIVING_FILE.read_text(encoding="utf-8")))
+    except ValueError as error:
+        raise WeightsError(f"{DRIVING_FILE} is damaged ({error}); install the package again.") from error
+    return None if measured is None else likelihoods(measured)
+
+
+def write_driving(measured: DrivingMeasurements) -> Path:
+    """Write measurements in place of the old ones and return the file. Raises WeightsError where that fails."""
+    try:
+        with atomic_replacement(DRIVING_FILE) as part:
+            part.write_text(json.dumps({DRIVING_SECTION: asdict(measured)}, indent=2) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise WeightsError(f"{DRIVING_FILE}: the measurements could not be written ({error}).") from error
+    shipped_likelihoods.cache_clear()
+    return DRIVING_FILE
+
+
+MAX_PAIRS = 50_000
+"""About 20 MB."""
+
+
+class SurePose(NamedTuple):
+    """Where the second image is, seen from the first, and how sure that is."""
+
+    certainty: float
+    """In [0, 1]."""
+    waypoint: Waypoint
+    """(3,)"""
+    moved_m: float
+    """How far the camera moved, up and down too."""
+    turned_rad: float
+    """How far it turned, tilting and rolling too."""
+
+    def inverse(self) -> "SurePose":
+        """Return the pose of the first image, seen from the second."""
+        return self._replace(waypoint=invert(self.waypoint))
+
+    def scaled(self, factor: float) -> "SurePose":
+        """Return the pose so many times as far away, with the same turn."""
+        return self._replace(waypoint=self.waypoint * [factor, factor, 1.0], moved_m=self.moved_m * factor)
+
+
+NO_POSE = SurePose(0.0, np.zeros(3), 0.0, 0.0)
+"""Nothing speaks for any pose."""
+
+
+class PairMemory:
+    """Remembers the last pairs by the hashes of both images."""
+
+    def __init__(self) -> None:
+        self._poses: OrderedDict[bytes, SurePose] = OrderedDict()
+        self._lock = Lock()
+
+    def recall(self, first: bytes, second: bytes) -> SurePose | None:
+        """Return what was found for a pair; None if it was not compared, or long ago."""
+        with self._lock:
+            return self._poses.get(first + second)
+
+    def keep(self, first: bytes, second: bytes, pose: SurePose) -> None:
+        """Remember a pair, and forget the oldest where there are too many."""
+        with self._lock:
+            self._poses[first + second] = pose
+            if len(self._poses) > MAX_PAIRS:
+                self._poses.popitem(last=False)
+
+
+RANGE_M = 1.55
+"""At this distance a place is as likely as not to be called reachable: depth gets uncertain, and an edge is short."""
+RANGE_WIDTH_M = 0.1
+TURN_RAD = float(np.deg2rad(54))
+TURN_WIDTH_RAD = float(np.deg2rad(3))
+BESIDE_RAD = float(np.deg2rad(105))
+"""A place farther aside than this is behind the robot: the way there is that of the other direction, in reverse."""
+BESIDE_WIDTH_RAD = float(np.deg2rad(5))
+AT_PLACE_M = 0.25
+"""A place nearer than this needs no free way: the robot is there."""
+
+_CORRIDOR_M = 0.18
+"""Half the width of the straight way that must be free."""
+_FLOOR_M = 0.1
+"""What is lower above the floor, the robot drives over, or it is the floor, seen not quite exactly."""
+_EYE_BAND_M = 0.1
+"""Where the floor is unknown only what stands within this of the camera's own height is in the way."""
+_MAX_ROBOT_CAMERA_M = 0.9
+"""A camera higher than this is carried, not driven; where its robot is wide nobody knows."""
+_MANY_POINTS = 12.0
+"""So many points of the coarse depth image in the way halve the reachability."""
+
+
+def drivable_share(source: ImageFeatures, pose: SurePose, camera: CameraModel, grid: ImageGrid) -> float:
+    """Return by which factor in [0, 1] the way from the source to a pose makes a place less reachable."""
+    waypoint = pose.waypoint
+    turned = max(abs(float(waypoint[2])), pose.turned_rad)
+    share = _falling(pose.moved_m, RANGE_M, RANGE_WIDTH_M) * _falling(turned, TURN_RAD, TURN_WIDTH_RAD)
+    if np.hypot(waypoint[0], waypoint[1]) < AT_PLACE_M:
+        return share
+    bearing = abs(float(np.arctan2(waypoint[1], waypoint[0])))
+    blocked = _points_in_the_way(source, waypoint, camera, grid) / _MANY_POINTS
+    return share * _falling(bearing, BESIDE_RAD, BESIDE_WIDTH_RAD) / (1 + blocked**2)
+
+
+def _points_in_the_way(source: ImageFeatures, waypoint: Waypoint, camera: CameraModel, grid: ImageGrid) -> int:
+    """Return how many points of the source's depth image stand within the straight way."""
+    seen = np.flatnonzero(source.grid_depth)
+    if not len(seen):
+        return 0
+    places = points(grid.rays[seen], source.grid_depth[seen]) @ source.level.T
+    low, high = _obstacle_band(source, camera)
+    places = places[(places[:, 2] > low) & (places[:, 2] < high), :2]
+    length = float(np.hypot(waypoint[0], waypoint[1]))
+    ahead = np.asarray(waypoint[:2], np.float64) / length
+    along = places @ ahead
+    beside = np.abs(places[:, 0] * ahead[1] - places[:, 1] * ahead[0])
+    return int(np.count_nonzero((along > 0.05) & (along < length) & (beside < _CORRIDOR_M)))
+
+
+def _obstacle_band(source: ImageFeatures, camera: CameraModel) -> tuple[float, float]:
+    """Return between which heights, from the camera, a thing is in the way."""
+    if 0 < camera.height_m <= _MAX_ROBOT_CAMERA_M and not source.has_own_tilt:
+        return _FLOOR_M - camera.height_m, _EYE_BAND_M
+    return -_EYE_BAND_M, _EYE_BAND_M
+
+
+def _falling(value: float, middle: float, width: float) -> float:
+    """Return a logistic that is 1 well below the middle and 0 well above."""
+    return float(1 / (1 + np.exp(np.clip((value - middle) / width, -50, 50))))
+
+
 VERSION = 2
 """Increase it whenever equal images give another answer than before."""
-
-MAX_IMAGE_SIDE_PX = 320
-"""Larger images are not more exact for the time they take."""
 
 SHORTLIST_FROM = 24
 """One image against at least so many others is compared in full with the most similar ones alone."""
@@ -63,7 +216,7 @@ class GeometricPredictor:
     """f(o_i, o_j) -> (r, dx, dy, dtheta) from the geometry of two images; its features are objects (N, 1)."""
 
     needs_depth = False
-    """Depth in one of two images is enough; without any, the distance is a guess, see `geometric_epipolar`."""
+    """Depth in one of two images is enough; without any, the distance is a guess, see `epipolar_motion`."""
     merge_distance = MERGE_DISTANCE
     least_width_px = LEAST_WIDTH_PX
 

@@ -1,7 +1,7 @@
 """How sure a pose is after all evidence: logistic regressions, those that come with the package or a drive's own.
 
 Owns the weights, one set for pairs with depth in both images, in one, and in none, and the file they are in.
-`tools/fit_geometric.py` fitted what comes with the package; `geometric_fitting` adapts it to a drive.
+`tools/fit_geometric.py` fitted what comes with the package; `geometric_adaptation` adapts it to a drive.
 """
 
 import hashlib
@@ -17,8 +17,8 @@ import numpy as np
 
 from ltvn_core.errors import DriveError, WeightsError
 from ltvn_core.importing.foreign_files import read_foreign
-from ltvn_core.predictors.geometric_epipolar import ROOM_DEPTH_M
 from ltvn_core.predictors.geometric_evidence import Evidence
+from ltvn_core.predictors.geometric_pose import ROOM_DEPTH_M
 from ltvn_core.structured_text import parse_json
 
 CALIBRATION_FILE = Path(__file__).with_name("geometric_calibration.json")

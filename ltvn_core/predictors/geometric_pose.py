@@ -1,7 +1,10 @@
-"""How a camera moved between two images, from corresponding key points with depth on either side.
+"""How a camera moved between two images, from corresponding key points.
 
-Owns the search for a pose (P3P in RANSAC, OpenCV) and its refinement over both images at once. Judges no pose. Points
-are counted right, down, ahead of a camera; rays are points at one metre of depth.
+Owns the search for a pose where there is depth on either side (P3P in RANSAC, OpenCV), its refinement over both images
+at once (Gauss-Newton over rays and depths, outliers by a Cauchy loss), and the search where neither image has depth
+(epipolar geometry, OpenCV). How far the camera went nobody can say from two images without depth; it is guessed, as if
+what they show were so far away as things in rooms mostly are. Judges no pose. Points are counted right, down, ahead of
+a camera; rays are points at one metre of depth.
 """
 
 from typing import NamedTuple
@@ -156,3 +159,198 @@ def _search(pairs: PointPairs) -> CameraMotion | None:
         return None
     motion = CameraMotion(np.asarray(cv2.Rodrigues(turn)[0], np.float64), np.asarray(shift, np.float64).ravel())
     return motion if np.isfinite(motion.translation).all() else None
+
+
+_ITERATIONS = 8
+_MAX_REFINED = 200
+"""More pairs make a pose hardly more exact; the strongest key points come first."""
+_RAY_SIGMA = 0.004
+"""How exactly a key point is seen, as a ray: about a pixel of an image of 320 x 240."""
+_INVERSE_DEPTH_SIGMA = 0.02
+"""How exactly a depth camera measures one over metres, the alignment of colour and depth included."""
+
+
+class _Sighting(NamedTuple):
+    """Points (N, 3) of one image, and how the other image saw them."""
+
+    points: NDArray[np.float64]
+    rays: NDArray[np.float64]
+    """(N, 2)"""
+    inverse_depth: NDArray[np.float64]
+    """(N,): one over metres."""
+    depth_weight: NDArray[np.float64]
+    """(N,): one over the error of that; 0 where there is no depth."""
+
+
+def refine_motion(motion: CameraMotion, pairs: PointPairs) -> tuple[CameraMotion, NDArray[np.float64]]:
+    """Return the motion that fits all pairs best, outliers aside, and the covariance (6, 6) of turn and shift.
+
+    Gauss-Newton over the rays in both images and the depths, each weighed by how exactly it is known (Cauchy).
+    """
+    pairs = pairs.take(slice(_MAX_REFINED))
+    there, back = _sighting(pairs), _sighting(pairs.swapped())
+    by_back = _by_turn_and_shift(back.points)
+    normal = np.eye(6)
+    for _ in range(_ITERATIONS):
+        jacobians, residuals = _residuals(motion, there, back, by_back)
+        weights = np.repeat(1 / (1 + (residuals**2).sum(1) / 4), 3)
+        rows = jacobians.reshape(-1, 6)
+        weighted = (rows * weights[:, None]).T
+        normal = weighted @ rows + 1e-6 * np.eye(6)
+        step = -np.asarray(np.linalg.solve(normal, weighted @ residuals.ravel()), np.float64)
+        motion = _moved(motion, step)
+        if np.abs(step).max() < 1e-4:
+            break
+    return motion, np.asarray(np.linalg.inv(normal), np.float64)
+
+
+def _sighting(pairs: PointPairs) -> _Sighting:
+    """Return the first image's points with depth, and how the second saw them."""
+    known = pairs.first_depth > 0
+    depth = pairs.second_depth[known]
+    return _Sighting(
+        points(pairs.first_rays[known], pairs.first_depth[known]),
+        pairs.second_rays[known],
+        1 / np.maximum(depth, 0.05),
+        np.where(depth > 0, 1 / _INVERSE_DEPTH_SIGMA, 0),
+    )
+
+
+def _residuals(
+    motion: CameraMotion, there: _Sighting, back: _Sighting, by_back: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return Jacobians (N, 3, 6) by turn and shift after the motion, and residuals (N, 3) in sigmas, both ways.
+
+    `by_back` is how the points of the second image move, (M, 3, 6).
+    """
+    moved = motion.apply(there.points)
+    forward = _ray_residuals(moved, _by_turn_and_shift(moved), there)
+    inverse = motion.inverse()
+    backward = _ray_residuals(inverse.apply(back.points), -inverse.rotation @ by_back, back)
+    return np.concatenate([forward[0], backward[0]]), np.concatenate([forward[1], backward[1]])
+
+
+def _by_turn_and_shift(places: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return how points (N, 3) move when the world is turned a little and shifted, (N, 3, 6)."""
+    jacobians = np.zeros((len(places), 3, 6))
+    x, y, z = places.T
+    jacobians[:, 0, 1], jacobians[:, 0, 2] = z, -y
+    jacobians[:, 1, 0], jacobians[:, 1, 2] = -z, x
+    jacobians[:, 2, 0], jacobians[:, 2, 1] = y, -x
+    jacobians[:, [0, 1, 2], [3, 4, 5]] = 1
+    return jacobians
+
+
+def _ray_residuals(
+    places: NDArray[np.float64], jacobians: NDArray[np.float64], sighting: _Sighting
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return Jacobians (N, 3, 6) and residuals (N, 3) of points (N, 3) against how they were seen."""
+    near = 1 / np.maximum(places[:, 2], 0.05)
+    seen = places[:, :2] * near[:, None]
+    by_ray = (jacobians[:, :2] - seen[:, :, None] * jacobians[:, 2:]) * (near / _RAY_SIGMA)[:, None, None]
+    by_depth = -jacobians[:, 2:] * (near**2 * sighting.depth_weight)[:, None, None]
+    residuals = np.concatenate(
+        [
+            (seen - sighting.rays) / _RAY_SIGMA,
+            ((near - sighting.inverse_depth) * sighting.depth_weight)[:, None],
+        ],
+        axis=1,
+    )
+    return np.concatenate([by_ray, by_depth], axis=1), residuals
+
+
+def _moved(motion: CameraMotion, step: NDArray[np.float64]) -> CameraMotion:
+    turn = np.asarray(cv2.Rodrigues(step[:3])[0], np.float64)
+    return CameraMotion(turn @ motion.rotation, turn @ motion.translation + step[3:])
+
+
+ROOM_DEPTH_M = 2.2
+"""What an image shows indoors is mostly so far away; half and twice as far is common."""
+MIN_PAIRS = 12
+"""Fewer pairs say nothing without depth."""
+
+_REACH = 0.004
+"""A key point may be so far from its epipolar line, as a ray."""
+_STANDING = 0.006
+"""Where the rays differ by less than this after the turn, the camera did not move."""
+_EXACT_PIXEL_RAY = 1 / 250
+"""Where a pixel is more than this as a ray, as in small images and those of wide lenses, the reaches above grow."""
+
+
+class EpipolarMotion(NamedTuple):
+    """A motion whose length is a guess, and the pairs that agree with it."""
+
+    motion: CameraMotion
+    agreeing: NDArray[np.bool_]
+    """(P,)"""
+
+
+def epipolar_motion(
+    first_rays: NDArray[np.float64], second_rays: NDArray[np.float64], pixel_ray: float = _EXACT_PIXEL_RAY
+) -> EpipolarMotion | None:
+    """Return the motion that most pairs of rays (P, 2), (P, 2) agree with; None where too few do.
+
+    `pixel_ray` is how far a pixel reaches as a ray, `ImageGrid.pixel_ray`: no key point is seen more exactly than that.
+    """
+    if len(first_rays) < MIN_PAIRS:
+        return None
+    coarse = max(1.0, pixel_ray / _EXACT_PIXEL_RAY)
+    first, second = first_rays * _FOCAL, second_rays * _FOCAL
+    camera = np.diag([_FOCAL, _FOCAL, 1.0])
+    try:
+        essential, inliers = cv2.findEssentialMat(
+            first, second, camera, method=cv2.USAC_MAGSAC, prob=0.999, threshold=coarse * _REACH * _FOCAL, maxIters=1000
+        )
+        if essential is None or essential.shape != (3, 3) or np.count_nonzero(inliers) < MIN_PAIRS:
+            return None
+        _, rotation, direction, _ = cv2.recoverPose(essential, first, second, camera, mask=inliers.copy())
+    except cv2.error:  # All points in one place.
+        return None
+    agreeing = inliers.ravel() > 0
+    standing = _turn_on_the_spot(first_rays[agreeing], second_rays[agreeing], coarse * _STANDING)
+    if standing is not None:
+        return EpipolarMotion(CameraMotion(standing, np.zeros(3)), agreeing)
+    rotation, way = np.asarray(rotation, np.float64), np.asarray(direction, np.float64).ravel()
+    length = _baseline_m(rotation, way, first_rays[agreeing], second_rays[agreeing])
+    return EpipolarMotion(CameraMotion(rotation, way * length), agreeing)
+
+
+def _turn_on_the_spot(
+    first: NDArray[np.float64], second: NDArray[np.float64], standing: float
+) -> NDArray[np.float64] | None:
+    """Return the rotation (3, 3) that explains rays (P, 2) alone; None where the camera moved too.
+
+    A camera that only turned has no direction of motion, and the epipolar geometry may mirror it.
+    """
+    before, after = _directions(first), _directions(second)
+    weights = np.ones(len(before))
+    rotation, gaps = np.eye(3), np.ones(len(before))
+    for _ in range(5):
+        u, _, v = np.linalg.svd((after * weights[:, None]).T @ before)
+        rotation = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ v))]) @ v
+        gaps = np.linalg.norm(before @ rotation.T - after, axis=1)
+        weights = 1 / (1 + (gaps / standing) ** 2)
+    return rotation if np.median(gaps) < standing else None
+
+
+def _directions(rays: NDArray[np.float64]) -> NDArray[np.float64]:
+    directions = np.column_stack([rays, np.ones(len(rays))])
+    return directions / np.linalg.norm(directions, axis=1, keepdims=True)
+
+
+def _baseline_m(
+    rotation: NDArray[np.float64],
+    direction: NDArray[np.float64],
+    first: NDArray[np.float64],
+    second: NDArray[np.float64],
+) -> float:
+    """Return how far the camera went if what the rays (P, 2), (P, 2) show is at the usual depth."""
+    turned = np.column_stack([first, np.ones(len(first))]) @ rotation.T
+    ahead = np.maximum(turned[:, 2:], 0.1)
+    parallax = np.linalg.norm(turned[:, :2] / ahead - second, axis=1)
+    # second * z2 = turned * z1 + direction, solved for the depths in units of the baseline.
+    seen = np.column_stack([second, np.ones(len(second))])
+    across = np.cross(seen, turned)
+    depth = -(np.cross(seen, direction) * across).sum(1) / np.maximum((across**2).sum(1), 1e-9)
+    usual = depth[(depth > 0.2) & (parallax > _STANDING / 2)]
+    return 0.0 if len(usual) < MIN_PAIRS // 2 else float(ROOM_DEPTH_M / np.median(usual))

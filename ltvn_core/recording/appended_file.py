@@ -7,6 +7,7 @@ within a second. Whatever goes wrong, the file ends with a whole batch of blocks
 import logging
 import os
 import queue
+import shutil
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -15,10 +16,8 @@ from typing import Protocol
 
 from ltvn_core.atomic_files import open_new_file
 from ltvn_core.errors import RecordingError
-from ltvn_core.recording.file_place import FilePlace
 
 _LOG = logging.getLogger(__name__)
-
 WAITING_BYTES = 64 << 20
 """When the disk is so far behind, the file is given up, so that memory does not fill instead."""
 _CHECK_S = 0.5
@@ -28,6 +27,61 @@ _STALL_S = 5.0
 """A disk that takes nothing for so long does not answer."""
 _CLOSE_S = 30.0
 """Longer than this nobody waits for the end of a file."""
+
+
+class FilePlace:
+    """The place of an open file. Every look raises OSError when the disk cannot say."""
+
+    def __init__(self, path: Path, file: int, min_free_bytes: int) -> None:
+        """Watch the open `file` that was made as `path`; its disk has room with `min_free_bytes` left."""
+        self._path = path
+        self._file = file
+        self._min_free_bytes = min_free_bytes
+        # Where the two differ from the beginning, as in some network folders, only the name can be watched.
+        self._is_name_telling = _same_file(os.stat(path), os.fstat(file))
+
+    def misplacement(self) -> str | None:
+        """Return what happened to the file when it is not in its place any more, else None."""
+        opened = os.fstat(self._file)
+        try:
+            named = os.stat(self._path)
+        except FileNotFoundError:
+            named = None
+        if named is not None and (not self._is_name_telling or _same_file(named, opened)):
+            return None
+        if opened.st_nlink == 0:
+            return f"{self._path} was deleted while it was being recorded, and what it held is lost. Record again."
+        return (
+            f"{self._path} is no longer in its place: the file or a folder above it was renamed or replaced, or the "
+            f"disk was unmounted. What was recorded before is in the file{self._new_place()}. Record again."
+        )
+
+    def lack_of_room(self) -> str | None:
+        """Return how little room is left when it is too little, else None."""
+        free = self._free_bytes()
+        if free >= self._min_free_bytes:
+            return None
+        return (
+            f"The disk under {self._path.parent} is full: {free >> 20} MiB are left, recording needs "
+            f"{self._min_free_bytes >> 20} MiB. Everything up to here is kept. Free some space, then record again."
+        )
+
+    def _free_bytes(self) -> int:
+        if not hasattr(os, "fstatvfs"):  # Windows.
+            return shutil.disk_usage(self._path.parent).free
+        disk = os.fstatvfs(self._file)
+        return disk.f_bavail * disk.f_frsize
+
+    def _new_place(self) -> str:
+        try:
+            place = os.readlink(f"/proc/self/fd/{self._file}")
+        except OSError:
+            return ""
+        return f", now {place}" if place != str(self._path.absolute()) and os.path.exists(place) else ""
+
+
+def _same_file(one: os.stat_result, other: os.stat_result) -> bool:
+    return (one.st_dev, one.st_ino) == (other.st_dev, other.st_ino)
 
 
 class FileEnding(Protocol):
@@ -101,7 +155,8 @@ class AppendedFile:
         until = time.monotonic() + at_most_s
         with self._progress:
             while self.waiting_bytes > waiting_bytes and self.failure is None:
-                before, left = self._dealt_with, until - time.monotonic()
+                before = self._dealt_with
+                left = until - time.monotonic()
                 self._progress.wait(max(0.0, min(left, _STALL_S)))
                 if left <= 0 or (left > _STALL_S and self._dealt_with == before and self.failure is None):
                     return False

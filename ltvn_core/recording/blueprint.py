@@ -11,7 +11,7 @@ from rerun.blueprint.archetypes import TextLogColumns
 from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.recording import schema
 from ltvn_core.recording.belief_drawing import length_entity, probability_entity
-from ltvn_core.recording.floor_extent import FloorExtent
+from ltvn_core.recording.drawn_poses import FloorExtent
 
 _SINCE_THE_BEGINNING = rrb.VisibleTimeRanges(
     timeline=schema.STEP,

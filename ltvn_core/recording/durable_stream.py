@@ -1,15 +1,18 @@
 """A Rerun stream into one new file that loses little when killed and says so when it cannot write.
 
-Owns the pace at which rows leave memory, and how a recording ends. Knows no entity and no event: the writer does. The
-disk is `appended_file`'s.
+Owns the shape in which Rerun hands out encoded rows, the pace at which they leave memory, and how a recording ends.
+Rerun never waits for a disk, and a signal that ends a verb never falls between rows that belong together. Knows no
+entity and no event: the writer does. The disk is `appended_file`'s.
 """
 
 import atexit
 import logging
+import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from types import FrameType
 
 import pyarrow as pa
 import rerun as rr
@@ -18,14 +21,17 @@ from ltvn_core.errors import RecordingError
 from ltvn_core.recording import schema
 from ltvn_core.recording.appended_file import WAITING_BYTES, AppendedFile
 from ltvn_core.recording.blueprint import Layout, blueprint
-from ltvn_core.recording.closing_record import RecordingEnding
-from ltvn_core.recording.interrupts import interrupts_deferred
 from ltvn_core.recording.live_server import LiveServer
-from ltvn_core.recording.message_stream import MessageStream
+from ltvn_core.recording.rrf2.chunk_table import ChunkTable
+from ltvn_core.recording.rrf2.closing_record import RecordingEnding
+from ltvn_core.recording.rrf2.framing import CHUNK_KIND, END_KIND, HEADER_BYTES, MESSAGE_HEADER
 from ltvn_core.recording.schema import RowTime
 
+_INTERRUPTS = (signal.SIGINT, signal.SIGTERM)
+_STORE_KIND = 1
+_ENCODING_S = 10.0
+"""Rerun needs milliseconds; a machine that is short of memory may need longer."""
 _LOG = logging.getLogger(__name__)
-
 _TICK_S = 0.25
 """Longest time a row waits in memory: what a killed process loses."""
 _BY_TICK_ALONE = rr.ChunkBatcherConfig(flush_tick=3600, flush_num_bytes=1 << 40, flush_num_rows=1 << 40)
@@ -35,6 +41,82 @@ PATIENCE_S = 60.0
 """So long may the disk keep a run waiting that has time, before the recording is given up."""
 MIN_FREE_DISK_BYTES = 16 << 20
 """Recording stops, with a whole file, when the disk has less than this left."""
+
+
+@contextmanager
+def interrupts_deferred() -> Iterator[None]:
+    """Let Ctrl-C and SIGTERM do what they do only after the block.
+
+    Python runs their handlers in the main thread, between any two of its steps; in other threads nothing can fall.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    came: list[tuple[int, FrameType | None]] = []
+    # Where no handler of Python's stands, the system ends the process at once, or nothing happens.
+    handlers = {number: found for number in _INTERRUPTS if callable(found := signal.getsignal(number))}
+    for number in handlers:
+        signal.signal(number, lambda number, frame: came.append((number, frame)))
+    try:
+        yield
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+        for number, frame in came:
+            handlers[signal.Signals(number)](number, frame)
+
+
+class MessageStream:
+    """The encoded messages of a Rerun stream, each handed out once; for one thread at a time."""
+
+    def __init__(self, rerun: rr.RecordingStream, table: ChunkTable) -> None:
+        """Take over what `rerun` logs from now on; `table` gets what Rerun says of its chunks."""
+        self._encoded = rerun.binary_stream()
+        self._table = table
+        self._stores: set[bytes] = set()
+        self._begun = False
+
+    def take(self) -> Sequence[bytes]:
+        """Return the header first, and whole messages with all that was logged since the last call.
+
+        Raises RecordingError when Rerun cannot encode it.
+        """
+        try:
+            block = self._encoded.read(flush=True, flush_timeout_sec=_ENCODING_S)
+        except (RuntimeError, ValueError) as error:
+            raise RecordingError(f"Rerun could not encode what was to be recorded ({error}).") from error
+        if not block:
+            return ()
+        header = () if self._begun else (block[:HEADER_BYTES],)
+        self._begun = True
+        return [*header, *(message for message in self._messages(block) if self._is_new(message))]
+
+    def _messages(self, block: bytes) -> Sequence[bytes]:
+        """Return the messages of what Rerun hands out: a small file with header, messages and an end."""
+        position = HEADER_BYTES
+        messages = list[bytes]()
+        chunks = list[int]()
+        footer = b""
+        while position + MESSAGE_HEADER.size <= len(block):
+            kind, length = MESSAGE_HEADER.unpack_from(block, position)
+            payload = position + MESSAGE_HEADER.size
+            if kind == END_KIND:
+                footer = block[payload : payload + length]
+                break
+            if kind == CHUNK_KIND:
+                chunks.append(payload)
+            messages.append(block[position : payload + length])
+            position = payload + length
+        self._table.add(footer, chunks)
+        return messages
+
+    def _is_new(self, message: bytes) -> bool:
+        """Tell whether a message belongs into the file; Rerun says more than once to which store rows belong."""
+        if MESSAGE_HEADER.unpack_from(message)[0] != _STORE_KIND:
+            return True
+        known = message in self._stores
+        self._stores.add(message)
+        return not known
 
 
 class DurableStream:

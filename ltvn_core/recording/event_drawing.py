@@ -1,9 +1,10 @@
-"""What events look like in the Rerun viewer: plan, goal, subgoal, pruned edges, state and log.
+"""What events look like in the Rerun viewer: plan, goal, subgoal, pruned edges, a changed world, state and log.
 
 Pure functions; owns shapes, and takes colours from `ltvn_core.palette`. Beliefs of edges are drawn in `belief_drawing`.
 """
 
 import math
+import re
 from collections.abc import Sequence
 from typing import assert_never
 
@@ -14,18 +15,53 @@ from ltvn_core.geometry import compose
 from ltvn_core.graph.deltas import BULK_CAUSES, Cause, EdgePruned
 from ltvn_core.navigation import events as ev
 from ltvn_core.navigation.event_text import describe_event
+from ltvn_core.navigation.events import WorldChanged
 from ltvn_core.palette import Rgb8
 from ltvn_core.recording import schema
 from ltvn_core.recording.drawn_poses import DrawnPoses
 from ltvn_core.recording.map_drawing import GRAPH_HEIGHT_M, DrawnEntity
-from ltvn_core.recording.world_drawing import draw_world_change
 from ltvn_core.types import FrameId
+from ltvn_core.worlds import world_change as w
 from ltvn_core.worlds.world_change import PersonMoved
 
 _PLAN_HEIGHT_M = 0.10
-
 _QUIET_CAUSES = (*BULK_CAUSES, Cause.ONLINE)
 """A map that is built or loaded makes thousands of changes; the log leaves them out."""
+
+
+def draw_world_change(event: WorldChanged) -> list[DrawnEntity]:
+    """Draw where something stands now, or take its box away where it stands no more."""
+    named = _entity(event.change)
+    if named is None:
+        return []
+    name, colour = named
+    entity = f"{schema.CHANGES}/{re.sub('[^a-zA-Z0-9_-]', '_', name)}"
+    if event.outline is None:
+        return [DrawnEntity(entity, [rr.Boxes3D(half_sizes=[])])]
+    return [DrawnEntity(entity, [_box(event.outline, colour, name)])]
+
+
+def _entity(change: w.WorldChange) -> tuple[str, Rgb8] | None:
+    match change:
+        case w.DoorMoved(door):
+            return f"door {door}", palette.EDGE_REMOVED
+        case w.ThingPlaced(thing) | w.ThingRemoved(thing) | w.ThingReturned(thing):
+            return thing, palette.GOAL
+        case w.PersonMoved(person) | w.PersonLeft(person):
+            return person, palette.PREDICTED_POSE
+        case w.LightChanged() | w.PicturesExchanged() | w.TimePassed():
+            return None
+
+
+def _box(outline: w.Outline, colour: Rgb8, label: str) -> rr.Boxes3D:
+    return rr.Boxes3D(
+        centers=[[outline.x, outline.y, outline.height / 2]],
+        half_sizes=[[outline.width / 2, outline.depth / 2, outline.height / 2]],
+        quaternions=[rr.Quaternion(xyzw=[0.0, 0.0, math.sin(outline.yaw / 2), math.cos(outline.yaw / 2)])],
+        colors=[colour],
+        labels=[label],
+        show_labels=False,
+    )
 
 
 def draw_event(event: ev.Event, drawn_poses: DrawnPoses) -> list[DrawnEntity]:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ltvn_core.errors import RecordingError
 from ltvn_core.navigation.events import Collided, Judged, QueryEnded
-from ltvn_core.recording.integrity import repair
+from ltvn_core.recording.damage.integrity import repair
 from ltvn_core.recording.reader import Recording
 from ltvn_core.recording.rrd_contents import require_rrd
 
@@ -59,8 +59,10 @@ def read_info(path: Path | str) -> RecordingInfo:
 
 
 def _summary(recording: Recording, path: Path, *, whole: bool) -> RecordingInfo:
-    events, stamps = [stamped.event for stamped in recording.events], recording.poses.stamps
-    graph, meta = recording.final_graph(), recording.meta
+    events = [stamped.event for stamped in recording.events]
+    stamps = recording.poses.stamps
+    graph = recording.final_graph()
+    meta = recording.meta
     verdicts = [event.reached for event in events if isinstance(event, Judged)]
     return RecordingInfo(
         recording=path,

@@ -84,7 +84,9 @@ class _Handler(http.server.BaseHTTPRequestHandler):
     timeout = _IDLE_S
 
     def __init__(self, place: str, file: Path, finished: threading.Event, *args: object) -> None:
-        self._place, self._file, self._finished = place, file, finished
+        self._place = place
+        self._file = file
+        self._finished = finished
         super().__init__(*args)  # pyright: ignore[reportArgumentType]
 
     def do_GET(self) -> None:

@@ -1,11 +1,13 @@
-"""What robot and map look like in the Rerun viewer: pure functions from frames and graphs to drawn rows.
+"""What robot and map look like in the Rerun viewer: from frames and graphs to drawn rows.
 
 Owns shapes, and takes the colours that mean something from `ltvn_core.palette`. Writes nothing itself, and nothing is
 read back from here except the columns of the graph, which stand in the same rows so that a clicked instance names its
-node or edge. Events are drawn in `event_drawing`.
+node or edge. The viewer cannot look up the image of another step, so the images of goal, subgoal and localised node are
+drawn once more when the navigator names them, and kept in memory for that. Events are drawn in `event_drawing`.
 """
 
-from collections.abc import Sequence
+from collections import OrderedDict
+from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -15,14 +17,15 @@ from numpy.typing import NDArray
 
 from ltvn_core import palette
 from ltvn_core.cameras.camera_model import CameraModel
-from ltvn_core.graph.deltas import Edge, Node
+from ltvn_core.graph.deltas import Edge, FramesReserved, Node, NodeAdded
 from ltvn_core.graph.topological_graph import EdgeKey
+from ltvn_core.navigation import events as ev
 from ltvn_core.recording import schema
 from ltvn_core.recording.arrow_columns import ArchetypeColumns, number_column
 from ltvn_core.recording.drawn_poses import DrawnPoses
-from ltvn_core.recording.image_codec import MILLIMETRES_PER_METRE
+from ltvn_core.recording.frame_codec import MILLIMETRES_PER_METRE
 from ltvn_core.robots.robot_spec import LOCOBOT
-from ltvn_core.types import NodeId, Pose
+from ltvn_core.types import FrameId, NodeId, Pose
 
 GRAPH_HEIGHT_M = 0.05
 """The graph floats a little above the floor."""
@@ -32,6 +35,8 @@ _DEPTH_RANGE_MM = (0.0, 8000.0)
 _TRAIL_COLOUR = [120, 120, 130]
 _ODOMETRY_COLOUR = [150, 150, 150]
 _NOSE_COLOUR = [255, 255, 255]
+_RECENT_BYTES = 8 << 20
+"""Size of the newest images that are kept because one of them may become a node."""
 
 
 class DrawnEntity(NamedTuple):
@@ -91,7 +96,8 @@ class MapDrawing:
 
         `drawn_poses` must know every node. The viewer shows the newest of each column, so what is left out stays.
         """
-        ids, keys = [node.id for node in nodes], [(edge.source, edge.target) for edge in edges]
+        ids = [node.id for node in nodes]
+        keys = [(edge.source, edge.target) for edge in edges]
         drawn = [
             DrawnEntity(schema.EDGES, _beliefs(edges) if keys == self._edges else _edges(keys, edges, drawn_poses)),
             DrawnEntity(schema.GRAPH_SIZE, [rr.Scalars([float(len(nodes)), float(len(edges))])]),
@@ -137,7 +143,8 @@ def _blocked(keys: Sequence[EdgeKey], drawn_poses: DrawnPoses) -> list[rr.AsComp
 
 def _strips(keys: Sequence[EdgeKey], drawn_poses: DrawnPoses, height_m: float) -> NDArray[np.float32]:
     """Return (N, 2, 3) from where to where edges are drawn."""
-    sources, targets = [source for source, _ in keys], [target for _, target in keys]
+    sources = [source for source, _ in keys]
+    targets = [target for _, target in keys]
     return np.stack([drawn_poses.points(sources, height_m), drawn_poses.points(targets, height_m)], axis=1)
 
 
@@ -177,3 +184,48 @@ def _pinhole(camera: CameraModel) -> rr.Pinhole:
         camera_xyz=rr.ViewCoordinates.FLU,
         image_plane_distance=0.4,
     )
+
+
+class NodeImages:
+    """Remembers the JPEG of every image of the map, and draws those that an event names."""
+
+    def __init__(self) -> None:
+        self._of_map: dict[FrameId, bytes] = {}
+        self._recent: OrderedDict[FrameId, bytes] = OrderedDict()
+        self._recent_bytes = 0
+        self._drawn: dict[str, NodeId | None] = {}
+
+    def add_frame(self, frame: FrameId, jpeg: bytes) -> None:
+        """Remember an image; one that is not of the map is forgotten after some megabytes of others."""
+        self._recent[frame] = jpeg
+        self._recent_bytes += len(jpeg)
+        while self._recent_bytes > _RECENT_BYTES:
+            self._recent_bytes -= len(self._recent.popitem(last=False)[1])
+
+    def keep(self, frames: Iterable[FrameId]) -> None:
+        """Keep images that belong to the map for as long as the recording lasts."""
+        for frame in frames:
+            if frame in self._recent:
+                self._of_map[frame] = self._recent.pop(frame)
+                self._recent_bytes -= len(self._of_map[frame])
+
+    def draw(self, event: ev.Event) -> Iterator[DrawnEntity]:
+        """Yield the images of the nodes that an event names, where they are not shown already."""
+        match event:
+            case ev.GraphChanged(delta=NodeAdded(node=node)):
+                self.keep([node.id])
+            case ev.GraphChanged(delta=FramesReserved(frames=frames)):
+                self.keep(frames)
+            case ev.QueryStarted(goal=goal):
+                yield from self._image(schema.GOAL_IMAGE, goal)
+            case ev.Localised(node=node) if node is not None:
+                yield from self._image(schema.NODE_IMAGE, node)
+            case ev.AttemptStarted(target=target):
+                yield from self._image(schema.SUBGOAL_IMAGE, target)
+            case _:
+                pass
+
+    def _image(self, entity: str, node: NodeId) -> Iterator[DrawnEntity]:
+        if self._drawn.get(entity) != node and (jpeg := self._of_map.get(node)) is not None:
+            self._drawn[entity] = node
+            yield DrawnEntity(entity, [rr.EncodedImage(contents=jpeg, media_type="image/jpeg")])

@@ -63,7 +63,8 @@ class Recording:
         self.path = path
         self.meta: RecordingMetadata = contents.meta
         self._contents = contents
-        rgb, depth = _by_step(contents.batches_of(schema.RGB)), _by_step(contents.batches_of(schema.DEPTH))
+        rgb = _by_step(contents.batches_of(schema.RGB))
+        depth = _by_step(contents.batches_of(schema.DEPTH))
         self._originals = _by_step(contents.batches_of(schema.ORIGINAL))
         # A cut file may end between the two halves of a frame; only whole frames count.
         self._rows: Mapping[FrameId, tuple[BatchRow, BatchRow]] = {
@@ -119,7 +120,9 @@ class Recording:
         """Where the frames were taken, without touching any picture."""
         chosen = [rgb for rgb, _ in self._rows.values()]
         # Row by row takes half a second for 20,000 frames, so whole columns are read and the rows taken from them.
-        starts, batches, count = dict[int, int](), list[pa.RecordBatch](), 0
+        starts = dict[int, int]()
+        batches = list[pa.RecordBatch]()
+        count = 0
         for batch in (row.batch for row in chosen):
             if id(batch) not in starts:
                 starts[id(batch)], count = count, count + batch.num_rows

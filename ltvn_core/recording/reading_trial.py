@@ -134,7 +134,8 @@ def _leave_rerun_out() -> None:
 
     To import the package for it would take twice as long as all the rest.
     """
-    rerun, errors = ModuleType("rerun"), ModuleType("rerun.error_utils")
+    rerun = ModuleType("rerun")
+    errors = ModuleType("rerun.error_utils")
     vars(errors)["RerunWarning"] = UserWarning
     vars(rerun)["error_utils"] = errors
     sys.modules |= {"rerun": rerun, "rerun.error_utils": errors}

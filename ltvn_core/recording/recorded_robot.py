@@ -1,16 +1,52 @@
-"""A robot whose every look is written down, with a note where a look cannot be right. Owns nothing but that."""
+"""Records what a robot sees, with a note where an image cannot be right. Owns nothing but that."""
 
 import logging
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 from ltvn_core.navigation.events import Note, Severity, StampedEvent
 from ltvn_core.recording.writer import RecordingWriter
-from ltvn_core.robots.observation_check import ObservationCheck
-from ltvn_core.robots.robot import Clock, Robot
-from ltvn_core.robots.robot_spec import RobotSpec
-from ltvn_core.types import Observation, RobotState, Twist
+from ltvn_core.robots.robot import Robot
+from ltvn_core.robots.robot_check import ObservationCheck
+from ltvn_core.robots.robot_view import RobotView
+from ltvn_core.types import Observation
 
 log = logging.getLogger(__name__)
+
+
+class ImageRecorder:
+    """Writes the images of one robot or drive, each with what is doubtful of it."""
+
+    def __init__(self, write_frame: Callable[[Observation], None], write_event: Callable[[StampedEvent], None]) -> None:
+        """Write images and events by these two."""
+        self._write_frame = write_frame
+        self._write_event = write_event
+        self._check = ObservationCheck()
+
+    def record(self, observation: Observation) -> None:
+        """Write an image, and a note about each thing that cannot be right."""
+        self._write_frame(observation)
+        for finding in self._check.findings(observation):
+            log.warning(finding)
+            note = Note(str(finding), finding.severity)
+            self._write_event(StampedEvent(observation.step, observation.stamp, note))
+
+
+class DepthWatch:
+    """Tells where images begin for which a robot's depth camera returned nothing at all."""
+
+    def __init__(self) -> None:
+        """Every image had depth so far."""
+        self._is_lost = False
+
+    def note(self, observation: Observation) -> Note | None:
+        """Return what the log says of the first of some images without depth; None of any other image."""
+        was_lost = self._is_lost
+        self._is_lost = observation.depth is not None and not observation.has_depth
+        if was_lost or not self._is_lost:
+            return None
+        return Note(
+            f"Image {observation.step} has no depth: it is kept, and not used where depth is needed.", Severity.WARN
+        )
 
 
 def record_images(images: Iterable[Observation], writer: RecordingWriter) -> Iterator[Observation]:
@@ -18,68 +54,22 @@ def record_images(images: Iterable[Observation], writer: RecordingWriter) -> Ite
 
     Where images without depth begin, a note says so, and where they cannot be right.
     """
-    without_depth = False
-    check = ObservationCheck()
+    recorder = ImageRecorder(writer.write_frame, writer.write_event)
+    depth_watch = DepthWatch()
     for observation in images:
-        writer.write_frame(observation)
-        _write_doubts(check, observation, writer)
-        if lost_depth(observation) and not without_depth:
-            writer.write_event(StampedEvent(observation.step, observation.stamp, missing_depth_note(observation)))
-        without_depth = lost_depth(observation)
+        recorder.record(observation)
+        if (note := depth_watch.note(observation)) is not None:
+            writer.write_event(StampedEvent(observation.step, observation.stamp, note))
         yield observation
 
 
-def lost_depth(observation: Observation) -> bool:
-    """Tell whether the robot has a depth camera and it returned nothing at all."""
-    return observation.depth is not None and not observation.has_depth
-
-
-def missing_depth_note(observation: Observation) -> Note:
-    """Return what the log says of the first of some images without depth."""
-    return Note(
-        f"Image {observation.step} has no depth: it is kept, and not used where depth is needed.", Severity.WARN
-    )
-
-
-class RecordedRobot:
-    """Passes everything on to a robot and records what it sees. Implements `ltvn_core.robots.robot.Robot`."""
+class RecordedRobot(RobotView):
+    """A robot that records what it sees."""
 
     def __init__(self, robot: Robot, writer: RecordingWriter) -> None:
-        self._robot = robot
-        self._writer = writer
-        self._check = ObservationCheck()
+        super().__init__(robot)
+        self._recorder = ImageRecorder(writer.write_frame, writer.write_event)
 
-    @property
-    def spec(self) -> RobotSpec:
-        """The robot's."""
-        return self._robot.spec
-
-    @property
-    def clock(self) -> Clock:
-        """The robot's."""
-        return self._robot.clock
-
-    def drive(self, twist: Twist) -> None:
-        """Pass the command on."""
-        self._robot.drive(twist)
-
-    def stop(self) -> None:
-        """Stop the robot."""
-        self._robot.stop()
-
-    def state(self) -> RobotState:
-        """Return what the robot feels: odometry, contact, time."""
-        return self._robot.state()
-
-    def observe(self) -> Observation:
-        """Take an image and record it."""
-        observation = self._robot.observe()
-        self._writer.write_frame(observation)
-        _write_doubts(self._check, observation, self._writer)
-        return observation
-
-
-def _write_doubts(check: ObservationCheck, observation: Observation, writer: RecordingWriter) -> None:
-    for text in check.doubts(observation):
-        log.warning(text)
-        writer.write_event(StampedEvent(observation.step, observation.stamp, Note(text, Severity.WARN)))
+    def _changed(self, taken: Observation) -> Observation:
+        self._recorder.record(taken)
+        return taken

@@ -1,8 +1,9 @@
 """Opens a `.rrd` file as one of ours and hands out its rows entity by entity.
 
 Owns the checks that the file is a finished recording of this application and schema, and the clear errors otherwise.
-Rerun's reader sees a file only when its checksums are right, or when a process of its own has read it first. Knows
-nothing of frames and events.
+Rerun's reader sees a file only when its checksums are right, or when a process of its own has read it first. Rows whose
+columns Rerun's tools have put into several chunks are joined again, by their row ids: steps do not tell, since events
+share them. Knows nothing of frames and events.
 """
 
 import warnings
@@ -16,16 +17,59 @@ from rerun.chunk import RrdReader
 
 from ltvn_core.atomic_files import require_usable_name
 from ltvn_core.errors import RecordingError
-from ltvn_core.recording import rrd_framing, schema
-from ltvn_core.recording.closing_record import ClosingRecord
-from ltvn_core.recording.file_check import FileCheck, check_file
-from ltvn_core.recording.joined_rows import joined_rows
+from ltvn_core.recording import schema
 from ltvn_core.recording.metadata import RecordingMetadata, read_metadata, read_schema_version
 from ltvn_core.recording.reading_trial import reading_failure
+from ltvn_core.recording.rrf2.closing_record import ClosingRecord, FileCheck, check_file
+from ltvn_core.recording.rrf2.framing import is_finished, is_rrd
 from ltvn_core.recording.stored_rows import believable, damaged_first
 
+ROW_ID = "rerun.controls.RowId"
 DESCRIPTION = f"/__properties/{schema.PROPERTIES}"
 _READ = frozenset(f"/{entity}" for entity in schema.READ_BACK)
+
+
+def joined_rows(batches: Sequence[pa.RecordBatch], needed: Set[str]) -> Sequence[pa.RecordBatch]:
+    """Return batches in which every row has all of its columns, and stands once.
+
+    Rows that lack a needed column everywhere are left out. Batches in which nothing has to be joined stay as they are.
+    """
+    if not all(ROW_ID in batch.schema.names for batch in batches):
+        return batches
+    ids = [batch.column(ROW_ID).to_pylist() for batch in batches]
+    every = list(dict.fromkeys(row_id for part in ids for row_id in part))
+    if len(every) == sum(map(len, ids)) and all(_is_whole(batch, needed) for batch in batches):
+        return batches
+    fields = {field.name: field for batch in batches for field in batch.schema}
+    columns = {ROW_ID: pa.array(every, pa.binary(16))}
+    for name in fields.keys() - {ROW_ID}:
+        columns[name] = _column(name, batches, ids, every)
+    if not needed <= columns.keys():
+        return ()
+    joined = pa.RecordBatch.from_arrays(list(columns.values()), names=list(columns))
+    lacking = {row for name in needed for row, cell in enumerate(columns[name].is_valid().to_pylist()) if not cell}
+    return [joined.take(pa.array([row for row in range(len(every)) if row not in lacking], pa.int64()))]
+
+
+def _is_whole(batch: pa.RecordBatch, needed: Set[str]) -> bool:
+    return needed <= set(batch.schema.names) and not any(batch.column(name).null_count for name in needed)
+
+
+def _column(
+    name: str, batches: Sequence[pa.RecordBatch], ids: Sequence[Sequence[bytes]], every: Sequence[bytes]
+) -> pa.Array:
+    """Return a column for the rows `every`, empty where no batch holds anything."""
+    pieces = list[pa.Array]()
+    places = dict[bytes, int]()
+    start = 0
+    for batch, row_ids in zip(batches, ids, strict=True):
+        if name not in batch.schema.names:
+            continue
+        pieces.append(batch.column(name))
+        filled = pieces[-1].is_valid().to_pylist()
+        places |= {row_id: start + row for row, row_id in enumerate(row_ids) if filled[row]}
+        start += batch.num_rows
+    return pa.concat_arrays(pieces).take(pa.array([places.get(row_id) for row_id in every], pa.int64()))
 
 
 class StoreRows(NamedTuple):
@@ -64,7 +108,7 @@ def require_rrd(path: Path) -> None:
     """Raise RecordingError when `path` is no Rerun file at all."""
     require_file(path)
     try:
-        genuine = rrd_framing.is_rrd(path)
+        genuine = is_rrd(path)
     except OSError as error:
         raise unreadable(path, error) from error
     if not genuine:
@@ -96,10 +140,11 @@ def require_whole(path: Path) -> FileCheck:
         raise unreadable(path, error) from error
     if found.framing.finished and found.damage is None:
         return found
-    size, whole_bytes = path.stat().st_size, found.framing.whole_bytes
+    size = path.stat().st_size
+    whole_bytes = found.framing.whole_bytes
     if found.damage is not None:
         what = f"was damaged since it was written: {found.damage}"
-    elif rrd_framing.is_finished(path):
+    elif is_finished(path):
         what = f"was damaged since it was written: behind byte {whole_bytes} of {size} its messages do not go on"
     else:
         what = f"is cut or was never finished: {whole_bytes} of its {size} bytes are whole"

@@ -114,7 +114,8 @@ def believable(path: str, batches: Sequence[pa.RecordBatch], *, parts_too: bool)
         return ()
     taken = list[pa.RecordBatch]()
     for batch in batches:
-        intact, names = _intact_rows(entity, batch), set(batch.schema.names)
+        intact = _intact_rows(entity, batch)
+        names = set(batch.schema.names)
         # Robots without a depth camera have rows without a picture.
         is_part = not len(intact) or (entity == schema.DEPTH and _DEPTH_PICTURE not in names)
         if parts_too and is_part and schema.STEP in names:

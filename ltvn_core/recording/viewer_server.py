@@ -1,31 +1,117 @@
 """Serves one recording with Rerun's web viewer to this machine only.
 
 Listens on 127.0.0.1, answers only under a random path and for its own Host, and forbids the page to talk to anybody
-else. Owns the server; the viewer itself comes from `viewer_assets`, the page round it from `viewer_page`.
+else. The viewer comes out of the installed wheel and is kept on disk, so that no request leaves the machine: the
+`rerun` program, which embeds it, is asked once per version, on 127.0.0.1 only, and under a fresh home directory,
+because a first session of that program sends no usage data.
+
+The viewer takes in a few milliseconds' worth of a recording with each picture that it draws. Where the processor draws,
+a picture takes most of a second, and a window with half-filled views would stand for a minute. So the viewer reads in a
+canvas of a few pixels behind the page's words, which costs little anywhere, and gets the window when it is done.
 """
 
+import gzip
 import http.server
 import logging
+import os
 import re
 import secrets
 import shutil
+import socket
+import subprocess
+import tempfile
 import threading
+import time
+import urllib.request
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
+from html import escape
 from http import HTTPStatus
+from http.client import HTTPResponse
+from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
 
+import platformdirs
+import rerun as rr
+
 from ltvn_core.errors import RecordingError, ServerError
-from ltvn_core.recording.file_check import check_file
+from ltvn_core.navigation.events import QueryEnded
 from ltvn_core.recording.live_server import is_own_host, port_of
+from ltvn_core.recording.reader import Recording
 from ltvn_core.recording.rrd_contents import require_rrd
-from ltvn_core.recording.this_machine import open_here
-from ltvn_core.recording.viewer_assets import viewer_assets
-from ltvn_core.recording.viewer_page import SCRIPT, RecordingContents, contents_of, viewer_page
+from ltvn_core.recording.rrf2.closing_record import check_file
 
 _LOG = logging.getLogger(__name__)
+_SCRIPT, _MODULE = "re_viewer.js", "re_viewer_bg.wasm"
+_START_S = 30.0
+_PAGE = """<!doctype html>
+<html lang="en"><head><meta charset="utf-8"><title>LTVN recording</title><link rel="icon" href="data:,">
+<style>
+  html, body {{ margin: 0; height: 100%; background: #18191c; color: #ccc; font: 16px sans-serif; overflow: hidden }}
+  canvas {{ display: block; width: 100vw; height: 100vh }}
+  body:not([data-shown]) canvas {{ position: absolute; width: 64px; height: 48px }}
+  #wait {{ position: absolute; inset: 0; z-index: 1; display: grid; place-content: center; gap: 1em; padding: 1em }}
+  #wait {{ background: #18191c; text-align: center }}
+  progress {{ width: min(24em, 80vw); justify-self: center; accent-color: #4dabf7 }}
+  button {{ justify-self: center; padding: 0.4em 1em; font: inherit }}
+  [data-shown] #wait {{ display: none }}
+</style></head>
+<body{last_step}>
+<main id="wait"><strong>{text}</strong>
+<span id="doing" role="status">Loading the Rerun viewer; the first time takes some seconds.</span>
+<progress aria-label="how much of the recording is read"></progress>
+<button type="button" hidden>Show what is read</button></main>
+<canvas id="viewer"></canvas>
+<script src="re_viewer.js"></script><script src="page.js"></script></body></html>
+"""
+# WebHandle is what Rerun's own npm package wraps; it belongs to this one version of the wheel.
+SCRIPT = """
+(async () => {
+  const QUIET_MS = 20000; // Nobody shall look at these words for ever, whatever keeps the last step away.
+  const [doing, bar, button] = ['#doing', 'progress', 'button'].map(name => document.querySelector(name));
+  const last = 'lastStep' in document.body.dataset ? Number(document.body.dataset.lastStep) : null;
+  let first = null, due = null;
+
+  const show = () => { document.body.dataset.shown = 'yes' };
+  const read = step => {
+    first ??= step;
+    doing.textContent = `Reading the recording: step ${step} of ${last}`;
+    bar.max = Math.max(1, last - first);
+    bar.value = step < last ? step - first : bar.max;
+    clearTimeout(due);
+    if (step >= last) show();
+    else due = setTimeout(show, QUIET_MS);
+  };
+  const hear = ({type, time}) => {
+    if (type === 'recording_open') {
+      document.body.dataset.open = 'yes';
+      doing.textContent = 'Reading the recording';
+      button.hidden = false;
+      if (last === null) show();
+      else due = setTimeout(show, QUIET_MS);
+    }
+    if (type === 'time_update' && last !== null) read(time);
+  };
+
+  button.addEventListener('click', show);
+  console.debug = () => {}; // The viewer writes ten thousands of lines there while it starts.
+  try {
+    await wasm_bindgen({module_or_path: 're_viewer_bg.wasm'});
+    const handle = new wasm_bindgen.WebHandle({
+      url: [new URL('recording.rrd', location.href).href],
+      hide_welcome_screen: true, enable_history: false, notebook: false, persist: false, theme: 'dark',
+      panel_state_overrides: {top: 'Hidden', blueprint: 'Collapsed', selection: 'Collapsed', time: 'Collapsed'},
+      on_viewer_event: text => hear(JSON.parse(text)),
+    });
+    await handle.start(document.getElementById('viewer'));
+  } catch (error) {
+    doing.textContent = 'The viewer could not start: ' + error + '. It needs WebGL 2 or WebGPU.';
+    bar.remove();
+  }
+})();
+"""
 _BLOCK_BYTES = 1 << 16
 _ADDRESS = re.compile(r"[a-zA-Z][a-zA-Z0-9+.-]+://")
 _ANSWER_S = 5.0
@@ -37,6 +123,146 @@ _POLICY = (
     "img-src 'self' data: blob:; worker-src 'self' blob:; font-src 'self' data:; base-uri 'none'; "
     "frame-ancestors 'none'; form-action 'none'"
 )
+
+
+def open_here(address: str, timeout_s: float) -> HTTPResponse:
+    """Open an address on this machine; raises OSError.
+
+    A proxy of the environment, such as `http_proxy`, is not asked: the address often holds a secret, and a proxy on
+    another machine has another 127.0.0.1.
+    """
+    return urllib.request.build_opener(urllib.request.ProxyHandler({})).open(address, timeout=timeout_s)
+
+
+class ViewerAssets(NamedTuple):
+    """The two files of the web viewer, gzipped, because the module is 43 MB without."""
+
+    script: Path
+    module: Path
+
+
+def viewer_assets() -> ViewerAssets:
+    """Return the files of the web viewer, from the cache where they are there already.
+
+    Raises ServerError when the installed Rerun does not hold them.
+    """
+    folder = Path(platformdirs.user_cache_dir("ltvn")) / f"rerun-viewer-{rr.__version__}"
+    assets = ViewerAssets(folder / f"{_SCRIPT}.gz", folder / f"{_MODULE}.gz")
+    if not all(path.exists() for path in assets):
+        _LOG.info("Unpacking the Rerun viewer once; this takes some seconds.")
+        folder.mkdir(parents=True, exist_ok=True)
+        with _served_by_rerun() as address:
+            for name, path in zip((_SCRIPT, _MODULE), assets, strict=True):
+                _keep(path, _fetched(f"{address}/{name}"))
+    return assets
+
+
+def _keep(path: Path, content: bytes) -> None:
+    part = path.with_name(f"{path.name}.{os.getpid()}.part")
+    part.write_bytes(gzip.compress(content, compresslevel=6))
+    part.replace(path)
+
+
+@contextmanager
+def _served_by_rerun() -> Iterator[str]:
+    web = _free_port()
+    data = _free_port()
+    command = [
+        str(_program()),
+        "--serve-web",
+        "--bind",
+        "127.0.0.1",
+        "--port",
+        str(data),
+        "--web-viewer-port",
+        str(web),
+    ]
+    with tempfile.TemporaryDirectory(prefix="ltvn-rerun-") as home:
+        home_only = os.environ | {"HOME": home, "XDG_CONFIG_HOME": home, "XDG_CACHE_HOME": home}
+        process = subprocess.Popen(
+            command, env=home_only, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, stdin=subprocess.DEVNULL
+        )
+        try:
+            _wait_until_served(f"http://127.0.0.1:{web}", process)
+            yield f"http://127.0.0.1:{web}"
+        finally:
+            process.terminate()
+            process.wait()
+
+
+def _wait_until_served(address: str, process: subprocess.Popen[bytes]) -> None:
+    deadline = time.monotonic() + _START_S
+    while time.monotonic() < deadline and process.poll() is None:
+        try:
+            _fetched(address)
+            return
+        except ServerError:
+            time.sleep(0.05)
+    raise ServerError(
+        f"The Rerun program did not start its web viewer within {_START_S:.0f} s; reinstall it with "
+        f"`pip install --force-reinstall rerun-sdk=={rr.__version__}`."
+    )
+
+
+def _fetched(url: str) -> bytes:
+    try:
+        with open_here(url, _START_S) as answer:
+            return answer.read()
+    except OSError as error:
+        raise ServerError(f"The Rerun program did not hand over its web viewer ({error}); try again.") from error
+
+
+def _program() -> Path:
+    found = find_spec("rerun_cli")
+    folder = Path(found.origin).parent if found is not None and found.origin else Path()
+    program = folder / ("rerun.exe" if os.name == "nt" else "rerun")
+    if not program.is_file():
+        raise ServerError("The installed rerun-sdk has no `rerun` program; reinstall it with `pip install rerun-sdk`.")
+    return program
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+class RecordingContents(NamedTuple):
+    """What is said of a recording while it is read."""
+
+    text: str
+    last_step: int | None = None
+    """At which it ends; None where nobody knows."""
+
+
+def contents_of(path: Path) -> RecordingContents:
+    """Read what a recording holds; of one that is damaged or of another program there is only its name to tell."""
+    try:
+        recording = Recording.open(path)
+    except RecordingError:
+        return RecordingContents(path.name)
+    graph = recording.final_graph()
+    events = recording.events
+    counts = {
+        "image": len(recording.frames),
+        "node": len(graph.nodes),
+        "edge": len(graph.edges),
+        "query": sum(isinstance(stamped.event, QueryEnded) for stamped in events),
+    }
+    held = ", ".join(_counted(count, thing) for thing, count in counts.items() if count)
+    steps = [*recording.poses.steps[-1:].tolist(), *(stamped.step for stamped in events[-1:])]
+    return RecordingContents(f"{path.name}: {held or 'nothing'}", max(steps, default=None))
+
+
+def viewer_page(contents: RecordingContents) -> str:
+    """Return the page, whose script is `SCRIPT`."""
+    last_step = "" if contents.last_step is None else f' data-last-step="{contents.last_step}"'
+    return _PAGE.format(text=escape(contents.text), last_step=last_step)
+
+
+def _counted(count: int, thing: str) -> str:
+    things = {"query": "queries"}.get(thing, f"{thing}s")
+    return f"{count:,} {thing if count == 1 else things}"
 
 
 class _Response(NamedTuple):

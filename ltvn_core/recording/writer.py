@@ -23,14 +23,12 @@ from ltvn_core.recording import event_drawing, map_drawing, schema
 from ltvn_core.recording.arrow_columns import ArchetypeColumns, integer_column, number_column, text_column
 from ltvn_core.recording.belief_drawing import BeliefDrawing
 from ltvn_core.recording.blueprint import Layout
-from ltvn_core.recording.drawn_poses import DrawnPoses
+from ltvn_core.recording.drawn_poses import DrawnPoses, FloorExtent
 from ltvn_core.recording.durable_stream import MIN_FREE_DISK_BYTES, PATIENCE_S, DurableStream
 from ltvn_core.recording.event_codec import EncodedEvent
-from ltvn_core.recording.floor_extent import FloorExtent
 from ltvn_core.recording.frame_codec import EncodedFrame, camera_text, encode_frame
-from ltvn_core.recording.map_drawing import DrawnEntity
+from ltvn_core.recording.map_drawing import DrawnEntity, NodeImages
 from ltvn_core.recording.metadata import RecordingMetadata, metadata_row, package_versions
-from ltvn_core.recording.node_images import NodeImages
 from ltvn_core.recording.schema import RowTime
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.types import FrameId, Observation, OriginalImage
@@ -69,7 +67,8 @@ class RecordingWriter:
         Rerun viewers of this machine can watch at `live_port`; raises ServerError when it is taken. Where the disk is
         far behind, writing waits for it up to `patience_s`; 0 is for a robot in real time.
         """
-        camera, recording_id = camera or LOCOBOT.camera, recording_id or str(uuid4())
+        camera = camera or LOCOBOT.camera
+        recording_id = recording_id or str(uuid4())
         started_at = started_at or datetime.now(UTC).isoformat(timespec="seconds")
         versions = package_versions()
         meta = RecordingMetadata(
@@ -241,7 +240,8 @@ class RecordingWriter:
         self._draw_schedule.drawn(graph, time)
         for node in graph.nodes.values():
             self._drawn_poses.add_node(node)
-        nodes, edges = tuple(graph.nodes.values()), tuple(graph.edges.values())
+        nodes = tuple(graph.nodes.values())
+        edges = tuple(graph.edges.values())
         blocked = [key for key, observed in graph.presence.items() if not observed[-1].present]
         self._draw(time, self._map.draw(nodes, edges, blocked, self._drawn_poses))
 
@@ -265,7 +265,8 @@ class _DrawSchedule:
         return time.stamp >= self._next_stamp
 
     def drawn(self, graph: TopologicalGraph, time: RowTime) -> None:
-        self._drawn, self._waiting = (id(graph), graph.version), None
+        self._drawn = (id(graph), graph.version)
+        self._waiting = None
         self._next_stamp = time.stamp + max(_SNAPSHOT_S, _SNAPSHOT_S_PER_EDGE * len(graph.edges))
 
     def pending(self) -> tuple[TopologicalGraph, RowTime] | None:

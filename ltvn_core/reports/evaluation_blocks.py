@@ -1,17 +1,16 @@
 """The evaluation as blocks of a Markdown page: its tables, and links to its figures.
 
-Owns the names of the blocks. What is written between them by hand stays as it is.
+Owns the names of the blocks, and the two comments between which each stands. What is written between the blocks by hand
+stays as it is.
 """
 
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from ltvn_core.errors import OptionError
-from ltvn_core.evaluation.results import EvaluationResults
-from ltvn_core.evaluation.worlds.world_results import WorldResult
+from ltvn_core.evaluation.results import EvaluationResults, WorldResult
 from ltvn_core.reports.evaluation_figures import figures_of
-from ltvn_core.reports.evaluation_style import ReportFigure
 from ltvn_core.reports.evaluation_tables import (
     NO_RESULTS,
     cause_table,
@@ -22,15 +21,32 @@ from ltvn_core.reports.evaluation_tables import (
     run_table,
     size_table,
 )
-from ltvn_core.reports.figure_style import FigurePalette, documentation_style, save_png
+from ltvn_core.reports.figure_style import FigurePalette, ReportFigure, documentation_style, save_png
 from ltvn_core.reports.lifelong_groups import group_lifelong
-from ltvn_core.reports.page_blocks import fill_blocks
-from ltvn_core.reports.people_table import people_table
 from ltvn_core.reports.result_rows import rows_of
-from ltvn_core.reports.world_table import world_run_table, world_table
+from ltvn_core.reports.world_tables import people_table, world_run_table, world_table
 
 FIGURE_KINDS = ("success", "sizes", "causes", "floors", "lifelong", "calibration")
 """Kinds of figures; each has a block `KIND-pictures`."""
+
+
+def fill_blocks(page: Path, content: Mapping[str, str]) -> None:
+    """Put each block between its two comments in a page. Raises OptionError if page or comments are missing."""
+    try:
+        text = page.read_text(encoding="utf-8")
+        for name, block in content.items():
+            text = _filled(text, name, block, page)
+        page.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise OptionError(f"{page}: cannot be filled in ({error}); name another --page.") from error
+
+
+def _filled(text: str, name: str, block: str, page: Path) -> str:
+    begin = f"<!-- {name}: begin -->"
+    end = f"<!-- {name}: end -->"
+    if text.count(begin) != 1 or text.count(end) != 1 or text.index(begin) > text.index(end):
+        raise OptionError(f"{page}: needs the lines {begin} and {end}, once and in this order.")
+    return f"{text[: text.index(begin)]}{begin}\n{block}\n{text[text.index(end) :]}"
 
 
 def fill_results_page(

@@ -1,6 +1,7 @@
 """Finds the results of an evaluation in a folder, and the images and recordings of its failed episodes.
 
-Owns finding and checking. What the results mean is elsewhere; drives and recordings are only read.
+Owns finding and checking, and the moment of a failure in the recording of an episode. What the results mean is
+elsewhere; drives and recordings are only read.
 """
 
 import re
@@ -10,21 +11,62 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TypeVar
 
+import numpy as np
+
 from ltvn_core.errors import LtvnError, OptionError
 from ltvn_core.evaluation.gzipped_results import stored_results
 from ltvn_core.evaluation.map_drawings import drawing_path, load_drawing
-from ltvn_core.evaluation.results import EvaluationResults, LifelongResult, TrialResult, load_results
+from ltvn_core.evaluation.query_result import FailureCause
+from ltvn_core.evaluation.results import EvaluationResults, LifelongResult, TrialResult, WorldResult, load_results
 from ltvn_core.evaluation.trial_plans import TrialFiles
-from ltvn_core.evaluation.worlds.world_results import WorldResult
+from ltvn_core.graph.deltas import Cause
+from ltvn_core.navigation.events import AttemptEnded, Collided, GraphChanged, QueryEnded, StampedEvent
 from ltvn_core.recording.reader import Recording
 from ltvn_core.reports.failure_gallery import FailureRow
-from ltvn_core.reports.failure_moment import moment_s
 from ltvn_core.reports.result_rows import setup_of
+from ltvn_core.types import FrameId
 
+BEFORE_S = 3.0
+"""Playback starts this long before the failure."""
 TRIALS = "*.trial.json"
 LIFELONG = "*.lifelong.json"
 WORLDS = "*.world.json"
 _Result = TypeVar("_Result", TrialResult, LifelongResult)
+
+
+def moment_s(recording: Path, failure: FailureCause | None) -> float | None:
+    """Return where playback should start, in seconds after the recording's beginning; None if it cannot be read.
+
+    For collisions that is shortly before the last one, after a wrong turn before the last attempt that failed, and
+    otherwise before the end.
+    """
+    try:
+        opened = Recording.open(recording)
+        events = opened.events
+    except LtvnError:
+        return None
+    stamps = [stamped.stamp for stamped in events if _tells(stamped, failure)]
+    ends = [stamped.stamp for stamped in events if isinstance(stamped.event, QueryEnded)]
+    if not stamps and not ends:
+        return None
+    return max(0.0, (stamps or ends)[-1] - _beginning_s(opened, events) - BEFORE_S)
+
+
+def _tells(stamped: StampedEvent, failure: FailureCause | None) -> bool:
+    if failure is FailureCause.COLLISION:
+        return isinstance(stamped.event, Collided)
+    if failure in (FailureCause.SPURIOUS_EDGE, FailureCause.MISLOCALISED, FailureCause.STEP_LIMIT):
+        return isinstance(stamped.event, AttemptEnded) and not stamped.event.succeeded
+    return False
+
+
+def _beginning_s(recording: Recording, events: list[StampedEvent]) -> float:
+    """Return the time at which driving began; images of a loaded map are older."""
+    first = events[0]
+    poses = recording.poses
+    loaded = isinstance(first.event, GraphChanged) and first.event.delta.cause is Cause.LOAD
+    stamps = poses.stamps[poses.steps > first.step] if loaded else poses.stamps
+    return float(np.min(stamps, initial=np.inf)) if len(stamps) else first.stamp
 
 
 @dataclass(frozen=True)
@@ -141,7 +183,7 @@ def _failures(path: Path, trial: TrialResult) -> Iterator[FailureRow]:
     files = TrialFiles(folder, label)
     for episode in trial.episodes:
         if not episode.reached:
-            recording = files.failure(episode.episode)
+            recording = files.failure(episode.query)
             yield FailureRow(
                 trial=trial, episode=episode, drive=files.drive, recording=recording if recording.exists() else None
             )
@@ -155,10 +197,10 @@ def _illustrated(row: FailureRow) -> FailureRow:
     )
 
 
-def _stored_image(drive: Path | None, frame: int) -> bytes | None:
+def _stored_image(drive: Path | None, frame: FrameId | None) -> bytes | None:
     """Return an image of a drive as it is stored."""
     recording = None if drive is None else _opened(drive)
-    if recording is None or frame not in recording.frames:
+    if recording is None or frame is None or frame not in recording.frames:
         return None
     return recording.stored_frame(frame).frame.rgb
 

@@ -12,10 +12,8 @@ from urllib.parse import quote
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from ltvn_core.evaluation.results import EvaluationResults
-from ltvn_core.evaluation.worlds.world_results import WorldResult
+from ltvn_core.evaluation.results import EvaluationResults, WorldResult
 from ltvn_core.reports.evaluation_figures import figures_of
-from ltvn_core.reports.evaluation_style import inline_svg
 from ltvn_core.reports.evaluation_tables import (
     cause_table,
     lifelong_table,
@@ -27,11 +25,10 @@ from ltvn_core.reports.evaluation_tables import (
     size_table,
 )
 from ltvn_core.reports.failure_gallery import FailureRow, data_url
-from ltvn_core.reports.figure_style import FigurePalette, documentation_style
+from ltvn_core.reports.figure_style import FigurePalette, documentation_style, inline_svg
 from ltvn_core.reports.lifelong_groups import group_lifelong
-from ltvn_core.reports.people_table import people_table
 from ltvn_core.reports.result_rows import ResultRow, rows_of, rows_over_scenes, scenes_of
-from ltvn_core.reports.world_table import world_run_table, world_table
+from ltvn_core.reports.world_tables import people_table, world_run_table, world_table
 
 
 def render_page(

@@ -13,7 +13,8 @@ import numpy as np
 
 from ltvn_core.evaluation.confidence_intervals import Estimate
 from ltvn_core.evaluation.metrics import compare_methods, recognition_of
-from ltvn_core.evaluation.results import EvaluationResults, FailureCause, LifelongResult, TrialResult
+from ltvn_core.evaluation.query_result import FailureCause
+from ltvn_core.evaluation.results import EvaluationResults, LifelongResult, TrialResult
 from ltvn_core.reports.lifelong_groups import (
     LifelongGroup,
     MaintenanceInterval,

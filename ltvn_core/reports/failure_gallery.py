@@ -11,7 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ltvn_core.errors import OptionError
-from ltvn_core.evaluation.results import EpisodeResult, FailureCause, TrialResult
+from ltvn_core.evaluation.query_result import FailureCause, QueryResult
+from ltvn_core.evaluation.results import TrialResult
 from ltvn_core.reports.result_rows import TrialSetup, order_of, scene_name, setup_of
 
 _QUESTION = "blame"
@@ -24,7 +25,7 @@ class FailureRow:
     """One failed episode in the gallery."""
 
     trial: TrialResult
-    episode: EpisodeResult
+    episode: QueryResult
     start: bytes | None = None
     """What the robot saw at its start, JPEG or PNG."""
     goal: bytes | None = None
@@ -71,9 +72,9 @@ class FailureRow:
         """The command that records an episode which is not recorded; None where there is none."""
         if self.recording is not None or not self.trial.command.startswith("ltvn evaluate "):
             return None
-        failed = [episode.episode for episode in self.trial.episodes if not episode.reached]
+        failed = [episode.query for episode in self.trial.episodes if not episode.reached]
         made_by = re.sub(r" --record-failures[ =]\d+", "", self.trial.command)
-        return f"{made_by} --record-failures {failed.index(self.episode.episode) + 1}"
+        return f"{made_by} --record-failures {failed.index(self.episode.query) + 1}"
 
 
 def data_url(image: bytes) -> str:

@@ -1,10 +1,13 @@
-"""The style of figures in the documentation, and saving them as small files.
+"""The style of figures: of the documentation, saved as small files, and of the evaluation, embedded in an HTML page.
 
-Owns fonts, inks and the file size. The colours come from the page's palette, through `FigurePalette`.
+Owns fonts, inks and the file size, the colours of methods and causes, and the SVG that takes its text colour from the
+page around it. The other colours come from the page's palette, through `FigurePalette`.
 """
 
 import io
-from collections.abc import Iterator
+import math
+import re
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import product
@@ -12,22 +15,43 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap, to_hex
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter, PercentFormatter, StrMethodFormatter
 from PIL import Image
 
 from ltvn_core import palette
 from ltvn_core.errors import OptionError
+from ltvn_core.evaluation.query_result import FailureCause
+from ltvn_core.palette import PROBABILITY_RAMP_ON_WHITE
 
 MAX_BYTES = 150_000
 """Largest size of a figure's file."""
-
 DOTS_PER_INCH = 150
-
 _COLOURS_OF_DRAWING = 10_000
 """More are those of photographs."""
-
 Colour: TypeAlias = tuple[float, float, float]
 """Red, green, blue in [0, 1]."""
+WIDTH_IN = 8.4
+"""Width of a figure in inches, as on the other pages."""
+_MORE_COLOURS: tuple[Colour, ...] = (
+    (0.0, 0.6, 0.45),
+    (0.78, 0.24, 0.32),
+    (0.55, 0.45, 0.1),
+    (0.25, 0.62, 0.75),
+    (0.5, 0.5, 0.5),
+    (0.95, 0.62, 0.1),
+    (0.93, 0.5, 0.72),
+)
+_CAUSE_COLOURS: dict[FailureCause, Colour] = {
+    FailureCause.MISLOCALISED: (0.8, 0.47, 0.65),
+    FailureCause.SPURIOUS_EDGE: (0.84, 0.37, 0.0),
+    FailureCause.WRONG_ARRIVAL: (0.9, 0.62, 0.0),
+    FailureCause.COLLISION: (0.0, 0.45, 0.7),
+    FailureCause.NO_PATH: (0.34, 0.71, 0.91),
+    FailureCause.STEP_LIMIT: (0.55, 0.57, 0.6),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +113,8 @@ def save_png(figure: Figure, path: Path) -> Path:
 
 def small_png(png: bytes) -> bytes:
     """Return a picture with 256 colours, and with fewer colours and pixels until it is small enough."""
-    whole, small = Image.open(io.BytesIO(png)).convert("RGB"), png
+    whole = Image.open(io.BytesIO(png)).convert("RGB")
+    small = png
     for scale, colours in product((1.0, 0.8, 0.65, 0.5), (256, 128, 64)):
         buffer = io.BytesIO()
         size = (round(whole.width * scale), round(whole.height * scale))
@@ -105,3 +130,74 @@ def _method(picture: Image.Image) -> Image.Quantize:
     """Return how to choose colours: in a drawing none must be far off, in photographs most of them must be right."""
     is_drawing = picture.getcolors(_COLOURS_OF_DRAWING) is not None
     return Image.Quantize.MAXCOVERAGE if is_drawing else Image.Quantize.MEDIANCUT
+
+
+@dataclass(frozen=True, slots=True)
+class ReportFigure:
+    """A figure with its title and caption; `draw` creates it."""
+
+    kind: str
+    """Which part of the report it belongs to."""
+    name: str
+    """Name of its file without ending."""
+    title: str
+    caption: str
+    """Description in short sentences."""
+    draw: Callable[[], Figure]
+    """Call it inside `style.drawing`."""
+
+
+def method_colours(methods: Sequence[str], palette: FigurePalette) -> dict[str, Colour]:
+    """Give each method a colour; the same methods in the same order get the same ones."""
+    colours = (palette.first, palette.second, palette.third, *_MORE_COLOURS)
+    return {method: colours[number % len(colours)] for number, method in enumerate(methods)}
+
+
+def cause_colour(cause: FailureCause) -> Colour:
+    """Return the colour of a cause; they are distinguishable with every common kind of colour blindness."""
+    return _CAUSE_COLOURS[cause]
+
+
+def probability_colour_map() -> LinearSegmentedColormap:
+    """Return the colours of p from 0 to 1 on white."""
+    return LinearSegmentedColormap.from_list("p", (PROBABILITY_RAMP_ON_WHITE / 255).tolist())
+
+
+def in_percent(axes: Axes, **limits: Any) -> None:
+    """Write the y axis in percent."""
+    axes.yaxis.set_major_formatter(PercentFormatter(1.0, decimals=0, symbol=" %"))
+    axes.set(**limits)
+
+
+def in_counts(axes: Axes) -> None:
+    """Write a logarithmic y axis in whole numbers, few of them. Call it when all is drawn."""
+    low, high = axes.get_ylim()
+    decades = math.log10(high / low)
+    subs = (1.0,) if decades > 3 else (1.0, 2.0, 5.0) if decades > 1 else (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
+    axes.yaxis.set_major_locator(LogLocator(subs=subs, numticks=8))
+    axes.yaxis.set_major_formatter(StrMethodFormatter("{x:,.0f}"))
+    axes.yaxis.set_minor_formatter(NullFormatter())
+
+
+def slug(text: str) -> str:
+    """Return a text as part of a file's name."""
+    return re.sub(r"[^a-z0-9]+", "-", text.lower()).strip("-") or "unnamed"
+
+
+def inline_svg(picture: ReportFigure, palette: FigurePalette) -> str:
+    """Return a figure as an SVG element for an HTML page, in the page's colours, without external links."""
+    buffer = io.StringIO()
+    nothing = dict.fromkeys(("Date", "Creator", "Format", "Type"))
+    with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": picture.name}):
+        picture.draw().savefig(buffer, format="svg", transparent=True, metadata=nothing, dpi=160)
+    text = buffer.getvalue()
+    text = text[text.index("<svg") :]
+    text = re.sub(r'\s+xmlns(:\w+)?="[^"]*"', "", text).replace("xlink:href", "href")
+    # Two equal images have the same name, and nobody asks for it.
+    text = re.sub(r'(<image\b[^>]*?)\sid="[^"]*"', r"\1", text)
+    # Several figures live in one page, so every name in them must be its own.
+    text = re.sub(r'(id="|href="#|url\(#)', rf"\g<1>{picture.name}-", text)
+    # Axes are black, whatever the ink.
+    text = re.sub(f"#000000|{to_hex(palette.text)}", "currentColor", text)
+    text = text.replace(str(mpl.rcParams["grid.color"]), "var(--line)")
+    return text.replace("<svg ", '<svg role="img" ', 1)

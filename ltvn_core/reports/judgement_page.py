@@ -86,7 +86,9 @@ def condition_table(judgement: Judgement) -> ReportTable:
     head = ("camera", "AUC", "near accepted", "far accepted", "waypoint", "nodes", "pieces", "largest piece")
     rows = []
     for condition in judgement.conditions:
-        pairs, found, looks = condition.pairs, condition.map, condition.localisation
+        pairs = condition.pairs
+        found = condition.map
+        looks = condition.localisation
         rows.append(
             (
                 condition.name or "as recorded",

@@ -15,8 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from ltvn_core.evaluation.results import MapDrawing, TrialResult
-from ltvn_core.reports.evaluation_style import WIDTH_IN, probability_colour_map
-from ltvn_core.reports.figure_style import Colour, FigurePalette
+from ltvn_core.reports.figure_style import WIDTH_IN, Colour, FigurePalette, probability_colour_map
 
 _SPURIOUS: Colour = (0.85, 0.1, 0.25)
 _TWO_IN_A_ROW = 4

@@ -30,7 +30,8 @@ def map_legend(drawn: MapLayout, left_m: float, top_m: float, width_m: float) ->
     """Yield parts of an SVG in metres, y down, that fill a strip below the map."""
     letter = _TEXT_SHARE * width_m
     counts = f"{len(drawn.graph.nodes):,} nodes, {len(drawn.graph.edges):,} edges"
-    first, second = top_m + 1.5 * letter, top_m + 3.4 * letter
+    first = top_m + 1.5 * letter
+    second = top_m + 3.4 * letter
     left = left_m + letter
     yield f'<g font-size="{letter:.4f}" style="font-family:sans-serif" fill="{palette.TEXT.css}">'
     yield _text(left, first, f"{drawn.title}: {counts}", letter)

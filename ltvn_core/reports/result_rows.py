@@ -12,7 +12,8 @@ import numpy as np
 
 from ltvn_core.evaluation.confidence_intervals import Estimate
 from ltvn_core.evaluation.metrics import EvaluationMetrics, compute_metrics
-from ltvn_core.evaluation.results import FailureCause, TrialResult
+from ltvn_core.evaluation.query_result import FailureCause
+from ltvn_core.evaluation.results import TrialResult
 from ltvn_core.systems.registry import known_system, system_names
 
 ALL_SCENES = "all scenes"

@@ -1,13 +1,15 @@
 """The robot boundary: all that the session, the command line and the navigator need of a robot.
 
-Owns the Protocols `Robot` and `Clock`, and `WallClock`, the clock of every robot that is not simulated. A robot of
-one's own implements `Robot`; `ltvn_core.robots.rectified_robot.fit_camera` lets any predictor look through its camera.
+Owns the Protocols `Robot` and `Clock`, `WallClock`, the clock of every robot that is not simulated, and how a robot
+that shows what was recorded says that it obeys no command. A robot of one's own implements `Robot`;
+`ltvn_core.robots.robot_view.fit_camera` lets any predictor look through its camera.
 """
 
 import time
 from collections.abc import Callable
 from typing import Protocol
 
+from ltvn_core.errors import OptionError
 from ltvn_core.robots.robot_spec import RobotSpec
 from ltvn_core.types import Observation, RobotState, Twist
 
@@ -92,3 +94,17 @@ class Robot(Protocol):
     def stop(self) -> None:
         """Stop now; nothing moves until the next `drive`. May come from any thread."""
         ...
+
+
+def open_loop_word(robot: object) -> str:
+    """Return in a sentence why a robot obeys no command; empty where it does.
+
+    A robot of one's own may offer it as an attribute `open_loop`.
+    """
+    return str(getattr(robot, "open_loop", ""))
+
+
+def require_drivable(robot: object) -> None:
+    """Raise OptionError where a robot obeys no command: nobody learns anything from driving it."""
+    if word := open_loop_word(robot):
+        raise OptionError(word)

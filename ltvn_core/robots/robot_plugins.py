@@ -46,7 +46,8 @@ def open_robot(wanted: str, installed: Mapping[str, Plugin] | None = None) -> Ro
 
 def check_robot(robot: object, name: str) -> None:
     """Raise PluginError where a robot lacks a part, or where its first image is not what its camera takes."""
-    spec, clock = getattr(robot, "spec", None), getattr(robot, "clock", None)
+    spec = getattr(robot, "spec", None)
+    clock = getattr(robot, "clock", None)
     if not isinstance(spec, RobotSpec):
         raise PluginError(f"The robot {name} has no `spec`; give it a ltvn_core.RobotSpec, got {spec!r}.")
     if not (isinstance(getattr(clock, "is_simulated", None), bool) and callable(getattr(clock, "now", None))):

@@ -1,10 +1,20 @@
-"""A robot whose images are changed on their way to whoever looks; everything else is passed on."""
+"""A robot whose images are changed on their way to whoever looks; everything else is passed on.
 
+Session, command line and navigator look at any robot through `fit_camera(robot, predictor.camera)`. Owns the rectifying
+of its images, the keeping of the originals, and steps and stamps that go on from those of a map.
+"""
+
+import math
 from abc import ABC, abstractmethod
+from dataclasses import replace
 
+from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.cameras.original_images import OriginalSize
+from ltvn_core.cameras.rectification import have_same_rays, rectified_camera
+from ltvn_core.preprocessing import ORIGINAL_SIZE, admit_observation, continued_observation
 from ltvn_core.robots.robot import Clock, Robot
 from ltvn_core.robots.robot_spec import RobotSpec
-from ltvn_core.types import Observation, RobotState, Twist
+from ltvn_core.types import CONTROL_STEP_S, FrameId, Observation, RobotState, Twist
 
 
 class RobotView(ABC):
@@ -49,3 +59,80 @@ class RobotView(ABC):
     def stop(self) -> None:
         """Stop the robot."""
         self._robot.stop()
+
+
+class ContinuedRobot(RobotView):
+    """Adds to steps and stamps, and checks each image; a robot that counts on by itself keeps its own."""
+
+    def __init__(self, robot: Robot, *, last_step: FrameId = -1, last_stamp_s: float = -math.inf) -> None:
+        """Go on after a map's last image; by default the robot's own steps and clock count."""
+        super().__init__(robot)
+        state = robot.state()
+        self._steps = max(0, last_step + 1 - state.step)
+        self._seconds = max(0.0, last_stamp_s + CONTROL_STEP_S - state.stamp)
+        self._clock = _ContinuedClock(robot.clock, self._seconds) if self._seconds else robot.clock
+
+    @property
+    def clock(self) -> Clock:
+        """The robot's, counted on."""
+        return self._clock
+
+    def state(self) -> RobotState:
+        """Return the robot's, counted on."""
+        state = self._robot.state()
+        return state._replace(step=state.step + self._steps, stamp=state.stamp + self._seconds)
+
+    def _changed(self, taken: Observation) -> Observation:
+        """Return an image as it counts here. Raises ImageError where it, its place or its time cannot be."""
+        source = self._robot.spec.name
+        return continued_observation(taken, steps=self._steps, seconds=self._seconds, source=source)
+
+
+class _ContinuedClock:
+    """A clock that shows more than another. Implements `ltvn_core.robots.robot.Clock`."""
+
+    def __init__(self, clock: Clock, added_s: float) -> None:
+        self._clock = clock
+        self._added_s = added_s
+
+    @property
+    def is_simulated(self) -> bool:
+        return self._clock.is_simulated
+
+    def now(self) -> float:
+        return self._clock.now() + self._added_s
+
+    def advance(self, duration_s: float) -> None:
+        self._clock.advance(duration_s)
+
+
+def fit_camera(robot: Robot, target: CameraModel, *, original_size: OriginalSize | None = ORIGINAL_SIZE) -> Robot:
+    """Return the robot with images as `target` would take them; the very same robot where its camera does already.
+
+    The result's `spec.camera` is `target` at the height of the robot's own camera. Recordings of it keep the original
+    images at most at `original_size`; None keeps none.
+    """
+    camera = robot.spec.camera
+    if have_same_rays(camera, target) and camera.depth_scale == 1.0:
+        return robot
+    return RectifiedRobot(robot, target, original_size)
+
+
+class RectifiedRobot(RobotView):
+    """Rectifies what a robot sees, each image once."""
+
+    def __init__(self, robot: Robot, target: CameraModel, original_size: OriginalSize | None) -> None:
+        """Look through the camera `target`; see `fit_camera`."""
+        super().__init__(robot)
+        self._target = target
+        self._original_size = original_size
+        self._spec = replace(robot.spec, camera=rectified_camera(robot.spec.camera, target))
+
+    @property
+    def spec(self) -> RobotSpec:
+        """The robot's, with the camera of the rectified images."""
+        return self._spec
+
+    def _changed(self, taken: Observation) -> Observation:
+        camera = self._robot.spec.camera
+        return admit_observation(taken, camera, self._target, original_size=self._original_size, source=self._spec.name)

@@ -10,8 +10,7 @@ from PIL import Image
 from trimesh.visual.material import PBRMaterial
 from trimesh.visual.texture import TextureVisuals
 
-from ltvn_core.simulation.surfaces import Surfaces
-from ltvn_core.simulation.texture_sizes import shrink_to_budget
+from ltvn_core.simulation.surfaces import Surfaces, shrink_to_budget
 from ltvn_core.types import Rgb
 
 MAX_EXPORTED_TEXELS = 8_000_000

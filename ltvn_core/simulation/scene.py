@@ -1,18 +1,20 @@
-"""The type of a scene, whether generated or read from a mesh. `scene_registry` finds scenes by name or by path."""
+"""The type of a scene, whether generated or read from a mesh, and what a person calls its doors.
 
+`scene_registry` finds scenes by name or by path.
+"""
+
+from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ltvn_core.simulation.clearance_map import OBSTACLE_HEIGHT_M, ClearanceMap
-from ltvn_core.simulation.collision_mesh import extrude_blocked_cells
+from ltvn_core.simulation.clearance_map import OBSTACLE_HEIGHT_M, ClearanceMap, extrude_blocked_cells
 from ltvn_core.simulation.gltf_export import to_glb
-from ltvn_core.simulation.light import PLAIN_LIGHT, Light
 from ltvn_core.simulation.rooms import Room
 from ltvn_core.simulation.scene_parts import SceneParts
-from ltvn_core.simulation.surfaces import Surfaces, joined
+from ltvn_core.simulation.surfaces import PLAIN_LIGHT, Light, Surfaces, joined
 
 RECORDED_TEXELS = 300_000
 """Limit for the textures of a scene in a recording: each recording carries its scene, as the ground of its map."""
@@ -51,3 +53,20 @@ class Scene:
         """Return the scene as recordings draw it: binary glTF, z up, without ceilings, textures made small."""
         whole = joined([self.surfaces, *self.added]) if self.added else self.surfaces
         return to_glb(whole.without_overhead(), most_texels=RECORDED_TEXELS)
+
+
+def door_names(scene: Scene) -> tuple[str, ...]:
+    """Return a name for each door of a scene, such as `hall – kitchen`."""
+    names = _room_names(scene.rooms)
+    return tuple(" – ".join(names[room] for room in doorway.rooms) for doorway in scene.parts.doors)
+
+
+def _room_names(rooms: tuple[Room, ...]) -> tuple[str, ...]:
+    """Return a name for each room; where several serve the same purpose they are numbered."""
+    total = Counter(room.kind for room in rooms)
+    seen = Counter[object]()
+    names: list[str] = []
+    for room in rooms:
+        seen[room.kind] += 1
+        names.append(room.kind.value + (f" {seen[room.kind]}" if total[room.kind] > 1 else ""))
+    return tuple(names)

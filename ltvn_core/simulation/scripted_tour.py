@@ -1,7 +1,8 @@
 """A scripted mapping drive: the robot visits all rooms of a scene several times and records images.
 
-It stands in for a person who drives the robot with the keyboard. It plans with the clearance map and the exact pose,
-because a person sees the scene too, but it moves through the same physics, drive lease and odometry as any driver.
+It stands in for a person who drives the robot with the keyboard. It plans with the clearance map and follows its path
+by the exact pose, because a person sees the scene too, but it moves through the same physics, drive lease and odometry
+as any driver.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -13,13 +14,54 @@ from numpy.typing import NDArray
 from ltvn_core.geometry import wrap_angle
 from ltvn_core.robots.watched_drive import IMAGE_EVERY_M, IMAGE_EVERY_RAD, has_moved
 from ltvn_core.simulation.clearance_map import ClearanceMap
-from ltvn_core.simulation.path_follower import PathFollower
 from ltvn_core.simulation.scene import Scene
 from ltvn_core.simulation.simulated_robot import SimulatedRobot
 from ltvn_core.types import CONTROL_STEP_S, Observation, Pose, Twist
 
 LED_M_S = 0.45
 """So fast a person leads a robot along one way."""
+
+
+class PathFollower:
+    """One path, until its end is reached (pure pursuit)."""
+
+    def __init__(
+        self,
+        path: NDArray[np.float64],
+        *,
+        speed_m_s: float = 0.4,
+        lookahead_m: float = 0.3,
+        turn_first_rad: float = 0.5,
+        arrived_m: float = 0.15,
+    ) -> None:
+        """Follow `path`, (M, 2) x and y in metres.
+
+        The robot steers towards the first point that is farther away than `lookahead_m`, turns on the spot above
+        `turn_first_rad`, and is there within `arrived_m` of the end.
+        """
+        self.path = path
+        self._speed_m_s = speed_m_s
+        self._lookahead_m = lookahead_m
+        self._turn_first_rad = turn_first_rad
+        self._arrived_m = arrived_m
+        self._ahead = 0
+
+    def twist(self, pose: Pose) -> Twist | None:
+        """Return the velocity to drive with from a pose (3,); None at the end of the path."""
+        path = self.path
+        if np.hypot(*(path[-1] - pose[:2])) < self._arrived_m:
+            return None
+        while self._ahead < len(path) - 1 and np.hypot(*(path[self._ahead] - pose[:2])) < self._lookahead_m:
+            self._ahead += 1
+        return self._towards(pose, path[self._ahead])
+
+    def _towards(self, pose: Pose, point: NDArray[np.float64]) -> Twist:
+        offset = point - pose[:2]
+        heading_error = float(wrap_angle(np.arctan2(offset[1], offset[0]) - pose[2]))
+        if abs(heading_error) > self._turn_first_rad:
+            return Twist(0.0, float(np.sign(heading_error)))
+        angular_rad_s = float(np.clip(2.5 * heading_error, -1.0, 1.0))
+        return Twist(self._speed_m_s * float(np.cos(heading_error)), angular_rad_s)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,12 +1,14 @@
 """The simulated LoCoBot: body, drive lease, odometry and camera behind the `Robot` protocol.
 
 Holds the robot's clock and the count of control steps. Time passes only in `advance`, so the robot cannot move while
-its program hangs. `drive` and `stop` may be called from any thread, everything else from one thread.
+its program hangs. `drive` and `stop` may be called from any thread, everything else from one thread. The colours of its
+images are rendered when somebody asks for them: most images only tell a robot how far away things are, and colours cost
+most of a rendered image.
 """
 
 import math
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol, Self, runtime_checkable
 
 import numpy as np
 
@@ -20,9 +22,7 @@ from ltvn_core.simulation.body_names import BodyName
 from ltvn_core.simulation.body_selection import open_body
 from ltvn_core.simulation.changes.world_follower import WorldFollower
 from ltvn_core.simulation.clearance_map import ClearanceMap
-from ltvn_core.simulation.drivetrain import Drivetrain
-from ltvn_core.simulation.rendered_observation import DepthFirstRenderer, RenderedObservation
-from ltvn_core.simulation.wheel_odometry import Odometer, OdometryNoise
+from ltvn_core.simulation.wheel_odometry import Drivetrain, Odometer, OdometryNoise
 from ltvn_core.types import (
     CONTROL_STEP_S,
     Depth,
@@ -40,10 +40,53 @@ if TYPE_CHECKING:
     from ltvn_core.simulation.changes.world import World
     from ltvn_core.simulation.scene import Scene
 
+_NO_COLOURS = np.empty((0, 0, 3), np.uint8)
 _TICKS_PER_STEP = round(CONTROL_STEP_S * TICKS_PER_SECOND)
 _TICKS_BETWEEN_COLLISIONS = round(0.2 * TICKS_PER_SECOND)
 _GRID_TOLERANCE_M = 0.05
 """The clearance map rounds to cells, so a start may seem this much closer to an obstacle than it is."""
+
+
+@runtime_checkable
+class DepthFirstRenderer(Protocol):
+    """A renderer that can leave the colours for later."""
+
+    def measure(self, pose: Pose, camera: CameraModel) -> tuple[Callable[[], Rgb], Depth]:
+        """Return the depth (H, W), and what renders the rgb (H, W, 3) of the scene as it is now."""
+        ...
+
+
+class RenderedObservation(Observation):
+    """An observation like any other; `rgb` is rendered at its first use, as the world was when it was taken."""
+
+    __slots__ = ("_render",)
+    _render: Callable[[], Rgb] | None
+
+    @classmethod
+    def take(
+        cls,
+        render: Callable[[], Rgb],
+        depth: Depth,
+        *,
+        odometry: Pose,
+        stamp: float,
+        step: FrameId,
+        exact_pose: Pose,
+    ) -> Self:
+        """Take an observation with the colours that `render` will return."""
+        taken = cls(_NO_COLOURS, depth, odometry, stamp, step, exact_pose)
+        object.__setattr__(taken, "_render", render)
+        object.__delattr__(taken, "rgb")  # So that who asks for it comes to `__getattr__`.
+        return taken
+
+    def __getattr__(self, name: str) -> Rgb:
+        if name != "rgb":
+            raise AttributeError(f"{type(self).__name__} has no attribute {name!r}")
+        render = self._render
+        if render is not None:  # Another thread may have rendered it meanwhile.
+            object.__setattr__(self, "rgb", render())
+            object.__setattr__(self, "_render", None)  # It holds what the camera's rays met.
+        return object.__getattribute__(self, "rgb")
 
 
 class SimulatedRobot:
@@ -137,11 +180,6 @@ class SimulatedRobot:
     def collisions(self) -> int:
         """Number of collisions so far; one collision ends after 0.2 s without contact."""
         return self._collision_counter.count
-
-    @property
-    def lease_expiries(self) -> int:
-        """Number of drive commands that expired, so that the robot stopped by itself."""
-        return self._lease.expiries
 
     def drive(self, twist: Twist) -> None:
         """Command a velocity for the duration of a lease; may be called from any thread.

@@ -49,7 +49,6 @@ class SurfaceBuilder:
         *,
         turn: tuple[float, float] = (1.0, 0.0),
         tile_m: float | None = 1.0,
-        v_origin_m: float = 0.0,
     ) -> None:
         """Add a box.
 
@@ -59,7 +58,6 @@ class SurfaceBuilder:
             size: Its extents along x, y, z before the turn.
             turn: (cos, sin) of its rotation about the vertical axis.
             tile_m: Metres per repeat of the texture; None fits the texture onto each side once.
-            v_origin_m: Height at which a repeat of the texture begins.
 
         A box that stands on the floor gets no bottom side, because it can never be seen.
         """
@@ -77,7 +75,7 @@ class SurfaceBuilder:
             else:
                 shift = np.asarray(centre) if turn == (1.0, 0.0) else np.zeros(3)
                 at = corners + shift
-                uv = np.stack([at[:, u_axis] * u_sign, at[:, v_axis] - v_origin_m], -1) / tile_m
+                uv = np.stack([at[:, u_axis] * u_sign, at[:, v_axis]], -1) / tile_m
             self._add(texture, _turned(corners, turn)[_QUAD] + np.asarray(centre), uv[_QUAD])
 
     def cylinder(

@@ -1,12 +1,64 @@
-"""The visible surfaces of a scene: textured triangles in flat arrays, for ray casting and display."""
+"""The visible surfaces of a scene: textured triangles in flat arrays, for ray casting and display.
+
+Owns the sizes that textures may have (sides that are powers of two, and a budget of texels) and the light, as factors
+of the colours.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple, Self
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.types import Rgb
+
+_RED_OF_LAMPS = 0.12
+_BLUE_OF_LAMPS = 0.3
+"""At a warmth of 1 red is so much stronger, and blue so much weaker."""
+MAX_SIDE = 4096
+
+
+class Light(NamedTuple):
+    """How bright a scene is and in which colour it is lit; factors, 1 is the scene as it was made."""
+
+    red: float = 1.0
+    green: float = 1.0
+    blue: float = 1.0
+
+    @classmethod
+    def of(cls, level: float, warmth: float) -> Self:
+        """Return the light of a brightness (1 is plain) and a warmth from -1 (daylight) to 1 (lamps)."""
+        return cls(level * (1 + _RED_OF_LAMPS * warmth), level, level * (1 - _BLUE_OF_LAMPS * warmth))
+
+
+PLAIN_LIGHT = Light()
+
+
+def resize_to_power_of_two(image: Rgb) -> Rgb:
+    """Scale an image (H, W, 3) to the nearest powers of two, at most `MAX_SIDE`."""
+    height, width = (min(MAX_SIDE, 1 << max(0, round(float(np.log2(side))))) for side in image.shape[:2])
+    return resized(image, width, height)
+
+
+def shrink_to_budget(images: list[Rgb], most_texels: int) -> list[Rgb]:
+    """Halve the largest images until all together have at most `most_texels` texels."""
+    images = list(images)
+    while sum(image.size // 3 for image in images) > most_texels:
+        largest = max(range(len(images)), key=lambda k: images[k].size)
+        height, width = images[largest].shape[:2]
+        images[largest] = resized(images[largest], max(width // 2, 1), max(height // 2, 1))
+    return images
+
+
+def resized(image: Rgb, width: int, height: int) -> Rgb:
+    """Scale an image (H, W, 3); shrinking averages, enlarging interpolates."""
+    if image.shape[:2] == (height, width):
+        return np.ascontiguousarray(image)
+    shrinks = width * height < image.shape[0] * image.shape[1]
+    interpolation = cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
+    return cv2.resize(image, (width, height), interpolation=interpolation).astype(np.uint8, copy=False)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,8 +1,10 @@
-"""Simulated wheel odometry with realistic drift.
+"""The wheels of the simulated robot: speeds that follow commands, and odometry with realistic drift.
 
 Errors are scale errors, not jitter: wheels that measure 1 % too much do so for a while. Each error is drawn again after
 a metre driven or a radian turned. So short motions are wrong in proportion to their length, long drives drift like a
 random walk, and the result does not depend on the length of a simulation step. Wheels that slip are wrong at once.
+
+Knows neither the drive lease, which decides what is commanded, nor the physics, which decides how the body moves.
 """
 
 import math
@@ -11,7 +13,48 @@ from typing import ClassVar
 
 import numpy as np
 
-from ltvn_core.types import Pose
+from ltvn_core.robots.robot_spec import AccelerationLimits
+from ltvn_core.types import ZERO_TWIST, Pose, Twist
+
+
+class Drivetrain:
+    """Tracks commanded velocities with limited acceleration."""
+
+    def __init__(self, accelerations: AccelerationLimits | None = None) -> None:
+        self._limits = accelerations or AccelerationLimits()
+        self.speeds = ZERO_TWIST
+
+    def halt(self) -> None:
+        """Set the speeds to zero without braking, as when the robot is lifted."""
+        self.speeds = ZERO_TWIST
+
+    def follow(self, command: Twist, duration_s: float) -> Twist:
+        """Change the speeds towards `command` for `duration_s` seconds and return them."""
+        if command == self.speeds:
+            return self.speeds  # As in most of the 240 ticks of a second.
+        limits = self._limits
+        linear_m_s = _approach(
+            self.speeds.linear_m_s,
+            command.linear_m_s,
+            most_gain=limits.linear_m_s2 * duration_s,
+            most_loss=limits.linear_braking_m_s2 * duration_s,
+        )
+        angular_rad_s = _approach(
+            self.speeds.angular_rad_s,
+            command.angular_rad_s,
+            most_gain=limits.angular_rad_s2 * duration_s,
+            most_loss=limits.angular_braking_rad_s2 * duration_s,
+        )
+        self.speeds = Twist(linear_m_s, angular_rad_s)
+        return self.speeds
+
+
+def _approach(speed: float, target: float, *, most_gain: float, most_loss: float) -> float:
+    """Change `speed` towards `target`, by at most `most_gain` when it grows and `most_loss` when it shrinks."""
+    if speed * target < 0:
+        target = 0.0  # A change of sign brakes to a stop first.
+    most = most_loss if abs(target) < abs(speed) else most_gain
+    return speed + max(-most, min(most, target - speed))
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,10 +77,14 @@ class OdometryNoise:
 
 OdometryNoise.NONE = OdometryNoise(0.0, 0.0, 0.0)
 
+
 SLIP_M = 0.15
 """Standard deviation of a slip along the heading (ours): a threshold, the edge of a carpet,"""
+
+
 SLIP_RAD = 0.12
 """and of the heading."""
+
 
 ERROR_SECTION_LENGTH = 1.0
 """Metres driven plus radians turned after which the errors are drawn again."""

@@ -4,20 +4,33 @@ Owns the fields. The table of names is `ltvn_core.systems.registry`.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
 from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
-from ltvn_core.training.system_training import OdometryTraining, SystemTraining
 
 if TYPE_CHECKING:  # The command line reads the names of systems and must not wait for numpy.
     from ltvn_core.config import Method
     from ltvn_core.graph.navigation_system import NavigationSystem
+    from ltvn_core.network.architecture import EnsembleArchitecture
+    from ltvn_core.training_data.temporal_rules import TemporalLabelRule
 
 
 SystemFactory: TypeAlias = "Callable[[Method], NavigationSystem]"
 """Makes a system with the thresholds of a method."""
+
+
+@dataclass(frozen=True, slots=True)
+class TemporalLearning:
+    """What a network learns by that knows no poses, only the steps between two images of a drive."""
+
+    rule: "TemporalLabelRule"
+    """Labels a pair of images by the steps between them."""
+    even_distances: bool = True
+    """Draw positives evenly over distance; False learns from pairs as often as they occur."""
+    added: "EnsembleArchitecture | None" = None
+    """Layers that learn in place of the shipped network, which stays as it is; None where all of it learns."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,8 +45,8 @@ class SystemEntry:
     """Returns the system with the thresholds of a method."""
     weights: Path = SHIPPED_WEIGHTS
     """Weights of its network that are used unless others are named."""
-    training: SystemTraining = field(default_factory=OdometryTraining)
-    """How its network learns."""
+    learning: TemporalLearning | None = None
+    """How its network learns by time; None where it learns by odometry, as the paper's does."""
     preset_in_label: bool = False
     """Whether readers must know the preset: True where presets change the system itself and not only the navigator."""
 

@@ -33,8 +33,7 @@ from ltvn_core.systems.all_image_map import (
     cheapest_from_each,
     encode_trajectory,
 )
-from ltvn_core.systems.entry import SystemEntry
-from ltvn_core.training.system_training import TemporalTraining
+from ltvn_core.systems.entry import SystemEntry, TemporalLearning
 from ltvn_core.training_data.temporal_rules import TemporalClosenessRule
 from ltvn_core.types import Features, FrameId, Observation, Predictor
 
@@ -106,5 +105,5 @@ HTM = SystemEntry(
     label="HTM",
     factory=htm_system,
     weights=shipped_weights("htm"),
-    training=TemporalTraining(TemporalClosenessRule(), even_distances=False, added=ContrastiveArchitecture()),
+    learning=TemporalLearning(TemporalClosenessRule(), even_distances=False, added=ContrastiveArchitecture()),
 )

@@ -12,15 +12,14 @@ from ltvn_core.errors import OptionError
 from ltvn_core.graph.ltvn import LifelongMaintenance
 from ltvn_core.graph.navigation_system import NavigationSystem, NoMaintenance
 from ltvn_core.graph.node_views import ViewConfig
-from ltvn_core.graph.presence.edge_filters import edge_filter
 from ltvn_core.graph.presence.edge_presence import EdgePresence, FilteredPresence
+from ltvn_core.graph.presence.persistent import PERSISTENT
 from ltvn_core.graph.presence.presence_filter import PresenceFilter
 from ltvn_core.graph.presence.presence_maintenance import PresenceMaintenance
 from ltvn_core.systems.brm import BayesianEdges, RoomOf
 from ltvn_core.systems.maintenance_names import MAINTENANCE_NAMES
 
 _Told = TypeVar("_Told")
-_FILTERED = ("persistent", "forgetting", "fremen")
 
 
 def with_maintenance(
@@ -51,8 +50,8 @@ def with_maintenance(
 
 
 def _presence(name: str, truth: EdgePresence | None) -> EdgePresence:
-    if name in _FILTERED:
-        return FilteredPresence(edge_filter(name))
+    if name == "persistent":
+        return FilteredPresence(PERSISTENT)
     if name != "truth":
         raise OptionError(f"No maintenance is called {name!r}. {which_name(name, MAINTENANCE_NAMES)}.")
     return _known(truth, name, "which edges are open")
@@ -71,18 +70,19 @@ def _known(told: _Told | None, name: str, what: str) -> _Told:
 def recorded_filter(name: str) -> PresenceFilter | None:
     """Return what judged which edges are open in a run whose recording names a maintenance, which may be empty.
 
-    None where its plans took no account of that, `persistent` where the recording does not say.
+    None where its plans took no account of that. Recordings that do not say, and those of filters that are no longer
+    part of the package, are looked at with the one that is.
     """
     if name in ("static", "paper", "robust", "brm", "brm-rooms"):
         return None
-    return edge_filter(name if name in _FILTERED else "persistent")
+    return PERSISTENT
 
 
 def recorded_maintenance(system: NavigationSystem) -> str:
     """Return the name of the filter that judges which edges are open in a system; empty where none does."""
     presence = system.presence
     judges = presence.presence_filter if isinstance(presence, FilteredPresence) else None
-    return next((name for name in _FILTERED if edge_filter(name) is judges), "")
+    return "persistent" if judges is PERSISTENT else ""
 
 
 def _believing(preset: BeliefConfig, measured: BeliefConfig) -> BeliefConfig:

@@ -7,13 +7,17 @@ listing the names costs nothing.
 """
 
 from collections.abc import Iterator, Mapping
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 from ltvn_core.close_names import which_name
 from ltvn_core.errors import OptionError
 from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS, shipped_weights
 from ltvn_core.plugins import SYSTEMS, Plugin, find_plugins, require_own
 from ltvn_core.systems.entry import SystemEntry, SystemFactory
+
+if TYPE_CHECKING:  # The command line reads the names of systems and must not wait for numpy.
+    from ltvn_core.config import Method
+    from ltvn_core.graph.navigation_system import NavigationSystem
 
 DEFAULT_SYSTEM = "ltvn"
 """The system where nobody names one, and that of maps and recordings that name none."""
@@ -40,7 +44,7 @@ def baseline_systems() -> Iterator[SystemEntry]:
 def network_owner(name: str) -> str:
     """Return the first system whose network begins and learns as that of the named one, which may be itself."""
     entry = system_entry(name)
-    alike = (each.name for each in own_systems() if (each.weights, each.training) == (entry.weights, entry.training))
+    alike = (each.name for each in own_systems() if (each.weights, each.learning) == (entry.weights, entry.learning))
     return next(alike, name)
 
 
@@ -51,6 +55,19 @@ def system_entry(name: str) -> SystemEntry:
         require_own(SYSTEMS, name, OWN_SYSTEMS)
         raise OptionError(f"No navigation system is called {name!r}. {which_name(name, system_names())}.")
     return load_system(found)
+
+
+def open_system(name: str, method: "Method") -> "NavigationSystem":
+    """Return a navigation system by its name.
+
+    Args:
+        name: `ltvn`, `sptm`, `ving`, or what another package adds to the entry points `ltvn.systems`.
+        method: The thresholds it is to use.
+
+    Raises:
+        OptionError: No system has that name; the message lists those there are.
+    """
+    return system_entry(name).factory(method)
 
 
 def recorded_system(config: Mapping[str, Any]) -> SystemEntry:

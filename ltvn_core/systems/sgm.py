@@ -28,7 +28,7 @@ from ltvn_core.systems.all_image_map import (
     cheapest_from_each,
     encode_trajectory,
 )
-from ltvn_core.systems.entry import SystemEntry
+from ltvn_core.systems.entry import SystemEntry, TemporalLearning
 from ltvn_core.systems.temporal_distance import (
     EDGE_STEPS,
     NearestInTime,
@@ -36,7 +36,6 @@ from ltvn_core.systems.temporal_distance import (
     temporal_distances,
     with_step_thresholds,
 )
-from ltvn_core.training.system_training import TemporalTraining
 from ltvn_core.training_data.temporal_rules import TemporalDistanceRule
 from ltvn_core.types import FrameId, Observation, Predictor
 
@@ -139,5 +138,5 @@ SGM = SystemEntry(
     label="SGM",
     factory=sgm_system,
     weights=shipped_weights("ving"),
-    training=TemporalTraining(TemporalDistanceRule(), even_distances=False),
+    learning=TemporalLearning(TemporalDistanceRule(), even_distances=False),
 )

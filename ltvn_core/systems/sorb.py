@@ -30,7 +30,7 @@ from ltvn_core.systems.all_image_map import (
     predict_all_pairs,
     surest_links,
 )
-from ltvn_core.systems.entry import SystemEntry
+from ltvn_core.systems.entry import SystemEntry, TemporalLearning
 from ltvn_core.systems.temporal_distance import (
     EDGE_STEPS,
     NearestInTime,
@@ -38,7 +38,6 @@ from ltvn_core.systems.temporal_distance import (
     temporal_cost,
     with_step_thresholds,
 )
-from ltvn_core.training.system_training import TemporalTraining
 from ltvn_core.training_data.temporal_rules import TemporalDistanceRule
 from ltvn_core.types import Features, FrameId, NodeId, Observation, Predictor
 
@@ -105,5 +104,5 @@ SORB = SystemEntry(
     label="SoRB",
     factory=sorb_system,
     weights=shipped_weights("sorb"),
-    training=TemporalTraining(TemporalDistanceRule(), even_distances=False, added=EnsembleArchitecture()),
+    learning=TemporalLearning(TemporalDistanceRule(), even_distances=False, added=EnsembleArchitecture()),
 )

@@ -27,8 +27,7 @@ from ltvn_core.systems.all_image_map import (
     encode_trajectory,
     predict_all_pairs,
 )
-from ltvn_core.systems.entry import SystemEntry
-from ltvn_core.training.system_training import TemporalTraining
+from ltvn_core.systems.entry import SystemEntry, TemporalLearning
 from ltvn_core.training_data.temporal_rules import TemporalClosenessRule
 from ltvn_core.types import Features, FrameId, NodeId, Observation, Predictor
 
@@ -139,5 +138,5 @@ SPTM = SystemEntry(
     label="SPTM",
     factory=sptm_system,
     weights=shipped_weights("sptm"),
-    training=TemporalTraining(TemporalClosenessRule()),
+    learning=TemporalLearning(TemporalClosenessRule()),
 )

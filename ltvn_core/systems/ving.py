@@ -24,7 +24,7 @@ from ltvn_core.systems.all_image_map import (
     predict_all_pairs,
     surest_links,
 )
-from ltvn_core.systems.entry import SystemEntry
+from ltvn_core.systems.entry import SystemEntry, TemporalLearning
 from ltvn_core.systems.temporal_distance import (
     EDGE_STEPS,
     NearestInTime,
@@ -32,7 +32,6 @@ from ltvn_core.systems.temporal_distance import (
     temporal_cost,
     with_step_thresholds,
 )
-from ltvn_core.training.system_training import TemporalTraining
 from ltvn_core.training_data.temporal_rules import TemporalDistanceRule
 from ltvn_core.types import Features, FrameId, Observation, Prediction, Predictor
 
@@ -97,5 +96,5 @@ VING = SystemEntry(
     label="ViNG",
     factory=ving_system,
     weights=shipped_weights("ving"),
-    training=TemporalTraining(TemporalDistanceRule(), even_distances=False),
+    learning=TemporalLearning(TemporalDistanceRule(), even_distances=False),
 )

@@ -1,27 +1,230 @@
 """Fine-tuning of the geometric predictor: its calibration gets to know the images of one drive, in seconds.
 
-Owns the order of the parts and what is on disk afterwards: the calibration with its card, whole, or nothing. Which
-weights are better is decided in `ltvn_core.predictors.geometric_adaptation`.
+Owns which pairs of the drive are drawn and how they are labelled, the order of the parts, and what is on disk
+afterwards: the calibration with its card, whole, or nothing. Which weights are better is decided in
+`ltvn_core.predictors.geometric_adaptation`.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ltvn_core.atomic_files import require_new_path, write_text_atomically
+from ltvn_core.config import ROBUST
 from ltvn_core.errors import RecordingError
-from ltvn_core.predictors.geometric import GeometricPredictor
-from ltvn_core.predictors.geometric_adaptation import Adaptation, adapt
-from ltvn_core.predictors.geometric_fitting import shipped_comparisons
+from ltvn_core.geometry import wrap_angle
+from ltvn_core.predictors.geometric import GeometricPredictor, SurePose, drivable_share
+from ltvn_core.predictors.geometric_adaptation import (
+    Adaptation,
+    OwnPairs,
+    Rescaled,
+    adapt,
+    is_right,
+    shipped_comparisons,
+)
+from ltvn_core.predictors.geometric_evidence import NO_EVIDENCE, Evidence
+from ltvn_core.predictors.geometric_features import ImageFeatures, ImageGrid, image_grid
+from ltvn_core.predictors.geometric_pose import ROOM_DEPTH_M
+from ltvn_core.predictors.geometric_verification import verify, waypoint
 from ltvn_core.preprocessing import recorded_observation
 from ltvn_core.recording.drive_part import WHOLE_DRIVE, DrivePart
 from ltvn_core.recording.reader import Recording
-from ltvn_core.training.calibration_pairs import DrivePairs, compare_drive
 from ltvn_core.training.drive_path import DrivePath, drive_path
+from ltvn_core.training_data.truth_limits import LIMITS
 from ltvn_core.types import Observation
+
+MOST_CLOSE = 1000
+"""Pairs near each other that are compared at most,"""
+MOST_LOOKING = 200
+"""and images that look for others among the far ones."""
+CLOSE_M, CLOSE_RAD = 2.0, np.deg2rad(60)
+
+_SAME_WAY_RAD = np.deg2rad(25)
+_SAME_TURN_RAD = np.deg2rad(8)
+_LEAST_SHIFT_M = 0.08
+"""Shorter ways say nothing about the scale of distances,"""
+_FEWEST_SHIFTS = 15
+"""nor do fewer pairs."""
+_ROOM_DEPTHS_M = (0.3, 20.0)
+
+
+@dataclass(frozen=True, slots=True)
+class FoundPose:
+    """A pose between two images, before anything says how sure it is."""
+
+    evidence: Evidence
+    pose: SurePose
+    """From the source."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DrivePairs:
+    """P pairs of a drive, with what was found of each."""
+
+    path: DrivePath
+    features: Sequence[ImageFeatures]
+    predictor: GeometricPredictor
+    grid: ImageGrid
+    source: NDArray[np.intp]
+    """(P,)"""
+    target: NDArray[np.intp]
+    """(P,)"""
+    found: Sequence[FoundPose | None]
+    """P poses, with distances as `epipolar_motion` guesses them where there is no depth."""
+    far_pairs: int
+    """Far pairs of the images that looked among them."""
+
+    def labelled(self, room_depth_m: float) -> OwnPairs:
+        """Return the pairs as a fit takes them, with a guess of how far away things usually are."""
+        truth = self.path.waypoints(self.source, self.target)
+        far = self.path.far(self.source, self.target)
+        known = self.path.known(self.source, self.target)
+        right = np.zeros(len(self.source), bool)
+        share = np.zeros(len(self.source))
+        for k, pose in enumerate(self._seen_with(room_depth_m)):
+            if pose is not None:
+                share[k] = self._drivable_share(k, pose)
+                right[k] = known[k] and is_right(pose.waypoint, truth[k], measured=self._depths(k) > 0)
+                # Odometry that drifted still tells that a far place is not near.
+                known[k] |= far[k] and not _is_far(pose)
+        return OwnPairs(
+            source=self.source,
+            target=self.target,
+            images=len(self.features),
+            near=self.path.near(self.source, self.target),
+            far=far,
+            known=known,
+            right=right,
+            depths=np.array([self._depths(k) for k in range(len(self.source))], np.intp),
+            found=np.array([found is not None for found in self.found], bool),
+            evidence=np.array([NO_EVIDENCE if found is None else found.evidence for found in self.found], np.float64),
+            share=share,
+            far_pairs=self.far_pairs,
+        )
+
+    def rescaled(self) -> Rescaled | None:
+        """Return the pairs with the room depth that fits the drive; None where depth measures it or nothing tells."""
+        truth = self.path.waypoints(self.source, self.target)
+        known = self.path.known(self.source, self.target)
+        ratios = [
+            np.log(np.hypot(*truth[k][:2]) / np.hypot(*found.pose.waypoint[:2]))
+            for k, found in enumerate(self.found)
+            if found is not None and known[k] and not self._depths(k) and _goes_the_same_way(found.pose, truth[k])
+        ]
+        if len(ratios) < _FEWEST_SHIFTS:
+            return None
+        depth = round(float(np.clip(ROOM_DEPTH_M * np.exp(np.median(ratios)), *_ROOM_DEPTHS_M)), 3)
+        return Rescaled(self.labelled(depth), depth)
+
+    def _depths(self, k: int) -> int:
+        return self.features[self.source[k]].has_depth + self.features[self.target[k]].has_depth
+
+    def _seen_with(self, room_depth_m: float) -> Sequence[SurePose | None]:
+        """Return the P poses with a guess of how far away things usually are, which counts where depth is missing."""
+        return [
+            found and (found.pose if self._depths(k) else found.pose.scaled(room_depth_m / ROOM_DEPTH_M))
+            for k, found in enumerate(self.found)
+        ]
+
+    def _drivable_share(self, k: int, pose: SurePose) -> float:
+        if np.hypot(*pose.waypoint[:2]) >= ROBUST.building.connect_distance:
+            return 0.0
+        return drivable_share(self.features[self.source[k]], pose, self.predictor.camera, self.grid)
+
+
+def _is_far(pose: SurePose) -> bool:
+    x, y, turn = pose.waypoint
+    return bool(LIMITS.far(np.array([x, y, max(abs(turn), pose.turned_rad)])))
+
+
+def _goes_the_same_way(pose: SurePose, truth: NDArray[np.float64]) -> bool:
+    if min(np.hypot(*pose.waypoint[:2]), np.hypot(*truth[:2])) < _LEAST_SHIFT_M:
+        return False
+    way = np.arctan2(pose.waypoint[1], pose.waypoint[0]) - np.arctan2(truth[1], truth[0])
+    turn = pose.waypoint[2] - truth[2]
+    return bool(abs(wrap_angle(way)) < _SAME_WAY_RAD and abs(wrap_angle(turn)) < _SAME_TURN_RAD)
+
+
+def compare_drive(
+    features: Sequence[ImageFeatures],
+    path: DrivePath,
+    predictor: GeometricPredictor,
+    rng: np.random.Generator,
+    progress: Callable[[int, int], object],
+) -> DrivePairs:
+    """Compare pairs of a drive in full: close ones, and of the far ones those that a map would ask about.
+
+    `progress` is called with the pairs done and in all.
+    """
+    close = _close_pairs(path, rng)
+    far, far_pairs = _far_pairs(path, features, predictor, rng)
+    source, target = np.concatenate([close, far]).T
+    grid = image_grid(predictor.camera)
+    found: list[FoundPose | None] = []
+    for i, j in zip(source, target, strict=True):
+        found.append(_found_pose(features[i], features[j], predictor, grid))
+        progress(len(found), len(source))
+    return DrivePairs(
+        path=path,
+        features=features,
+        predictor=predictor,
+        grid=grid,
+        source=source,
+        target=target,
+        found=found,
+        far_pairs=far_pairs,
+    )
+
+
+def _close_pairs(path: DrivePath, rng: np.random.Generator) -> NDArray[np.intp]:
+    """Return pairs (P, 2) in both directions whose images are not far from each other, evenly over those there are."""
+    count = len(path.poses)
+    source, target = (rows.ravel() for rows in np.indices((count, count)))
+    gap = path.waypoints(source, target)
+    close = (np.hypot(gap[:, 0], gap[:, 1]) < CLOSE_M) & (np.abs(gap[:, 2]) < CLOSE_RAD) & (source != target)
+    near = path.near(source, target) & (source != target)
+    rest = close & path.known(source, target) & ~near
+    halves = [rng.permutation(np.flatnonzero(part))[: MOST_CLOSE // 2] for part in (near, rest)]
+    rows = np.sort(np.concatenate(halves))
+    return np.stack([source[rows], target[rows]], axis=1)
+
+
+def _far_pairs(
+    path: DrivePath, features: Sequence[ImageFeatures], predictor: GeometricPredictor, rng: np.random.Generator
+) -> tuple[NDArray[np.intp], int]:
+    """Return the far pairs (P, 2) that are most alike, and how many far pairs there are."""
+    count = len(features)
+    total = 0
+    chosen: list[tuple[int, int]] = []
+    for row in sorted(rng.permutation(count)[:MOST_LOOKING].tolist()):
+        others: list[int] = np.flatnonzero(path.far(np.full(count, row), np.arange(count))).tolist()
+        total += len(others)
+        if others:
+            best = predictor.shortlist(features[row], [features[other] for other in others])
+            chosen += [(row, others[k]) for k in best]
+    return np.array(chosen, np.intp).reshape(-1, 2), total
+
+
+def _found_pose(
+    source: ImageFeatures, target: ImageFeatures, predictor: GeometricPredictor, grid: ImageGrid
+) -> FoundPose | None:
+    """Return the pose of a pair, whichever way it is asked the same; None where nothing speaks for any."""
+    first, second = sorted((source, target), key=lambda each: each.key)
+    verified = verify(first, second, predictor.camera, grid)
+    if verified is None:
+        return None
+    pose = SurePose(
+        certainty=0.0,
+        waypoint=waypoint(verified.motion, first, second),
+        moved_m=float(np.linalg.norm(verified.motion.translation)),
+        turned_rad=verified.motion.turned_rad,
+    )
+    return FoundPose(verified.evidence, pose if first is source else pose.inverse())
+
 
 MOST_IMAGES = 400
 """Of a longer drive so many images are taken, evenly spaced."""

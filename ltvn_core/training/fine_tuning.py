@@ -20,6 +20,7 @@ from ltvn_core.training.fine_tuning_data import RehearsalData
 if TYPE_CHECKING:
     from ltvn_core.network.optimization.fine_tuning_loop import (
         FineTuningData,
+        FineTuningMetrics,
         FineTuningPlan,
         FineTuningProgress,
         FineTuningResult,
@@ -30,6 +31,10 @@ _REHEARSAL_LOADED = 0.18
 """Share of the work at which the rehearsal data are there,"""
 _LEARNED = 0.92
 """and at which learning ends; judging is the rest."""
+
+
+_PAIR_METRICS = ("auc", "position_median_m", "position_p90_m", "yaw_median_deg", "ece")
+_FAR_METRICS = ("far_pairs", "far_fpr_at_tpr60", "far_fpr_at_half", "near_tpr_at_half")
 
 
 class FineTuningReporter(Protocol):
@@ -50,6 +55,38 @@ class FineTuningProvenance:
     """The navigation system whose labels are learned, see `ltvn_core.systems.registry`."""
     command: str | None = None
     """The command line that makes these weights again; None where there is none."""
+
+
+@dataclass(frozen=True)
+class FineTuningCard:
+    """The model card of fine-tuned weights; it contains the card of their parent."""
+
+    parent: str
+    """Fingerprint of the weights that fine-tuning started from."""
+    parent_card: Mapping[str, Any]
+    """Their card."""
+    recording: str
+    """Name of the recording of the drive."""
+    run: Mapping[str, Any]
+    """The settings that identify this run; an equal run is not repeated."""
+    command: str | None
+    """What makes these weights again, up to the time that learning took elsewhere; None where no command line does."""
+    seed: int
+    images: int
+    """Images of the drive that were used,"""
+    pieces: int
+    """and the pieces between jumps of its odometry."""
+    simulated_scenes: tuple[str, ...]
+    """Simulated scenes in the batches, against forgetting."""
+    validation_scenes: tuple[str, ...]
+    """Scenes of the simulated metrics and of the calibration."""
+    plan: "FineTuningPlan"
+    steps: int
+    pairs_compared: int
+    minutes: float
+    before: "FineTuningMetrics | None"
+    """None if the run was not evaluated."""
+    after: "FineTuningMetrics | None"
 
 
 @dataclass(frozen=True)
@@ -221,7 +258,6 @@ def _card(
     run: Mapping[str, Any],
     provenance: FineTuningProvenance,
 ) -> dict[str, Any]:
-    from ltvn_core.network.cards.fine_tuning_card import FineTuningCard
     from ltvn_core.network.weights_file import read_card
 
     drive = cast("TrajectoryPairs", data.drive)
@@ -254,7 +290,6 @@ def _save(result: "FineTuningResult", output: Path, card: Mapping[str, Any]) -> 
 
 def _summary(weights: Path) -> FineTunedWeights:
     """Read back what the card says."""
-    from ltvn_core.network.cards.fine_tuning_card import flat_metrics
     from ltvn_core.network.weights_file import read_card
 
     card = read_card(weights)
@@ -267,11 +302,25 @@ def _summary(weights: Path) -> FineTunedWeights:
             pieces=card["pieces"],
             steps=card["steps"],
             minutes=card["minutes"],
-            before=flat_metrics(card["before"]),
-            after=flat_metrics(card["after"]),
+            before=_flat_metrics(card["before"]),
+            after=_flat_metrics(card["after"]),
         )
     except (KeyError, TypeError, AttributeError, ValueError) as error:
         raise WeightsError(
             f"{weights}: the card beside these weights does not fit them ({type(error).__name__}: {error}); name "
             "another output, or move the weights and their card away and learn again."
         ) from error
+
+
+def _flat_metrics(metrics: Mapping[str, Any] | None) -> dict[str, float]:
+    """Return the most important metrics of a `FineTuningMetrics` in a card, by name; empty for None."""
+    if metrics is None:
+        return {}
+    own = metrics["own"]
+    found = _named("own", own["pairs"], _PAIR_METRICS) | _named("own", own["far"], _FAR_METRICS)
+    found |= _named("simulated", metrics["simulated"], _PAIR_METRICS)
+    return found | _named("simulated", metrics["simulated_drives"] or {}, _FAR_METRICS)
+
+
+def _named(where: str, figures: Mapping[str, float], names: tuple[str, ...]) -> dict[str, float]:
+    return {f"{where}_{name}": figures[name] for name in names if name in figures}

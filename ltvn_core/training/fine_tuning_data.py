@@ -10,6 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, TypeAlias
 
 from ltvn_core.recording.drive_part import WHOLE_DRIVE, DrivePart
+from ltvn_core.robots.robot_spec import LOCOBOT
+from ltvn_core.types import Observation
 
 if TYPE_CHECKING:
     from ltvn_core.cameras.camera_model import CameraModel
@@ -17,7 +19,7 @@ if TYPE_CHECKING:
     from ltvn_core.network.optimization.fine_tuning_loop import FineTuningData
     from ltvn_core.training_data.temporal_rules import TemporalLabelRule
     from ltvn_core.training_data.trajectory_pairs import LabelRule, TrajectoryPairs
-    from ltvn_core.types import Observation
+
 
 ProgressReporter: TypeAlias = Callable[[float, str], None]
 """Takes the share that is done, in [0, 1], and what is being done, for a person."""
@@ -231,3 +233,19 @@ def _select_shards(folder: Path) -> tuple[list[Path], list[Path]]:
             f"{len(shards)} in all; run `ltvn dataset --folder {folder}`, or leave --data out to have some rendered."
         )
     return learned[:: max(-(-len(learned) // _MOST_SCENES), 1)], validation
+
+
+@dataclass(frozen=True)
+class DriveSource:
+    """A drive to learn from."""
+
+    name: str
+    """What the card calls it."""
+    source: Path | Sequence[Observation]
+    """A recording, or images in the order in which they were taken."""
+
+    def label(self, rule: "LabelRule") -> "TrajectoryPairs":
+        """Label the drive's pairs of images. Raises RecordingError if it is no drive."""
+        if isinstance(self.source, Path):
+            return read_labelled_drive(self.source, rule)
+        return label_drive(self.source, self.name, camera=LOCOBOT.camera, rule=rule)

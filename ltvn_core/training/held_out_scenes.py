@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 from ltvn_core.training.simulated_scenes import open_dataset_scene
 
 if TYPE_CHECKING:
-    from ltvn_core.network.cards.model_card import HeldOutMetrics
     from ltvn_core.network.metrics.pair_evaluation import LabelledDrive
+    from ltvn_core.network.model_card import HeldOutMetrics
 
 VALIDATION_SCENES = ("tune-0", "tune-1", "tune-2")
 """Scenes by which the best weights are chosen."""
@@ -90,8 +90,8 @@ def measure_network(
     import numpy as np
 
     from ltvn_core.network.architecture import StackedArchitecture
-    from ltvn_core.network.cards.model_card import HeldOutMetrics
     from ltvn_core.network.metrics.pair_evaluation import evaluate_all_pairs, evaluate_pairs, subsample_drive
+    from ltvn_core.network.model_card import HeldOutMetrics
     from ltvn_core.network.predictor import load_predictor
     from ltvn_core.training_data.shard_generation import DatasetRecipe, generate_shards
     from ltvn_core.training_data.shards import read_shard

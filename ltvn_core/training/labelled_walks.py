@@ -37,8 +37,8 @@ def labelled_walks(
     """Return random walks through scenes, labelled by a rule; raises as `make_walks`."""
     import numpy as np
 
+    from ltvn_core.training_data.random_walk import label_walks
     from ltvn_core.training_data.shards import read_shard
-    from ltvn_core.training_data.temporal_pairs import label_walks
 
     walks = [read_shard(path) for path in make_walks(names, folder, seed=seed, processes=processes)]
     draws = [np.random.default_rng([seed, zlib.crc32(walk.name.encode()), 1]) for walk in walks]

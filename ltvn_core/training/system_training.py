@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Protocol
 from ltvn_core.training.fine_tuning_data import LabelledWalks, RehearsalData, SimulatedPairs
 
 if TYPE_CHECKING:
-    from ltvn_core.network.architecture import EnsembleArchitecture
     from ltvn_core.network.optimization.fine_tuning_loop import FineTuningPlan
-    from ltvn_core.training_data.temporal_rules import TemporalLabelRule
+    from ltvn_core.systems.entry import SystemEntry, TemporalLearning
     from ltvn_core.training_data.trajectory_pairs import LabelRule
 
 
@@ -55,22 +54,23 @@ class OdometryTraining:
 class TemporalTraining:
     """Learning by the steps between two images alone, of the drive and of random walks; no poses are known."""
 
-    rule: "TemporalLabelRule"
-    even_distances: bool = True
-    """Draw positives evenly over distance; False learns from pairs as often as they occur."""
-    added: "EnsembleArchitecture | None" = None
-    """Layers that learn in place of the shipped network, which stays as it is; None where all of it learns."""
+    learning: "TemporalLearning"
 
     def label_rule(self) -> "LabelRule":
         """Return the rule of time."""
-        return self.rule
+        return self.learning.rule
 
     def rehearsal(self, folder: Path | None = None) -> RehearsalData:
         """Return random walks with the same labels."""
-        return LabelledWalks(self.rule, folder)
+        return LabelledWalks(self.learning.rule, folder)
 
     def adapt_plan(self, plan: "FineTuningPlan") -> "FineTuningPlan":
         """Return the plan without hard negatives, which only poses can tell."""
-        from ltvn_core.network.optimization.baseline_plans import baseline_fine_tuning_plan
+        from ltvn_core.network.baseline_training import baseline_fine_tuning_plan
 
-        return baseline_fine_tuning_plan(plan, even_distances=self.even_distances)
+        return baseline_fine_tuning_plan(plan, even_distances=self.learning.even_distances)
+
+
+def system_training(entry: "SystemEntry") -> SystemTraining:
+    """Return how the network of a navigation system learns."""
+    return OdometryTraining() if entry.learning is None else TemporalTraining(entry.learning)

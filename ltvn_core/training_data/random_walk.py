@@ -1,20 +1,24 @@
 """Random walks in simulated scenes: training data for the baselines that learn from time alone (SPTM, ViNG).
 
-`ltvn_core.training_data.temporal_pairs` draws and labels the pairs of their images.
+Owns the walks, and how pairs of their images are drawn in groups and labelled by time; the labels themselves are
+`ltvn_core.training_data.temporal_rules`.
 """
 
 import json
 import zlib
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from math import radians
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ltvn_core.geometry import compose
-from ltvn_core.training_data.camera_variation import CameraVariation
+from ltvn_core.training_data.pose_sampling import CameraVariation, cluster_pairs
 from ltvn_core.training_data.scene_protocols import DatasetScene, FreeSpace
 from ltvn_core.training_data.shard_generation import render_poses
 from ltvn_core.training_data.shards import Shard
+from ltvn_core.training_data.temporal_rules import TemporalLabelRule
+from ltvn_core.training_data.trajectory_pairs import UNKNOWN, UNREACHABLE
 from ltvn_core.types import Pose
 
 
@@ -125,3 +129,49 @@ def _is_free_ahead(floor: FreeSpace, pose: Pose, policy: RandomPolicy) -> bool:
     reach = policy.repeat * policy.step_m
     points = compose(pose, np.array([[share * reach, 0.0, 0.0] for share in (0.25, 0.5, 0.75, 1.0)]))
     return bool((floor.at(points[:, :2]) >= policy.clearance_m).all())
+
+
+_BLOCK = 48
+"""Consecutive images from which groups are drawn, a little more than the largest labelled distance."""
+_GROUP = 12
+"""Images of a group; each is encoded once and used in many pairs."""
+_CROSS_PAIRS = 16
+"""Pairs per group whose other end is in another group."""
+
+
+def label_walks(shard: Shard, rule: TemporalLabelRule, rng: np.random.Generator) -> Shard:
+    """Return a shard of walks with labelled pairs: all within each group, and some to others.
+
+    Images of different walks are labelled not reachable, because no robot drove from one to the other.
+    """
+    walk = shard.group
+    time = np.arange(len(walk)) - np.searchsorted(walk, walk)
+    order = np.lexsort((rng.random(len(walk)), time // _BLOCK, walk))
+    group = np.empty(len(walk), np.int32)
+    group[order] = np.arange(len(walk)) // _GROUP
+    sources, targets = _pairs(order, group, rng)
+    labels = rule.labels_by_steps(time[targets] - time[sources], rng)
+    labels = np.where(walk[sources] == walk[targets], labels, UNREACHABLE)
+    known = labels != UNKNOWN
+    count = int(known.sum())
+    return replace(
+        shard,
+        group=group,
+        sources=sources[known].astype(np.int32),
+        targets=targets[known].astype(np.int32),
+        reachable=labels[known] > UNREACHABLE,
+        failed=np.zeros(count, np.uint8),
+        overlap=np.full(count, np.nan, np.float32),
+        path_ratio=np.full(count, np.nan, np.float32),
+    )
+
+
+def _pairs(
+    order: NDArray[np.intp], group: NDArray[np.int32], rng: np.random.Generator
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return sources and targets (P,): all ordered pairs within groups, and some across them."""
+    groups = len(order) // _GROUP
+    within = [order[ends] for ends in cluster_pairs(groups, _GROUP)]
+    across = rng.integers(len(order), size=(_CROSS_PAIRS * groups, 2))
+    across = across[group[across[:, 0]] != group[across[:, 1]]]
+    return np.concatenate([within[0], across[:, 0]]), np.concatenate([within[1], across[:, 1]])

@@ -19,9 +19,13 @@ from tqdm import tqdm
 
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.robots.robot_spec import LOCOBOT
-from ltvn_core.training_data.camera_variation import CameraVariation
-from ltvn_core.training_data.hard_negatives import hard_negative_pairs
-from ltvn_core.training_data.pose_sampling import ClusterSampling, cluster_pairs, cluster_poses
+from ltvn_core.training_data.pose_sampling import (
+    CameraVariation,
+    ClusterSampling,
+    cluster_pairs,
+    cluster_poses,
+    hard_negative_pairs,
+)
 from ltvn_core.training_data.reachability_labels import PairLabels, ReachabilityLimits, label_poses
 from ltvn_core.training_data.scene_protocols import DatasetScene, OpenDatasetScene
 from ltvn_core.training_data.shards import Shard, read_recipe, shard_path, write_shard
@@ -47,7 +51,7 @@ class DatasetRecipe:
     sampling: ClusterSampling = field(default_factory=ClusterSampling)
     """Distribution of the poses within a cluster."""
     strangers: int = 28
-    """Hard negatives per cluster, see `hard_negatives`; the name is older than that term."""
+    """Hard negatives per cluster, see `pose_sampling`; the name is older than that term."""
     cameras: CameraVariation = field(default_factory=CameraVariation)
     """Variation of the camera between clusters."""
     limits: ReachabilityLimits = field(default_factory=ReachabilityLimits)

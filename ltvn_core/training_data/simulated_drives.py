@@ -47,11 +47,9 @@ class NearFarLimits:
     """a smaller difference of heading than this, the target in the field of view, and a free straight line."""
 
 
-def sample_drive_poses(
-    floor: FreeSpace, rng: np.random.Generator, count: int, spec: DriveSpacing | None = None
-) -> Pose:
+def sample_drive_poses(floor: FreeSpace, rng: np.random.Generator, count: int) -> Pose:
     """Return (count, 3) poses in the order of a drive."""
-    spec = spec or DriveSpacing()
+    spec = DriveSpacing()
     here = floor.sample_poses(rng, 1, min_clearance_m=0.3)[0]
     parts: list[Pose] = [here[None]]
     while sum(map(len, parts)) < count:
@@ -67,11 +65,9 @@ def sample_drive_poses(
     return np.concatenate(parts)[:count]
 
 
-def classify_near_far(
-    poses: Pose, floor: FreeSpace, classes: NearFarLimits | None = None
-) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def classify_near_far(poses: Pose, floor: FreeSpace) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Return which ordered pairs of poses (N, 3) are near and which are far, each (N, N); the diagonal is neither."""
-    classes = classes or NearFarLimits()
+    classes = NearFarLimits()
     near, far = np.zeros((2, len(poses), len(poses)), bool)
     for i in range(len(poses)):
         near[i], far[i] = _classify_targets(i, poses, floor, classes)

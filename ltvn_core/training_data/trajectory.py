@@ -67,7 +67,6 @@ def select_keyframes(
     name: str,
     *,
     camera: CameraModel | None = None,
-    selection: KeyframeSelection | None = None,
 ) -> Trajectory:
     """Select the keyframes of a drive and split it where its odometry jumps.
 
@@ -75,12 +74,11 @@ def select_keyframes(
         observations: The drive, in order.
         name: Name of the drive, for messages and cards.
         camera: The camera that took the images.
-        selection: Spacing of the kept images.
 
     Raises:
         RecordingError: There is no odometry, there are too few images, or all show one place.
     """
-    selection = selection or KeyframeSelection()
+    selection = KeyframeSelection()
     odometry = _odometry(observations, name, selection)
     jumped = odometry_jumps(odometry, selection)
     piece = np.concatenate([[0], np.cumsum(jumped)])

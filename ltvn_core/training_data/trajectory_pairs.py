@@ -11,8 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.geometry import relative, wrap_angle
-from ltvn_core.training_data import reachability_criteria
-from ltvn_core.training_data.reachability_labels import ReachabilityLimits
+from ltvn_core.training_data.reachability_labels import (
+    ReachabilityLimits,
+    clearance_from_depth,
+    in_view,
+    overlap,
+    straight_m,
+    unobstructed,
+)
 from ltvn_core.training_data.trajectory import Trajectory
 from ltvn_core.types import Pose, Waypoint
 
@@ -214,10 +220,10 @@ def _passed_and_failed(
     waypoints = relative(trajectory.poses[sources], trajectory.poses[targets])
     here = trajectory.depth_mm[sources] / np.float32(1000)
     there = trajectory.depth_mm[targets] / np.float32(1000)
-    straight = reachability_criteria.straight_m(waypoints)
+    straight = straight_m(waypoints)
     turn = np.abs(waypoints[:, 2])
-    shared = reachability_criteria.overlap(waypoints, here, there, camera)
-    free = reachability_criteria.clearance_from_depth(waypoints, here, camera)
+    shared = overlap(waypoints, here, there, camera)
+    free = clearance_from_depth(waypoints, here, camera)
     passed = (straight < limits.distance_m) & (turn < limits.yaw_rad) & (shared > limits.overlap)
     passed &= _visible(waypoints, here, trajectory, limits.occlusion_m, 0.0) | (straight < limits.at_place_m)
     passed &= free > limits.line_clearance_m
@@ -234,5 +240,5 @@ def _visible(
 ) -> NDArray[np.bool_]:
     """Return whether the target's position is unobstructed and in view, or up to `beside_rad` beside the view."""
     camera = trajectory.camera
-    clear = reachability_criteria.unobstructed(waypoints, depth, camera, tolerance_m=tolerance_m)
-    return reachability_criteria.in_view(waypoints, camera, beside_rad=beside_rad) & clear
+    clear = unobstructed(waypoints, depth, camera, tolerance_m=tolerance_m)
+    return in_view(waypoints, camera, beside_rad=beside_rad) & clear

@@ -22,7 +22,7 @@ class LifelongVerb(ProtocolOptions):
     maintenance: tuple[MaintenanceName, ...] = ()
     """What driving teaches the map; by default what its system does. static: nothing; paper, robust: beliefs and
     pruning as in that preset; brm: BRM's posterior, which prunes nothing; brm-rooms: the same of ways between rooms;
-    persistent, forgetting, fremen: also what is open at which time; truth: what the world knows, with --world. Several
+    persistent: also what is open at which time; truth: what the world knows, with --world. Several
     are compared on the same queries of a --world."""
     world: str | None = None
     """Drive the queries in a world that changes instead, with no static tests: static, doors, daily, telegraph, moving,

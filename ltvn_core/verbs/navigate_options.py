@@ -3,7 +3,7 @@
 import logging
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal
 
 from tyro.conf import Positional
 
@@ -13,12 +13,9 @@ from ltvn_core.verbs.option_types import AUTO, BodyOption, PredictorName
 from ltvn_core.verbs.verb import Verb
 
 if TYPE_CHECKING:
-    from ltvn_core.graph.keyframes import KeyframeStore
-    from ltvn_core.graph.navigation_system import NavigationSystem
     from ltvn_core.graph.topological_graph import TopologicalGraph
-    from ltvn_core.recording.map_file import LoadedMap
     from ltvn_core.recording.run_description import RunDescription
-    from ltvn_core.types import Predictor
+    from ltvn_core.topological_map import TopologicalMap
     from ltvn_core.verbs.jobs.headless_runner import QueriesSummary
 
 _LOG = logging.getLogger(__name__)
@@ -40,18 +37,6 @@ class NavigateSummary:
     wall_s: float
 
 
-class OpenedMap(NamedTuple):
-    """A saved map, and what drives by it."""
-
-    loaded: "LoadedMap"
-    predictor: "Predictor"
-    predictor_name: str
-    system: "NavigationSystem"
-    """As it built the map, with its own maintenance."""
-    keyframes: "KeyframeStore"
-    """All images of the map."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class NavigateOptions(Verb):
     """Drive to one goal or to several by a saved map, with the navigation system that built it and as it maintains."""
@@ -71,7 +56,7 @@ class NavigateOptions(Verb):
     maintenance: MaintenanceName | None = None
     """What driving teaches the map; by default what its system does. static: nothing; paper, robust: beliefs and
     pruning as in that preset; brm: BRM's posterior, which prunes nothing; brm-rooms: the same of ways between rooms;
-    persistent, forgetting, fremen: also what is open at which time; truth: what the simulator knows."""
+    persistent: also what is open at which time; truth: what the simulator knows."""
     world: str | None = None
     """Drive in a world that changes: static, doors, daily, telegraph, moving, light, people, all, several of them
     (doors+moving), or a JSON file with a script. A goal may be out of reach then."""
@@ -88,42 +73,30 @@ class NavigateOptions(Verb):
     stream: int | None = None
     """Port on 127.0.0.1 at which a Rerun viewer can watch while the recording is written: `ltvn view` the address."""
 
-    def open_map(self) -> OpenedMap:
+    def open_map(self) -> "TopologicalMap":
         """Open the map and say, before any drive, what it knows of the goal.
 
         Raises MapError, OptionError, RecordingError and WeightsError.
         """
-        from ltvn_core.composition import open_method, open_predictor
-        from ltvn_core.graph.keyframes import KeyframeStore
-        from ltvn_core.predictors.choice import ImageSource
-        from ltvn_core.recording.map_file import check_fingerprint, load_map
-        from ltvn_core.systems.registry import recorded_system
+        from ltvn_core.recording.map_file import load_map
+        from ltvn_core.topological_map import TopologicalMap
 
         loaded = load_map(self.map)
         self._check(loaded.graph)
-        meta, entry = loaded.meta, recorded_system(loaded.meta.config)
-        choice = ImageSource.of(meta).choose(self.predictor)
-        weights = entry.weights_for(choice.name, self.weights)
-        predictor = open_predictor(choice.name, meta.scene, weights, camera=meta.camera)
-        check_fingerprint(meta, predictor.fingerprint)
-        system = entry.factory(open_method(self.preset, predictor))
-        keyframes = KeyframeStore(predictor)
-        keyframes.begin_drives(loaded.graph.drives)
-        keyframes.add(list(loaded.observations.values()))
-        self._tell_goal(loaded.graph, keyframes, predictor, system)
-        return OpenedMap(loaded, predictor, choice.name, system, keyframes)
+        known = TopologicalMap.open(loaded, preset=self.preset, predictor=self.predictor, weights=self.weights)
+        self._tell_goal(known)
+        return known
 
     def finish(
-        self, opened: OpenedMap, run: "RunDescription", outcome: "QueriesSummary", wall_s: float
+        self, known: "TopologicalMap", run: "RunDescription", outcome: "QueriesSummary", wall_s: float
     ) -> NavigateSummary:
         """Save the map as driving has changed it, if asked to, and sum up."""
-        graph = opened.loaded.graph
+        graph = known.graph
         if self.output is not None:
-            images = [opened.keyframes.observation(frame) for frame in graph.frames]
-            run.save_map(self.output, graph, images, origin=self.map)
+            run.save_map(self.output, graph, known.observations, origin=self.map)
         return NavigateSummary(
             recording=self.recording,
-            predictor=opened.predictor_name,
+            predictor=known.predictor_name,
             map=self.output,
             nodes=len(graph.nodes),
             edges=len(graph.edges),
@@ -143,28 +116,24 @@ class NavigateOptions(Verb):
         if len(graph.nodes) == 1:
             _LOG.warning("%s has one node, so the robot goes nowhere; build a map of a longer drive.", self.map)
 
-    def _tell_goal(
-        self, graph: "TopologicalGraph", keyframes: "KeyframeStore", predictor: "Predictor", system: "NavigationSystem"
-    ) -> None:
+    def _tell_goal(self, known: "TopologicalMap") -> None:
         """Say before any drive what the map knows of the goal. Raises MapError where that is no node."""
-        from ltvn_core.graph.goal_standing import goal_reports
-
         if self.goal is None:
             return
-        (report,) = goal_reports(graph, [self.goal], keyframes, predictor, system)
-        if self.goal not in graph.nodes:
-            raise MapError(report.text)
-        if report.text:
-            _LOG.warning(report.text)
+        (report,) = known.goal_reports([self.goal])
+        if self.goal not in known.graph.nodes:
+            raise MapError(str(report.finding))
+        if report.finding is not None:
+            _LOG.warning(report.finding)
 
-    def settings(self, system: "NavigationSystem", predictor: str) -> dict[str, Any]:
+    def settings(self, known: "TopologicalMap") -> dict[str, Any]:
         """Say how the run was made, for the recording."""
         return {
             "verb": "navigate",
-            "system": system.name,
+            "system": known.system.name,
             "maintenance": self.maintenance,
             "world": self.world,
-            "predictor": predictor,
+            "predictor": known.predictor_name,
             "seed": self.seed,
-            "method": asdict(system.method),
+            "method": asdict(known.system.method),
         }

@@ -30,5 +30,5 @@ class RobotVerb(Verb):
     """Turn it on the spot a little, and measure how soon it moves and stands. Keep people and cables away."""
 
     def exit_code(self, summary: Summary) -> int:
-        """Return 1 where there are doubts."""
-        return int(bool(getattr(summary, "doubts", ())))
+        """Return 1 where something is not good enough."""
+        return int(bool(getattr(summary, "findings", ())))

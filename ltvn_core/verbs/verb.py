@@ -84,8 +84,10 @@ def _check_number(name: str, number: int) -> None:
 
 
 def to_json(summary: Summary) -> str:
-    """Write a summary as JSON; paths and enums become text."""
-    return json.dumps(asdict(summary), default=_plain, indent=2)
+    """Write a summary as JSON; paths and enums become text, and findings stand there as `doubts` too, in one piece."""
+    doubts = getattr(summary, "doubts", None)
+    told = {} if doubts is None else {"doubts": doubts}
+    return json.dumps(asdict(summary) | told, default=_plain, indent=2)
 
 
 def to_text(summary: Summary) -> str:

@@ -86,7 +86,8 @@ AS_MADE = WorldState()
 
 def _thing_changes(now: WorldState, then: WorldState) -> list[w.WorldChange]:
     """Return what must be put back, taken away, or put down."""
-    moved_now, moved_then = {each.thing for each in now.things}, {each.thing for each in then.things}
+    moved_now = {each.thing for each in now.things}
+    moved_then = {each.thing for each in then.things}
     changes: list[w.WorldChange] = []
     for name in sorted((moved_now | now.missing) - moved_then - then.missing):
         changes.append(w.ThingReturned(name) if name.startswith(w.OWN_PREFIX) else w.ThingRemoved(name))

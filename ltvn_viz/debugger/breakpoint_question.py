@@ -7,7 +7,7 @@ from html import escape
 from typing import TypeAlias, assert_never
 
 from ltvn_core import palette
-from ltvn_core.analysis.breakpoint_kinds import (
+from ltvn_core.analysis.breakpoints import (
     Breakpoint,
     BreakpointQuantity,
     BreakpointTrigger,
@@ -16,8 +16,10 @@ from ltvn_core.analysis.breakpoint_kinds import (
     EventBreakpoint,
     LocalisationBreakpoint,
     NodeBreakpoint,
+    format_breakpoint,
+    parse_breakpoint,
+    prune_threshold_breakpoint,
 )
-from ltvn_core.analysis.breakpoint_parser import format_breakpoint, parse_breakpoint, prune_threshold_breakpoint
 from ltvn_core.errors import OptionError
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.question import AnswerBuilder, Question

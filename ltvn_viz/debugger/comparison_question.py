@@ -3,18 +3,19 @@
 What changed since yesterday is the same question: edges that are closed now, or open again, and what is new.
 """
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias, assert_never
 
 from ltvn_core import palette
-from ltvn_core.analysis.map_comparison import EdgeDifference, MapDifference
-from ltvn_core.analysis.node_matching import MatchedBy
+from ltvn_core.analysis.edge_presence_history import PresenceChange, PresenceState, presence_state
+from ltvn_core.analysis.map_comparison import EdgeDifference, MapDifference, MatchedBy
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.world_clock import (
     DAY_S,
     TimeAway,
     WorldTime,
+    clock_text,
     names_time,
     parse_world_time,
     time_behind,
@@ -26,6 +27,7 @@ from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.navigation.events import Judged, QueryEnded, WorldChanged
 from ltvn_core.palette import Rgb8
 from ltvn_core.types import NodeId
+from ltvn_core.worlds.world_change import TimePassed, change_text
 from ltvn_viz.debugger.background_cache import LatestAnswer
 from ltvn_viz.debugger.compared_map import (
     BEFORE_FIRST_QUERY,
@@ -39,7 +41,6 @@ from ltvn_viz.debugger.compared_map import (
     opened_map,
 )
 from ltvn_viz.debugger.context import DebugContext
-from ltvn_viz.debugger.presence_changes import add_presence_changes, add_world_changes, presence_strokes
 from ltvn_viz.debugger.question import AnswerBuilder, Question
 from ltvn_viz.debugger.svg_figures import legend_item
 from ltvn_viz.session.commands import PointAt, QuestionRequest
@@ -47,10 +48,14 @@ from ltvn_viz.session.inspection import QuestionAnswer, QuestionName, Selection
 from ltvn_viz.session.overlay import Overlay, Stroke, stroke
 
 CHOOSE_ANOTHER = "choose another"
-_NAMES, _ROWS, _STROKES = 10, 20, 4000
+_NAMES = 10
+_ROWS = 20
+_PRESENCE_ROWS = 12
+_STROKES = 4000
 _ASKS = "Name of a recording, or a time (1 h ago, at 18:00)"
 _TIMES = (TimeAway(-600.0), TimeAway(-3600.0), TimeAway(-DAY_S))
 _NAMED_TIMES = ("ten minutes ago", "an hour ago", "yesterday at this time")
+CLOSED, RETURNED = palette.TARGET, palette.SOURCE
 
 
 @dataclass(frozen=True, slots=True)
@@ -276,3 +281,56 @@ def _strokes(found: MapComparison, difference: MapDifference) -> tuple[Stroke, .
             colour = palette.PLAN if each.a and each.b else palette.EDGE_ADDED if each.a else palette.EDGE_REMOVED
             strokes.append(stroke(poses[edge.source], poses[edge.target], colour))
     return tuple(strokes)
+
+
+def add_presence_changes(found: MapComparison, builder: AnswerBuilder) -> None:
+    """Say which edges are taken for closed here and were not there, and which have come back."""
+    if not (found.here.graph.presence or found.there.graph.presence):
+        return
+    closed, returned = closed_since(found.presence), returned_since(found.presence)
+    builder.add_text(f"It is {clock_text(found.here.world_s)} here, and {clock_text(found.there.world_s)} there.")
+    builder.add_html(
+        f"<div>{legend_item(CLOSED, f'closed here, not there: {len(closed)}')}"
+        f"{legend_item(RETURNED, f'open again here: {len(returned)}')}</div>"
+    )
+    rows = [
+        (
+            builder.link(f"{each.edge[0]} → {each.edge[1]}", PointAt(*each.edge)),
+            f"{each.before:.2f} {presence_state(each.before)}",
+            f"{each.now:.2f} {presence_state(each.now)}",
+        )
+        for each in found.presence[:_PRESENCE_ROWS]
+    ]
+    if rows:
+        builder.add_table(("edge", "p open there", "p open here"), rows)
+    if len(found.presence) > _PRESENCE_ROWS:
+        builder.add_text(f"… and {len(found.presence) - _PRESENCE_ROWS} more.")
+
+
+def add_world_changes(found: MapComparison, builder: AnswerBuilder) -> None:
+    """In simulation, say what is different in the world itself."""
+    texts = [change_text(each) for each in found.world if not isinstance(each, TimePassed)]
+    if texts:
+        more = f", and {len(texts) - _PRESENCE_ROWS} more" if len(texts) > _PRESENCE_ROWS else ""
+        builder.add_text(f"In the world: {', '.join(texts[:_PRESENCE_ROWS])}{more}.")
+
+
+def presence_strokes(found: MapComparison) -> tuple[Stroke, ...]:
+    """Return a line for each edge that is closed, or has come back."""
+    poses = found.here.poses
+    coloured = [
+        *((each.edge, CLOSED) for each in closed_since(found.presence)),
+        *((each.edge, RETURNED) for each in returned_since(found.presence)),
+    ]
+    known = ((edge, colour) for edge, colour in coloured if edge[0] in poses and edge[1] in poses)
+    return tuple(stroke(poses[edge[0]], poses[edge[1]], colour) for edge, colour in known)
+
+
+def closed_since(changes: Sequence[PresenceChange]) -> Sequence[PresenceChange]:
+    """Return the edges that were taken for open and are no longer."""
+    return [each for each in changes if presence_state(each.before) is PresenceState.OPEN]
+
+
+def returned_since(changes: Sequence[PresenceChange]) -> Sequence[PresenceChange]:
+    """Return the edges that are taken for open and were not."""
+    return [each for each in changes if presence_state(each.now) is PresenceState.OPEN]

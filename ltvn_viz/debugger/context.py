@@ -14,7 +14,7 @@ from ltvn_core.analysis.timeline_records import Instant
 from ltvn_core.analysis.world_clock import latest_known_time, world_time_at
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.config import Method
-from ltvn_core.graph.presence.edge_filters import PERSISTENT
+from ltvn_core.graph.presence.persistent import PERSISTENT
 from ltvn_core.graph.presence.presence_filter import PresenceFilter
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.preprocessing import recorded_observation

@@ -84,7 +84,7 @@ def _advise(
 
 
 def _say(advice: MappingAdvice, builder: AnswerBuilder) -> None:
-    builder.add_html(f"<div><b>{escape(advice.hint.text)}</b></div>")
+    builder.add_html(f"<div><b>{escape(str(advice.hint))}</b></div>")
     strongly_connected_components = len(advice.strongly_connected_components)
     builder.add_text(
         "The map is in one piece."
@@ -109,10 +109,10 @@ def _overlay(context: DebugContext, advice: MappingAdvice, seen: Observation) ->
     )
     apart = [node for part in advice.strongly_connected_components[1:] for node in part][:_COLOURED]
     ghosts = ()
-    if advice.hint.target is not None:
+    if advice.target is not None:
         # Advice is given in the frame of odometry, which drifts away from the one that is drawn.
         here = seen.odometry if seen.exact_pose is None else seen.exact_pose
-        target = compose(here, relative(seen.odometry, np.array(advice.hint.target)))
+        target = compose(here, relative(seen.odometry, np.array(advice.target)))
         ghosts = ((float(target[0]), float(target[1]), float(target[2])),)
     drawn = Overlay(strokes, dict.fromkeys(apart, palette.TARGET), ghosts)
     return drawn if strokes or apart or ghosts else EMPTY_OVERLAY

@@ -1,25 +1,38 @@
 """The slow part of imagining: planning both ways, and building both maps, in the worker's thread.
 
-Owns which question is asked of `ltvn_core.analysis`. Shows nothing.
+Owns which question is asked of `ltvn_core.analysis`, and which other times of day are offered.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from ltvn_core.analysis.planner_state import PlannerState
+from ltvn_core.analysis.edge_presence_history import PresenceState, presence_state
 from ltvn_core.analysis.threshold_dry_run import PruneCounts, prune_dry_run, rebuild_dry_run
-from ltvn_core.analysis.what_if_changes import WhatIfChange, WhatIfThreshold, WithGoal, WithStart, WithThreshold
-from ltvn_core.analysis.what_if_replanning import PlanDifference, replan
-from ltvn_core.analysis.what_if_scenario import EdgeWeightFactory, PresenceMoment
+from ltvn_core.analysis.what_if_changes import (
+    WhatIfChange,
+    WhatIfThreshold,
+    WithGoal,
+    WithStart,
+    WithThreshold,
+    WithTime,
+)
+from ltvn_core.analysis.what_if_scenario import EdgeWeightFactory, PlanDifference, PlannerState, PresenceMoment, replan
+from ltvn_core.analysis.world_clock import DAY_S, TimeAway, TimeOfDay
 from ltvn_core.config import Method
 from ltvn_core.errors import LtvnError
-from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.graph.presence.presence_plan import OPEN_ABOVE
+from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_viz.debugger.context import DebugContext
+from ltvn_viz.debugger.question import AnswerBuilder
+from ltvn_viz.session.commands import PointAt
 
 _REBUILT = (WhatIfThreshold.D_M, WhatIfThreshold.D_C)
+_ROWS = 12
+OFFERED_TIMES = (WithTime(TimeOfDay(18 * 3600.0)), WithTime(TimeAway(3600.0)), WithTime(TimeAway(DAY_S)))
+"""Others may be typed."""
 
 
 class WhatIfResult(NamedTuple):
@@ -99,3 +112,34 @@ def count_rebuilt_nodes(context: DebugContext, changed: Method) -> Callable[[], 
             return str(error)
 
     return count
+
+
+def presence_moment(context: DebugContext) -> PresenceMoment | None:
+    """Return by what plans know which edges are open; None where they take no account of it."""
+    judge = context.presence_filter
+    return None if judge is None or not context.graph.presence else PresenceMoment(judge, context.world_s)
+
+
+def add_open_edges(plans: PlanDifference, builder: AnswerBuilder) -> None:
+    """Say which edges would be open then and are not now, or the other way round."""
+    then = plans.new_open
+    count = sum(p >= OPEN_ABOVE for p in then.values())
+    before = sum(p >= OPEN_ABOVE for p in plans.old_open.values())
+    builder.add_text(f"Of {len(then)} edges that were ever seen blocked {count} would be taken for open, now {before}.")
+    changed = [edge for edge in then if _state_of(plans.old_open, edge) is not _state_of(then, edge)]
+    rows = [
+        (
+            builder.link(f"{edge[0]} → {edge[1]}", PointAt(*edge)),
+            f"{plans.old_open.get(edge, 1.0):.2f} {_state_of(plans.old_open, edge)}",
+            f"{then[edge]:.2f} {_state_of(then, edge)}",
+        )
+        for edge in changed[:_ROWS]
+    ]
+    if rows:
+        builder.add_table(("edge", "p open now", "p open then"), rows)
+    if len(changed) > _ROWS:
+        builder.add_text(f"… and {len(changed) - _ROWS} more.")
+
+
+def _state_of(probabilities: Mapping[EdgeKey, float], edge: EdgeKey) -> PresenceState:
+    return presence_state(probabilities.get(edge, 1.0))

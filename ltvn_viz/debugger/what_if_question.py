@@ -8,7 +8,6 @@ from itertools import pairwise
 from typing import TypeAlias, assert_never
 
 from ltvn_core import palette
-from ltvn_core.analysis.planner_state import planner_state_at
 from ltvn_core.analysis.what_if_changes import (
     WhatIfChange,
     WithBelief,
@@ -18,9 +17,10 @@ from ltvn_core.analysis.what_if_changes import (
     WithStart,
     WithThreshold,
     WithTime,
+    format_what_if_change,
+    parse_what_if_change,
 )
-from ltvn_core.analysis.what_if_parser import format_what_if_change, parse_what_if_change
-from ltvn_core.analysis.what_if_replanning import EdgeCostParts, PlanDifference
+from ltvn_core.analysis.what_if_scenario import EdgeCostParts, PlanDifference, planner_state_at
 from ltvn_core.analysis.world_clock import clock_text
 from ltvn_core.errors import OptionError
 from ltvn_core.graph.planner import GraphPath
@@ -30,13 +30,15 @@ from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.edge_weighting import edge_weighting
 from ltvn_viz.debugger.question import AnswerBuilder, Question
 from ltvn_viz.debugger.what_if_planning import (
+    OFFERED_TIMES,
     WhatIfOutcome,
     WhatIfResult,
+    add_open_edges,
     count_rebuilt_nodes,
     plan_both_ways,
+    presence_moment,
     with_imagined_thresholds,
 )
-from ltvn_viz.debugger.what_if_times import OFFERED_TIMES, add_open_edges, presence_moment
 from ltvn_viz.session.commands import PointAt, QuestionRequest
 from ltvn_viz.session.inspection import QuestionAnswer, QuestionName, Selection
 from ltvn_viz.session.overlay import EMPTY_OVERLAY, Overlay, Stroke, stroke

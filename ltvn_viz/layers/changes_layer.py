@@ -4,7 +4,7 @@ import numpy as np
 import viser
 
 from ltvn_core import palette
-from ltvn_core.analysis.graph_history import FadingEdges
+from ltvn_core.analysis.map_history import FadingEdges
 from ltvn_viz.layers import CHANGE_Z
 from ltvn_viz.layers.graph_layers import offset_right
 from ltvn_viz.layers.line_segments import LineSegments

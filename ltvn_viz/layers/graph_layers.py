@@ -8,7 +8,7 @@ import viser
 from numpy.typing import NDArray
 
 from ltvn_core import palette
-from ltvn_core.analysis.graph_history import GraphArrays
+from ltvn_core.analysis.map_history import GraphArrays
 from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.types import NodeId
 from ltvn_viz.layers import EDGE_Z, NODE_Z

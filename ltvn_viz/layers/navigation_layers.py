@@ -4,7 +4,7 @@ import numpy as np
 import viser
 
 from ltvn_core import palette
-from ltvn_core.analysis.graph_history import GraphArrays
+from ltvn_core.analysis.map_history import GraphArrays
 from ltvn_core.robots.robot_spec import RobotSpec
 from ltvn_core.types import NodeId
 from ltvn_viz.layers import PLAN_Z

@@ -13,8 +13,14 @@ from numpy.typing import NDArray
 
 from ltvn_core.errors import DatasetError
 from ltvn_core.network.metrics.pair_evaluation import encode_images, predict_pairs
-from ltvn_core.training_data.failure_explanations import FailureExplanation, limits_from_recipe, reasons
-from ltvn_core.training_data.pair_table import LabelledPair, PairFilter, PairTable
+from ltvn_core.training_data.pair_table import (
+    FailureExplanation,
+    LabelledPair,
+    PairFilter,
+    PairTable,
+    limits_from_recipe,
+    reasons,
+)
 from ltvn_core.training_data.shards import SHARD_SUFFIX, dataset_shards, read_shard, shard_scene
 from ltvn_core.types import Predictor, Waypoint
 
@@ -77,10 +83,10 @@ def scenes_in(folder: Path) -> dict[str, Path]:
 class PairBrowser:
     """Looks through the pairs of a folder of shards, one scene at a time."""
 
-    def __init__(self, paths: dict[str, Path], predictor: Predictor, seed: int = 0) -> None:
+    def __init__(self, paths: dict[str, Path], predictor: Predictor) -> None:
         """Open the first scene. Raises DatasetError."""
         self._paths, self._predictor = paths, predictor
-        self._rng = np.random.default_rng(seed)
+        self._rng = np.random.default_rng(0)
         self._pair_filter = PairFilter()
         self._open(next(iter(paths)))
 

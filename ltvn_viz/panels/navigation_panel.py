@@ -1,23 +1,36 @@
-"""The “Go” tab: goals by image, and the query under way."""
+"""The “Go” tab: goals by image, and the query under way.
+
+Images that a person uploads are decoded with care: a file of a hundred kilobytes can unfold to gigabytes. So its
+header is asked for the size before a pixel is decoded, and pixels are made fewer before they are copied.
+"""
 
 import asyncio
+import io
+import warnings
 from collections.abc import Callable
 from html import escape
 
+import numpy as np
 import viser
+from PIL import Image, ImageOps, UnidentifiedImageError
 
-from ltvn_core.errors import LtvnError
+from ltvn_core.errors import ImageError, LtvnError
 from ltvn_core.navigation.events import Outcome
+from ltvn_core.network.allocator import return_freed_memory
 from ltvn_core.preprocessing import preprocess_image
-from ltvn_core.types import NodeId
+from ltvn_core.types import NodeId, Rgb
 from ltvn_viz.panels.html_widgets import ActionButton, HtmlBlock, button_row, note, toggle
-from ltvn_viz.panels.image_upload import decode_upload
 from ltvn_viz.server.keymap import Action
 from ltvn_viz.session.commands import Command, NavigateToImage, ReportError
 from ltvn_viz.session.modes import Mode
 from ltvn_viz.session.snapshot import Snapshot
 
 GO_TO_UPLOAD, FIND_UPLOAD = "Go to an uploaded image", "Find an uploaded image in this map"
+MOST_PIXELS = {"JPEG": 25_000_000, "PNG": 12_000_000, "WEBP": 12_000_000, "BMP": 12_000_000}
+"""By format, as cameras take and screens show them; decoding needs at most a quarter of a gigabyte for a moment."""
+MOST_SIDE = 20_000
+LEAST_SIDE = 480
+"""A larger image is made smaller by a whole factor, but not below this."""
 
 
 class NavigationPanel:
@@ -131,3 +144,41 @@ def _ending(outcome: Outcome, snapshot: Snapshot) -> str:
     judged = snapshot.moment.progress.judged
     truth = "" if judged is None else f", in truth {judged.position_error_m:.2f} m from the goal"
     return f"Last query: {outcome}{truth}."
+
+
+def decode_upload(name: str, content: bytes) -> Rgb:
+    """Decode an uploaded file into an image (H, W, 3) of moderate size; raises ImageError."""
+    try:
+        return _decoded(name, content)
+    finally:
+        return_freed_memory()
+
+
+def _decoded(name: str, content: bytes) -> Rgb:
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+            image = Image.open(io.BytesIO(content), formats=tuple(MOST_PIXELS))
+        with image:
+            _check_size(name, image)
+            return np.asarray(ImageOps.exif_transpose(_smaller(image)).convert("RGB"))
+    except (UnidentifiedImageError, OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
+        raise ImageError(f"{name}: this is no whole image. Upload a JPEG, PNG, WebP or BMP file.") from error
+
+
+def _check_size(name: str, image: Image.Image) -> None:
+    most = MOST_PIXELS[image.format or ""]
+    if image.width * image.height > most or max(image.size) > MOST_SIDE:
+        raise ImageError(
+            f"{name}: {image.width} x {image.height} pixels are too many; {most // 10**6} million are read of a "
+            f"{image.format}, and {MOST_SIDE:,} along a side. Scale it down first."
+        )
+
+
+def _smaller(image: Image.Image) -> Image.Image:
+    """Decode an image with no more pixels than are of use."""
+    image.draft("RGB", (2 * LEAST_SIDE, 2 * LEAST_SIDE))  # A JPEG can be decoded small.
+    if image.mode not in ("L", "RGB"):
+        image = image.convert("RGB")
+    factor = min(image.size) // LEAST_SIDE
+    return image.reduce(factor) if factor > 1 else image

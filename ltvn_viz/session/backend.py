@@ -5,6 +5,7 @@ watches a recording there may be no robot either.
 """
 
 import logging
+import math
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -12,23 +13,24 @@ from dataclasses import dataclass
 import numpy as np
 
 from ltvn_core.cameras.camera_model import CameraModel
-from ltvn_core.composition import START_CLEARANCE_M, open_predictor, open_simulation, simulated_robot
 from ltvn_core.errors import LtvnError, MissingLibraryError, SceneError, WeightsError
 from ltvn_core.extras import naming_the_extra
-from ltvn_core.network.cards.driving_calibration import measured_likelihoods
+from ltvn_core.network.driving_calibration import measured_likelihoods
+from ltvn_core.predictors.opening import open_predictor, simulated_robot
 from ltvn_core.predictors.registry import NETWORK
 from ltvn_core.recording.map_file import LoadedMap
 from ltvn_core.recording.metadata import SOURCE_SCENE
-from ltvn_core.robots.rectified_robot import fit_camera
 from ltvn_core.robots.robot import Robot
 from ltvn_core.robots.robot_spec import LOCOBOT
+from ltvn_core.robots.robot_view import fit_camera
 from ltvn_core.simulation.changes.script_registry import make_script
 from ltvn_core.simulation.changes.world import World
 from ltvn_core.simulation.changes.world_script import STATIC
+from ltvn_core.simulation.opening import START_CLEARANCE_M, open_simulation
 from ltvn_core.simulation.rendering.embree_renderer import EmbreeRenderer
 from ltvn_core.simulation.scene import Scene
 from ltvn_core.simulation.scene_registry import load_scene
-from ltvn_core.types import CONTROL_STEP_S, Pose, Predictor, Renderer
+from ltvn_core.types import Pose, Predictor, Renderer
 from ltvn_viz.session.absent_backend import AbsentFeed, AbsentPredictor, AbsentRobot
 from ltvn_viz.session.camera_feed import CameraFeed, ImageFeed, ObservationFeed
 from ltvn_viz.session.live_robot import LiveRobot
@@ -137,11 +139,11 @@ def live_robot(backend: Backend, predictor: Predictor, known: LoadedMap | None) 
     seen = () if known is None else known.observations.values()
     return LiveRobot(
         fit_camera(backend.robot, predictor.camera),
-        first_step=max((each.step + 1 for each in seen), default=0),
+        last_step=max((each.step for each in seen), default=-1),
         # A simulator counts its own time on from the map's.
-        first_stamp=0.0
+        last_stamp_s=-math.inf
         if backend.robot.clock.is_simulated
-        else max((each.stamp + CONTROL_STEP_S for each in seen), default=0.0),
+        else max((each.stamp for each in seen), default=-math.inf),
         ground_truth=backend.ground_truth,
     )
 

@@ -1,15 +1,21 @@
 """Carries out what a person asked for.
 
-Owns the meaning of each command. Whether it is legal now is `modes`; runs in the session's thread alone.
+Owns the meaning of each command, and what new recordings are made of; the maker makes them in a thread of its own.
+Whether it is legal now is `modes`; runs in the session's thread alone.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import assert_never
 
 from ltvn_core.errors import LtvnError, OptionError
+from ltvn_core.graph.connectivity import count_strongly_connected_components
 from ltvn_core.graph.deltas import GraphDelta
+from ltvn_core.importing.drive_import import import_drive
+from ltvn_core.importing.reader_registry import open_drive
 from ltvn_core.navigation.events import GraphChanged, Severity
+from ltvn_core.recorded_map import build_recorded_map, save_recorded_map
 from ltvn_viz.session import commands as c
 from ltvn_viz.session.activities.map_building import MapBuilding
 from ltvn_viz.session.activities.navigation import Navigation
@@ -20,8 +26,7 @@ from ltvn_viz.session.goal_handlers import choose_goal, find_and_go, find_place,
 from ltvn_viz.session.inspection import QuestionName
 from ltvn_viz.session.modes import Mode, refusal
 from ltvn_viz.session.own_views import STALE_LINK
-from ltvn_viz.session.recording_jobs import build_from_replay, import_source
-from ltvn_viz.session.recording_maker import FailedRecording, MadeRecording
+from ltvn_viz.session.recording_maker import FailedRecording, MadeRecording, Progress
 from ltvn_viz.session.seeking import go_through_time
 from ltvn_viz.session.snapshot import JobProgress
 from ltvn_viz.session.world_handlers import change_world, interrupt_story
@@ -107,7 +112,8 @@ def _build_map(state: AppState) -> None:
     if isinstance(state.activity, Playback):
         build_from_replay(state, state.activity)
         return
-    state.activity = MapBuilding(state.live, state.worker, state.live_map.rebuild, doubts=lambda: state.live_map.doubts)
+    live_map = state.live_map
+    state.activity = MapBuilding(state.live, state.worker, live_map.rebuild, findings=lambda: live_map.findings)
 
 
 def take_made_recording(state: AppState) -> None:
@@ -117,12 +123,12 @@ def take_made_recording(state: AppState) -> None:
             pass
         case FailedRecording(reason):
             state.say(reason, Severity.ERROR)
-        case MadeRecording(name, text, doubts):
+        case MadeRecording(name, text, findings):
             if isinstance(state.activity, Navigation | MapBuilding):
                 text += " Open it under “Replay”."
             else:
                 _open(state, c.OpenRecording(name))
-            state.say(" ".join([text, *doubts]), Severity.WARN if doubts else Severity.INFO)
+            state.say(" ".join([text, *map(str, findings)]), Severity.WARN if findings else Severity.INFO)
 
 
 def _keep_going(state: AppState, *, is_on: bool) -> None:
@@ -223,3 +229,43 @@ def _open(state: AppState, asked: c.OpenRecording) -> None:
     state.live.robot.stop()
     state.work = JobProgress(f"Opening {asked.name}")
     state.worker.submit(lambda: state.open_replay(asked.name), show)
+
+
+def import_source(state: AppState, name: str) -> None:
+    """Begin to import a drive of the folder into a new recording; raises RecordingError and OptionError."""
+    source = state.library.source(name)
+    output = state.library.new_file(source.stem)
+
+    def make(progress: Progress) -> MadeRecording:
+        summary = import_drive(open_drive(source), output, progress=progress)
+        dropped = sum(summary.dropped.values())
+        return MadeRecording(
+            output.name,
+            f"Imported {name} as {output.name}: {summary.frames:,} images, {dropped:,} left out.",
+            summary.findings,
+        )
+
+    state.maker.begin(f"Importing {name}", make)
+
+
+def build_from_replay(state: AppState, replay: Playback) -> None:
+    """Begin to build a map from the images of the open recording; raises RecordingError and OptionError."""
+    source = state.library.path(replay.name)
+    output = state.library.new_file(f"{Path(replay.name).stem}-map")
+    options = replace(state.build_options, weights=state.fine_tuning.weights or state.build_options.weights)
+
+    def make(progress: Progress) -> MadeRecording:
+        built, choice, observations = build_recorded_map(source, options, progress)
+        save_recorded_map(built, output, options)
+        graph = built.graph
+        pieces = count_strongly_connected_components(graph)
+        assert built.coverage is not None
+        return MadeRecording(
+            output.name,
+            f"Built {output.name} by {choice.name} from {len(observations):,} images: {len(graph.nodes):,} nodes, "
+            f"{len(graph.edges):,} edges, {pieces:,} {'piece' if pieces == 1 else 'pieces'}. It knows "
+            f"{built.coverage.share:.0%} of the drive.",
+            built.findings,
+        )
+
+    state.maker.begin(f"Building a map from {replay.name}", make)

@@ -10,9 +10,9 @@ from threading import Event
 from typing import TYPE_CHECKING
 
 from ltvn_core.systems.registry import DEFAULT_SYSTEM, system_entry
-from ltvn_core.training.drive_source import DriveSource
 from ltvn_core.training.fine_tuning import FineTunedWeights, FineTuningProvenance, fine_tune
-from ltvn_core.training.fine_tuning_data import ProgressReporter, RehearsalData
+from ltvn_core.training.fine_tuning_data import DriveSource, ProgressReporter, RehearsalData
+from ltvn_core.training.system_training import system_training
 
 if TYPE_CHECKING:
     from ltvn_core.network.optimization.fine_tuning_loop import FineTuningPlan, FineTuningProgress
@@ -57,12 +57,13 @@ class FineTuner:
 
         on_progress(0.0, "reading and labelling the drive")
         entry = system_entry(self.system)
+        training = system_training(entry)
         return fine_tune(
-            request.drive.label(entry.training.label_rule()),
-            self.rehearsal or entry.training.rehearsal(),
+            request.drive.label(training.label_rule()),
+            self.rehearsal or training.rehearsal(),
             request.start or entry.weights,
             request.output,
-            entry.training.adapt_plan(self.plan or _plan_for(request.minutes)),
+            training.adapt_plan(self.plan or _plan_for(request.minutes)),
             provenance=FineTuningProvenance(recording=request.drive.name, system=entry.name),
             on_progress=report,
             cancelled=cancelled,

@@ -14,9 +14,8 @@ from pathlib import Path
 from typing import TypeAlias
 
 from ltvn_core.errors import LtvnError, OptionError
-from ltvn_core.training.drive_source import DriveSource
 from ltvn_core.training.fine_tuning import FineTunedWeights
-from ltvn_core.training.fine_tuning_data import ProgressReporter
+from ltvn_core.training.fine_tuning_data import DriveSource, ProgressReporter
 from ltvn_viz.session.fine_tuner import FineTuningRequest
 from ltvn_viz.session.learning_time import LearningTime
 from ltvn_viz.session.snapshot import FineTuningPhase, FineTuningStatus

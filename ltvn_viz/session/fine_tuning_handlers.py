@@ -9,7 +9,7 @@ from datetime import datetime
 from ltvn_core.errors import OptionError, RecordingError
 from ltvn_core.graph.deltas import GraphDelta
 from ltvn_core.navigation.events import Severity
-from ltvn_core.training.drive_source import DriveSource
+from ltvn_core.training.fine_tuning_data import DriveSource
 from ltvn_core.types import Observation
 from ltvn_viz.session.activities.map_building import MapBuilding
 from ltvn_viz.session.activities.playback import Playback
@@ -64,7 +64,7 @@ def use_weights(state: AppState) -> None:
             f"{weights} to use them another time."
         )
 
-    state.activity = MapBuilding(state.live, state.worker, rebuild, then, doubts=lambda: state.live_map.doubts)
+    state.activity = MapBuilding(state.live, state.worker, rebuild, then, findings=lambda: state.live_map.findings)
 
 
 def _recording(state: AppState) -> str | None:

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from ltvn_core.errors import LtvnError, OptionError
-from ltvn_core.graph.goal_standing import GoalReport
 from ltvn_core.graph.image_similarity import LIKELY_HELD
+from ltvn_core.graph.map_coverage import GoalReport
 from ltvn_core.navigation.events import Severity
 from ltvn_core.types import FrameId, NodeId, Rgb
 from ltvn_viz.session.activities.navigation import Navigation
@@ -64,8 +64,8 @@ def _tell_goal(state: AppState, goal: NodeId) -> None:
     """Say so, before the robot drives, where the map does not hold a goal; the worker comes to the query after it."""
 
     def tell(report: GoalReport) -> None:
-        if report.text:
-            state.say(report.text, Severity.WARN)
+        if report.finding is not None:
+            state.say(str(report.finding), report.finding.severity)
 
     state.worker.submit(lambda: state.live_map.goal_report(goal), tell)
 

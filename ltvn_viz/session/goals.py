@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ltvn_core.analysis.graph_history import GraphArrays
+from ltvn_core.analysis.map_history import GraphArrays
 from ltvn_core.types import FrameId, NodeId, Pose, Rgb
 from ltvn_viz.server.thumbnails import ThumbnailStore
 from ltvn_viz.session.live_map import LiveMap

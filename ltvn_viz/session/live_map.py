@@ -3,24 +3,26 @@
 Owns when the map is replaced as a whole. The decisions are `ltvn_core.graph`'s.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from ltvn_core.errors import MapError
+from ltvn_core.evaluation.query_run import judge_goal_reached
+from ltvn_core.findings import Finding
 from ltvn_core.geometry import distance, relative
 from ltvn_core.graph.deltas import Cause, DriveBegun, FramesReleased, GraphDelta, NodeDropped
-from ltvn_core.graph.goal_standing import GoalReport, goal_reports
 from ltvn_core.graph.image_similarity import most_similar_nodes
 from ltvn_core.graph.keyframes import ODOMETRY_JUMP, KeyframeStore
-from ltvn_core.graph.map_coverage import map_coverage
-from ltvn_core.graph.map_diagnosis import MappedDrive, diagnose
+from ltvn_core.graph.map_check import MappedDrive, diagnose
+from ltvn_core.graph.map_coverage import GoalReport, map_coverage
 from ltvn_core.graph.navigation_system import NavigationSystem, OnlineStrategy
 from ltvn_core.graph.topological_graph import TopologicalGraph
-from ltvn_core.navigation.episode import judge_goal_reached
 from ltvn_core.navigation.events import Event, Outcome, QueryEnded, Tick
 from ltvn_core.navigation.navigator import Navigator
 from ltvn_core.predictors.request import predictor_card
+from ltvn_core.topological_map import TopologicalMap
 from ltvn_core.types import FrameId, NodeId, Observation, Pose, Predictor, Rgb, is_usable
 from ltvn_viz.session.live_robot import LiveRobot
 
@@ -31,40 +33,47 @@ class LiveMap:
     """A map that grows, is rebuilt, and is navigated by."""
 
     def __init__(
-        self,
-        predictor: Predictor,
-        system: NavigationSystem,
-        rng: np.random.Generator,
-        *,
-        world_time: Callable[[], float] | None = None,
+        self, known: TopologicalMap, rng: np.random.Generator, *, world_time: Callable[[], float] | None = None
     ) -> None:
-        """Begin with an empty map; `world_time` tells the time in seconds where the world has a clock of its own."""
+        """Begin with a map, as a rule an empty one; `world_time` tells the seconds of a world with its own clock."""
         self._world_time = world_time
-        self._predictor = predictor
-        self.system = system
+        self._map = known
         self._rng = rng
-        self.graph = TopologicalGraph()
-        self.keyframes = KeyframeStore(predictor)
-        self.doubts: Sequence[str] = ()
-        """What is doubtful of the map that was built last, in words."""
+        self.findings: Sequence[Finding] = ()
+        """What is doubtful of the map that was built last."""
         self._online = self._new_online()
         self._navigator: Navigator | None = None
         self._next_drive: FrameId | None = None
         self._last_odometry: Pose | None = None
 
     @property
-    def fingerprint(self) -> str:
-        """Name of the weights in use."""
-        return self._predictor.fingerprint
+    def graph(self) -> TopologicalGraph:
+        """The map's nodes and edges."""
+        return self._map.graph
+
+    @property
+    def keyframes(self) -> KeyframeStore:
+        """The pictures at hand and their features."""
+        return self._map.keyframes
 
     @property
     def predictor(self) -> Predictor:
         """The network in use."""
-        return self._predictor
+        return self._map.predictor
+
+    @property
+    def system(self) -> NavigationSystem:
+        """The navigation system in use."""
+        return self._map.system
+
+    @property
+    def fingerprint(self) -> str:
+        """Name of the weights in use."""
+        return self.predictor.fingerprint
 
     def use_system(self, system: NavigationSystem) -> None:
         """Let queries from now on be those of another navigation system, in the same map."""
-        self.system = system
+        self._map = replace(self._map, system=system)
         self._navigator = None
 
     def change(self, deltas: Sequence[GraphDelta]) -> Sequence[GraphDelta]:
@@ -77,16 +86,14 @@ class LiveMap:
             self.graph.apply(delta)
         return deltas
 
-    def load(self, graph: TopologicalGraph, observations: Sequence[Observation]) -> Sequence[GraphDelta]:
-        """Take a map with its pictures in place of the present one and return the deltas that make it up."""
-        self.keyframes = self._new_keyframes(self._predictor, graph.drives)
-        self.keyframes.add(observations)
-        self._replace(graph)
-        if observations:
+    def load(self, known: TopologicalMap) -> Sequence[GraphDelta]:
+        """Take a map in place of the present one and return the deltas that make it up."""
+        self._replace(known)
+        if frames := known.keyframes.frames:
             # The odometry of whoever drives on is another, whether or not anybody does.
-            self._next_drive = max(seen.step for seen in observations) + 1
+            self._next_drive = frames[-1] + 1
             self.keyframes.begin_drives([self._next_drive])
-        return graph.deltas(Cause.LOAD)
+        return known.graph.deltas(Cause.LOAD)
 
     def _begun_drive(self, observation: Observation) -> Sequence[GraphDelta]:
         """Begin another drive where the map was loaded, or where the robot was put down elsewhere."""
@@ -104,7 +111,7 @@ class LiveMap:
         Where the navigation system only builds whole maps, the image is kept for the next `rebuild`. An image without
         the depth that the network needs changes nothing.
         """
-        if not is_usable(observation, self._predictor):
+        if not is_usable(observation, self.predictor):
             return ()
         if self._online is None:
             self.keyframes.add([observation])
@@ -117,11 +124,11 @@ class LiveMap:
 
     def rebuild(self, progress: Callable[[int, int], None]) -> Sequence[GraphDelta]:
         """Build anew from all pictures at hand; returns every change from the old map. Raises MapError for none."""
-        seen = self.observations()
+        seen = self._map.images
         if not seen:
             raise MapError("There are no pictures to build a map from; hold W A S D and drive a little first.")
-        built = self.system.build(seen, self.keyframes, self._predictor, rng=self._rng, progress=progress)
-        return self._replaced(built, seen)
+        fresh = replace(self._map, graph=TopologicalGraph())
+        return self._replaced(fresh, fresh.build(seen, rng=self._rng, progress=progress), seen)
 
     def rebuild_with(
         self, predictor: Predictor, system: NavigationSystem, progress: Callable[[int, int], None]
@@ -130,30 +137,32 @@ class LiveMap:
 
         Until the new map is whole nothing changes. Without pictures there is no map either, and only the network does.
         """
-        seen = [each for each in self.observations() if is_usable(each, predictor)]
-        keyframes = self._new_keyframes(predictor, self.graph.drives)
+        seen = [each for each in self._map.images if is_usable(each, predictor)]
+        fresh = TopologicalMap.of(predictor, system)
+        fresh.keyframes.begin_drives(self.graph.drives)
         for first in range(0, len(seen), IMAGES_AT_ONCE):
             progress(0, len(seen))  # So that a person can cancel while images are encoded, too.
-            keyframes.add(seen[first : first + IMAGES_AT_ONCE])
-        built = system.build(seen, keyframes, predictor, rng=self._rng, progress=progress) if seen else ()
-        self._predictor = predictor
-        self.system = system
-        self.keyframes = keyframes
-        return self._replaced(built, seen)
+            fresh.keyframes.add(seen[first : first + IMAGES_AT_ONCE])
+        built = fresh.build(seen, rng=self._rng, progress=progress) if seen else ()
+        return self._replaced(fresh, built, seen)
 
     def observations(self) -> Sequence[Observation]:
         """Return all pictures at hand in the order they were taken."""
-        return [self.keyframes.observation(frame) for frame in self.keyframes.frames]
+        return self._map.images
 
-    def _replaced(self, built: Sequence[GraphDelta], seen: Sequence[Observation]) -> Sequence[GraphDelta]:
+    def _replaced(
+        self, fresh: TopologicalMap, built: Sequence[GraphDelta], seen: Sequence[Observation]
+    ) -> Sequence[GraphDelta]:
         fell = [NodeDropped(node, Cause.BUILD) for node in self.graph.nodes]
         released = [FramesReleased(tuple(self.graph.reserve), Cause.BUILD)] if self.graph.reserve else []
         drives = [DriveBegun(frame, name, Cause.BUILD) for frame, name in self.graph.drives.items()]
-        self._replace(TopologicalGraph([*built, *drives]))
-        self.doubts = self._diagnosed(seen)
+        for delta in drives:
+            fresh.graph.apply(delta)
+        self._replace(fresh)
+        self.findings = self._diagnosed(seen)
         return [*fell, *released, *built, *drives]
 
-    def _diagnosed(self, seen: Sequence[Observation]) -> Sequence[str]:
+    def _diagnosed(self, seen: Sequence[Observation]) -> Sequence[Finding]:
         """Return what is doubtful of the map that was built from images in order, with likely causes."""
         drive = MappedDrive(
             observations=seen,
@@ -161,24 +170,15 @@ class LiveMap:
             is_lens_known=True,
             graph=self.graph,
             keyframes=self.keyframes,
-            predictor=self._predictor,
-            least_width_px=predictor_card(self._predictor).least_width_px,
+            predictor=self.predictor,
+            least_width_px=predictor_card(self.predictor).least_width_px,
         )
-        return diagnose(drive, map_coverage(seen, self.graph, self.keyframes, self._predictor, self.system))
+        return diagnose(drive, map_coverage(seen, self.graph, self.keyframes, self.predictor, self.system))
 
     def query(self, robot: LiveRobot, goal: NodeId, query: int) -> Iterator[Event | Tick]:
         """Begin a navigation task; its last event is the verdict. Raises MapError when the goal is not in the map."""
         if self._navigator is None:
-            self._navigator = Navigator(
-                robot,
-                self.graph,
-                self.keyframes,
-                self._predictor,
-                self.system.method,
-                self._rng,
-                system=self.system,
-                world_time=self._world_time,
-            )
+            self._navigator = self._map.navigator(robot, seed=self._rng, world_time=self._world_time)
         return self._judged(robot, self._navigator.query(goal, query), goal)
 
     def cancel(self) -> None:
@@ -197,7 +197,7 @@ class LiveMap:
 
     def map_observations(self) -> Sequence[Observation]:
         """Return the pictures that make up the map: of its nodes, its reserve and its views."""
-        return [self.keyframes.observation(frame) for frame in sorted(self.graph.frames)]
+        return self._map.observations
 
     def node_images(self, frames: Sequence[FrameId]) -> Sequence[tuple[FrameId, Rgb]]:
         """Return the pictures of those of `frames` that are still at hand."""
@@ -205,7 +205,7 @@ class LiveMap:
 
     def goal_report(self, goal: NodeId) -> GoalReport:
         """Return what the map says of a goal before any drive."""
-        (report,) = goal_reports(self.graph, [goal], self.keyframes, self._predictor, self.system)
+        (report,) = self._map.goal_reports([goal])
         return report
 
     def similar_nodes(self, rgb: Rgb, count: int) -> Sequence[tuple[NodeId, float]]:
@@ -217,17 +217,11 @@ class LiveMap:
             raise MapError("The map is empty, so there is nowhere to go yet; hold W A S D and drive a little first.")
         return most_similar_nodes(rgb, self.keyframes, list(self.graph.nodes), count)
 
-    @staticmethod
-    def _new_keyframes(predictor: Predictor, drive_starts: Iterable[FrameId]) -> KeyframeStore:
-        keyframes = KeyframeStore(predictor)
-        keyframes.begin_drives(drive_starts)
-        return keyframes
-
-    def _replace(self, graph: TopologicalGraph) -> None:
-        self.graph = graph
+    def _replace(self, known: TopologicalMap) -> None:
+        self._map = known
         self._online = self._new_online()
         self._navigator = None
 
     def _new_online(self) -> OnlineStrategy | None:
         online = self.system.online
-        return None if online is None else online(self.graph, self.keyframes, self._predictor)
+        return None if online is None else online(self.graph, self.keyframes, self.predictor)

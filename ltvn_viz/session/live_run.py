@@ -3,17 +3,13 @@
 Owns the rule that every image and event goes to timeline and recording together. Decides nothing.
 """
 
-import logging
-
 from ltvn_core.analysis.timeline import Timeline
-from ltvn_core.navigation.events import Event, Note, Severity, StampedEvent
-from ltvn_core.robots.observation_check import ObservationCheck
+from ltvn_core.navigation.events import Event, StampedEvent
+from ltvn_core.recording.recorded_robot import ImageRecorder
 from ltvn_core.types import Observation
 from ltvn_viz.session.live_robot import LiveRobot
 from ltvn_viz.session.recorder import Recorder
 from ltvn_viz.timeline.breakpoint_monitor import BreakpointMonitor
-
-logger = logging.getLogger(__name__)
 
 TICK_S = 1 / 30
 """Robot time between two pictures of the page, where it goes as fast as that of the person who watches."""
@@ -29,7 +25,7 @@ class LiveRun:
         """What a person wants to stop at."""
         self.pace = 1
         """So many times as fast a simulator's time goes, as far as the computer can follow."""
-        self._check = ObservationCheck()
+        self._images = ImageRecorder(self._write_frame, self._append)
         self.observation: Observation | None = None
         """The newest image of timeline and recording."""
         self.view: Observation | None = None
@@ -81,13 +77,14 @@ class LiveRun:
     def _take_in(self) -> None:
         """Put the images that session and navigator took into timeline and recording."""
         for observation in self.robot.taken():
-            self.observation = self.view = observation
-            self.timeline.append_frame(
-                observation.step,
-                observation.stamp,
-                observation.odometry if observation.exact_pose is None else observation.exact_pose,
-            )
-            self.recorder.write_frame(observation)
-            for text in self._check.doubts(observation):
-                logger.warning(text)
-                self._append(StampedEvent(observation.step, observation.stamp, Note(text, Severity.WARN)))
+            self._images.record(observation)
+
+    def _write_frame(self, observation: Observation) -> None:
+        self.observation = observation
+        self.view = observation
+        self.timeline.append_frame(
+            observation.step,
+            observation.stamp,
+            observation.odometry if observation.exact_pose is None else observation.exact_pose,
+        )
+        self.recorder.write_frame(observation)

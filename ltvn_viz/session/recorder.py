@@ -5,24 +5,25 @@ closed in a thread of its own, so that the session never waits for a disk. Nothi
 """
 
 import logging
+import queue
+import threading
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import Executor
+from concurrent.futures import Executor, Future
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
-from typing import TypeAlias, TypeVar
+from typing import Any, ParamSpec, Protocol, TypeAlias, TypeVar
 
 from ltvn_core.errors import LtvnError, RecordingError
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import GraphChanged, StampedEvent
 from ltvn_core.types import FrameId, Observation
-from ltvn_viz.session.daemon_executor import DaemonExecutor
 from ltvn_viz.session.recording_library import RecordingLibrary
-from ltvn_viz.session.recording_sink import RecordingSink
 from ltvn_viz.session.snapshot import RecordingStatus
 from ltvn_viz.session.worker import Worker
 
+P = ParamSpec("P")
 T = TypeVar("T")
 
 logger = logging.getLogger(__name__)
@@ -35,6 +36,39 @@ _CLOSE_S = 45.0
 
 WholeMap: TypeAlias = tuple[TopologicalGraph, Sequence[Observation]]
 """A map that nobody changes any more, with its images."""
+
+
+class RecordingSink(Protocol):
+    """Writes one recording; used by one thread at a time."""
+
+    @property
+    def failure(self) -> str | None:
+        """Why nothing more is written, or None."""
+        ...
+
+    def write_map(self, graph: TopologicalGraph, observations: Sequence[Observation]) -> None:
+        """Begin with a whole map and its images."""
+        ...
+
+    def draw_scene(self, glb: bytes) -> None:
+        """Draw the scene, a binary glTF; while another thread writes, too."""
+        ...
+
+    def write_frame(self, observation: Observation) -> None:
+        """Append an image."""
+        ...
+
+    def write_event(self, stamped: StampedEvent) -> None:
+        """Append an event."""
+        ...
+
+    def draw_graph(self, graph: TopologicalGraph, step: FrameId, stamp: float) -> None:
+        """Draw the map."""
+        ...
+
+    def close(self) -> None:
+        """Finish the file."""
+        ...
 
 
 @dataclass(eq=False)
@@ -275,3 +309,35 @@ def _tried(job: Callable[[], T]) -> T | Exception:
         return job()
     except (OSError, LtvnError) as error:
         return error
+
+
+class DaemonExecutor(Executor):
+    """An executor with a single daemon thread, which never keeps the program from ending.
+
+    The standard library waits for its pools at the end of the program, for ever where a job waits for a lost disk.
+    """
+
+    def __init__(self, name: str) -> None:
+        """Start the thread."""
+        self._jobs: queue.SimpleQueue[tuple[Future[Any], Callable[[], Any]] | None] = queue.SimpleQueue()
+        threading.Thread(target=self._run, name=name, daemon=True).start()
+
+    def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
+        """Do a job when those before it are done."""
+        future: Future[T] = Future()
+        self._jobs.put((future, lambda: fn(*args, **kwargs)))
+        return future
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """Let the thread end after its jobs; never waits."""
+        self._jobs.put(None)
+
+    def _run(self) -> None:
+        while (job := self._jobs.get()) is not None:
+            future, do = job
+            if not future.set_running_or_notify_cancel():
+                continue
+            try:
+                future.set_result(do())
+            except BaseException as error:
+                future.set_exception(error)

@@ -1,7 +1,7 @@
 """New recordings made of what lies in the folder: at most one at a time, in a thread of its own.
 
 Neither robot nor map has anything to do with it, and both go on meanwhile. Owns the life of such a job: begun,
-cancelled, failed, done. What is made is `recording_jobs`.
+cancelled, failed, done. What is made is `command_handlers`.
 """
 
 import logging
@@ -11,6 +11,7 @@ from concurrent.futures import Executor, ThreadPoolExecutor
 from typing import NamedTuple, TypeAlias
 
 from ltvn_core.errors import LtvnError, OptionError
+from ltvn_core.findings import Finding
 from ltvn_viz.session.snapshot import JobProgress
 from ltvn_viz.session.worker import Worker
 
@@ -23,8 +24,8 @@ class MadeRecording(NamedTuple):
     name: str
     text: str
     """What it holds, in words."""
-    doubts: tuple[str, ...] = ()
-    """What is doubtful of it, in words."""
+    findings: tuple[Finding, ...] = ()
+    """What is doubtful of it."""
 
 
 class FailedRecording(NamedTuple):

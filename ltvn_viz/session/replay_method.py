@@ -9,12 +9,13 @@ from typing import NamedTuple
 
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.cameras.rectification import have_same_rays
-from ltvn_core.composition import open_method, open_predictor, open_system
 from ltvn_core.config import Method
 from ltvn_core.errors import LtvnError
 from ltvn_core.predictors.choice import ImageSource, PredictorChoice
+from ltvn_core.predictors.opening import open_method, open_predictor
 from ltvn_core.predictors.registry import NETWORK
 from ltvn_core.recording.metadata import RecordingMetadata
+from ltvn_core.systems.registry import open_system
 from ltvn_core.types import Predictor
 from ltvn_viz.session.options import AppOptions
 

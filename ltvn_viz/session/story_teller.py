@@ -8,13 +8,20 @@ from collections.abc import Callable, Sequence
 from typing import assert_never
 
 from ltvn_core.errors import LtvnError
-from ltvn_core.evaluation.door_story.story import STORY_MAINTENANCE, DoorStory
+from ltvn_core.evaluation.door_story.story import (
+    STORY_MAINTENANCE,
+    CallBack,
+    Carry,
+    Change,
+    DoorStory,
+    GoTo,
+    Lead,
+    StoryStep,
+)
 from ltvn_core.evaluation.door_story.story_map import StoryMap
-from ltvn_core.evaluation.door_story.story_steps import CallBack, Carry, Change, GoTo, Lead, StoryStep
 from ltvn_core.navigation.events import Note, Outcome, QueryEnded
-from ltvn_core.simulation.changes.door_names import door_names
-from ltvn_core.simulation.path_follower import PathFollower
-from ltvn_core.simulation.scripted_tour import LED_M_S
+from ltvn_core.simulation.scene import door_names
+from ltvn_core.simulation.scripted_tour import LED_M_S, PathFollower
 from ltvn_core.systems.maintenance import with_maintenance
 from ltvn_viz.session import commands as c
 from ltvn_viz.session.changeable_world import ChangeableWorld

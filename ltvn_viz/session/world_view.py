@@ -3,9 +3,8 @@
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from ltvn_core.simulation.changes.door_names import door_names
 from ltvn_core.simulation.rooms import Doorway
-from ltvn_core.simulation.scene import Scene
+from ltvn_core.simulation.scene import Scene, door_names
 
 BOX_SIZE_M = (0.4, 0.4, 0.5)
 """Width, depth and height of a box that is put down."""

@@ -1,7 +1,7 @@
 """Breakpoints that a person set in the page, and where the live run and the recordings met them.
 
 Owns the list, what of it is news, and how hits are found without looking at an event twice. When a breakpoint is met is
-`ltvn_core.analysis.breakpoint_rules`; what happens then is `ltvn_viz.session.session_loop`.
+`ltvn_core.analysis.breakpoints`; what happens then is `ltvn_viz.session.session_loop`.
 """
 
 from bisect import bisect_right
@@ -10,8 +10,7 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
-from ltvn_core.analysis.breakpoint_hits import BreakpointHit, breakpoint_hit, find_breakpoint_hits
-from ltvn_core.analysis.breakpoint_kinds import Breakpoint
+from ltvn_core.analysis.breakpoints import Breakpoint, BreakpointHit, breakpoint_hit, find_breakpoint_hits
 from ltvn_core.analysis.timeline import Timeline
 
 STAMP_EPSILON_S = 1e-6

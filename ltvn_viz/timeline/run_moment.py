@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from ltvn_core.analysis.graph_history import EMPTY_GRAPH, NO_FADING_EDGES, FadingEdges, GraphArrays
+from ltvn_core.analysis.map_history import EMPTY_GRAPH, NO_FADING_EDGES, FadingEdges, GraphArrays
 from ltvn_core.analysis.navigation_progress import NO_PROGRESS, NavigationProgress
 from ltvn_core.analysis.recorded_frames import NO_TRAJECTORY, RecordedFrames
 from ltvn_core.analysis.timeline import Timeline

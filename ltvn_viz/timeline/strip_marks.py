@@ -1,6 +1,6 @@
 """The marks of one run as rows of whole numbers for the page's timeline, and where the page fetches them.
 
-Owns the numbers in a row; which events get a mark is `ltvn_core.analysis.timeline_marks`. A run's rows only grow, so
+Owns the numbers in a row; which events get a mark is `ltvn_core.analysis.timeline_rows`. A run's rows only grow, so
 that a page that has some of them asks for the rest. Rows are made in the session's thread; others may read them.
 """
 
@@ -12,8 +12,8 @@ from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 from ltvn_core.analysis.timeline import Timeline
-from ltvn_core.analysis.timeline_marks import event_mark
 from ltvn_core.analysis.timeline_records import MarkKind
+from ltvn_core.analysis.timeline_rows import event_mark
 from ltvn_core.navigation import events as e
 from ltvn_core.types import NodeId
 from ltvn_viz.server.strip_kinds import QueryEnd, StripKind

@@ -43,8 +43,8 @@ class AppVerb(Verb):
     """The method's settings: robust is ours, paper is the literal method."""
     maintenance: MaintenanceName | None = None
     """What driving teaches the map; by default what its system does. static: nothing; paper, robust: beliefs and
-    pruning as in that preset; brm: BRM's posterior, which prunes nothing; persistent, forgetting, fremen: also what is
-    open at which time."""
+    pruning as in that preset; brm: BRM's posterior, which prunes nothing; persistent: also what is open at which
+    time."""
     world: str | None = None
     """Let the scene change by itself, from nine o'clock on: static, doors, daily, telegraph, moving, light, people,
     all, several of them (doors+moving), or a JSON file with a script."""

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser, Page
 
-from ltvn_core.navigation.episode import judge_goal_reached
+from ltvn_core.evaluation.query_run import judge_goal_reached
 from ltvn_core.navigation.events import Outcome
 from ltvn_core.types import NodeId, Pose
 from ltvn_viz.app import AppOptions, RunningApp

@@ -7,10 +7,10 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from ltvn_core.composition import open_simulation
 from ltvn_core.robots.ros2.profile import open_profile
 from ltvn_core.robots.ros2.served_robot import ServedRobot
 from ltvn_core.robots.ros2.zenoh_link import ZenohLink
+from ltvn_core.simulation.opening import open_simulation
 from ltvn_core.simulation.simulated_robot import SimulatedRobot
 from ltvn_viz.verbs.jobs.robot_processes import PROFILE
 from tests.waiting import until

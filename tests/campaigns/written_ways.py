@@ -8,8 +8,8 @@ from pathlib import Path
 
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import GraphChanged, StampedEvent
+from ltvn_core.recording.damage.integrity import repair
 from ltvn_core.recording.excerpt import write_excerpt
-from ltvn_core.recording.integrity import repair
 from ltvn_core.recording.map_file import save_map
 from ltvn_core.recording.reader import Recording
 from ltvn_core.recording.writer import RecordingWriter

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.repository import ROOT
+from tools.house_counts import House
 
 MODULES = sorted([*(ROOT / "ltvn_core").rglob("*.py"), *(ROOT / "ltvn_viz").rglob("*.py")])
 
@@ -31,6 +32,7 @@ FOUNDATION = (
     "config",
     "errors",
     "extras",
+    "findings",
     "image_validity",
     "atomic_files",
     "close_names",
@@ -67,9 +69,8 @@ CORE_ORDER = (
     "training_data",
     "network",
     "predictors",
-    "training",
     "systems",
-    "composition",
+    "training",
     "drives",
     "topological_map",
     "recorded_map",
@@ -80,6 +81,9 @@ CORE_ORDER = (
     "cli",
 )
 """The parts of the core, low to high: a part imports those before it alone. A new part needs its place here."""
+
+BUILD_LINES = 20_000
+"""The most lines of the house that making a map may be able to reach: neither simulator, robots nor learning."""
 
 LIGHT_LIBRARIES = {"numpy", "rustworkx", "scipy", "ltvn_core"}
 """All that graph, navigation and analysis need: no simulator, network, viewer or image library."""
@@ -195,6 +199,15 @@ def test_the_parts_of_the_core_import_only_lower_parts() -> None:
         if place(other) > place(module)
     ]
     assert offenders == []
+
+
+def test_building_a_map_reaches_neither_simulator_nor_training() -> None:
+    house = House(ROOT)
+    reached = house.reached_from("ltvn_core.verbs.build")
+    parts = {name.split(".")[1] for name in reached}
+
+    assert not parts & {"simulation", "training", "importing"}
+    assert sum(house.lines[name] for name in reached) <= BUILD_LINES
 
 
 @pytest.mark.parametrize("part", ["graph", "navigation", "analysis"])

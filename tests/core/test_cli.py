@@ -10,7 +10,7 @@ import pytest
 
 from benchmarks.__main__ import BenchSummary
 from benchmarks.measurement import measured
-from ltvn_core.recording.integrity import verify
+from ltvn_core.recording.damage.integrity import verify
 from ltvn_core.recording.map_file import load_map
 from ltvn_core.recording.reader import Recording
 from ltvn_core.verbs.verb import to_text

@@ -15,7 +15,7 @@ from ltvn_core.recording.drawn_poses import DrawnPoses
 from ltvn_core.recording.map_drawing import MapDrawing
 from ltvn_core.recording.reader import Recording
 from ltvn_core.recording.schema import EDGES
-from ltvn_core.reports.evaluation_style import probability_colour_map
+from ltvn_core.reports.figure_style import probability_colour_map
 from ltvn_core.reports.map_svg import map_svg
 from tests.repository import DEMO_DRIVE, ROOT
 

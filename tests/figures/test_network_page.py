@@ -16,8 +16,8 @@ from ltvn_core.errors import OptionError, WeightsError
 from ltvn_core.network.metrics.reachability_metrics import calibration_error
 from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
 from ltvn_core.network.weights_file import read_card
+from ltvn_core.reports.evaluation_blocks import fill_blocks
 from ltvn_core.reports.figure_style import MAX_BYTES
-from ltvn_core.reports.page_blocks import fill_blocks
 from ltvn_core.systems.registry import baseline_systems
 from tests.repository import ROOT
 

@@ -86,7 +86,7 @@ JOBS: dict[str, tuple[tuple[str, ...], ...]] = {
 
 IMPORTS: dict[str, tuple[str, ...]] = {
     "network": ("from ltvn_core.network.predictor import load_predictor; load_predictor()",),
-    "place": ("from ltvn_core.composition import open_predictor; open_predictor('composed')",),
+    "place": ("from ltvn_core.predictors.opening import open_predictor; open_predictor('composed')",),
     "train": ("import ltvn_core.training_data.shard_generation, ltvn_core.network.optimization.trainer, tensorboard",),
     "ros": ("import ltvn_core.robots.ros2, zenoh, rosbags",),
     "cluster": ("import distributed, ray",),

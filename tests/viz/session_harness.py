@@ -22,6 +22,7 @@ from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import GraphChanged, StampedEvent
 from ltvn_core.network.predictor import load_predictor
 from ltvn_core.robots.robot import Robot
+from ltvn_core.topological_map import TopologicalMap
 from ltvn_core.types import CONTROL_STEP_S, FrameId, Observation, Pose, Predictor, RobotState, Twist
 from ltvn_viz.debugger.inspector import Inspector
 from ltvn_viz.debugger.question_registry import all_questions, watching_inspector
@@ -37,9 +38,8 @@ from ltvn_viz.session.goals import Goals
 from ltvn_viz.session.live_map import LiveMap
 from ltvn_viz.session.live_robot import LiveRobot
 from ltvn_viz.session.live_run import LiveRun
-from ltvn_viz.session.recorder import Recorder
+from ltvn_viz.session.recorder import Recorder, RecordingSink
 from ltvn_viz.session.recording_library import RecordingLibrary
-from ltvn_viz.session.recording_sink import RecordingSink
 from ltvn_viz.session.session_loop import Session
 from ltvn_viz.session.snapshot import Snapshot
 from ltvn_viz.session.worker import PatientWorker, Worker
@@ -186,7 +186,9 @@ class SessionHarness:
         first_step = max((picture.step for picture in seen), default=-1) + 1
         self.robot = LiveFlatRobot(self.world, (1.0, 1.0, 0.0), first_step=first_step)
         worker = Worker(executor or InlineExecutor())
-        live_map = LiveMap(predictor or FlatPredictor(self.world), ltvn_system(ROBUST), np.random.default_rng(0))
+        live_map = LiveMap(
+            TopologicalMap.of(predictor or FlatPredictor(self.world), ltvn_system(ROBUST)), np.random.default_rng(0)
+        )
         robot = LiveRobot(own_robot or self.robot, ground_truth=None if own_robot else lambda: self.robot.pose)
         recorder = Recorder(
             self.library,
@@ -219,7 +221,8 @@ class SessionHarness:
         self.session = Session(self.state, self.driver, self.shown.append)
         for picture in seen:
             live.timeline.place_frame(picture.step, np.asarray(picture.exact_pose))
-        for delta in live_map.load(TopologicalGraph(deltas), seen):
+        known = TopologicalMap.of(live_map.predictor, live_map.system, TopologicalGraph(deltas), seen)
+        for delta in live_map.load(known):
             live.emit(GraphChanged(delta))
 
     @property
@@ -270,7 +273,9 @@ def mapped_tour(
 ) -> tuple[tuple[Observation, ...], tuple[GraphDelta, ...]]:
     """Return the pictures of a tour and the map that grows from them."""
     world = FlatWorld(np.frombuffer(walls).reshape(-1, 2, 2))
-    seen, live_map = tuple(tour(way)), LiveMap(FlatPredictor(world), ltvn_system(ROBUST), np.random.default_rng(0))
+    seen = tuple(tour(way))
+    empty = TopologicalMap.of(FlatPredictor(world), ltvn_system(ROBUST))
+    live_map = LiveMap(empty, np.random.default_rng(0))
     return seen, tuple(delta for picture in seen for delta in live_map.offer(picture))
 
 

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import torch
 
-from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.network.network_families import PairNetwork
 from ltvn_core.network.optimization.fine_tuning_loop import FineTuningData, FineTuningPlan
-from ltvn_core.network.optimization.hyperparameters import Hyperparameters
-from ltvn_core.network.pair_network import PairNetwork
+from ltvn_core.network.optimization.trainer import Hyperparameters
 from ltvn_core.network.weights_file import save_weights
 from ltvn_core.recording.writer import RecordingWriter
+from ltvn_core.topological_map import TopologicalMap
 from ltvn_core.training.fine_tuning_data import ProgressReporter, ignore_progress
 from ltvn_core.training_data.trajectory_pairs import TrajectoryPairs
 from ltvn_core.types import Observation
@@ -66,7 +66,8 @@ def tiny_weights(folder: Path) -> Path:
 
 def show_drive(harness: SessionHarness) -> None:
     """Let the map have the images of the drive at hand."""
-    harness.state.live_map.load(TopologicalGraph(), drive())
+    live_map = harness.state.live_map
+    live_map.load(TopologicalMap.of(live_map.predictor, live_map.system, observations=drive()))
 
 
 def record_drive(path: Path, images: int | None = None) -> Path:

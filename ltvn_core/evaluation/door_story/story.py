@@ -1,21 +1,28 @@
 """The story itself: what happens next, and what is told of it. Drives nothing; the page and a headless run play it.
 
-Whoever plays it hands every event to `take`, asks `next_step` at each control step and does what it says.
+Whoever plays it hands every event to `take`, asks `next_step` at each control step and does what it says. Each thing
+that happens is told in one plain sentence.
 """
 
 from collections import deque
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from enum import Enum, auto
+from typing import TypeAlias
 
-from ltvn_core.evaluation.door_story.captions import Captions
-from ltvn_core.evaluation.door_story.stage_search import Stage
-from ltvn_core.evaluation.door_story.story_facts import StoryFacts
-from ltvn_core.evaluation.door_story.story_map import StoryMap
-from ltvn_core.evaluation.door_story.story_steps import CallBack, Carry, Change, GoTo, Lead, StoryStep
-from ltvn_core.navigation.events import Event, Outcome, Planned, QueryEnded
-from ltvn_core.types import NodeId
-from ltvn_core.worlds.world_change import DoorMoved, ThingRemoved, TimePassed
+import numpy as np
+from numpy.typing import NDArray
 
+from ltvn_core.evaluation.door_story.story_map import Stage, StoryMap
+from ltvn_core.graph.deltas import EdgeAdded, EdgePruned, NodeAdded, PresenceObserved
+from ltvn_core.graph.topological_graph import EdgeKey
+from ltvn_core.navigation.events import Event, GraphChanged, Outcome, Planned, QueryEnded
+from ltvn_core.types import NodeId, Pose
+from ltvn_core.worlds.world_change import OWN_PREFIX, DoorMoved, ThingRemoved, TimePassed, WorldChange
+
+NO_STORY = "No way in this map leads from here through a door. Map more rooms, and try again from one of them."
+_SEVERAL = 3
+"""A way that was not in the map gives so many nodes; one alone is no news."""
 STORY_MAINTENANCE = "persistent"
 """What driving teaches the map in a story."""
 MOST_TRIES = 2
@@ -23,6 +30,188 @@ MOST_TRIES = 2
 STEPS_AT_DOOR, STEPS_BEYOND_DOOR = 80, 30
 """So often the robot is asked for its next step at a closed door, or at one that it found open, before it is called
 back."""
+
+
+@dataclass(frozen=True, slots=True)
+class GoTo:
+    """Drive to a node now."""
+
+    node: NodeId
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """Change the world now."""
+
+    change: WorldChange
+
+
+@dataclass(frozen=True, slots=True)
+class CallBack:
+    """End the query under way now."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Carry:
+    """Put the robot somewhere else now."""
+
+    pose: Pose
+    """(3,) in the world frame."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Lead:
+    """Drive the robot by hand, and let the map grow from what it sees."""
+
+    path: NDArray[np.float64]
+    """(M, 2) x and y in metres."""
+
+
+StoryStep: TypeAlias = GoTo | Change | CallBack | Carry | Lead
+
+
+@dataclass
+class StoryFacts:
+    """Counts while the story goes on."""
+
+    absent: list[EdgeKey] = field(default_factory=list)
+    """Edges that were seen blocked, or pruned, in this order."""
+    returned: set[EdgeKey] = field(default_factory=set)
+    """Edges of these that were seen open later."""
+    nodes_added: int = 0
+    edges_added: int = 0
+    rerouted: bool = False
+    """Whether a plan turned away from the door."""
+
+    @property
+    def added(self) -> int:
+        """Nodes and edges that driving brought in."""
+        return self.nodes_added + self.edges_added
+
+    @property
+    def are_all_back(self) -> bool:
+        """Whether every edge that was absent returned."""
+        return bool(self.absent) and self.returned.issuperset(self.absent)
+
+    def take(self, event: Event) -> None:
+        """Count one event."""
+        if not isinstance(event, GraphChanged):
+            return
+        match event.delta:
+            case PresenceObserved(source, target, present):
+                if not present and (source, target) not in self.absent:
+                    self.absent.append((source, target))
+                elif present and (source, target) in self.absent:
+                    self.returned.add((source, target))
+            case EdgePruned(source, target):
+                self.absent.append((source, target))
+            case NodeAdded():
+                self.nodes_added += 1
+            case EdgeAdded():
+                self.edges_added += 1
+            case _:
+                pass
+
+
+class Captions:
+    """What was told so far, and how each thing is told."""
+
+    def __init__(self, door_names: Sequence[str]) -> None:
+        """Call the doors by these names."""
+        self._names = door_names
+        self.told: list[str] = []
+        self._told_once: set[str] = set()
+
+    def tell(self, text: str) -> None:
+        """Say something."""
+        self.told.append(text)
+
+    def no_story(self) -> None:
+        """Nothing can be told here."""
+        self.tell(NO_STORY)
+
+    def way_is_shown(self, moved_away: str | None, room: str) -> None:
+        """The robot is led along a way that its map lacks."""
+        if moved_away is None:
+            self.tell(f"There is a way through the {room} that the map does not know. The robot is led along it once.")
+            return
+        thing = moved_away.removeprefix(OWN_PREFIX).rpartition("-")[0].replace("-", " ")
+        self.tell(f"Somebody moved the {thing} out of the {room}: now there is a way. The robot is led along it once.")
+
+    def sets_out(self, stage: Stage) -> None:
+        """The robot drives by its map."""
+        other = "The map knows another way, too." if stage.has_way_round else "The map knows no other way."
+        self.tell(f"Now it drives by itself, to node {stage.goal}, through {self._door(stage.door)}. {other}")
+
+    def door_closes(self, door: int) -> None:
+        """Somebody closes it."""
+        self.tell(f"Somebody closes {self._door(door)}. The robot does not know it yet.")
+
+    def plan_turns(self, nodes: int) -> None:
+        """A plan leads round the door."""
+        self._tell_once(f"The plan turns: the robot goes round by the other way, {nodes} nodes long.")
+
+    def is_called_back(self) -> None:
+        """There is no other way."""
+        self.tell("The map knows no other way, so the robot is called back.")
+
+    def no_door_on_the_way(self) -> None:
+        """It drove another way than was thought."""
+        self.tell("The robot found a way that does not lead through the door. Try again from another place.")
+
+    def tries_again_unseeing(self) -> None:
+        """The robot was stopped and did not find out by what."""
+        self.tell(
+            "It did not see what is in the way, so the map learns nothing from it. It is put back and tries again."
+        )
+
+    def ended(self, outcome: Outcome) -> None:
+        """The robot came to the end of its way."""
+        if outcome is not Outcome.CANCELLED:
+            self.tell("The robot arrived." if outcome is Outcome.ARRIVED else f"The robot gives up ({outcome}).")
+
+    def door_opens(self, door: int, wait_s: float) -> None:
+        """The door is open again, and time goes by."""
+        name = self._door(door)
+        self.tell(
+            f"{name[:1].upper()}{name[1:]} is opened, and nobody tells the robot. {_duration(wait_s)} later it stands "
+            "where it began, and sets out again."
+        )
+
+    def tries_again(self) -> None:
+        """A plan leads through the door again."""
+        self._tell_once("After so long the map thinks that the door may be open: the plan tries it again.")
+
+    def tell_of_map(self, facts: StoryFacts, absent: int, nodes_added: int, returned: int) -> None:
+        """Tell what changed in the map since there were so many."""
+        if nodes_added < _SEVERAL <= facts.nodes_added:
+            self.tell("New nodes appear in the map, in green: places that it did not know.")
+        if not absent and facts.absent:
+            self.tell(
+                "The robot sees the closed door. The edges through it fade, in magenta: absent now, not forgotten."
+            )
+        if not returned and facts.returned:
+            self.tell("The door is open. The edges through it return.")
+
+    def summary(self, facts: StoryFacts) -> None:
+        """Say what was learnt."""
+        self.tell(
+            f"Learnt: {len(facts.absent)} edges were absent for a while, {len(facts.returned)} of them are back; "
+            f"{facts.nodes_added} nodes and {facts.edges_added} edges are new."
+        )
+
+    def _door(self, door: int) -> str:
+        return f"the door {self._names[door]}"
+
+    def _tell_once(self, text: str) -> None:
+        about = text[:20]
+        if about not in self._told_once:
+            self._told_once.add(about)
+            self.tell(text)
+
+
+def _duration(seconds: float) -> str:
+    return f"{seconds / 60:.0f} minutes" if seconds < 3600 else f"{seconds / 3600:.0f} hours"
 
 
 class _Phase(Enum):
@@ -181,7 +370,8 @@ class DoorStory:
 
     def _go_on_after(self, outcome: Outcome) -> None:
         """Go on after the end of a query; one that somebody else cancelled stops the story."""
-        stage, called_back = self._stage, self._is_called_back
+        stage = self._stage
+        called_back = self._is_called_back
         assert stage is not None
         self._is_called_back = False
         if outcome is Outcome.CANCELLED and not called_back:
@@ -201,7 +391,8 @@ class DoorStory:
 
     def _reopen(self, stage: Stage) -> None:
         """Open the door, let time pass, and send the robot that way again."""
-        self._phase, self._is_closed = _Phase.RETURNING, False
+        self._phase = _Phase.RETURNING
+        self._is_closed = False
         wait_s = self._map.wait_s(stage)
         self._captions.door_opens(stage.door, wait_s)
         self._steps += [Change(DoorMoved(stage.door, is_open=True)), Change(TimePassed(wait_s))]

@@ -1,27 +1,44 @@
 """What a story needs to know of a map: from where to where it can play, and when the map would try its door again.
 
-Reads exact poses, for it sets the scene; the robot that plays in it knows nothing of that. Owns which nodes are thought
-of as starts and goals; what lies between them is judged in `stage_search`.
+Owns which nodes are thought of as starts and goals, how long ways along nodes are and through which doorways they lead,
+and what makes a story a good one: short, with a way round, and with some way to go before the door and behind it. Reads
+exact poses, for it sets the scene; the robot that plays in it knows nothing of that.
 """
 
 import itertools
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ltvn_core.evaluation.door_story.mapped_ways import MappedWays
-from ltvn_core.evaluation.door_story.stage_search import Stage, StageSearch
 from ltvn_core.evaluation.door_story.unknown_way import UnknownWay, find_unknown_way
 from ltvn_core.evaluation.ground_truth import GroundTruth
-from ltvn_core.geometry import wrap_angle
+from ltvn_core.geometry import relative, wrap_angle
 from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.graph.planner import Planner
 from ltvn_core.graph.presence.presence_plan import plan_by_presence
-from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.simulation.changes.world import World
+from ltvn_core.simulation.rooms import Doorway
 from ltvn_core.types import FrameId, NodeId, Observation, Pose
 
+_SPEED_M_S, _BACKWARDS_M_S, _TURN_RAD_S = 0.35, 0.1, 0.6
+"""About how fast a robot gets on by its map."""
+_STANDING_M = 0.1
+"""A robot that backs up by less than this rather stands."""
+_BESIDE_M = 0.15
+"""A way may pass so far beside a doorway, because an edge is straight and a drive is not."""
+BEFORE_DOOR_M, BEYOND_DOOR_M = 1.0, 0.6
+"""The planned way goes so far at least before the door and behind it."""
+_DETOUR_COST = 4.0
+"""A way round is so much dearer, about as many metres, that no plan takes it before the door was seen closed."""
+_BLIND_S = 60.0
+"""A robot that backs up to a door does not see that it is closed, which takes it so long to find out."""
+_S_PER_WIDTH_M = 20.0
+"""Wide doorways are many edges wide, and the robot tries one after the other."""
 MOST_GOALS = 30
 """So many nodes are thought of as goals."""
 START_WITHIN_M, RINGS, DIRECTIONS = 2.1, 3, 8
@@ -33,6 +50,132 @@ _AHEAD = 10
 _YAW_WEIGHT_M = 0.5
 """A radian to turn counts as much as this way."""
 _WAITS_S = (600.0, 1800.0, 3600.0, 2 * 3600.0, 4 * 3600.0, 8 * 3600.0, 16 * 3600.0, 24 * 3600.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MappedWays:
+    """What ways along nodes are in truth."""
+
+    truth: GroundTruth
+    doors: Sequence[Doorway]
+
+    def edges_through(self, edges: Sequence[EdgeKey], door: int) -> list[EdgeKey]:
+        """Return those edges whose straight ways lead through a doorway."""
+        if not edges:
+            return []
+        ends = self.truth.poses([node for edge in edges for node in edge])[:, :2].reshape(-1, 2, 2)
+        return [edges[k] for k in np.flatnonzero(_are_through(ends, self.doors[door])).tolist()]
+
+    def length_m(self, nodes: Sequence[NodeId]) -> float:
+        """Return how long the way along nodes is."""
+        if len(nodes) < 2:
+            return 0.0
+        steps = np.diff(self.truth.poses(list(nodes))[:, :2], axis=0)
+        return float(np.hypot(*steps.T).sum())
+
+    def duration_s(self, nodes: Sequence[NodeId]) -> float:
+        """Return about how long driving along nodes takes; backwards it is slow."""
+        if len(nodes) < 2:
+            return 0.0
+        poses = self.truth.poses(list(nodes))
+        steps = relative(poses[:-1], poses[1:])
+        speeds_m_s = np.where(steps[:, 0] > 0, _SPEED_M_S, _BACKWARDS_M_S)
+        turns_s = np.abs(steps[:, 2]) / _TURN_RAD_S
+        return float((np.hypot(steps[:, 0], steps[:, 1]) / speeds_m_s + turns_s).sum())
+
+    def is_backwards(self, nodes: Sequence[NodeId]) -> bool:
+        """Tell whether driving along nodes means to back up somewhere."""
+        poses = self.truth.poses(list(nodes))
+        return bool((relative(poses[:-1], poses[1:])[:, 0] < -_STANDING_M).any())
+
+
+def _are_through(ends: NDArray[np.float64], doorway: Doorway) -> NDArray[np.bool_]:
+    """Tell which straight ways (N, 2, 2) in metres lead through a doorway, (N,)."""
+    across, along = ends[:, :, doorway.axis] - doorway.wall, ends[:, :, 1 - doorway.axis]
+    passes = across[:, 0] * across[:, 1] < 0
+    gap = np.where(passes, across[:, 0] - across[:, 1], 1.0)
+    at = along[:, 0] + across[:, 0] / gap * (along[:, 1] - along[:, 0])
+    return passes & (at > doorway.low - _BESIDE_M) & (at < doorway.high + _BESIDE_M)
+
+
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """Where the story plays."""
+
+    door: int
+    start: NodeId
+    goal: NodeId
+    duration_s: float
+    """About what it takes to get to the door, and from there to the goal, round about where one can."""
+    has_way_round: bool
+
+
+class _Crossing(NamedTuple):
+    """A plan through a door."""
+
+    door: int
+    there: Sequence[NodeId]
+    place: int
+    """Of the last node before the door."""
+    before_s: float
+    """About what it takes to get there."""
+    least_s: float
+    """What the whole way takes if the door is open, which is less than any way round does."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StageSearch:
+    """Looks for stages in a map, as a planner sees it."""
+
+    graph: TopologicalGraph
+    planner: Planner
+    ways: MappedWays
+
+    def best(self, starts: Sequence[NodeId], goals: Sequence[NodeId]) -> Stage | None:
+        """Return the shortest story with a way round, without any the shortest of all."""
+        closings = [self._closing(door) for door in range(len(self.ways.doors))]
+        plans = (self.planner.plan(start, goal).nodes for start in starts for goal in goals)
+        found = (each for there in plans for each in self._crossings(there, closings))
+        shortest_first = sorted(found, key=lambda each: each.least_s)
+        best: Stage | None = None
+        for each in shortest_first:
+            if best is not None and each.least_s >= best.duration_s:
+                break
+            stage = self._round_about(each, closings[each.door])
+            best = stage if stage is not None and (best is None or stage.duration_s < best.duration_s) else best
+        if best is None and shortest_first:
+            first = shortest_first[0]
+            best = Stage(first.door, first.there[0], first.there[-1], first.least_s, has_way_round=False)
+        return best
+
+    def _closing(self, door: int) -> dict[EdgeKey, float]:
+        """Return what a closed door adds to the cost of edges."""
+        return dict.fromkeys(self.ways.edges_through(list(self.graph.edges), door), math.inf)
+
+    def _crossings(self, there: Sequence[NodeId], closings: Sequence[Mapping[EdgeKey, float]]) -> Iterator[_Crossing]:
+        """Yield where a plan leads through one door, far enough from its ends."""
+        for door, closing in enumerate(closings):
+            crossed = [edge for edge in itertools.pairwise(there) if edge in closing]
+            if len(crossed) != 1:
+                continue
+            place = there.index(crossed[0][0])
+            before = there[: place + 1]
+            behind = there[place + 1 :]
+            if self.ways.length_m(before) < BEFORE_DOOR_M or self.ways.length_m(behind) < BEYOND_DOOR_M:
+                continue
+            before_s = self.ways.duration_s(before) + _S_PER_WIDTH_M * self.ways.doors[door].width_m
+            before_s += _BLIND_S * self.ways.is_backwards(there[max(0, place - 2) : place + 2])
+            yield _Crossing(door, there, place, before_s, before_s + self.ways.duration_s(behind))
+
+    def _round_about(self, crossing: _Crossing, closing: Mapping[EdgeKey, float]) -> Stage | None:
+        """Return the story of a crossing where another way leads to the goal that is clearly dearer, or None."""
+        here = crossing.there[crossing.place]
+        goal = crossing.there[-1]
+        around = self.planner.plan(here, goal, closing)
+        if not around.nodes or around.cost - self.planner.plan(here, goal).cost < _DETOUR_COST:
+            return None
+        duration_s = crossing.before_s + self.ways.duration_s(around.nodes)
+        return Stage(crossing.door, crossing.there[0], goal, duration_s, has_way_round=True)
 
 
 class StoryMap:
@@ -47,7 +190,9 @@ class StoryMap:
         robot: Callable[[], Pose],
     ) -> None:
         """Take hold of all; `observation` returns a node's image, `robot` where the robot really is, (3,)."""
-        self.graph, self.system, self.world = graph, system, world
+        self.graph = graph
+        self.system = system
+        self.world = world
         self._truth = GroundTruth(world.base.clearance, observation)
         self._ways = MappedWays(self._truth, world.base.parts.doors)
         self.robot = robot
@@ -132,7 +277,8 @@ class StoryMap:
         return Planner(self.graph, self.system.method.planning, weight=self.system.edge_weight)
 
     def _nearest(self) -> NodeId | None:
-        robot, nodes = self.robot(), list(self.graph.nodes)
+        robot = self.robot()
+        nodes = list(self.graph.nodes)
         if not nodes:
             return None
         poses = self._truth.poses(nodes)

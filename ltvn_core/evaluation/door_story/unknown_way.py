@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from ltvn_core.geometry import lengths_along
 from ltvn_core.simulation.boolean_grid import Mask, connected_components
-from ltvn_core.simulation.changes.changed_scenes import ChangedScenes
-from ltvn_core.simulation.changes.moved_furniture import piece_cells
+from ltvn_core.simulation.changes.changed_scenes import ChangedScenes, piece_cells
 from ltvn_core.simulation.changes.moving_script import BUILT_IN
 from ltvn_core.simulation.clearance_map import PLANNING_CLEARANCE_M, ClearanceMap
 from ltvn_core.simulation.rooms import Doorway

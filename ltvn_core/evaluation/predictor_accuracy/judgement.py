@@ -1,9 +1,10 @@
 """The judgement of a predictor on a recording with true poses: pairs, a map, and localising, as recorded and perturbed.
 
-Owns the order of these steps and which images are left out of the map. Reads and writes no file.
+Owns the order of these steps, which images are left out of the map, and what is doubtful of the figures. Reads and
+writes no file.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from functools import cached_property
@@ -19,14 +20,22 @@ from ltvn_core.evaluation.predictor_accuracy.localisation_accuracy import Locali
 from ltvn_core.evaluation.predictor_accuracy.map_accuracy import JudgedMap, MapAccuracy, build_judged_map, map_accuracy
 from ltvn_core.evaluation.predictor_accuracy.pair_accuracy import PairAccuracy, PairScores, pair_accuracy, score_pairs
 from ltvn_core.evaluation.predictor_accuracy.pair_sampling import PairCounts, PairSample, choose_evenly, sample_pairs
+from ltvn_core.findings import Finding, Severity
+from ltvn_core.geometry import distance, relative
 from ltvn_core.graph.builder import ProgressCallback
+from ltvn_core.graph.map_check import MappedDrive, diagnose
+from ltvn_core.graph.map_coverage import map_coverage
 from ltvn_core.graph.navigation_system import NavigationSystem
+from ltvn_core.predictors.request import predictor_card
 from ltvn_core.training_data.truth_limits import TrueViews
 from ltvn_core.types import Features, Predictor
 
 _FAR_PER_NEAR = 8
 _PERTURBED_SHARE = 4
 """Under a perturbation one pair in so many is compared."""
+_FEW_PAIRS = 100
+_SAME_D = 0.005
+"""Odometry that agrees so well with the truth, image by image, was not measured."""
 
 
 class ProgressBars(Protocol):
@@ -234,3 +243,78 @@ def _further(progress: Callable[[int], object]) -> ProgressCallback:
         last = max(done, last)
 
     return show
+
+
+def judgement_findings(
+    judgement: Judgement, sequences: Sequence[JudgedSequence], *, predictor_name: str = ""
+) -> tuple[Finding, ...]:
+    """Return what a reader of these figures must know, with likely causes of a map that nobody can navigate by.
+
+    Args:
+        judgement: The figures.
+        sequences: The images that were judged, those of the map last.
+        predictor_name: By what name the predictor was asked for.
+    """
+    return (
+        *_pair_findings(judgement),
+        *(finding for sequence in sequences for finding in _odometry_findings(sequence)),
+        *_look_findings(judgement),
+        *_map_findings(judgement, sequences[-1], predictor_name),
+    )
+
+
+def _map_findings(judgement: Judgement, mapped: JudgedSequence, predictor_name: str) -> tuple[Finding, ...]:
+    built = judgement.built.map
+    observations = judgement.built.observations
+    coverage = map_coverage(observations, built.graph, built.keyframes, built.predictor, built.system)
+    drive = MappedDrive(
+        observations=observations,
+        camera=mapped.camera,
+        is_lens_known=mapped.is_lens_known,
+        graph=built.graph,
+        keyframes=built.keyframes,
+        predictor=built.predictor,
+        predictor_name=predictor_name,
+        least_width_px=predictor_card(built.predictor).least_width_px,
+    )
+    # The share is that of the figures, so that a reader does not find two of them.
+    return diagnose(drive, coverage._replace(share=judgement.conditions[0].map.largest_piece_share))
+
+
+def _pair_findings(judgement: Judgement) -> Iterator[Finding]:
+    pairs = judgement.conditions[0].pairs
+    if pairs is None:
+        return
+    for kind, count in (("near", pairs.near_pairs), ("far", pairs.far_pairs)):
+        if not count:
+            yield Finding(f"There are no {kind} pairs, so nobody can say how many the predictor accepts.")
+        elif count < _FEW_PAIRS:
+            yield Finding(f"There are only {count} {kind} pairs, so the share of them that is accepted is uncertain.")
+    if not pairs.near_pairs:
+        yield Finding("Are the true poses in metres, and, of two recordings, in one frame?")
+
+
+def _odometry_findings(sequence: JudgedSequence) -> Iterator[Finding]:
+    if sequence.views is None:
+        return
+    name = sequence.path.name
+    odometry = np.array([seen.odometry for seen in sequence.observations])
+    if not odometry.any():
+        yield Finding(f"{name} has no odometry, so its map is built from images alone.", where=name)
+        return
+    driven = relative(odometry[:-1], odometry[1:])
+    poses = sequence.views.poses
+    moved = relative(poses[:-1], poses[1:])
+    if (distance(relative(driven, moved)) < _SAME_D).all():
+        text = f"The odometry of {name} is its true poses, so its map has fewer false edges than one of a robot would."
+        yield Finding(text, where=name)
+
+
+def _look_findings(judgement: Judgement) -> Iterator[Finding]:
+    looks = judgement.conditions[0].localisation
+    if looks is not None and looks.looks_elsewhere:
+        yield Finding(
+            f"{looks.looks_elsewhere} of {looks.looks + looks.looks_elsewhere} images that were looked for were taken "
+            "where the map has no image near; they do not count.",
+            Severity.INFO,
+        )

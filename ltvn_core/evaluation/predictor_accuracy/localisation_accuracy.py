@@ -64,7 +64,7 @@ def localisation_accuracy(
         progress: Called with the number of further images that are done.
     """
     assert built.views is not None
-    reach = built.system.method.localising.distance
+    reach = built.map.system.method.localising.distance
     can: NDArray[np.bool_] = np.any(distance(views.moves_to(built.views)) < reach, axis=1)
     looks = []
     for row in range(len(views)):
@@ -76,7 +76,7 @@ def localisation_accuracy(
 
 def _look(built: JudgedMap, features: Features, view: TrueViews) -> _Look:
     assert built.views is not None
-    found = built.system.localise(features, built.graph, NO_PRIOR, built.matcher)
+    found = built.map.system.localise(features, built.map.graph, NO_PRIOR, built.matcher)
     if found.node is None:
         return _Look(pose=None, is_far=False)
     row = built.row_of[found.node]

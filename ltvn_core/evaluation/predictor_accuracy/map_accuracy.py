@@ -20,6 +20,7 @@ from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.graph.operators import pose_row
 from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.topological_map import TopologicalMap
 from ltvn_core.training_data.truth_limits import LIMITS, TrueViews
 from ltvn_core.types import Features, FrameId, NodeId, Observation, Pose, Predictor
 
@@ -58,18 +59,15 @@ class JudgedMap:
     """(M, F)."""
     views: TrueViews | None
     """Where they were truly taken; None where nobody knows."""
-    predictor: Predictor
-    system: NavigationSystem
+    map: TopologicalMap
+    """With all M images."""
     deltas: Sequence[GraphDelta]
     """The map's history."""
-    keyframes: KeyframeStore
-    """All M images."""
-    graph: TopologicalGraph
 
     @cached_property
     def matcher(self) -> Matcher:
         """Compares images with those of the map."""
-        return Matcher(self.predictor, self.keyframes, self.system.method.matching)
+        return Matcher(self.map.predictor, self.map.keyframes, self.map.system.method.matching)
 
     @cached_property
     def row_of(self) -> Mapping[FrameId, int]:
@@ -100,35 +98,27 @@ def build_judged_map(
     progress: ProgressCallback,
 ) -> JudgedMap:
     """Build a map from images (M of them) with their features (M, F); raises MapError as the builder does."""
-    keyframes = KeyframeStore(predictor)
-    keyframes.add(observations, features)
-    deltas = system.build(observations, keyframes, predictor, rng=rng, progress=progress)
-    keyframes.add(observations, features)  # Images that the builder dropped are asked about too.
-    return JudgedMap(
-        observations=observations,
-        features=features,
-        views=views,
-        predictor=predictor,
-        system=system,
-        deltas=deltas,
-        keyframes=keyframes,
-        graph=TopologicalGraph(deltas),
-    )
+    built = TopologicalMap.of(predictor, system)
+    built.keyframes.add(observations, features)
+    deltas = built.build(observations, rng=rng, progress=progress)
+    built.keyframes.add(observations, features)  # Images that the builder dropped are asked about too.
+    return JudgedMap(observations=observations, features=features, views=views, map=built, deltas=deltas)
 
 
 def map_accuracy(built: JudgedMap, *, progress: ProgressCallback) -> MapAccuracy:
     """Return the figures of a map; `progress` is called with images that were localised and images in all."""
     known = built.views is not None
-    pieces = strongly_connected_components(built.graph)
-    groups = None if built.views is None else _true_pieces(built.views, built.system.method.building.connect_distance)
+    pieces = strongly_connected_components(built.map.graph)
+    near = built.map.system.method.building.connect_distance
+    groups = None if built.views is None else _true_pieces(built.views, near)
     return MapAccuracy(
         frames=len(built.observations),
-        nodes=len(built.graph.nodes),
-        edges=len(built.graph.edges),
+        nodes=len(built.map.graph.nodes),
+        edges=len(built.map.graph.edges),
         pieces=len(pieces),
         true_pieces=None if groups is None else int(groups.max()) + 1,
         largest_piece_share=_share_in(built, set(pieces[0]), groups, progress),
-        false_edges=sum(map(built.is_false, built.graph.edges.values())) if known else None,
+        false_edges=sum(map(built.is_false, built.map.graph.edges.values())) if known else None,
         perceptual_aliases=len(true_aliases(built)) if known else None,
     )
 
@@ -137,12 +127,12 @@ def true_aliases(built: JudgedMap) -> tuple[PerceptualAlias, ...]:
     """Return the pairs of nodes that the method takes for near and that are truly far."""
     assert built.views is not None
     poses = {seen.step: pose for seen, pose in zip(built.observations, built.views.poses, strict=True)}
-    keyframes = KeyframeStore(built.predictor)
+    keyframes = KeyframeStore(built.map.predictor)
     # The search doubts what odometry contradicts; with true poses in its place it knows.
     keyframes.add([replace(seen, odometry=poses[seen.step]) for seen in built.observations], built.features)
     graph = TopologicalGraph([_at_true_pose(delta, poses) for delta in built.deltas])
-    method = built.system.method
-    found = find_perceptual_aliases(graph, Matcher(built.predictor, keyframes, method.matching), method)
+    method = built.map.system.method
+    found = find_perceptual_aliases(graph, Matcher(built.map.predictor, keyframes, method.matching), method)
     return tuple(pair for pair in found if built.are_far(pair.first, pair.second))
 
 
@@ -167,8 +157,8 @@ def _share_in(
     every = np.arange(len(built.observations)) if groups is None else np.flatnonzero(groups == 0)
     rows: list[int] = every.tolist()
     frames = [built.observations[row].step for row in rows]
-    nodes = [frame for frame in frames if frame in built.graph.nodes]
-    others = [row for row, frame in zip(rows, frames, strict=True) if frame not in built.graph.nodes]
+    nodes = [frame for frame in frames if frame in built.map.graph.nodes]
+    others = [row for row, frame in zip(rows, frames, strict=True) if frame not in built.map.graph.nodes]
     asked = others[:: max(math.ceil(len(others) / _MOST_RECOGNISED), 1)]
     recognised = 0
     for done, row in enumerate(asked, 1):
@@ -180,4 +170,4 @@ def _share_in(
 
 def _recognised(built: JudgedMap, row: int) -> NodeId | None:
     """Return the node that an image of the drive is taken for."""
-    return built.system.localise(built.features[row : row + 1], built.graph, NO_PRIOR, built.matcher).node
+    return built.map.system.localise(built.features[row : row + 1], built.map.graph, NO_PRIOR, built.matcher).node

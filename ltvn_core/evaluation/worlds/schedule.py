@@ -12,9 +12,9 @@ from ltvn_core.errors import OptionError
 from ltvn_core.evaluation.ground_truth import GroundTruth
 from ltvn_core.evaluation.preparation import DriveGroundTruth
 from ltvn_core.evaluation.protocol import EpisodePlan
+from ltvn_core.evaluation.results import DoorMove
 from ltvn_core.evaluation.worlds.closed_edges import ClosedEdges
 from ltvn_core.evaluation.worlds.world_plans import WorldPlan
-from ltvn_core.evaluation.worlds.world_results import DoorMove
 from ltvn_core.graph.operators import pose_row
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.robots.robot_spec import LOCOBOT

@@ -2,33 +2,35 @@
 
 import itertools
 import math
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
-from ltvn_core.composition import open_predictor
-from ltvn_core.evaluation.encounters import EncounterCounts, EncounterLog
+from ltvn_core.evaluation.encounters import EncounterLog, count_encounters
 from ltvn_core.evaluation.episode_runner import EpisodeRunner, EventCallback
 from ltvn_core.evaluation.open_edges import true_presence
-from ltvn_core.evaluation.results import EpisodeResult, load_results
+from ltvn_core.evaluation.query_result import PresenceBin, PresenceScore, QueryResult
+from ltvn_core.evaluation.results import load_results
 from ltvn_core.evaluation.trial_plans import open_planned_system, planned_weights
 from ltvn_core.evaluation.true_rooms import true_rooms
-from ltvn_core.evaluation.worlds.closed_edges import ClosedEdges
-from ltvn_core.evaluation.worlds.door_watch import DoorWatch
-from ltvn_core.evaluation.worlds.presence_score import score_presence
+from ltvn_core.evaluation.worlds.closed_edges import ClosedEdges, DoorWatch
 from ltvn_core.evaluation.worlds.schedule import LATER_S, Schedule, ScheduledQuery
 from ltvn_core.evaluation.worlds.world_plans import WorldFiles, WorldPlan
-from ltvn_core.evaluation.worlds.world_results import PresenceScore, WorldQuery
 from ltvn_core.geometry import distance, relative
+from ltvn_core.graph.navigation_system import NavigationSystem, NoMaintenance
 from ltvn_core.graph.planner import Planner
+from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.navigation.events import Event
-from ltvn_core.recording.map_file import save_map
+from ltvn_core.network.metrics.binned_metrics import calibration_table
+from ltvn_core.predictors.opening import open_predictor
 from ltvn_core.simulation.changes.world import World
 from ltvn_core.simulation.oracle_predictor import OraclePredictor
 from ltvn_core.simulation.scene_registry import load_scene
 from ltvn_core.simulation.simulated_robot import SimulatedRobot
 from ltvn_core.systems.maintenance import with_maintenance
+from ltvn_core.topological_map import TopologicalMap
 from ltvn_core.types import FrameId, Pose, Predictor
 
 
@@ -55,13 +57,14 @@ class WorldDrive:
         predictor = open_predictor(plan.trial.predictor, plan.trial.scene, planned_weights(plan.trial, files.trial))
         _keep_informed(predictor, self.world)
         system = open_planned_system(plan.trial, predictor, scene, maintain=True)
-        self.runner = EpisodeRunner(scene, files.map(first), predictor, system, plan.trial.protocol, world=self.world)
-        truth = true_presence(self.world, self.runner.keyframes.observation)
-        room_of = true_rooms(scene, self.runner.keyframes.observation)
-        self.runner.system = with_maintenance(system, plan.maintenance, truth=truth, room_of=room_of)
+        known = TopologicalMap.load(files.map(first), predictor, system=system)
+        truth = true_presence(self.world, known.keyframes.observation)
+        room_of = true_rooms(scene, known.keyframes.observation)
+        known = replace(known, system=with_maintenance(system, plan.maintenance, truth=truth, room_of=room_of))
+        self.runner = EpisodeRunner(scene, known, plan.trial.protocol, world=self.world)
         self.closed_edges = ClosedEdges(scene, self.runner.truth)
 
-    def run(self, query: int, on_event: EventCallback | None = None) -> WorldQuery:
+    def run(self, query: int, on_event: EventCallback | None = None) -> QueryResult:
         """Let time pass until a query, and drive it."""
         runner, world, scheduled = self.runner, self.world, self._schedule.queries[query]
         if scheduled.at_s > world.time_s:
@@ -88,32 +91,25 @@ class WorldDrive:
         )
         goal = np.array([scheduled.episode.goal_pose])
         cut_off = not result.reached and not bool(world.reachable(end, goal)[0])
-        met = EncounterCounts.of(people.finish())
+        met = count_encounters(people.finish())
         return replace(self._result(scheduled, result, foretold, watch, cut_off=cut_off), people=met)
 
     def save_map(self, queries: int) -> None:
-        """Save the map as it is after so many queries."""
-        runner = self.runner
-        save_map(
-            self._files.map(queries),
-            runner.graph,
-            [runner.keyframes.observation(frame) for frame in runner.keyframes.frames],
-            scene=runner.scene.address,
-            fingerprint=runner.fingerprint,
-            config={
-                "verb": "lifelong",
-                "system": runner.system.name,
-                "seed": self._plan.trial.seed,
-                "world": self._plan.world,
-                "maintenance": self._plan.maintenance,
-                "queries": queries,
-                "method": asdict(runner.system.method),
-            },
-            origin=self._files.map(self._first),
-        )
+        """Save the map as it is after a number of queries."""
+        settings = {
+            "seed": self._plan.trial.seed,
+            "world": self._plan.world,
+            "maintenance": self._plan.maintenance,
+            "queries": queries,
+        }
+        self.runner.save_map(self._files.map(queries), settings, origin=self._files.map(self._first))
+
+    def check(self, results: Sequence[QueryResult]) -> tuple[QueryResult, ...]:
+        """Return the results; all is known when a query is over."""
+        return tuple(results)
 
     def _foretell(self, scheduled: ScheduledQuery) -> _Foretold:
-        system, graph, at_s = self.runner.system, self.runner.graph, scheduled.at_s
+        system, graph, at_s = self.runner.map.system, self.runner.map.graph, scheduled.at_s
         score = partial(score_presence, system, graph, edges=self._changing)
         now = score(at_s=at_s, closed=scheduled.closed)
         later = score(at_s=at_s + LATER_S, closed=scheduled.closed_later)
@@ -121,7 +117,7 @@ class WorldDrive:
 
     def _doors_wanted(self, scheduled: ScheduledQuery) -> frozenset[int]:
         """Return the doors on the best way of the map from the node next to the start, given which edges are open."""
-        graph, truth, system = self.runner.graph, self.runner.truth, self.runner.system
+        graph, truth, system = self.runner.map.graph, self.runner.truth, self.runner.map.system
         nodes = list(graph.nodes)
         gaps = distance(relative(np.array(scheduled.episode.start_pose), truth.poses(nodes)))
         closed = self.closed_edges.among(list(graph.edges), self.world.scene.clearance)
@@ -135,21 +131,13 @@ class WorldDrive:
         return self._schedule.first_frame + query * 4 * (steps + 1)
 
     def _result(
-        self, scheduled: ScheduledQuery, result: EpisodeResult, foretold: _Foretold, watch: DoorWatch, *, cut_off: bool
-    ) -> WorldQuery:
-        graph = self.runner.graph
-        return WorldQuery(
-            query=result.episode,
+        self, scheduled: ScheduledQuery, result: QueryResult, foretold: _Foretold, watch: DoorWatch, *, cut_off: bool
+    ) -> QueryResult:
+        graph = self.runner.map.graph
+        return replace(
+            result,
             at_s=scheduled.at_s,
-            start=result.start,
-            goal=result.goal,
-            reached=result.reached,
-            outcome=result.outcome,
-            failure=result.failure,
             cut_off=cut_off,
-            steps=result.steps,
-            collisions=result.collisions,
-            path_m=result.path_m,
             shortest_m=scheduled.shortest_m,
             blocked_tries=watch.blocked_tries,
             doors_tried=tuple(sorted(watch.met_closed)),
@@ -170,3 +158,39 @@ def _keep_informed(predictor: Predictor, world: World) -> None:
     if isinstance(predictor, OraclePredictor):
         predictor.show(world.scene.clearance)
         world.follow(lambda _: predictor.show(world.scene.clearance))
+
+
+_BINS = 10
+
+
+def score_presence(
+    system: NavigationSystem,
+    graph: TopologicalGraph,
+    at_s: float,
+    edges: Sequence[EdgeKey],
+    closed: Collection[EdgeKey],
+) -> PresenceScore:
+    """Judge what a system predicts for `edges` at a moment, when `closed` of them are closed."""
+    p = _predicted(system, graph, at_s, edges)
+    closed = set(closed)
+    is_open = np.array([edge not in closed for edge in edges], bool)
+    cells = (
+        PresenceBin(cell.pairs, cell.predicted or 0.0, cell.reachable or 0.0)
+        for cell in calibration_table(p, is_open, _BINS)
+    )
+    return PresenceScore(len(edges), float(np.mean((p - is_open) ** 2)) if edges else 0.0, tuple(cells))
+
+
+def _predicted(system: NavigationSystem, graph: TopologicalGraph, at_s: float, edges: Sequence[EdgeKey]) -> np.ndarray:
+    """Return (N,) the probabilities; an edge that has left the map is held to be closed.
+
+    Where a system has no notion of presence, what it believes of an edge says both; a static map says yes to all.
+    """
+    if system.presence is not None:
+        known = system.presence.probabilities(graph, at_s)
+        found = [known.get(edge, 1.0) if edge in graph.edges else 0.0 for edge in edges]
+    elif isinstance(system.maintenance, NoMaintenance):
+        found = [1.0] * len(edges)
+    else:
+        found = [graph.edges[edge].belief.p if edge in graph.edges else 0.0 for edge in edges]
+    return np.array(found, np.float64)

@@ -5,6 +5,7 @@ The queries of one map run one after the other; those of different maps and main
 
 from collections.abc import Sequence
 from dataclasses import asdict
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -15,15 +16,15 @@ from ltvn_core.evaluation.ground_truth import GroundTruth
 from ltvn_core.evaluation.gzipped_results import is_stored
 from ltvn_core.evaluation.parts import WHOLE, Part
 from ltvn_core.evaluation.preparation import prepare
-from ltvn_core.evaluation.preparation_progress import told_repeatedly
-from ltvn_core.evaluation.results import load_results, save_results
+from ltvn_core.evaluation.preparation_progress import EvaluationProgress
+from ltvn_core.evaluation.results import WorldResult, load_results, save_results
+from ltvn_core.evaluation.segments import Queries, ScheduledTest, load_batches, run_segments
 from ltvn_core.evaluation.trial_plans import TrialFiles, claim_settings, plan_settings
-from ltvn_core.evaluation.trials import EvaluationProgress, prepare_all
+from ltvn_core.evaluation.trials import prepare_all
 from ltvn_core.evaluation.workers import Workers
 from ltvn_core.evaluation.worlds.schedule import Schedule, draw_schedule
-from ltvn_core.evaluation.worlds.world_batches import batch_ranges, load_batches, run_world_batches
+from ltvn_core.evaluation.worlds.world_drive import WorldDrive
 from ltvn_core.evaluation.worlds.world_plans import WorldFiles, WorldPlan
-from ltvn_core.evaluation.worlds.world_results import WorldResult
 from ltvn_core.recording.map_file import load_map
 from ltvn_core.simulation.scene_registry import load_scene
 
@@ -49,9 +50,7 @@ def run_world_evaluation(
         claim_settings(files.settings, _settings(plan))
     first = {files.schedule: (plan, files) for plan, files in jobs}
     list(parallel(delayed(_schedule)(*job) for job in first.values()))
-    with told_repeatedly(lambda: progress.unfinished(sum(_queries_done(*job) for job in jobs))):
-        for done in parallel(delayed(run_world_batches)(*job) for job in jobs):
-            progress.work_done(done)
+    run_segments([_scheduled(plan, files) for plan, files in jobs], parallel, progress)
     for plan, files in jobs:
         _finish(plan, files, command)
     results = (WorldFiles.of(plan, TrialFiles.of(plan.trial, folder)).result for plan in plans)
@@ -76,10 +75,11 @@ def _schedule(plan: WorldPlan, files: WorldFiles) -> None:
     save_results(files.schedule, draw_schedule(plan, scene, loaded.graph, truth, drive_truth))
 
 
-def _queries_done(plan: WorldPlan, files: WorldFiles) -> int:
-    """Return how many queries are done of a plan that is not; finished plans are counted by the bar itself."""
-    done = [until - first for first, until in batch_ranges(plan.queries) if files.batch(first, until).exists()]
-    return sum(done) if sum(done) < plan.queries else 0
+def _scheduled(plan: WorldPlan, files: WorldFiles) -> ScheduledTest:
+    """Return the test of a plan: queries alone."""
+    return ScheduledTest(
+        plan.trial, files.trial, (Queries(0, plan.queries),), partial(WorldDrive, plan, files), query_files=files
+    )
 
 
 def _finish(plan: WorldPlan, files: WorldFiles, command: str) -> None:
@@ -87,7 +87,7 @@ def _finish(plan: WorldPlan, files: WorldFiles, command: str) -> None:
     if is_stored(files.result):
         return
     schedule: Schedule = load_results(files.schedule, Schedule)
-    batches = load_batches(plan, files)
+    batches = load_batches(files, 0, plan.queries)
     result = WorldResult(
         scene=load_scene(plan.trial.scene).name,
         preset=plan.trial.preset,

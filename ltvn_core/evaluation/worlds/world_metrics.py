@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ltvn_core.evaluation.confidence_intervals import SampleGroup, estimates
-from ltvn_core.evaluation.encounters import EncounterCounts
-from ltvn_core.evaluation.worlds.world_results import DoorMove, PresenceScore, WorldQuery, WorldResult
+from ltvn_core.evaluation.query_result import EncounterCounts, PresenceScore, QueryResult
+from ltvn_core.evaluation.results import DoorMove, WorldResult
 from ltvn_core.network.metrics.success_rate import SuccessRate
 
 LEAST_DETOUR_M = 0.5
@@ -68,19 +68,20 @@ class WorldMetrics:
 def world_metrics(results: Sequence[WorldResult]) -> WorldMetrics:
     """Return the metrics of results of one maintenance. Raises ValueError if there are none."""
     queries = [query for result in results for query in result.queries]
-    success, spl = estimates([_sample(result) for result in results])
-    wilson = SuccessRate.of(sum(query.reached for query in queries), len(queries))
+    success, spl = (each.within(0, 1) for each in estimates([_sample(result) for result in results]))
+    success = success.covering(SuccessRate.of(sum(query.reached for query in queries), len(queries)))
     waits = [wait for result in results for wait in reopening_waits(result.queries, result.doors)]
     detours = [query.reached for query in queries if query.detour_m >= LEAST_DETOUR_M]
-    now, later = [query.now for query in queries], [query.later for query in queries]
+    now = [query.now for query in queries if query.now is not None]
+    later = [query.later for query in queries if query.later is not None]
     return WorldMetrics(
         queries=len(queries),
         success_rate=success.mean,
-        success_low=max(min(success.low, wilson.low), 0.0),
-        success_high=min(max(success.high, wilson.high), 1.0),
+        success_low=success.low,
+        success_high=success.high,
         spl=spl.mean,
-        spl_low=max(spl.low, 0.0),
-        spl_high=min(spl.high, 1.0),
+        spl_low=spl.low,
+        spl_high=spl.high,
         detours=len(detours),
         success_on_detours=_mean(detours) if detours else None,
         cut_off=sum(query.cut_off for query in queries),
@@ -103,7 +104,7 @@ def world_metrics(results: Sequence[WorldResult]) -> WorldMetrics:
     )
 
 
-def reopening_waits(queries: Sequence[WorldQuery], doors: Sequence[DoorMove]) -> list[int]:
+def reopening_waits(queries: Sequence[QueryResult], doors: Sequence[DoorMove]) -> list[int]:
     """Return for each time a door reopened that the robot had met closed how many queries it took to be used again.
 
     Counted are queries whose best way leads through it, until one drives through it or it closes again. Doors that no
@@ -121,7 +122,7 @@ def reopening_waits(queries: Sequence[WorldQuery], doors: Sequence[DoorMove]) ->
     return waits
 
 
-def _wait(queries: Sequence[WorldQuery], door: int) -> int:
+def _wait(queries: Sequence[QueryResult], door: int) -> int:
     """Return the number of the query, of those that want a door, in which it is used; 0 if none wants it."""
     wanted = 0
     for query in queries:
@@ -131,7 +132,7 @@ def _wait(queries: Sequence[WorldQuery], door: int) -> int:
     return wanted + 1 if wanted else 0
 
 
-def _door_tries(query: WorldQuery) -> int:
+def _door_tries(query: QueryResult) -> int:
     return query.blocked_tries if query.door_tries is None else query.door_tries
 
 

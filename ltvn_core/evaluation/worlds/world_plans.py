@@ -85,7 +85,7 @@ class WorldFiles:
         """Return the map after so many queries."""
         return self.world / self.maintenance / f"map-{queries:04d}.rrd" if queries else self.trial.map()
 
-    def batch(self, first: int, until: int) -> Path:
+    def query_batch(self, first: int, until: int) -> Path:
         """Return the results of the queries from `first` up to `until`."""
         return self.world / self.maintenance / f"queries-{first:04d}-{until:04d}.json"
 

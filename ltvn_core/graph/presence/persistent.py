@@ -1,11 +1,14 @@
-"""The filter of things that stay for a while, go for a while and come back.
+"""The filter of things that stay for a while, go for a while and come back, and its constants for edges of a map.
 
 A persistence filter (Rosen, Mason, Leonard, ICRA 2016) while a thing is there, its mirror image, an emergence filter,
 while it is away, both over mixtures of durations, and switching between them, as in Perpetua (Saavedra-Ruiz, Nashed,
 Gauthier, Paull, IROS 2025, arXiv 2507.18808). Four departures, ours: all kinds of stays count with their weight and
 not the likeliest alone; the weights of the next stay are learned from all stays that are over and not mostly from the
-last; a switch keeps the doubt there was; and the future is that of the renewal process of both states
-(`graph.presence.renewal`) rather than one sequence of switches.
+last; a switch keeps the doubt there was; and the future is that of the renewal process of both states, by its integral
+equations on a grid of time, rather than one sequence of switches.
+
+The constants are ours, for edges that a robot drives now and then: a stay or an absence of an edge may be that of a
+person, of a piece of furniture or of a door, and what is true of this one it must learn from a handful of observations.
 """
 
 from dataclasses import dataclass
@@ -15,7 +18,54 @@ from numpy.typing import NDArray
 
 from ltvn_core.graph.presence.durations import DurationMixture, FloatArray, log_ended_between, log_survival
 from ltvn_core.graph.presence.presence_filter import Rows
-from ltvn_core.graph.presence.renewal import return_probabilities
+
+
+def return_probabilities(own: FloatArray, other: FloatArray) -> FloatArray:
+    """Return (I, N) the probability of being back in a state at times 0, 1, ... I-1 after it was left.
+
+    With A the probability of being in the state after entering it, and B after leaving it, f the densities of the
+    lengths of stays and S their survival:
+
+        A(t) = S_own(t) + integral of f_own(u) B(t - u) du,    B(t) = integral of f_other(u) A(t - u) du.
+
+    Stays that begin and end within one step of the grid are taken in by solving both equations of a step together.
+
+    Args:
+        own: (2 I - 1, N) survival of stays in the state, at every half step from 0 on.
+        other: (2 I - 1, N) survival of stays away from it.
+    """
+    own_steps, other_steps = _StepEnds(own), _StepEnds(other)
+    count = len(own_steps.survival)
+    in_state = np.ones_like(own_steps.survival)
+    back = np.zeros_like(own_steps.survival)
+    within = 1 - own_steps.first * other_steps.first
+    for i in range(1, count):
+        stayed = own_steps.survival[i] + own_steps.convolve(back, i)
+        returned = other_steps.convolve(in_state, i) + other_steps.last[i]
+        in_state[i] = (stayed + own_steps.first * returned) / np.maximum(within, 1e-12)
+        back[i] = returned + other_steps.first * in_state[i]
+    return np.clip(back, 0.0, 1.0)
+
+
+class _StepEnds:
+    """How much of a stay ends within each step of the grid."""
+
+    def __init__(self, half_steps: FloatArray) -> None:
+        """Take (2 I - 1, N) survival at every half step."""
+        self.survival = half_steps[::2]
+        """(I, N) at whole steps."""
+        middles = half_steps[1::2]
+        self.first = 1 - middles[0] if len(middles) else np.zeros_like(half_steps[0])
+        """(N,) stays that end within half a step."""
+        self._around = middles[:-1] - middles[1:]
+        """(I - 2, N) stays that end within half a step of 1, 2, ..."""
+        self.last = np.concatenate([np.zeros_like(half_steps[:1]), middles - self.survival[1:]])
+        """(I, N) stays that end within the half step before 0, 1, ..."""
+
+    def convolve(self, after: FloatArray, i: int) -> FloatArray:
+        """Return (N,) the sum over lags 1 to i - 1 of what ends there times what follows."""
+        return np.einsum("jn,jn->n", self._around[: i - 1], after[i - 1 : 0 : -1])
+
 
 _STEPS_AHEAD = 32
 """Steps of the grid on which the future is computed."""
@@ -187,3 +237,21 @@ def _padded(durations: DurationMixture, kinds: int) -> DurationMixture:
         shapes=np.pad(durations.shapes, missing, constant_values=1.0),
         weights=np.pad(durations.weights, missing),
     )
+
+
+_MINUTE_S, _HOUR_S, _DAY_S = 60.0, 3600.0, 86400.0
+
+EDGE_ERRORS = SightErrors(miss=0.005, false_alarm=0.005)
+"""An obstruction is believed only where it lies across the way, and a success only at its end, so both rarely err."""
+
+USUALLY_PRESENT = 0.9
+"""Share of the time that an edge, of which nothing is known, can be driven."""
+
+PERSISTENT = PersistentFilter(
+    # What is seen to be closed once is mostly a door, which somebody opens and closes many times a day.
+    present=DurationMixture.exponential([30 * _MINUTE_S, 6 * _HOUR_S, 7 * _DAY_S], [0.4, 0.3, 0.3]),
+    # Somebody passes, a door is closed for a while, something is put down for long.
+    absent=DurationMixture.exponential([15.0, 10 * _MINUTE_S, 5 * _HOUR_S], [0.25, 0.4, 0.35]),
+    errors=EDGE_ERRORS,
+    present_at_first=USUALLY_PRESENT,
+)

@@ -1,10 +1,9 @@
 """What a filter of presence is: a fold over observations that tells how probably a thing is there at a later moment.
 
-Owns the interface, the simplest filter, and folding whole histories. Filters are in the modules beside.
+Owns the interface, and folding whole histories. The filter that is used is `graph.presence.persistent`.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import zip_longest
 from typing import Protocol
 
@@ -42,27 +41,6 @@ class PresenceFilter(Protocol):
     def follow(self, count: int) -> PresenceTracks:
         """Begin to follow a number of things of which nothing is known yet."""
         ...
-
-
-@dataclass(frozen=True, slots=True)
-class AlwaysPresent:
-    """The filter of a static map: whatever was seen, everything is there."""
-
-    def follow(self, count: int) -> "_NoTracks":
-        """Follow nothing."""
-        return _NoTracks(count)
-
-
-@dataclass(frozen=True, slots=True)
-class _NoTracks:
-    count: int
-
-    def observe(self, rows: Rows, present: NDArray[np.bool_], stamps_s: FloatArray) -> None:
-        """Learn nothing."""
-
-    def probability(self, at_s: float) -> FloatArray:
-        """Return (N,) ones."""
-        return np.ones(self.count)
 
 
 def presence_probability(

@@ -1,27 +1,104 @@
 """The files of a LeRobotDataset: what it says of itself, its episodes, and their rows.
 
 Where the files of an episode are is in `layouts`. Every path that the data set names is looked up within its folder.
+Owns how depth is encoded in videos (12 bits a pixel, finer near the camera than far away), and how much of a Parquet
+table may be in memory at once: a value that occurs again and again is stored once, and so are images that are all zero,
+so that a kilobyte of a table can stand for terabytes.
 """
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from numpy.typing import NDArray
 
 from ltvn_core.errors import DriveError
 from ltvn_core.importing.foreign_files import is_from_lfs, read_foreign, require_plain, require_within
-from ltvn_core.importing.lerobot.depth_codes import DepthCodes
 from ltvn_core.importing.lerobot.layouts import Episode, Layout, LayoutV2, LayoutV3, unreadable
-from ltvn_core.importing.lerobot.table_limits import rows_at_once
 from ltvn_core.structured_text import parse_json
+from ltvn_core.types import Depth
 
+LARGEST_CODE = 4095
+_MOST_ROWS = 32
+_BYTES_AT_ONCE = 2**28
+_MOST_PART_BYTES = 2**29
+"""Of a column in one group of rows; a whole file of a LeRobotDataset has a fifth of it."""
+_MOST_NUMBERS = 1024
+"""In a row of a column, as the joints of a robot."""
 INFO = "meta/info.json"
-
 _MOST_BYTES = 20_000_000
 _LARGEST_CHUNK = 10**6
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DepthCodes:
+    """What the codes 0 to 4095 mean. Code 0 also stands for everything nearer, and for no return."""
+
+    depth_min: float = 0.01
+    """Metres at code 0,"""
+    depth_max: float = 10.0
+    """and at the largest code."""
+    shift: float = 3.5
+    """Metres that are added before the logarithm."""
+    use_log: bool = True
+    """Steps grow with the distance; else they are equal."""
+
+    def __post_init__(self) -> None:
+        """Refuse a range that has no logarithm. Raises DriveError."""
+        numbers = (self.depth_min, self.depth_max, self.shift)
+        if not (all(map(math.isfinite, numbers)) and self.depth_max > self.depth_min > -self.shift):
+            raise DriveError(
+                f"Depth between {self.depth_min} and {self.depth_max} m, shifted by {self.shift}, is none."
+            )
+
+    def metres(self, codes: NDArray[np.uint16]) -> Depth:
+        """Return depth in metres of codes (H, W), 0 for no return."""
+        low, high = self._ends()
+        value = low + codes.astype(np.float32) * ((high - low) / LARGEST_CODE)
+        metres = np.exp(value) - self.shift if self.use_log else value
+        return np.where((codes > 0) & (metres > 0), metres, 0).astype(np.float32)
+
+    def codes(self, metres: Depth) -> NDArray[np.uint16]:
+        """Return the codes of depth (H, W) in metres; what is farther than the largest code becomes no return."""
+        low, high = self._ends()
+        with np.errstate(divide="ignore", invalid="ignore"):
+            value = np.log(metres + self.shift) if self.use_log else metres
+        codes = np.rint((value - low) / (high - low) * LARGEST_CODE)
+        return np.where((metres > 0) & (metres <= self.depth_max), codes.clip(1, LARGEST_CODE), 0).astype(np.uint16)
+
+    def _ends(self) -> tuple[float, float]:
+        if not self.use_log:
+            return self.depth_min, self.depth_max
+        return math.log(self.depth_min + self.shift), math.log(self.depth_max + self.shift)
+
+
+def rows_at_once(metadata: pq.FileMetaData, columns: Sequence[str]) -> int:
+    """Return how many rows of some columns may be read together. Raises DriveError where one may be too much."""
+    largest = 1
+    for part, rows in _parts(metadata, columns):
+        if part.total_uncompressed_size > _MOST_PART_BYTES or part.num_values > rows * _MOST_NUMBERS:
+            raise DriveError(
+                f"The column {part.path_in_schema!s:.80} unpacks to {part.total_uncompressed_size:,} bytes and "
+                f"{part.num_values:,} values in {rows:,} rows, which no drive has."
+            )
+        largest = max(largest, part.total_uncompressed_size)
+    # Each row may hold the column's largest value, which is at most as large as all of them.
+    return max(1, min(_MOST_ROWS, _BYTES_AT_ONCE // largest))
+
+
+def _parts(metadata: pq.FileMetaData, columns: Sequence[str]) -> Iterator[tuple[pq.ColumnChunkMetaData, int]]:
+    """Yield the stored parts of some columns with the number of their rows."""
+    for number in range(metadata.num_row_groups):
+        group = metadata.row_group(number)
+        for place in range(group.num_columns):
+            part = group.column(place)
+            if any(part.path_in_schema == name or part.path_in_schema.startswith(f"{name}.") for name in columns):
+                yield part, group.num_rows
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -116,7 +193,8 @@ def _read_info(folder: Path) -> Mapping[str, Any]:
 def _layout(folder: Path, info: Mapping[str, Any]) -> Layout:
     """Return where the files of a data set are, by its version. Raises DriveError for versions that are not read."""
     version = str(info.get("codebase_version", ""))
-    data, video = info.get("data_path"), info.get("video_path")
+    data = info.get("data_path")
+    video = info.get("video_path")
     if version.startswith("v3"):
         return LayoutV3(folder, data, video)
     if version.startswith("v2"):

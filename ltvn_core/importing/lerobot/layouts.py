@@ -83,7 +83,8 @@ class LayoutV3:
     def __init__(self, folder: Path, data: object, video: object) -> None:
         """Take the templates of the data set, None where it has none."""
         self._folder = folder
-        self._data, self._video = str(data or self.DATA), str(video or self.VIDEO)
+        self._data = str(data or self.DATA)
+        self._video = str(video or self.VIDEO)
 
     def episodes(self) -> list[Episode]:
         """Read the tables of episodes; see `Layout`."""
@@ -134,8 +135,10 @@ class LayoutV2:
 
     def __init__(self, folder: Path, data: object, video: object, chunk: int) -> None:
         """Take the templates of the data set, None where it has none, and how many episodes are in a folder."""
-        self._folder, self._chunk = folder, chunk
-        self._data, self._video = str(data or self.DATA), str(video or self.VIDEO)
+        self._folder = folder
+        self._chunk = chunk
+        self._data = str(data or self.DATA)
+        self._video = str(video or self.VIDEO)
 
     def episodes(self) -> list[Episode]:
         """Read the list of episodes; see `Layout`."""
@@ -189,7 +192,8 @@ def _numeric_columns(schema: pa.Schema) -> list[str]:
 
 def _episode(row: object) -> Episode:
     found = row if isinstance(row, dict) else {}
-    number, length = found.get("episode_index"), found.get("length")
+    number = found.get("episode_index")
+    length = found.get("length")
     if not isinstance(number, int) or not isinstance(length, int):
         raise DriveError(f"An episode has the number {number!r:.20} and the length {length!r:.20}.")
     return Episode(number=number, length=length, row=found)

@@ -1,35 +1,50 @@
 """The files of a bag as one stream of messages in the order of recording, whatever ROS wrote them.
 
-Owns opening, the order of files, the limits of memory, and turning each failure of the library into one clear line.
-The types of messages are known beforehand, most of them from `rosbags`: definitions that lie in the file are never
-read, because the library makes code of them.
+Owns opening, the order of files, the limits of memory, and turning each failure of the library into one clear line. The
+library `rosbags` has no limit of what it decompresses, and a kilobyte may claim a terabyte: here nothing becomes larger
+than `MAX_CHUNK_BYTES`. Owns also what the library has to be lenient about in MCAP files that ROS 2 did not write, or
+not alone, and which of them are refused. The types of messages are known beforehand, most of them from `rosbags`:
+definitions that lie in the file are never read, because the library makes code of them.
 """
 
+import bz2
+import io
 import os
 import re
 import shutil
+import struct
 from collections.abc import Collection, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, NamedTuple
+from typing import Any, BinaryIO, NamedTuple, Protocol, cast
 
-from rosbags.interfaces import Connection
+import lz4.frame
+from backports import zstd
+from rosbags.interfaces import Connection, MessageDefinition, MessageDefinitionFormat, Qos
 from rosbags.rosbag1 import Reader as Reader1
+from rosbags.rosbag1 import reader as rosbag1_reader
 from rosbags.rosbag2 import Reader as Reader2
+from rosbags.rosbag2 import storage_mcap
 
 from ltvn_core.errors import DriveError
-from ltvn_core.importing.rosbag.bounded_decompression import (
-    MAX_CHUNK_BYTES,
-    ZSTD_MAGIC,
-    bound_decompression,
-    decompress_message,
-)
 from ltvn_core.importing.rosbag.file_names import COMPRESSED, SUFFIXES, named_as_bag, plain_suffix
-from ltvn_core.importing.rosbag.foreign_channels import refuse_ros1, tolerate_foreign_channels
 from ltvn_core.importing.rosbag.message_forms import MessageReader, Written
 
+MAX_CHUNK_BYTES = 2**28
+"""Chunks of bags have about a megabyte, and must hold an image; 256 MB is 60 megapixels of raw colours."""
+ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
+"""A message that was compressed by itself begins so; one that was not begins with a zero."""
+_MAGIC = b"\x89MCAP0\r\n"
+_HEADER = struct.Struct("<BQI")
+"""After the magic: the kind of the first record, its length, and the length of the profile's name."""
+_MOST_NAME_BYTES = 100
+_PROFILE = "ros2"
+"""All that the library opens."""
+_OFFERS = "offered_qos_profiles"
+"""The key of the metadata that the library asks for."""
+_SCHEMAS = ("ros2msg", "ros2idl", "omgidl", "")
 _NANOSECONDS = 1e-9
 _MAGICS = {".mcap": b"\x89MCAP0\r\n", ".bag": b"#ROSBAG V", ".db3": b"SQLite format 3\0"}
 """How files of each kind begin."""
@@ -37,6 +52,101 @@ _MAX_OVERLAPPING_BYTES = 2**30
 """Chunks of an MCAP whose times overlap are in memory together."""
 _MAX_RATIO = 1000
 """Images do not compress so well; a file that unpacks to more was made to fill the disk."""
+
+
+class _Opener(Protocol):
+    def __call__(self, file: BinaryIO, /) -> object: ...
+
+
+def bound_decompression() -> None:
+    """Have `rosbags` decompress no more than a chunk says it holds, and no chunk of more than `MAX_CHUNK_BYTES`."""
+    storage_mcap.DECOMPRESSORS.update(
+        lz4=lambda data, size: _declared(lz4.frame.LZ4FrameFile, data, size),
+        zstd=lambda data, size: _declared(zstd.ZstdFile, data, size),
+    )
+    rosbag1_reader.decompressors.update(
+        lz4=lambda data: _limited(lz4.frame.LZ4FrameFile, data), bz2=lambda data: _limited(bz2.BZ2File, data)
+    )
+
+
+def decompress_message(data: bytes) -> bytes:
+    """Return a message of a bag that compresses each by itself. Raises DriveError where it is too large."""
+    return _limited(zstd.ZstdFile, data)
+
+
+def _declared(opener: _Opener, data: bytes, size: int) -> bytes:
+    if size > MAX_CHUNK_BYTES:
+        raise _too_large(f"{size:,} bytes")
+    # One more byte than declared, so that the library notices a lie.
+    return _read(opener, data, size + 1)
+
+
+def _limited(opener: _Opener, data: bytes) -> bytes:
+    raw = _read(opener, data, MAX_CHUNK_BYTES + 1)
+    if len(raw) > MAX_CHUNK_BYTES:
+        raise _too_large("more")
+    return raw
+
+
+def _read(opener: _Opener, data: bytes, most: int) -> bytes:
+    with cast(BinaryIO, opener(io.BytesIO(data))) as stream:
+        return stream.read(most)
+
+
+def _too_large(size: str) -> DriveError:
+    return DriveError(
+        f"A compressed part of the bag unpacks to {size}, where {MAX_CHUNK_BYTES:,} bytes are the most that is "
+        "read at once; write the bag again with smaller chunks, for instance with `ros2 bag convert`."
+    )
+
+
+def tolerate_foreign_channels() -> None:
+    """Have `rosbags` open an MCAP of any profile whose schemas are of encodings that it does not know, or no text.
+
+    Channels say one by one how they are encoded.
+    """
+    known = storage_mcap.get_msgdef
+
+    def definition(schema: storage_mcap.Schema | None) -> MessageDefinition:
+        is_known = schema is None or schema.encoding in _SCHEMAS
+        return known(schema) if is_known else MessageDefinition(MessageDefinitionFormat.NONE, "")
+
+    def text(stream: BinaryIO) -> str:
+        is_first = stream.tell() == 0  # As the profile is, and the first key of a channel's metadata.
+        said = storage_mcap.read_bytes(stream).decode(errors="replace")
+        return _PROFILE if is_first and said != _OFFERS else said
+
+    offered = storage_mcap.get_qos
+
+    def offers(text: bytes) -> list[Qos]:
+        try:
+            return offered(text)
+        except Exception:  # Strangers write there what they like, and reading needs none of it.
+            return []
+
+    if known.__module__ == storage_mcap.__name__:  # Not done yet.
+        storage_mcap.get_msgdef = definition
+        storage_mcap.read_string = text
+        storage_mcap.get_qos = offers
+
+
+def refuse_ros1(file: Path) -> None:
+    """Raise DriveError where an MCAP says that it holds messages of ROS 1."""
+    try:
+        with file.open("rb") as stream:
+            head = stream.read(len(_MAGIC) + _HEADER.size + _MOST_NAME_BYTES)
+    except OSError:
+        return  # Whoever opens it says so.
+    if not head.startswith(_MAGIC) or len(head) < len(_MAGIC) + _HEADER.size:
+        return
+    _, _, length = _HEADER.unpack_from(head, len(_MAGIC))
+    begin = len(_MAGIC) + _HEADER.size
+    profile = head[begin : begin + min(length, _MOST_NAME_BYTES)].decode(errors="replace")
+    if profile == "ros1":
+        raise DriveError(
+            f"{file} was not written by ROS 2: it holds messages of ROS 1 (profile ros1). Import the .bag that it was "
+            "made of, or convert it to a .bag of ROS 1 or a bag of ROS 2."
+        )
 
 
 class RawMessage(NamedTuple):

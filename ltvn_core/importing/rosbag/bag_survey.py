@@ -66,7 +66,8 @@ def add_transforms(tree: TransformTree, message: Any, raw: RawMessage, *, by_log
     With `by_log` all its stamps count as the moment of recording.
     """
     for each in message.transforms:
-        child, parent = frame_name(each.child_frame_id), frame_name(each.header.frame_id)
+        child = frame_name(each.child_frame_id)
+        parent = frame_name(each.header.frame_id)
         pose = transform(*ros_pose(each))
         if pose is None or child == skip or not child or not parent:
             continue
@@ -84,10 +85,12 @@ def is_static(topic: str) -> bool:
 def ros_pose(message: Any) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Return place (3,) and quaternion x, y, z, w of an odometry, a pose with or without covariance, or a transform."""
     if hasattr(message, "transform"):
-        place, turn = message.transform.translation, message.transform.rotation
+        place = message.transform.translation
+        turn = message.transform.rotation
     else:
         pose = getattr(message.pose, "pose", message.pose)
-        place, turn = pose.position, pose.orientation
+        place = pose.position
+        turn = pose.orientation
     return (place.x, place.y, place.z), (turn.x, turn.y, turn.z, turn.w)
 
 

@@ -1,23 +1,25 @@
 """From matched image messages to a raw frame: images decoded, lenses looked up, depth laid over the colours.
 
-Owns the cameras of a bag's images. Which messages belong together is decided before.
+Owns the cameras of a bag's images, the doubt whether a CameraInfo can describe the images beside it (simulators and
+drivers send defaults that do not), and depth as the colour camera would have seen it. Which messages belong together is
+decided before.
 """
 
 from collections.abc import Callable, Mapping
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.errors import DriveError
-from ltvn_core.importing.depth_registration import register_depth
 from ltvn_core.importing.moving_frame import Transform
 from ltvn_core.importing.raw_frame import FrameMoment, RawFrame, ReadOptions
 from ltvn_core.importing.rosbag.bag_survey import frame_name
 from ltvn_core.importing.rosbag.bag_topics import ChosenTopics
 from ltvn_core.importing.rosbag.camera_rig import CameraRig
 from ltvn_core.importing.rosbag.image_matching import MatchedImages, PendingImage
-from ltvn_core.importing.rosbag.lens_doubt import lens_doubt
 from ltvn_core.importing.rosbag.transform_tree import TransformTree
 from ltvn_core.importing.rosbag.video_stream import VideoPicture
 from ltvn_core.importing.source_camera import fitted
@@ -25,8 +27,84 @@ from ltvn_core.robots.ros2.ros_cameras import is_calibrated, ros_camera
 from ltvn_core.robots.ros2.ros_images import decode_colours, decode_metres, has_metres
 from ltvn_core.types import Depth, Rgb
 
+_NEAREST_M = 0.01
+"""What is nearer than a centimetre to the lens is no depth."""
+_OFF_CENTRE = 0.2
+"""No lens has its centre so far from the middle of the image, as a share of the image's size."""
+_ADVICE = (
+    "Give the lens by --camera fx,fy,cx,cy,width,height in pixels; a simulator's, without distortion, has fx = fy = "
+    "width / 2 / tan(horizontal field of view / 2) and its centre in the middle."
+)
 _SAME_LENS = 0.015
 """Lenses whose focal lengths and centres differ by less than this share of the width are one."""
+
+
+def register_depth(
+    depth_m: Depth, depth_camera: CameraModel, colour_camera: CameraModel, colour_from_depth: Transform
+) -> Depth:
+    """Return the depth that the colour camera would have seen, 0 where nothing was measured.
+
+    The result shows all that the colours show, at no more pixels than the depth has, so that it has no gaps between
+    neighbouring points. Of several points in a pixel the nearest counts.
+
+    Args:
+        depth_m: (h, w) metres along the depth camera's axis.
+        depth_camera: The lens and size of `depth_m`.
+        colour_camera: The lens and size of the colours.
+        colour_from_depth: (4, 4), takes points of the depth camera's optical frame to the colour camera's.
+    """
+    target = _coarse_enough(colour_camera, depth_camera)
+    rows, columns = np.nonzero(depth_m > 0)
+    metres = depth_m[rows, columns].astype(np.float64)
+    rays = _rays(depth_camera)[rows, columns]
+    points = np.column_stack([rays * metres[:, None], metres]) @ colour_from_depth[:3, :3].T + colour_from_depth[:3, 3]
+    points = points[points[:, 2] > _NEAREST_M]
+    pixels = target.rays_to_pixels(points[:, :2] / points[:, 2:])
+    known = np.isfinite(pixels).all(axis=1)
+    column, row = np.rint(pixels[known].clip(-1, 2**20)).astype(np.int64).T
+    inside = (column >= 0) & (column < target.width) & (row >= 0) & (row < target.height)
+    nearest = np.full(target.width * target.height, np.inf)
+    np.minimum.at(nearest, row[inside] * target.width + column[inside], points[known][inside, 2])
+    return np.where(np.isfinite(nearest), nearest, 0).astype(np.float32).reshape(target.height, target.width)
+
+
+@lru_cache(maxsize=4)
+def _coarse_enough(colour: CameraModel, depth: CameraModel) -> CameraModel:
+    scale = min(1.0, depth.fx / colour.fx, depth.fy / colour.fy)
+    return colour.scaled(max(round(colour.width * scale), 1), max(round(colour.height * scale), 1))
+
+
+@lru_cache(maxsize=4)
+def _rays(camera: CameraModel) -> NDArray[np.float64]:
+    """Return right and down of each pixel (h, w, 2) at one metre of depth."""
+    columns, rows = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
+    return camera.pixels_to_rays(np.stack([columns, rows], axis=-1).astype(np.float64))
+
+
+def lens_doubt(lens: CameraModel, info: Any, topic: str) -> str | None:
+    """Return what speaks against a lens; None where nothing does.
+
+    Args:
+        lens: The lens at the size of the images, after cropping and binning.
+        info: The CameraInfo that says so.
+        topic: Where it came from.
+    """
+    middle_x = (lens.width - 1) / 2
+    middle_y = (lens.height - 1) / 2
+    if abs(lens.cx - middle_x) > _OFF_CENTRE * lens.width or abs(lens.cy - middle_y) > _OFF_CENTRE * lens.height:
+        return (
+            f"{topic} puts the centre of the lens at {lens.cx:.0f}, {lens.cy:.0f} in images of {lens.width} x "
+            f"{lens.height} pixels, far from their middle, so it is hardly the lens of these images, and distances "
+            f"and directions are wrong. {_ADVICE}"
+        )
+    said = (int(getattr(info, "width", 0)), int(getattr(info, "height", 0)))
+    if 0 < said[0] < lens.width and 0 < said[1] < lens.height:
+        return (
+            f"{topic} is of images of {said[0]} x {said[1]} pixels, but they have {lens.width} x {lens.height}, which "
+            f"is more than the camera takes; its lens was scaled to them, which is wrong where it is of another "
+            f"camera. {_ADVICE}"
+        )
+    return None
 
 
 class FrameDecoder:

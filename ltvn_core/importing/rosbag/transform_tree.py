@@ -94,7 +94,8 @@ class TransformTree:
 
     def lookup(self, target: str, source: str, stamp: float) -> Transform | None:
         """Return where `source` was in `target` at a moment; None where the tree does not tell."""
-        way, other = list(self.ancestors(source)), list(self.ancestors(target))
+        way = list(self.ancestors(source))
+        other = list(self.ancestors(target))
         shared = next((frame for frame in way if frame in other), None)
         if shared is None:
             return None

@@ -99,8 +99,9 @@ def auc(scores: NDArray[np.float64], positive: NDArray[np.bool_]) -> float:
     return float((rankdata(scores)[positive].sum() - positives * (positives + 1) / 2) / (positives * negatives))
 
 
-def calibration_error(probability: NDArray[np.float64], positive: NDArray[np.bool_], bins: int = 10) -> float:
-    """Return the mean gap between predicted and true share over bins of the prediction, weighted by their size."""
+def calibration_error(probability: NDArray[np.float64], positive: NDArray[np.bool_]) -> float:
+    """Return the mean gap between predicted and true share over ten bins of the prediction, weighted by their size."""
+    bins = 10
     index = np.minimum((probability * bins).astype(int), bins - 1)
     gaps = np.bincount(index, probability - positive, minlength=bins)
     return float(np.abs(gaps).sum() / max(len(probability), 1))

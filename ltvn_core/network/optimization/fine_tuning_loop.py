@@ -1,7 +1,8 @@
-"""The fine-tuning loop: adapts trained weights to the robot's environment, with mining, evaluation and checkpoints.
+"""The fine-tuning loop: adapts trained weights to the environment of a robot, with mining, evaluation and checkpoints.
 
-`ltvn_core.network.optimization.fine_tuning_trainer` is one step, `ltvn_core.network.optimization.mixed_batches` draws
-its batches.
+Weights are judged on the own drive of the robot, with labels from odometry and without ground truth, and in simulation.
+`ltvn_core.network.optimization.trainer` is one step, `ltvn_core.network.optimization.mixed_batches` draws its batches,
+`ltvn_core.network.metrics.reachability_metrics` defines the metrics.
 """
 
 import hashlib
@@ -14,26 +15,75 @@ from pathlib import Path
 from threading import Event
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ltvn_core.errors import WeightsError
+from ltvn_core.geometry import relative
 from ltvn_core.network.base_network import AnyNetwork
-from ltvn_core.network.metrics.pair_evaluation import LabelledDrive, evaluate_drives, evaluate_pairs
-from ltvn_core.network.metrics.reachability_metrics import DriveMetrics, PairMetrics
+from ltvn_core.network.metrics.pair_evaluation import (
+    LabelledDrive,
+    encode_images,
+    evaluate_drives,
+    evaluate_pairs,
+    predict_pairs,
+)
+from ltvn_core.network.metrics.reachability_metrics import DriveMetrics, PairMetrics, drive_metrics, pair_metrics
 from ltvn_core.network.optimization.augmentation import Augmentation
 from ltvn_core.network.optimization.checkpoint import restore_checkpoint, save_checkpoint
-from ltvn_core.network.optimization.fine_tuning_trainer import FineTuningTrainer
 from ltvn_core.network.optimization.hard_negative_mining import hard_negatives_among, mine_hard_negatives
-from ltvn_core.network.optimization.hyperparameters import Hyperparameters
 from ltvn_core.network.optimization.mixed_batches import LabelledTrajectory, MixedBatchSampler
 from ltvn_core.network.optimization.mixed_precision import MixedPrecision, choose_precision
 from ltvn_core.network.optimization.reachability_calibration import calibrate_after_fine_tuning
-from ltvn_core.network.optimization.trajectory_evaluation import TrajectoryMetrics, evaluate_trajectory
+from ltvn_core.network.optimization.trainer import FineTuningTrainer, Hyperparameters
 from ltvn_core.network.predictor import NetworkPredictor
 from ltvn_core.network.training_examples import SceneExamples
 from ltvn_core.network.weights_file import load_weights, weights_fingerprint
 from ltvn_core.structured_text import parse_json
+from ltvn_core.types import Predictor
 
 log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class TrajectoryMetrics:
+    """Metrics on a robot's own drive, with labels from odometry."""
+
+    pairs: PairMetrics
+    """On labelled pairs at most H images apart."""
+    far: DriveMetrics
+    """The reachable ones of them against pairs that are far apart whatever the drift of odometry."""
+
+
+def evaluate_trajectory(
+    predictor: Predictor, drive: LabelledTrajectory, rng: np.random.Generator, *, near: int, far: int
+) -> TrajectoryMetrics:
+    """Evaluate a predictor on random near and far pairs of a drive, up to the given numbers."""
+    features = encode_images(predictor, drive.rgb, drive.depth_mm)
+    chosen = rng.permutation(len(drive.sources))[:near]
+    i = drive.sources[chosen].astype(np.intp)
+    j = drive.targets[chosen].astype(np.intp)
+    found = predict_pairs(predictor, features, i, j)
+    reachable = drive.reachable[chosen]
+    true = relative(drive.poses[i], drive.poses[j])
+    apart = predict_pairs(predictor, features, *_far_pairs(drive, rng, far)).reachability
+    return TrajectoryMetrics(pair_metrics(*found, reachable, true), drive_metrics(found.reachability[reachable], apart))
+
+
+def _far_pairs(
+    drive: LabelledTrajectory, rng: np.random.Generator, count: int
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Draw up to `count` ordered pairs of rows that are certainly far apart, spread over the whole drive."""
+    among = np.arange(len(drive.poses))
+    sources, targets = [np.empty(0, np.intp)], [np.empty(0, np.intp)]
+    rows = rng.permutation(among)
+    each = max(count // max(len(rows), 1), 1)
+    for row in rows[:count]:
+        away = among[drive.far(np.array([row]), among)[0]]
+        drawn = rng.permutation(away)[:each]
+        sources.append(np.full(len(drawn), row))
+        targets.append(drawn)
+    return np.concatenate(sources), np.concatenate(targets)
+
 
 _CHECKPOINT_SECONDS = 30.0
 

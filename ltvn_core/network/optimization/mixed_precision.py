@@ -19,6 +19,9 @@ from ltvn_core.network.pair_head import PairOutput
 
 log = logging.getLogger(__name__)
 
+_IMAGES = 48
+"""Of the step that is timed, and as many pairs."""
+
 
 @dataclass(frozen=True, slots=True)
 class MixedPrecision:
@@ -39,11 +42,11 @@ class MixedPrecision:
         return output._replace(logit=output.logit.float(), pose=output.pose.float())
 
 
-def choose_precision(network: BaseNetwork[FeaturesT], *, images: int = 48) -> MixedPrecision:
+def choose_precision(network: BaseNetwork[FeaturesT]) -> MixedPrecision:
     """Return bfloat16 where a training step on as many pairs as images is at least a tenth faster with it."""
     device = device_of(network)
-    rgb = torch.rand(images, 3, NETWORK_CAMERA.height, NETWORK_CAMERA.width, device=device)
-    depth = torch.rand(images, NETWORK_CAMERA.height, NETWORK_CAMERA.width, device=device) * 4 + 0.5
+    rgb = torch.rand(_IMAGES, 3, NETWORK_CAMERA.height, NETWORK_CAMERA.width, device=device)
+    depth = torch.rand(_IMAGES, NETWORK_CAMERA.height, NETWORK_CAMERA.width, device=device) * 4 + 0.5
     seconds = {}
     state = {name: value.clone() for name, value in network.state_dict().items()}
     for bfloat16 in (False, True):
@@ -55,8 +58,8 @@ def choose_precision(network: BaseNetwork[FeaturesT], *, images: int = 48) -> Mi
     choice = MixedPrecision(seconds[True] < 0.9 * seconds[False])
     log.info(
         "training step: %.2f ms per image in float32, %.2f in bfloat16; taking %s on %d threads",
-        seconds[False] / images * 1e3,
-        seconds[True] / images * 1e3,
+        seconds[False] / _IMAGES * 1e3,
+        seconds[True] / _IMAGES * 1e3,
         "bfloat16" if choice.bfloat16 else "float32",
         torch.get_num_threads(),
     )

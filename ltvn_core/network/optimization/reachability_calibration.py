@@ -21,9 +21,12 @@ from ltvn_core.network.training_examples import SceneExamples
 PairSelection: TypeAlias = tuple[SceneExamples, NDArray[np.intp]]
 """A scene and the rows of its labelled pairs that are used."""
 
+_MOST_PAIRS = 10_000
+"""Of each scene, drawn at random."""
+
 
 def calibrate_after_fine_tuning(
-    network: AnyNetwork, drive: LabelledTrajectory, scenes: Sequence[SceneExamples], *, most: int = 10_000
+    network: AnyNetwork, drive: LabelledTrajectory, scenes: Sequence[SceneExamples]
 ) -> None:
     """Fit the network's calibration on simulated validation pairs and on the part of the drive that was held out.
 
@@ -32,8 +35,8 @@ def calibrate_after_fine_tuning(
     calibration then stays as it is.
     """
     rng = np.random.default_rng(0)
-    selections: list[PairSelection] = [(scene, rng.permutation(len(scene.sources))[:most]) for scene in scenes]
-    limit = sum(len(pairs) for _, pairs in selections) if selections else most
+    selections: list[PairSelection] = [(scene, rng.permutation(len(scene.sources))[:_MOST_PAIRS]) for scene in scenes]
+    limit = sum(len(pairs) for _, pairs in selections) if selections else _MOST_PAIRS
     held_out = np.flatnonzero(drive.held_out[drive.sources] & drive.held_out[drive.targets])
     if len(held_out):
         selections.append((drive, rng.permutation(held_out)[:limit]))

@@ -1,24 +1,149 @@
 """The trainer: network, moving average of its weights and optimiser, updated step by step.
 
-`ltvn_core.network.optimization.training_step` computes the loss of a batch;
-`ltvn_core.network.optimization.training_loop` decides when to validate, mine, save and stop.
+Owns the hyperparameters, the forward pass of a step (augments and encodes images, chooses and compares pairs, sums the
+loss) and the update. The pass is a module, so that DistributedDataParallel can average the gradients of its backward
+pass. `ltvn_core.network.optimization.training_loop` decides when to validate, mine, save and stop;
+`ltvn_core.network.optimization.fine_tuning_loop` does so for fine-tuning, which starts from trained weights and keeps
+the statistics of batch normalisation.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import torch
-from torch import nn
+from torch import Tensor, nn
 
 from ltvn_core.network.architecture import AnyArchitecture, PairArchitecture
-from ltvn_core.network.device import CPU
+from ltvn_core.network.base_network import AnyNetwork, ComparedBatch
+from ltvn_core.network.device import CPU, device_of, to_tensor
+from ltvn_core.network.image_features import EncodedImages
+from ltvn_core.network.loss import pair_loss
 from ltvn_core.network.network_families import build_network
+from ltvn_core.network.optimization.augmentation import Augmentation, augment, mirror
 from ltvn_core.network.optimization.distributed import SINGLE_PROCESS, DistributedContext
-from ltvn_core.network.optimization.hyperparameters import Hyperparameters
+from ltvn_core.network.optimization.hard_negative_mining import FarCriterion, sample_hardest
 from ltvn_core.network.optimization.mixed_precision import MixedPrecision
-from ltvn_core.network.optimization.training_step import TrainingStep
-from ltvn_core.network.training_examples import BatchSampler, HardNegative
+from ltvn_core.network.predictor import images_to_tensors
+from ltvn_core.network.training_examples import BatchSampler, HardNegative, TrainingBatch
+
+
+@dataclass(frozen=True, slots=True)
+class Hyperparameters:
+    """Hyperparameters of a training step (all values are ours; the paper states none).
+
+    The names of the fields are stored in model cards.
+    """
+
+    seed: int = 0
+    """Seeds initial weights, batches and augmentation."""
+    alpha: float = 3.0
+    """Weight of the position error in Eq. 1."""
+    beta: float = 3.0
+    """Weight of the yaw error in Eq. 1."""
+    matching: float = 0.15
+    """Weight of the auxiliary loss on token matches, in networks that match."""
+    place: float = 0.1
+    """Weight of the auxiliary loss on the cheap place score, in networks that have one."""
+    groups: int = 10
+    """Clusters of images per step and process."""
+    pairs_per_group: int = 18
+    """Labelled pairs per cluster."""
+    evened: bool = True
+    """Draw positives evenly over distance and as many negatives; False draws pairs as they come."""
+    confusions: int = 2
+    """Hard negatives per step; the clusters of both images are added to the batch."""
+    hard: int = 40
+    """Far pairs of the step's images with the highest rough scores, or random ones if the network has no score."""
+    hardness: float = 1.5
+    """How strongly high scores are preferred; 0 draws at random."""
+    random: int = 12
+    """Far pairs drawn at random."""
+    rate: float = 2e-3
+    """Peak learning rate of AdamW."""
+    warm_up: float = 0.03
+    """Share of training over which the rate rises."""
+    decay: float = 0.01
+    """Weight decay."""
+    average: float = 0.998
+    """How much of the moving average of the weights stays at each step."""
+    far: FarCriterion = field(default_factory=FarCriterion)
+    """Pairs that are certainly negatives."""
+    augmentation: Augmentation = field(default_factory=Augmentation)
+    """Augmentation of the images."""
+
+
+class TrainingStep(nn.Module):
+    """The loss of a network on a batch."""
+
+    def __init__(self, network: AnyNetwork, plan: Hyperparameters) -> None:
+        super().__init__()
+        self.network = network
+        self.plan = plan
+
+    def forward(
+        self, batch: TrainingBatch, precision: MixedPrecision, rng: np.random.Generator, generator: torch.Generator
+    ) -> tuple[Tensor, Tensor, int]:
+        """Return Eq. 1, all that is minimised, and the number of pairs."""
+        plan = self.plan
+        device = device_of(self.network)
+        features, mirrored = self._encode(batch, precision, rng, generator)
+        # Detached: choosing hard pairs shall not train the score that chooses them.
+        sources, targets, reachable = self._pairs(batch, self.network.rough_logits(features).detach(), generator)
+        true = batch.waypoints(sources.cpu().numpy(), targets.cpu().numpy())
+        waypoints = to_tensor(true * [1, -1, -1] if mirrored else true, device).float()
+        source_features = features.take(sources)
+        target_features = features.take(targets)
+        output = precision.compare(self.network, source_features, target_features)
+        doubt = self.network.reachability_loss(output.logit, reachable)
+        loss = pair_loss(doubt, output.pose, reachable, waypoints, alpha=plan.alpha, beta=plan.beta)
+        scene = to_tensor(batch.scene, device)
+        known = self._known_labels(batch, sources, targets, reachable)
+        compared = ComparedBatch(
+            features, source_features, target_features, output, waypoints, scene[sources] == scene[targets], known
+        )
+        weights = {"matching": plan.matching, "place": plan.place}
+        extra = [weights[name] * term for name, term in self.network.auxiliary_losses(compared).items()]
+        return loss, loss + sum(extra), len(sources)
+
+    def _encode(
+        self, batch: TrainingBatch, precision: MixedPrecision, rng: np.random.Generator, generator: torch.Generator
+    ) -> tuple[EncodedImages, bool]:
+        device = device_of(self.network)
+        rgb, depth = images_to_tensors(batch.rgb, batch.depth_mm / np.float32(1000), device)
+        rgb, depth = augment(rgb, depth, to_tensor(batch.scene, device), self.plan.augmentation, generator)
+        if mirrored := bool(rng.random() < 0.5):
+            rgb, depth = mirror(rgb, depth)
+        return precision.encode(self.network, rgb, depth), mirrored
+
+    def _pairs(self, batch: TrainingBatch, rough: Tensor, generator: torch.Generator) -> tuple[Tensor, Tensor, Tensor]:
+        """Return sources, targets and labels (P,) of the batch's pairs and of further far ones."""
+        device = rough.device
+        far = self._far(batch)
+        hard = sample_hardest(rough, far, self.plan.hard, generator, self.plan.hardness)
+        same_scene = to_tensor(batch.scene[:, None] == batch.scene[None, :], device)
+        # Random ones come from the same scene, because pairs of different scenes are easy.
+        random = sample_hardest(torch.zeros_like(rough), far & same_scene, self.plan.random, generator)
+        sources = torch.cat([to_tensor(batch.sources, device), hard[0], random[0]])
+        targets = torch.cat([to_tensor(batch.targets, device), hard[1], random[1]])
+        labels = torch.zeros(len(sources), device=device)
+        labels[: len(batch.sources)] = to_tensor(batch.reachable, device).float()
+        return sources, targets, labels
+
+    def _far(self, batch: TrainingBatch) -> Tensor:
+        """Return (B, B): pairs that are certainly not reachable, also those of different scenes."""
+        apart = batch.apart
+        if apart is None:
+            different_scene = batch.scene[:, None] != batch.scene[None, :]
+            apart = different_scene | self.plan.far.pairs(batch.poses, batch.poses)
+        return to_tensor(apart, device_of(self.network))
+
+    def _known_labels(self, batch: TrainingBatch, sources: Tensor, targets: Tensor, reachable: Tensor) -> Tensor:
+        """Return (B, B): 1 reachable, 0 not, nan unknown."""
+        labels = torch.full((len(batch.rgb), len(batch.rgb)), torch.nan, device=reachable.device)
+        labels[self._far(batch)] = 0.0
+        labels[sources, targets] = reachable
+        return labels
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,3 +228,26 @@ def learning_rate_schedule(progress: float, warm_up: float) -> float:
         return max(progress / warm_up, 0.02)
     decayed = (min(progress, 1.0) - warm_up) / (1 - warm_up)
     return 0.01 + 0.99 * (1 + math.cos(math.pi * decayed)) / 2
+
+
+class FineTuningTrainer(Trainer):
+    """A trainer that starts from trained weights."""
+
+    def __init__(self, plan: Hyperparameters, start: AnyNetwork) -> None:
+        super().__init__(plan, start.size)
+        self.network.load_state_dict(start.state_dict())
+        self.average.load_state_dict(start.state_dict())
+
+    def _prepare(self) -> None:
+        super()._prepare()
+        freeze_batch_norm(self.network)
+
+
+def freeze_batch_norm(network: nn.Module) -> None:
+    """Make batch normalisation use the statistics of training, until the next `train()`.
+
+    The images of one drive are too uniform to estimate them again.
+    """
+    for module in network.modules():
+        if isinstance(module, nn.BatchNorm2d):
+            module.eval()

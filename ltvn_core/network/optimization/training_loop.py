@@ -20,14 +20,17 @@ from ltvn_core.network.architecture import AnyArchitecture, PairArchitecture
 from ltvn_core.network.metrics.pair_evaluation import LabelledDrive
 from ltvn_core.network.optimization.checkpoint import restore_checkpoint, save_checkpoint
 from ltvn_core.network.optimization.distributed import SINGLE_PROCESS, DistributedContext, run_distributed
-from ltvn_core.network.optimization.fine_tuning_trainer import FineTuningTrainer
 from ltvn_core.network.optimization.hard_negative_mining import mine_hard_negatives
-from ltvn_core.network.optimization.hyperparameters import Hyperparameters
 from ltvn_core.network.optimization.mixed_precision import MixedPrecision, choose_precision
 from ltvn_core.network.optimization.reachability_calibration import calibrate_reachability
-from ltvn_core.network.optimization.tensorboard_log import TensorBoardLog
-from ltvn_core.network.optimization.trainer import StepLosses, Trainer, learning_rate_schedule
-from ltvn_core.network.optimization.validation import Validation, ValidationData, ValidationMetrics
+from ltvn_core.network.optimization.trainer import (
+    FineTuningTrainer,
+    Hyperparameters,
+    StepLosses,
+    Trainer,
+    learning_rate_schedule,
+)
+from ltvn_core.network.optimization.validation import TensorBoardLog, Validation, ValidationData, ValidationMetrics
 from ltvn_core.network.training_examples import BatchSampler, SceneExamples
 from ltvn_core.network.weights_file import load_weights, save_weights
 

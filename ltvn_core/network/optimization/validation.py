@@ -1,11 +1,16 @@
-"""Validation during training: metrics in scenes that are not trained on, and the weights that are best by them."""
+"""Validation during training: metrics in scenes that are not trained on, and the weights that are best by them.
+
+Owns the record of a training: `validation.jsonl` and the best weights. The curves for TensorBoard, where it is
+installed, nothing reads back.
+"""
 
 import json
 import logging
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -13,13 +18,43 @@ from ltvn_core.errors import WeightsError
 from ltvn_core.network.base_network import AnyNetwork
 from ltvn_core.network.metrics.pair_evaluation import LabelledDrive, evaluate_drives, evaluate_pairs
 from ltvn_core.network.metrics.reachability_metrics import DriveMetrics, PairMetrics
-from ltvn_core.network.optimization.tensorboard_log import TensorBoardLog
 from ltvn_core.network.predictor import NetworkPredictor
 from ltvn_core.network.training_examples import SceneExamples
 from ltvn_core.network.weights_file import save_weights
 from ltvn_core.structured_text import parse_json
 
 log = logging.getLogger(__name__)
+
+
+class TensorBoardLog:
+    """Named curves over the steps of one training."""
+
+    def __init__(self, folder: Path) -> None:
+        """Write into a folder; does nothing without TensorBoard."""
+        self._writer: Any = None
+        try:
+            from torch.utils.tensorboard import SummaryWriter
+        except ImportError:
+            log.info("No curves for TensorBoard: it is not installed; `pip install tensorboard` adds it.")
+            return
+        self._writer = SummaryWriter(folder)
+        log.info("Curves: tensorboard --logdir %s", folder)
+
+    def add(self, step: int, **values: float) -> None:
+        """Add a point to each of the named curves; two underscores separate group and name."""
+        if self._writer is None:
+            return
+        for name, value in values.items():
+            self._writer.add_scalar(name.replace("__", "/"), value, step)
+
+    def add_metrics(self, step: int, group: str, metrics: Mapping[str, float]) -> None:
+        """Add a point to each curve of a group."""
+        self.add(step, **{f"{group}__{name}": value for name, value in metrics.items()})
+
+    def close(self) -> None:
+        """Write pending points and close the file."""
+        if self._writer is not None:
+            self._writer.close()
 
 
 @dataclass(frozen=True, slots=True)

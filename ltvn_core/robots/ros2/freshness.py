@@ -6,7 +6,7 @@ The sender's clock need not be ours: what counts is how much later a message com
 import math
 
 from ltvn_core.errors import RobotError
-from ltvn_core.robots.ros2.attachment import Attachment
+from ltvn_core.robots.ros2.topic_keys import Attachment
 
 MOST_LATE_COMMAND_S = 0.2
 """A command that comes so much later than the quickest is not obeyed, nor forwarded."""
@@ -69,7 +69,8 @@ class Freshness:
             self._quickest_s = math.inf
         self._jumps = 0
         faded_s = self._quickest_s + _DRIFT * (arrived_s - self._checked_s)
-        self._quickest_s, self._checked_s = min(took_s, faded_s), arrived_s
+        self._quickest_s = min(took_s, faded_s)
+        self._checked_s = arrived_s
         if took_s - self._quickest_s > self._most_late_s:
             raise RobotError(
                 f"{self._source}: a message is {took_s - self._quickest_s:.1f} s late; it is not used. Is the link "

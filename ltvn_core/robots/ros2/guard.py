@@ -1,30 +1,203 @@
 """The guard: a process beside the robot between whoever drives and the wheels. Works when everything else is dead.
 
-Listens at the profile's `guard_topic`, and sends to its command topic what `CommandGate` lets through.
+Listens at the profile's `guard_topic`, and sends to its command topic what `CommandGate` lets through: fresh commands,
+within the limits, and a zero once when they stop coming. At the beginning, after silence, and after a pause of its own,
+a driver must send a zero before it may drive. `DepthStop` refuses forward motion where no fresh depth says that the
+corridor before the robot is free: a camera that is covered or dead stops the robot, too.
 """
 
 import logging
+import math
+import threading
 import time
 from collections.abc import Callable
+from typing import Any
 
-from ltvn_core.errors import RobotError
-from ltvn_core.robots.ros2.command_gate import CommandGate
-from ltvn_core.robots.ros2.complaints import Complaints
-from ltvn_core.robots.ros2.depth_stop import DepthStop
+from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.errors import LtvnError, RobotError
+from ltvn_core.robots.robot_spec import AccelerationLimits, SpeedLimits
 from ltvn_core.robots.ros2.freshness import MOST_LATE_COMMAND_S, Freshness
 from ltvn_core.robots.ros2.profile import RobotProfile
-from ltvn_core.robots.ros2.ros_cameras import CAMERA_INFO
+from ltvn_core.robots.ros2.robot_sensors import depth_topic, sensor_depth, sensor_size
+from ltvn_core.robots.ros2.ros_cameras import CAMERA_INFO, is_calibrated, ros_camera
 from ltvn_core.robots.ros2.ros_messages import read_stamp, read_twist, twist_message
 from ltvn_core.robots.ros2.ros_types import TWIST, TWIST_STAMPED
-from ltvn_core.robots.ros2.sensor_topics import depth_topic
 from ltvn_core.robots.ros2.topic_keys import Topic
-from ltvn_core.robots.ros2.zenoh_link import Received, ZenohLink
-from ltvn_core.types import ZERO_TWIST, Twist
+from ltvn_core.robots.ros2.zenoh_link import Complaints, Received, ZenohLink
+from ltvn_core.types import ZERO_TWIST, Depth, Twist
 
+SILENCE_S = 0.2
+"""A driver that was not heard for so long is gone. With the time it takes to look, to send and to brake, a robot stands
+within 300 ms; commands come 20 times a second."""
+PAUSE_S = 0.3
+"""A guard that was not asked for so long was stopped itself."""
+FRESH_S = 0.5
+_EVERY_PIXEL = 4
+_FLOOR_M = 0.03
+"""Depth is so inaccurate that the floor seems to rise by this."""
+_FEW_POINTS = 3
+"""Fewer than so many points are noise."""
 _LOG = logging.getLogger(__name__)
 TURN_S = 0.02
 _HEADER_APART_S = 1.0
 """So far a command's own stamp may be from when it was sent."""
+
+
+class CommandGate:
+    """The gate of one robot. Safe to use from several threads."""
+
+    def __init__(
+        self,
+        clock: Callable[[], float],
+        *,
+        speeds: SpeedLimits,
+        accelerations: AccelerationLimits,
+        allows: Callable[[Twist], Twist] = lambda twist: twist,
+    ) -> None:
+        """Stand; `allows` returns what of a command the surroundings permit."""
+        self._clock = clock
+        self._speeds = speeds
+        self._accelerations = accelerations
+        self._allows = allows
+        self._lock = threading.Lock()
+        self._wanted = ZERO_TWIST
+        self._output = ZERO_TWIST
+        self._heard_s = -math.inf
+        self._asked_s = clock()
+        self._must_stop_first = True
+
+    @property
+    def must_stop_first(self) -> bool:
+        """Whether commands are refused until the driver has sent a zero."""
+        return self._must_stop_first
+
+    def hear(self, twist: Twist) -> Twist | None:
+        """Take a fresh command; return what is to be sent now, None for nothing."""
+        with self._lock:
+            now_s = self._clock()
+            pause = self._after_pause(now_s)
+            if twist == ZERO_TWIST:
+                self._must_stop_first = False
+            elif self._must_stop_first:
+                return pause
+            self._heard_s, self._wanted = now_s, self._speeds.bounded(twist)
+            return self._next(now_s)
+
+    def turn(self) -> Twist | None:
+        """Return what is to be sent now, where nothing was heard; None for nothing. Call it 50 times a second."""
+        with self._lock:
+            now_s = self._clock()
+            pause = self._after_pause(now_s)
+            if pause is not None:
+                return pause
+            if self._wanted == ZERO_TWIST:
+                self._asked_s = now_s
+                return None
+            if now_s - self._heard_s >= SILENCE_S:
+                return self._halt()
+            return self._next(now_s)
+
+    def close(self) -> Twist:
+        """Let nothing through any more; return the last zero."""
+        with self._lock:
+            return self._halt()
+
+    def _after_pause(self, now_s: float) -> Twist | None:
+        """Return a zero where this process itself stood still while the robot drove."""
+        paused = now_s - self._asked_s > PAUSE_S and self._wanted != ZERO_TWIST
+        self._asked_s = now_s if paused else self._asked_s
+        return self._halt() if paused else None
+
+    def _halt(self) -> Twist:
+        self._wanted = self._output = ZERO_TWIST
+        self._must_stop_first = True
+        return ZERO_TWIST
+
+    def _next(self, now_s: float) -> Twist:
+        """Come as near to what is wanted as the accelerations allow; a zero is passed on at once."""
+        passed_s, self._asked_s = min(max(now_s - self._asked_s, 0.0), 0.1), now_s
+        goal = self._allows(self._wanted)
+        if goal == ZERO_TWIST:
+            self._output = ZERO_TWIST
+            return ZERO_TWIST
+        faster, most = self._accelerations, self._output
+        self._output = Twist(
+            _towards(
+                most.linear_m_s, goal.linear_m_s, passed_s * faster.linear_m_s2, passed_s * faster.linear_braking_m_s2
+            ),
+            _towards(
+                most.angular_rad_s,
+                goal.angular_rad_s,
+                passed_s * faster.angular_rad_s2,
+                passed_s * faster.angular_braking_rad_s2,
+            ),
+        )
+        return self._output
+
+
+def _towards(speed: float, goal: float, speeding_up: float, braking: float) -> float:
+    """Return a speed nearer to the goal, by no more than the change that is allowed."""
+    is_braking = abs(goal) < abs(speed) or goal * speed < 0
+    most = braking if is_braking else speeding_up
+    return speed + min(max(goal - speed, -most), most)
+
+
+class DepthStop:
+    """Refuses forward motion where something stands within `stop_m` of the body."""
+
+    def __init__(self, profile: RobotProfile, stop_m: float) -> None:
+        """Nothing was seen yet, so nothing is free."""
+        self.reason: str | None = "no depth image came yet"
+        """Why forward is refused; None where it is not."""
+        self._profile = profile
+        self._stop_m = stop_m
+        self._seen_s = 0.0
+        self._info: Any = None
+        self._lock = threading.Lock()
+
+    def allows(self, twist: Twist) -> Twist:
+        """Return the command without what leads forward where that is refused; turning stays, and backing up."""
+        with self._lock:
+            if time.monotonic() - self._seen_s > FRESH_S:
+                self.reason = "no fresh depth image came"
+            is_free = self.reason is None
+        return twist if is_free or twist.linear_m_s <= 0 else Twist(0.0, twist.angular_rad_s)
+
+    def take_camera_info(self, received: Received) -> None:
+        """Learn the lens."""
+        self._info = received.message
+
+    def take_depth(self, received: Received) -> None:
+        """Look at an image. Raises RobotError where it is none."""
+        message = received.message
+        topic = self._profile.topics.depth
+        if self._info is None or not is_calibrated(self._info):
+            return
+        camera = self._profile.camera
+        size = sensor_size(message, topic)
+        depth = sensor_depth(message, topic, camera.depth_unit_m)
+        try:
+            lens = ros_camera(self._info, *size, rectified=camera.rectified, topic=topic)
+        except LtvnError as error:
+            raise RobotError(str(error)) from error
+        reason = self._reason(depth, self._profile.mounted(lens))
+        with self._lock:
+            self.reason, self._seen_s = reason, received.arrived_s
+
+    def _reason(self, depth: Depth, camera: CameraModel) -> str | None:
+        """Say why forward is refused."""
+        if not depth.any():
+            return "the depth image is empty"
+        sparse = depth[::_EVERY_PIXEL, ::_EVERY_PIXEL]
+        points = camera.scaled(sparse.shape[1], sparse.shape[0]).unproject_image(sparse)
+        body = self._profile.body
+        before = (points[:, 0] > 0) & (points[:, 0] < body.radius_m + self._stop_m)
+        beside = abs(points[:, 1]) < body.radius_m
+        high = (points[:, 2] > body.ground_clearance_m + _FLOOR_M) & (points[:, 2] < body.height_m)
+        hits = points[before & beside & high]
+        if len(hits) < _FEW_POINTS:
+            return None
+        return f"something stands {hits[:, 0].min() - body.radius_m:.2f} m before the robot"
 
 
 class Guard:

@@ -2,14 +2,15 @@
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
 
+from ltvn_core.findings import Finding, Severity
 from ltvn_core.geometry import wrap_angle
 from ltvn_core.robots.floor_fit import fit_floor
-from ltvn_core.robots.robot_report import DriveReport, RobotReport, TopicReport, report_doubts
+from ltvn_core.robots.robot_check import RobotReport, TopicReport, TurnReport, robot_findings
 from ltvn_core.robots.ros2.ros_robot import RosRobot
 from ltvn_core.robots.ros2.sensor_inbox import Stream
 from ltvn_core.types import Twist
@@ -38,10 +39,12 @@ def look_over(robot: RosRobot, *, seconds: float, drives: bool) -> RobotReport:
         commands_taken=taken,
         driving=_try_driving(robot) if drives and taken else None,
     )
-    doubts, bumper = _doubts(report, robot.inbox.streams), robot.profile.topics.bumper
+    findings = [*_findings(report, robot.inbox.streams)]
+    bumper = robot.profile.topics.bumper
     if bumper and not robot.link.publishers(bumper):
-        doubts.append(f"Nobody publishes {bumper}, so no touch is felt; correct topics.bumper, or leave it out.")
-    return replace(report, doubts=tuple(doubts))
+        text = f"Nobody publishes {bumper}, so no touch is felt; correct topics.bumper, or leave it out."
+        findings.append(Finding(text, where=bumper))
+    return replace(report, findings=tuple(findings))
 
 
 def _watch(robot: RosRobot, seconds: float) -> tuple[tuple[TopicReport, ...], float]:
@@ -69,20 +72,23 @@ def _publishers(robot: RosRobot, stream: Stream) -> tuple[str, ...]:
     return tuple(robot.link.publishers(stream.topic))
 
 
-def _doubts(report: RobotReport, streams: tuple[Stream, ...]) -> list[str]:
-    words = [f"{each.topic} comes {each.rate_hz:.1f} times a second; at least {LEAST_HZ:g} are needed to drive."
-             for each in report.topics if each.rate_hz < LEAST_HZ]  # fmt: skip
-    words += [*report_doubts(report), *(stream.refusal for stream in streams if stream.refusal)]
+def _findings(report: RobotReport, streams: tuple[Stream, ...]) -> Iterator[Finding]:
+    for each in report.topics:
+        if each.rate_hz < LEAST_HZ:
+            text = f"{each.topic} comes {each.rate_hz:.1f} times a second; at least {LEAST_HZ:g} are needed to drive."
+            yield Finding(text, where=each.topic)
+    yield from robot_findings(report)
+    yield from (Finding(stream.refusal, where=stream.topic) for stream in streams if stream.refusal)
     if not report.commands_taken:
-        words.append(
+        yield Finding(
             "Nobody listens to commands: start `ltvn guard` beside the robot, or see `guarded` in the profile."
         )
     if report.driving is not None and None in (report.driving.moves_after_s, report.driving.stands_after_s):
-        words.append("The robot did not do what it was told; keep a hand on its emergency stop.")
-    return words
+        text = "The robot did not do what it was told; keep a hand on its emergency stop."
+        yield Finding(text, Severity.ERROR)
 
 
-def _try_driving(robot: RosRobot) -> DriveReport:
+def _try_driving(robot: RosRobot) -> TurnReport:
     """Turn on the spot until odometry shows it, and stop."""
     before = robot.state().odometry[2]
 
@@ -93,7 +99,7 @@ def _try_driving(robot: RosRobot) -> DriveReport:
     robot.stop()
     moves_after_s = _seconds_until(turned)
     robot.stop()
-    return DriveReport(moves_after_s, _seconds_until(lambda: _stands(robot)))
+    return TurnReport(moves_after_s, _seconds_until(lambda: _stands(robot)))
 
 
 def _stands(robot: RosRobot) -> bool:

@@ -103,7 +103,8 @@ def _distortion(info: Any, topic: str) -> tuple[bool, tuple[float, ...]]:
 
 def _lenses(info: Any) -> tuple[_Lens, _Lens]:
     """Return the lens of raw images by K, and of rectified ones by P."""
-    k, p = _numbers(info, "k").tolist(), _numbers(info, "p").tolist()
+    k = _numbers(info, "k").tolist()
+    p = _numbers(info, "p").tolist()
     return _Lens(k[0], k[4], k[2], k[5]), _Lens(p[0], p[5], p[2], p[6])
 
 

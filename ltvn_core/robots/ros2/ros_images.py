@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.cameras.camera_model import MILLIMETRES
-from ltvn_core.cameras.encoded_images import decode_colour, decode_depth, encoded_size
-from ltvn_core.cameras.rvl_depth import decode_rvl
+from ltvn_core.cameras.encoded_images import decode_colour, decode_depth, decode_rvl, encoded_size
 from ltvn_core.errors import DriveError
 from ltvn_core.types import Depth, Rgb
 
@@ -96,7 +95,8 @@ def image_size(message: Any, source: str) -> tuple[int, int]:
     """Return width and height of an image message, which is not decoded. Raises DriveError."""
     if hasattr(message, "encoding"):
         return int(message.width), int(message.height)
-    data, form = bytes(message.data), str(message.format)
+    data = bytes(message.data)
+    form = str(message.format)
     if not _is_depth_format(form):
         return encoded_size(data, source)
     content = _behind_header(data, source)

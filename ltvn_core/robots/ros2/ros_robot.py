@@ -1,34 +1,136 @@
 """A robot of ROS 2 behind the `Robot` protocol: its newest image with depth and odometry, and its wheels.
 
 Owns what counts as stale. Opened by `open_ros_robot` from PROFILE@ADDRESS, as in turtlebot4@tcp/192.168.0.7:7447.
+
+Commands leave 20 times a second under a lease, in a thread of their own. When the lease ends, exactly one zero follows;
+a stop is a zero at once. After a break, of the link or of this program, nothing is driven until whoever drives has let
+go for a moment: driving does not come back by itself.
 """
 
+import logging
 import math
+import threading
 import time
+from collections.abc import Callable
 from functools import partial
+from typing import Any
 
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.errors import LtvnError, RobotError
+from ltvn_core.robots.drive_lease import LEASE_S, DriveLease
 from ltvn_core.robots.link_report import STALE_S, LinkReport
 from ltvn_core.robots.robot import WallClock
-from ltvn_core.robots.robot_spec import RobotSpec
-from ltvn_core.robots.ros2.command_sender import CommandSender
-from ltvn_core.robots.ros2.complaints import Complaints
+from ltvn_core.robots.robot_spec import RobotSpec, SpeedLimits
 from ltvn_core.robots.ros2.profile import RobotProfile, open_profile
+from ltvn_core.robots.ros2.robot_sensors import (
+    colour_topic,
+    depth_topic,
+    odometry_topic,
+    sensor_colours,
+    sensor_depth,
+    sensor_size,
+)
 from ltvn_core.robots.ros2.ros_cameras import CAMERA_INFO, is_calibrated, ros_camera
 from ltvn_core.robots.ros2.ros_messages import twist_message
 from ltvn_core.robots.ros2.ros_types import BATTERY, BUMPER, ODOMETRY, TWIST, TWIST_STAMPED
-from ltvn_core.robots.ros2.sensor_images import sensor_colours, sensor_depth, sensor_size
 from ltvn_core.robots.ros2.sensor_inbox import Moment, SensorInbox, Stream
-from ltvn_core.robots.ros2.sensor_topics import colour_topic, depth_topic, odometry_topic
 from ltvn_core.robots.ros2.topic_keys import Topic
-from ltvn_core.robots.ros2.zenoh_link import ZenohLink
-from ltvn_core.types import CONTROL_STEP_S, Observation, Pose, RobotState, Twist
+from ltvn_core.robots.ros2.zenoh_link import Complaints, ZenohLink
+from ltvn_core.types import CONTROL_STEP_S, ZERO_TWIST, Observation, Pose, RobotState, Twist
 
+_LOG = logging.getLogger(__name__)
+_EVERY_S = 0.05
+_BREAK_S = LEASE_S
+"""A turn that took so long is a break: the program was stopped or the machine slept, and the robot has stopped."""
+LET_GO_S = 0.5
+"""Who asked for nothing for so long has let go."""
 _CLOCKS_APART_S = 1.0
 _FIRST_S = 3.0
 _PATIENCE_S = 10.0
 """So long a robot may take to send its first image."""
+
+
+class CommandSender:
+    """The one place from which commands leave."""
+
+    def __init__(self, send: Callable[[Twist], Any], is_connected: Callable[[], bool], limits: SpeedLimits) -> None:
+        """Begin with a stop; `send` puts a command onto the wire."""
+        self.lease = DriveLease(time.monotonic, limits=limits)
+        self._reason: str | None = None
+        self._asked_s = -math.inf
+        self._send = send
+        self._is_connected = is_connected
+        self._moving = False
+        self._closed = False
+        self._lock = threading.Lock()
+        self._wake = threading.Event()
+        self._send(ZERO_TWIST)
+        self._thread = threading.Thread(target=self._run, name="commands", daemon=True)
+        self._thread.start()
+
+    @property
+    def break_reason(self) -> str | None:
+        """Why nothing is driven until the driver lets go; None where all is well."""
+        if self._reason is not None and time.monotonic() - self._asked_s >= LET_GO_S:
+            self._reason = None
+        return self._reason
+
+    def drive(self, twist: Twist) -> None:
+        """Command a velocity for the time of a lease. Raises ValueError where a speed is not finite."""
+        is_broken = self.break_reason is not None
+        self._asked_s = time.monotonic()
+        if not is_broken:
+            self.lease.grant(twist)
+            self._wake.set()
+
+    def interrupt(self, reason: str) -> None:
+        """Stop; where somebody drives, drive nothing until that driver has let go."""
+        self.lease.cancel()
+        self._wake.set()
+        if self.break_reason is None and time.monotonic() - self._asked_s < LET_GO_S:
+            self._break(reason)
+
+    def stop(self) -> None:
+        """Send a zero now."""
+        with self._lock:
+            self.lease.cancel()
+            self._moving = False
+            self._send(ZERO_TWIST)
+
+    def close(self) -> None:
+        """Stop for good."""
+        self._closed = True
+        self._wake.set()
+        self._thread.join()
+        self.stop()
+
+    def _run(self) -> None:
+        turned_s = time.monotonic()
+        while not self._closed:
+            self._wake.wait(_EVERY_S)
+            self._wake.clear()
+            now_s = time.monotonic()
+            self._turn(now_s - turned_s)
+            turned_s = now_s
+
+    def _turn(self, took_s: float) -> None:
+        with self._lock:
+            if self._moving and took_s > _BREAK_S:
+                self._break(f"this program stood still for {took_s:.1f} s while the robot drove")
+            elif self._moving and not self._is_connected():
+                self._break("the link to the robot broke")
+            twist = self.lease.command()
+            if twist != ZERO_TWIST and not self._moving:
+                self._send(ZERO_TWIST)  # A guard that was started since lets nobody drive who did not stop first.
+            if twist != ZERO_TWIST or self._moving:
+                self._send(twist)
+            self._moving = twist != ZERO_TWIST
+
+    def _break(self, reason: str) -> None:
+        self.lease.cancel()
+        self._reason = reason
+        self._asked_s = time.monotonic()  # Whoever drove before the break is not yet known to have let go.
+        _LOG.warning("The robot is stopped: %s. Let go for a moment, then drive again.", reason)
 
 
 def open_ros_robot(wanted: str, *, patience_s: float = _PATIENCE_S) -> "RosRobot":
@@ -142,8 +244,10 @@ class RosRobot:
 
     def link_report(self) -> LinkReport:
         """Say how well the robot is heard now."""
-        now_s, inbox = time.monotonic(), self.inbox
-        moment, odometry_age_s = inbox.newest(), inbox.odometry.age_s(now_s)
+        now_s = time.monotonic()
+        inbox = self.inbox
+        moment = inbox.newest()
+        odometry_age_s = inbox.odometry.age_s(now_s)
         return LinkReport(
             is_connected=self.link.is_connected,
             picture_age_s=math.inf if moment is None else now_s - moment.arrived_s,
@@ -165,7 +269,9 @@ class RosRobot:
         return self._commands.has_listener
 
     def _subscribe(self) -> None:
-        topics, domain, inbox = self.profile.topics, self.profile.domain, self.inbox
+        topics = self.profile.topics
+        domain = self.profile.domain
+        inbox = self.inbox
         for stream, topic in ((inbox.colour, colour_topic(self.profile)), (inbox.depth, depth_topic(self.profile))):
             self.link.subscribe(topic, partial(inbox.take_image, stream), partial(self._refuse, stream))
         take_pose = inbox.take_odometry if self.profile.odometry_transform is None else inbox.take_transforms
@@ -193,7 +299,8 @@ class RosRobot:
         return RobotError(f"{self.profile.name}: no whole image: {self.inbox.complaint(time.monotonic())}.")
 
     def _lens(self, moment: Moment) -> CameraModel:
-        info, topic = self.inbox.camera_info, self.profile.topics.camera_info
+        info = self.inbox.camera_info
+        topic = self.profile.topics.camera_info
         if not is_calibrated(info):
             raise RobotError(f"{topic} says nothing of the lens: all zeros; calibrate the camera on the robot.")
         size = sensor_size(moment.colour, self.profile.topics.colour)
@@ -203,8 +310,10 @@ class RosRobot:
             raise RobotError(str(error)) from error
 
     def _decoded(self, moment: Moment) -> Observation:
-        topics, camera = self.profile.topics, self._spec.camera
-        size, depth_size = sensor_size(moment.colour, topics.colour), sensor_size(moment.depth, topics.depth)
+        topics = self.profile.topics
+        camera = self._spec.camera
+        size = sensor_size(moment.colour, topics.colour)
+        depth_size = sensor_size(moment.depth, topics.depth)
         if size != (camera.width, camera.height):
             raise RobotError(
                 f"{topics.colour} is {_words(size)} now, and was {camera.width} x {camera.height} at first; open the "

@@ -79,7 +79,8 @@ class Stream:
     def add(self, received: Received, content: Any) -> None:
         """Keep a message. Raises RobotError where it is late, or of another time."""
         self.freshness.admit(received.attachment, received.arrived_s)
-        stamp_s, sequence = read_stamp(received.message, self.topic), received.attachment.sequence
+        stamp_s = read_stamp(received.message, self.topic)
+        sequence = received.attachment.sequence
         item = Stamped(stamp_s, received.arrived_s, sequence, content)
         self._check_clock(item)
         self.kept.append(item)

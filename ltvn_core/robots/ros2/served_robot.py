@@ -1,7 +1,8 @@
 """A robot of the toolkit shown as a robot of ROS 2: what it sees goes out, what moves it comes in, in real time.
 
 The other half of `ros_robot`; the simulated robot becomes a test double and a simulator for other people's programs.
-Has a drive lease of its own on the machine's steady clock. Owns the pace.
+Has a drive lease of its own on the machine's steady clock. Owns the pace, and images as `image_transport` compresses
+them: colours as JPEG, depth as PNG of millimetres behind its own header.
 """
 
 import math
@@ -9,33 +10,59 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+import cv2
+import numpy as np
+
+from ltvn_core.cameras.camera_model import MILLIMETRES
 from ltvn_core.errors import RobotError
 from ltvn_core.geometry import relative
 from ltvn_core.robots.drive_lease import DriveLease
 from ltvn_core.robots.robot import Robot
-from ltvn_core.robots.ros2.complaints import Complaints
-from ltvn_core.robots.ros2.compressed_images import compressed_colour_message, compressed_depth_message
 from ltvn_core.robots.ros2.freshness import MOST_LATE_COMMAND_S, Freshness
 from ltvn_core.robots.ros2.profile import RobotProfile
+from ltvn_core.robots.ros2.robot_sensors import colour_topic, depth_topic, odometry_topic
 from ltvn_core.robots.ros2.ros_cameras import CAMERA_INFO
+from ltvn_core.robots.ros2.ros_images import COMPRESSED_IMAGE, DEPTH_HEADER
 from ltvn_core.robots.ros2.ros_messages import (
+    CAMERA_FRAME,
     bumper_message,
     camera_info_message,
+    header,
     image_message,
     odometry_message,
     read_twist,
     transform_message,
 )
-from ltvn_core.robots.ros2.ros_types import BUMPER, ODOMETRY, TWIST, TWIST_STAMPED
-from ltvn_core.robots.ros2.sensor_topics import colour_topic, depth_topic, odometry_topic
+from ltvn_core.robots.ros2.ros_types import BUMPER, ODOMETRY, TWIST, TWIST_STAMPED, type_store
 from ltvn_core.robots.ros2.topic_keys import Topic
-from ltvn_core.robots.ros2.zenoh_link import Received, ZenohLink
-from ltvn_core.types import CONTROL_STEP_S, ZERO_TWIST, Observation, Pose, Twist
+from ltvn_core.robots.ros2.zenoh_link import Complaints, Received, ZenohLink
+from ltvn_core.types import CONTROL_STEP_S, ZERO_TWIST, Depth, Observation, Pose, Rgb, Twist
 
+_QUALITY = 95
+_FARTHEST = 65535
 TURN_S = 0.02
 """The wheels look for commands so often."""
 _MOST_MADE_UP_S = 0.2
 """A simulator that was held up for longer lets that time be."""
+
+
+def compressed_colour_message(rgb: Rgb, stamp_s: float) -> Any:
+    """Return colours (H, W, 3) as a JPEG."""
+    _, jpeg = cv2.imencode(".jpg", cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR), (cv2.IMWRITE_JPEG_QUALITY, _QUALITY))
+    return _compressed_message(jpeg.tobytes(), "rgb8; jpeg compressed bgr8", stamp_s)
+
+
+def compressed_depth_message(depth: Depth, stamp_s: float) -> Any:
+    """Return depth (H, W) in metres as whole millimetres in a PNG."""
+    units = np.clip(np.nan_to_num(np.round(depth / MILLIMETRES), posinf=0), 0, _FARTHEST).astype(np.uint16)
+    return _compressed_message(
+        DEPTH_HEADER.pack(0, 0.0, 0.0) + cv2.imencode(".png", units)[1].tobytes(), "16UC1; compressedDepth png", stamp_s
+    )
+
+
+def _compressed_message(data: bytes, form: str, stamp_s: float) -> Any:
+    content = np.frombuffer(data, np.uint8)
+    return type_store().types[COMPRESSED_IMAGE](header=header(stamp_s, CAMERA_FRAME), format=form, data=content)
 
 
 class ServedRobot:
@@ -71,7 +98,8 @@ class ServedRobot:
 
     def run(self, is_over: Callable[[], bool]) -> None:
         """Let time pass as on the wall, and send an image with odometry 10 times a second, until it is over."""
-        passed_s, looked_s = time.monotonic(), -math.inf
+        passed_s = time.monotonic()
+        looked_s = -math.inf
         while not is_over():
             now_s = time.monotonic()
             if now_s - looked_s >= CONTROL_STEP_S:

@@ -2,7 +2,8 @@
 
 Publishes and subscribes as `rmw_zenoh` does, and shows itself in `ros2 topic list`. A link is opened to a router
 (`connect`), or is one itself (`listen`); it listens at no address that nobody asked for, and looks for nobody by
-multicast. A broken link is made anew by itself, and messages of the meantime are lost rather than kept.
+multicast. A broken link is made anew by itself, and messages of the meantime are lost rather than kept. What is wrong
+with what a robot sends is logged once in a while for each kind, so that ten errors a second stay readable.
 """
 
 import json
@@ -17,15 +18,29 @@ from typing import Any, NamedTuple, Self
 import zenoh
 
 from ltvn_core.errors import LtvnError, RobotError
-from ltvn_core.robots.ros2.attachment import Attachment
 from ltvn_core.robots.ros2.ros_types import decode, encode
-from ltvn_core.robots.ros2.topic_keys import TOKENS, Endpoint, Role, Topic, node_token
+from ltvn_core.robots.ros2.topic_keys import TOKENS, Attachment, Endpoint, Role, Topic, node_token
 
 _LOG = logging.getLogger(__name__)
+_AGAIN_S = 5.0
 _CONNECT_MS = 3000
 _ADDRESS = re.compile(r"(tcp|tls|quic|udp|ws)/(\[[0-9a-fA-F:]+\]|[A-Za-z0-9.-]+):([0-9]{1,5})")
 LOOPBACK = "tcp/127.0.0.1:7447"
 """Where a router of this machine listens."""
+
+
+class Complaints:
+    """What was said lately."""
+
+    def __init__(self) -> None:
+        self._said_s: dict[str, float] = {}
+
+    def say(self, error: RobotError) -> None:
+        """Log an error, unless one that differs in its numbers alone was logged in the last 5 seconds."""
+        kind, now_s = re.sub(r"[0-9.]+", "#", str(error)), time.monotonic()
+        if now_s - self._said_s.get(kind, -_AGAIN_S) >= _AGAIN_S:
+            self._said_s[kind] = now_s
+            _LOG.warning("%s", error)
 
 
 class Received(NamedTuple):

@@ -153,7 +153,8 @@ def _draw_doorways(rng: SeededRng, rooms: tuple[Room, ...]) -> tuple[Doorway, ..
 
 def _common_wall(rooms: tuple[Room, ...], a: int, b: int) -> Doorway | None:
     """Return the whole segment of wall that two rooms share as a doorway; None if no door fits into it."""
-    p, q = rooms[a], rooms[b]
+    p = rooms[a]
+    q = rooms[b]
     for axis, (p_low, p_high, q_low, q_high, along) in enumerate(
         (
             (p.x0, p.x1, q.x0, q.x1, (max(p.y0, q.y0), min(p.y1, q.y1))),

@@ -28,7 +28,8 @@ def generate_plain_building(seed: int, area_m2: float) -> Building:
     rng = SeededRng(np.random.default_rng(seed))
     while True:  # As with apartments, a plan whose empty rooms are not connected is drawn again.
         plan = generate_floor_plan(rng.spawn(), area_m2)
-        builder, occupancy = SurfaceBuilder(), OccupancyGrid(plan)
+        builder = SurfaceBuilder()
+        occupancy = OccupancyGrid(plan)
         placer = _walls(plan, builder, occupancy, rng)
         if occupancy.is_connected():
             break

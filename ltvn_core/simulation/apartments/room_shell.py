@@ -211,7 +211,8 @@ class RoomShell:
         self, side: WallSide, width: float, taken: list[tuple[float, float]]
     ) -> tuple[float, float] | None:
         """Draw a free interval of a width on a wall and add it to `taken`; None if six draws find none."""
-        low_end, high_end = side.low + 0.35, side.high - 0.35 - width
+        low_end = side.low + 0.35
+        high_end = side.high - 0.35 - width
         for _ in range(6):
             if high_end <= low_end:
                 return None

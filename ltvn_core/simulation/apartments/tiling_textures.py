@@ -15,6 +15,9 @@ from ltvn_core.types import Rgb
 TEXTURE_SIZE = 256
 """Side of a detailed texture in pixels; plain materials use less."""
 
+_ROUGHNESS = 0.07
+"""Range of the brightness of paint and plaster."""
+
 ColourArray = NDArray[np.float64]
 """(3,) in [0, 255]."""
 
@@ -49,9 +52,9 @@ def tiling_noise(
     return (total - total.min()) / (total.max() - total.min())
 
 
-def plain(rng: SeededRng, base: ColourArray, size: int = 64, *, roughness: float = 0.07) -> Rgb:
+def plain(rng: SeededRng, base: ColourArray, size: int = 64) -> Rgb:
     """Return paint or plaster."""
-    return to_uint8(base * (1 - roughness / 2 + roughness * tiling_noise(rng, size, cells=(2, 2)))[..., None])
+    return to_uint8(base * (1 - _ROUGHNESS / 2 + _ROUGHNESS * tiling_noise(rng, size, cells=(2, 2)))[..., None])
 
 
 def wood(rng: SeededRng, base: ColourArray, *, planks: int = 1, size: int = TEXTURE_SIZE) -> Rgb:

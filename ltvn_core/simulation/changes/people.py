@@ -1,14 +1,16 @@
-"""The people who walk through a world: who comes, who leaves, and where they are.
+"""People who walk through a world: who comes, who leaves, and the ways of their own that they walk.
 
-Time is the robot's: while it stands still, so do people.
+A person goes from place to place, stands there for a while, and waits where the robot or somebody else is too near
+ahead; nobody walks into the robot. Who has waited in vain takes another way, and steps aside where the robot comes
+nearer, as far as there is room. Time is the robot's: while it stands still, so do people.
 """
 
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ltvn_core.simulation.body import PERSON_RADIUS_M
-from ltvn_core.simulation.changes.walking_person import ROOM_M, WalkingPerson
 from ltvn_core.simulation.changes.world_script import DAY_S, HOUR_S
 from ltvn_core.simulation.clearance_map import ClearanceMap
 from ltvn_core.types import Pose
@@ -18,6 +20,26 @@ AWAKE_S = (7.5 * HOUR_S, 22.5 * HOUR_S)
 """People are there between these times of the day."""
 _APPEAR_M = 2.0
 """A person comes into the world at least this far from the robot."""
+SPEEDS_M_S = (0.5, 0.9)
+_KEEP_M = 0.3
+"""A person stops this far before touching somebody."""
+_ASIDE_M = 0.25
+"""A person steps aside when the robot comes nearer than this, from surface to surface,"""
+_ASIDE_M_S = 0.8
+"""at this speed,"""
+_ASIDE_RAD = np.deg2rad((0.0, 45.0, -45.0, 90.0, -90.0))
+"""straight away from it, or else at such an angle."""
+_BODY_M = 0.2
+"""What a person keeps free around where they step aside."""
+_PAUSE_S = (2.0, 20.0)
+_PATIENCE_S = 4.0
+"""After waiting so long a person goes somewhere else."""
+_CHOICES, _LOOKS_AHEAD_M = 4, 1.2
+"""Of so many ways a person takes the first on which nobody is so near."""
+_TURN_RAD_S = 2.5
+_AHEAD_M = 0.3
+ROOM_M = 0.3
+"""A person stops over only where there is this much room."""
 
 
 class People:
@@ -71,3 +93,113 @@ class People:
         if len(places):
             clothes = int(self._rng.integers(1, 2**31))
             self._walking.append(WalkingPerson(name, clothes, places[0], np.random.default_rng(clothes)))
+
+
+class WalkingPerson:
+    """One person in a world."""
+
+    def __init__(self, name: str, seed: int, pose: Pose, rng: np.random.Generator) -> None:
+        """Stand at a pose (3,), in the clothes of a seed."""
+        self.name = name
+        self.seed = seed
+        self.pose: Pose = pose
+        self._rng = rng
+        self._speed_m_s = float(rng.uniform(*SPEEDS_M_S))
+        self._way: NDArray[np.float64] = np.empty((0, 2))
+        self._pause_s = float(rng.uniform(0, _PAUSE_S[1]))
+        self._waited_s = 0.0
+        self._robot_m = np.inf
+        self.steps_aside = False
+        """Whether the person makes room for the robot at this moment."""
+
+    @property
+    def moved(self) -> PersonMoved:
+        """Where the person is now, as a change of the world."""
+        x, y, yaw = self.pose.tolist()
+        return PersonMoved(self.name, (x, y, yaw), self.seed)
+
+    def walk(
+        self, duration_s: float, clearance: ClearanceMap, others: NDArray[np.float64], robot: NDArray[np.float64] | None
+    ) -> None:
+        """Walk on for a moment.
+
+        Args:
+            duration_s: How long.
+            clearance: What is in the way now.
+            others: (N, 3) x, y and radius in metres of the other people.
+            robot: (3,) the same of the robot; None where there is none.
+        """
+        if robot is not None:
+            if self._make_room(duration_s, clearance, others, robot):
+                return
+            others = np.vstack([others, robot])
+        if self._pause_s > 0:
+            self._pause_s -= duration_s
+            return
+        if not len(self._way):
+            self._choose_way(clearance, others)
+            return
+        step = self._step(duration_s)
+        if clearance.at(step[:2]) <= 0 or self._is_too_near(step[:2], others):
+            self._waited_s += duration_s
+            if self._waited_s > _PATIENCE_S:
+                self._way = np.empty((0, 2))
+            return
+        self._waited_s = 0.0
+        self.pose = step
+        passed = np.hypot(*(self._way - step[:2]).T) < _AHEAD_M
+        if passed.any():
+            self._way = self._way[int(np.flatnonzero(passed)[-1]) + 1 :]
+        if not len(self._way):
+            self._pause_s = float(self._rng.uniform(*_PAUSE_S))
+
+    def _make_room(
+        self, duration_s: float, clearance: ClearanceMap, others: NDArray[np.float64], robot: NDArray[np.float64]
+    ) -> bool:
+        """Step aside if the robot is near and comes nearer; return whether that was so."""
+        gap = self.pose[:2] - robot[:2]
+        before_m, self._robot_m = self._robot_m, float(np.hypot(*gap)) - robot[2] - PERSON_RADIUS_M
+        self.steps_aside = self._robot_m < min(_ASIDE_M, before_m - 1e-3)
+        if not self.steps_aside:
+            return False
+        away = np.arctan2(gap[1], gap[0]) + _ASIDE_RAD
+        places = self.pose[:2] + _ASIDE_M_S * duration_s * np.stack([np.cos(away), np.sin(away)], axis=-1)
+        free = clearance.at(places) > min(_BODY_M, float(clearance.at(self.pose[:2])))
+        free &= [not self._is_too_near(place, others) for place in places]
+        if free.any():
+            self.pose = np.array([*places[int(free.argmax())], self.pose[2]])
+            self._robot_m = float(np.hypot(*(self.pose[:2] - robot[:2]))) - robot[2] - PERSON_RADIUS_M
+            self._way = np.empty((0, 2))
+        return True
+
+    def _choose_way(self, clearance: ClearanceMap, others: NDArray[np.float64]) -> None:
+        """Choose where to go, if possible by a way on which nobody stands near ahead."""
+        self._waited_s = 0.0
+        for goal in clearance.sample_poses(self._rng, _CHOICES, min_clearance_m=ROOM_M):
+            way = clearance.path(self.pose[:2], goal[:2])
+            if way is None:
+                continue
+            self._way = way[1:]
+            soon = self._way[np.hypot(*(self._way - self.pose[:2]).T) < _LOOKS_AHEAD_M]
+            if not any(self._is_too_near(place, others) for place in soon):
+                return
+        if not len(self._way):
+            self._pause_s = 1.0
+
+    def _step(self, duration_s: float) -> Pose:
+        """Return where the person would be after a moment, (3,); who must turn first does so on the spot."""
+        x, y, yaw = self.pose
+        gap = self._way[0] - self.pose[:2]
+        turn = float(np.angle(np.exp(1j * (np.arctan2(gap[1], gap[0]) - yaw))))
+        yaw += float(np.clip(turn, -_TURN_RAD_S * duration_s, _TURN_RAD_S * duration_s))
+        length_m = 0.0 if abs(turn) > 1 else min(self._speed_m_s * duration_s, float(np.hypot(*gap)))
+        direction = gap / max(float(np.hypot(*gap)), 1e-6)
+        return np.array([x + length_m * direction[0], y + length_m * direction[1], yaw])
+
+    def _is_too_near(self, place: NDArray[np.float64], others: NDArray[np.float64]) -> bool:
+        """Tell whether a place is too near to somebody, and nearer than the person is already."""
+        if not len(others):
+            return False
+        then_m = np.hypot(*(others[:, :2] - place).T)
+        now_m = np.hypot(*(others[:, :2] - self.pose[:2]).T)
+        return bool(((then_m < others[:, 2] + PERSON_RADIUS_M + _KEEP_M) & (then_m < now_m)).any())

@@ -1,25 +1,175 @@
-"""Scripts of worlds by their names, or from a file. What each brings is in a module of its own."""
+"""Scripts of worlds by their names, or from a file: doors, light and pictures over time.
 
-from collections.abc import Callable, Sequence
+Owns the processes of doors (by the hour, at random, for good) and of light, and which doors may be closed at once, so
+that most of a scene can still be reached. Furniture and things are in `moving_script`.
+"""
+
+import math
+from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from ltvn_core.close_names import which_name
 from ltvn_core.errors import WorldError
-from ltvn_core.simulation.changes.door_scripts import daily_doors, mixed_doors, telegraph_doors
-from ltvn_core.simulation.changes.light_script import daylight, exchanged_pictures
 from ltvn_core.simulation.changes.moving_script import moved_things
-from ltvn_core.simulation.changes.open_routes import OpenRoutes
-from ltvn_core.simulation.changes.script_file import read_script
-from ltvn_core.simulation.changes.world_script import DAY_S, STATIC, TimedChange, WorldScript
+from ltvn_core.simulation.changes.world_script import DAY_S, HOUR_S, STATIC, TimedChange, WorldScript, read_script
 from ltvn_core.simulation.scene import Scene
+from ltvn_core.worlds.world_change import DoorMoved, LightChanged, PicturesExchanged
 
+_CONNECTED_SHARE = 0.6
+"""At least this share of the area of all rooms hangs together, whatever is closed,"""
+_CLOSED_SHARE = 0.5
+"""and at most this share of the doors is."""
+OPENS_S, CLOSES_S = 8 * HOUR_S, 20 * HOUR_S
+"""Doors that keep hours are open between these times of the day, give or take `_UNPUNCTUAL_S`."""
+_UNPUNCTUAL_S = 0.4 * HOUR_S
+MEAN_OPEN_S, MEAN_CLOSED_S = 1800.0, 600.0
+"""How long doors that move at random stay open and closed on average (a random telegraph signal)."""
+_LIGHT_EVERY_S = HOUR_S / 4
+_SUNRISE_H, _SUNSET_H, _BEDTIME_H = 6.5, 19.0, 23.0
+_NIGHT = LightChanged(0.3, 0.8)
+"""One lamp is left on."""
+_EVENING = LightChanged(0.75, 0.7)
+"""All lamps are on."""
+_EXCHANGE_S = 3 * HOUR_S
 WEEK_S = 7 * DAY_S
 PEOPLE, CROWD = 3, 6
 """So many people walk about where a script has people, and where it has many."""
-
 _Process = Callable[[Scene, np.random.Generator, float], list[TimedChange]]
+
+
+class OpenRoutes:
+    """The rooms of a scene and the doors between them."""
+
+    def __init__(self, scene: Scene) -> None:
+        """Read rooms and doors from a scene."""
+        self.doors = len(scene.parts.doors)
+        """Doors have the numbers below this."""
+        self._areas_m2 = np.array([room.area_m2 for room in scene.rooms])
+        self._doors = np.array([door.rooms for door in scene.parts.doors], np.intp).reshape(-1, 2)
+        open_always = [door.rooms for door in scene.parts.doorways if door not in scene.parts.doors]
+        self._passages = np.array(open_always, np.intp).reshape(-1, 2)
+
+    def remain(self, closed: Collection[int]) -> bool:
+        """Return whether enough of the scene still hangs together with these doors closed."""
+        if len(closed) > _CLOSED_SHARE * self.doors:
+            return False
+        stays = np.ones(self.doors, bool)
+        stays[list(closed)] = False
+        first, second = np.concatenate([self._doors[stays], self._passages]).T
+        rooms = len(self._areas_m2)
+        _, piece = connected_components(coo_array((np.ones(len(first)), (first, second)), (rooms, rooms)))
+        return np.bincount(piece, self._areas_m2).max() >= _CONNECTED_SHARE * self._areas_m2.sum()
+
+
+class _Closing(NamedTuple):
+    """A door is to be closed for a while."""
+
+    begin_s: float
+    end_s: float
+    door: int
+
+
+def daily_doors(routes: OpenRoutes, rng: np.random.Generator, duration_s: float) -> list[TimedChange]:
+    """Return doors that are open from 8 to 20 o'clock: as many as may be closed at once."""
+    return _carried_out(routes, _nights(_closable_together(routes, rng), rng, duration_s))
+
+
+def telegraph_doors(routes: OpenRoutes, rng: np.random.Generator, duration_s: float) -> list[TimedChange]:
+    """Return doors that stay open for 30 minutes on average and closed for 10."""
+    return _carried_out(routes, _telegraph_closings(range(routes.doors), rng, duration_s))
+
+
+def mixed_doors(routes: OpenRoutes, rng: np.random.Generator, duration_s: float) -> list[TimedChange]:
+    """Return doors of which some keep hours and others move at random, and one is closed for good half way."""
+    doors = rng.permutation(routes.doors).tolist()
+    closable = [door for door in doors if routes.remain([door])]
+    for_good = closable[:1]
+    hours = [door for door in doors[: len(doors) // 3] if door not in for_good]
+    others = [door for door in doors if door not in hours and door not in for_good]
+    closings = [_Closing(duration_s / 2, np.inf, door) for door in for_good]
+    closings += _nights(hours, rng, duration_s) + _telegraph_closings(others, rng, duration_s)
+    return _carried_out(routes, closings)
+
+
+def _closable_together(routes: OpenRoutes, rng: np.random.Generator) -> list[int]:
+    chosen: list[int] = []
+    for door in rng.permutation(routes.doors).tolist():
+        if routes.remain([*chosen, door]):
+            chosen.append(door)
+    return chosen
+
+
+def _nights(doors: Sequence[int], rng: np.random.Generator, duration_s: float) -> list[_Closing]:
+    closings: list[_Closing] = []
+    for door in doors:
+        closed_s = -np.inf  # The first day begins at midnight, with closed doors.
+        for day in range(int(duration_s // DAY_S) + 1):
+            opened_s = day * DAY_S + OPENS_S + rng.uniform(-_UNPUNCTUAL_S, _UNPUNCTUAL_S)
+            closings.append(_Closing(max(closed_s, 0.0), opened_s, door))
+            closed_s = day * DAY_S + CLOSES_S + rng.uniform(-_UNPUNCTUAL_S, _UNPUNCTUAL_S)
+        closings.append(_Closing(closed_s, np.inf, door))
+    return closings
+
+
+def _telegraph_closings(doors: Sequence[int], rng: np.random.Generator, duration_s: float) -> list[_Closing]:
+    closings: list[_Closing] = []
+    for door in doors:
+        now_s = rng.exponential(MEAN_OPEN_S)
+        while now_s < duration_s:
+            end_s = now_s + rng.exponential(MEAN_CLOSED_S)
+            closings.append(_Closing(now_s, end_s, door))
+            now_s = end_s + rng.exponential(MEAN_OPEN_S)
+    return closings
+
+
+def _carried_out(routes: OpenRoutes, closings: Sequence[_Closing]) -> list[TimedChange]:
+    """Return the changes of those closings that leave enough routes; the others do not happen."""
+    changes: list[TimedChange] = []
+    closed_until: dict[int, float] = {}
+    for begin_s, end_s, door in sorted(closings):
+        closed_until = {each: until for each, until in closed_until.items() if until > begin_s}
+        if door in closed_until or not routes.remain([*closed_until, door]):
+            continue
+        closed_until[door] = end_s
+        changes.append(TimedChange(begin_s, DoorMoved(door, is_open=False)))
+        if np.isfinite(end_s):
+            changes.append(TimedChange(end_s, DoorMoved(door, is_open=True)))
+    return changes
+
+
+def daylight(rng: np.random.Generator, duration_s: float) -> list[TimedChange]:
+    """Return the light every quarter of an hour: sun and clouds by day, lamps in the evening, one lamp at night."""
+    changes: list[TimedChange] = []
+    clouds = 1.0
+    for quarter in range(int(duration_s // _LIGHT_EVERY_S) + 1):
+        at_s = quarter * _LIGHT_EVERY_S
+        clouds = float(np.clip(clouds + rng.normal(0, 0.08), 0.55, 1.0))
+        light = _light_at((at_s % DAY_S) / HOUR_S, clouds)
+        if not changes or changes[-1].change != light:
+            changes.append(TimedChange(at_s, light))
+    return changes
+
+
+def exchanged_pictures(rng: np.random.Generator, duration_s: float) -> list[TimedChange]:
+    """Return other pictures and rugs every night."""
+    nights = range(int((duration_s - _EXCHANGE_S) // DAY_S) + 1)
+    return [
+        TimedChange(night * DAY_S + _EXCHANGE_S, PicturesExchanged(int(rng.integers(1, 2**31)))) for night in nights
+    ]
+
+
+def _light_at(hour: float, clouds: float) -> LightChanged:
+    if not _SUNRISE_H <= hour < _BEDTIME_H:
+        return _NIGHT
+    if hour >= _SUNSET_H:
+        return _EVENING
+    sun = math.sin(math.pi * (hour - _SUNRISE_H) / (_SUNSET_H - _SUNRISE_H))
+    return LightChanged(round(0.45 + 0.6 * math.sqrt(max(sun, 0.0)) * clouds, 3), -0.2)
 
 
 def _daily(scene: Scene, rng: np.random.Generator, duration_s: float) -> list[TimedChange]:
@@ -50,11 +200,19 @@ _PROCESSES: dict[str, tuple[_Process, ...]] = {
     "crowd": (),
     "all": (_mixed, moved_things, _light),
 }
+
+
 SCRIPT_NAMES = tuple(_PROCESSES)
 """All names that `make_script` knows."""
+
+
 TOGETHER = "+"
 """Joins the names of scripts that run together."""
+
+
 _NEED_DOORS = ("doors", "daily", "telegraph")
+
+
 _PEOPLE = {"people": PEOPLE, "crowd": CROWD, "all": PEOPLE}
 
 
@@ -65,7 +223,7 @@ def make_script(name: str, scene: Scene, *, seed: int = 0, duration_s: float = W
 
     Args:
         name: One of `SCRIPT_NAMES`, or several that run together (`doors+moving`), or the path of a file, see
-            `script_file`.
+            `world_script`.
         scene: Where it happens.
         seed: Draws what happens and when; a file has its own.
         duration_s: Seconds from midnight of the first day until which something happens.

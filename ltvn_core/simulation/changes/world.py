@@ -1,13 +1,14 @@
 """A scene that changes over time: applies what a script foretells and what a person does, and tells its followers.
 
-Holds the time of the world, its state, and the robot that must not be hit. Physics and camera belong to the robot,
-which follows; so do recordings and views.
+Holds the time of the world, its state, how far its script has come, and the robot that must not be hit. Says where a
+change puts something solid. Physics and camera belong to the robot, which follows; so do recordings and views.
 """
 
 import logging
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from typing import Protocol
+from typing import Protocol, assert_never
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,25 +17,24 @@ from ltvn_core.errors import WorldError
 from ltvn_core.navigation.events import ChangedBy, WorldChanged
 from ltvn_core.simulation.body import PERSON_RADIUS_M
 from ltvn_core.simulation.changes.changed_scenes import ChangedScenes
-from ltvn_core.simulation.changes.outlines import distance_m, outline_of
 from ltvn_core.simulation.changes.people import People
-from ltvn_core.simulation.changes.script_reader import ScriptReader
+from ltvn_core.simulation.changes.things import leaf_outline, person_outline
 from ltvn_core.simulation.changes.world_check import check_change, check_floor
-from ltvn_core.simulation.changes.world_script import MORNING_S, STATIC, WorldScript
+from ltvn_core.simulation.changes.world_script import MORNING_S, STATIC, TimedChange, WorldScript
 from ltvn_core.simulation.scene import Scene
+from ltvn_core.simulation.scene_parts import FurniturePiece
 from ltvn_core.types import Pose
 from ltvn_core.worlds import world_change as w
 from ltvn_core.worlds.world_state import AS_MADE, WorldState
 
 log = logging.getLogger(__name__)
-
 Follower = Callable[[Sequence[WorldChanged]], None]
 """Is told what changed, in the thread that changed it; `World.scene` is the scene as it is now."""
-
 _ROOM_M = 0.05
 """Nothing is put nearer than this to a robot or a person."""
 _TELL_PEOPLE_S = 0.5
 """Where people walk is told this often."""
+_FURNITURE_HEIGHT_M = 1.0
 
 
 class Body(Protocol):
@@ -104,7 +104,8 @@ class World:
     def enter(self, body: Body, radius_m: float) -> None:
         """Let a robot in: nothing will be put onto it, and its clock moves the world's. It replaces one before."""
         self._epoch_s, self._stamp = self.time_s - body.stamp, body.stamp
-        self._body, self._radius_m = body, radius_m
+        self._body = body
+        self._radius_m = radius_m
         self.make_room(body.exact_pose)
 
     def make_room(self, pose: Pose) -> None:
@@ -190,7 +191,8 @@ class World:
         """Let people walk. Their state changes at each step, but only a few times a second anybody is told."""
         if not self.script.people:
             return []
-        clearance, pose = self.scene.clearance, None if self._body is None else self._body.exact_pose
+        clearance = self.scene.clearance
+        pose = None if self._body is None else self._body.exact_pose
         self._people.come_and_go(self.time_s, clearance, pose)
         self._people.walk(duration_s, clearance, None if pose is None else (pose[0], pose[1], self._radius_m))
         self._move_people()
@@ -229,3 +231,76 @@ class World:
         if events:
             for follower in tuple(self._followers):
                 follower(events)
+
+
+class ScriptReader:
+    """One script, and how far it has come."""
+
+    def __init__(self, script: WorldScript) -> None:
+        """Begin before the first change."""
+        self._script = script
+        self._next = 0
+        self._waiting: dict[str, w.WorldChange] = {}
+        """What was put off, by what it is about."""
+
+    def due(self, time_s: float) -> Iterator[TimedChange]:
+        """Yield what was put off, once more, and then what the script says until now; each may be put off again."""
+        waiting, self._waiting = self._waiting, {}
+        for change in waiting.values():
+            yield TimedChange(time_s, change)
+        changes = self._script.changes
+        while self._next < len(changes) and changes[self._next].at_s <= time_s:
+            self._next += 1
+            timed = changes[self._next - 1]
+            self.forget(timed.change)
+            yield timed
+
+    def put_off(self, change: w.WorldChange) -> None:
+        """Yield a change again the next time."""
+        self._waiting[w.subject(change)] = change
+
+    def forget(self, change: w.WorldChange) -> None:
+        """Forget what was put off about the same thing, because this change comes later."""
+        self._waiting.pop(w.subject(change), None)
+
+
+def outline_of(change: w.WorldChange, base: Scene) -> w.Outline | None:
+    """Return where a door, thing or person stands after a change in a scene; None where nothing does."""
+    match change:
+        case w.DoorMoved(door, is_open):
+            return None if is_open else leaf_outline(base.parts.doors[door])
+        case w.ThingPlaced(thing, kind, (x, y, yaw), (width, depth, height)):
+            if kind is w.ThingKind.FURNITURE:
+                piece = own_piece(base, thing)
+                width, depth = piece.width, piece.depth
+            return w.Outline(x=x, y=y, yaw=yaw, width=width, depth=depth, height=height)
+        case w.ThingReturned(thing):
+            piece = own_piece(base, thing)
+            return w.Outline(
+                x=piece.x,
+                y=piece.y,
+                yaw=piece.yaw_rad,
+                width=piece.width,
+                depth=piece.depth,
+                height=_FURNITURE_HEIGHT_M,
+            )
+        case w.PersonMoved():
+            return person_outline(change)
+        case w.ThingRemoved() | w.PersonLeft() | w.LightChanged() | w.PicturesExchanged() | w.TimePassed():
+            return None
+        case _:
+            assert_never(change)
+
+
+def own_piece(base: Scene, thing: str) -> FurniturePiece:
+    """Return the piece of a scene's own furniture that `thing` names."""
+    return next(piece for piece in base.parts.furniture if w.OWN_PREFIX + piece.name == thing)
+
+
+def distance_m(outline: w.Outline, x: float, y: float) -> float:
+    """Return how far a place is from an outline in metres; 0 within it."""
+    cos, sin = math.cos(outline.yaw), math.sin(outline.yaw)
+    ahead, aside = x - outline.x, y - outline.y
+    across = max(abs(cos * ahead + sin * aside) - outline.width / 2, 0.0)
+    along = max(abs(cos * aside - sin * ahead) - outline.depth / 2, 0.0)
+    return math.hypot(across, along)

@@ -6,8 +6,7 @@ import numpy as np
 
 from ltvn_core.errors import SceneError
 from ltvn_core.simulation.body import SCENE_OBSTACLES, Body
-from ltvn_core.simulation.clearance_map import OBSTACLE_HEIGHT_M, ClearanceMap
-from ltvn_core.simulation.collision_mesh import extrude_blocked_cells
+from ltvn_core.simulation.clearance_map import OBSTACLE_HEIGHT_M, ClearanceMap, extrude_blocked_cells
 from ltvn_core.types import Renderer
 from ltvn_core.worlds.world_change import PersonMoved
 
@@ -40,7 +39,9 @@ class WorldFollower:
                 f"{type(renderer).__name__} cannot show a world that changes: it has no method `show(scene)`. Use "
                 "`open_renderer`, or leave the robot without a world."
             )
-        self._world, self._body, self._renderer = world, body, renderer
+        self._world = world
+        self._body = body
+        self._renderer = renderer
         # What belongs to the scene itself is seldom moved and large; the rest is small, and a group of its own.
         self._own = world.scene.clearance.blocked
         self._blocked = self._own

@@ -1,27 +1,30 @@
-"""Aligns a mesh: z up and lengths in metres.
+"""How a mesh stands: aligned with z up and lengths in metres, and where its floor is.
 
 Reads the settings that a user may write beside a mesh (`house.json` for `house.glb`), and estimates the upward axis
 without them. GLB files of Habitat and Gibson have z up although the standard says y, so the estimate uses the geometry
-in every format.
+in every format. Detects the height of the floor and the free cells on it: which level surface is a floor and not a
+table or a roof, and which cells are indoors.
 """
 
 import logging
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.errors import SceneError
+from ltvn_core.simulation.clearance_map import OBSTACLE_HEIGHT_M, ClearanceMap
 from ltvn_core.simulation.surfaces import Surfaces
+from ltvn_core.simulation.triangle_rasterization import Mask, RasterGrid, Triangles, clip_to_heights
 from ltvn_core.structured_text import parse_json
 
 log = logging.getLogger(__name__)
-
 _SURE = 1.3
 """The axis of the format's standard is used unless the other axis has a level slab this many times as large."""
 _SLAB_M = 0.1
@@ -29,7 +32,6 @@ _SLAB_M = 0.1
 _LEAST_SPAN_M = 1.0
 _MOST_SPAN_M = 150.0
 _MOST_HEIGHT_M = 40.0
-
 _UNITS = (0.001, 0.01, 0.0254, 0.3048, 10.0, 100.0, 1000.0)
 """Metres per unit that are tried for a hint: millimetres, centimetres, inches, feet, and models of buildings."""
 _MISSPELT = 0.65
@@ -38,6 +40,32 @@ such as `name`, `bounds` or `licence`, are below 0.5."""
 _OTHER_WORDS = {"units": "scale", "unit": "scale", "up_axis": "up", "axis": "up", "floor": "floor_height"}
 """What people call a setting who did not read what it is called here."""
 _METRES = ("m", "metre", "metres", "meter", "meters")
+CELL_M = 0.05
+"""Side of a cell of the clearance map."""
+_FINE = 2
+"""Subdivisions of a cell's side when triangles are rasterized."""
+_STEP_M = 0.06
+"""Anything lower above the floor is a rug, a threshold or the noise of a scan, and no obstacle."""
+_HOLLOW_M = 0.1
+"""Surfaces this far below the floor's height still belong to the floor."""
+_CEILING_M = 1.8
+"""Surfaces higher than this are ceilings."""
+_HOLE_M = 0.5
+"""A hole in a ceiling up to twice this wide does not make the floor below it outdoors."""
+_ROOFED_SHARE = 0.3
+"""If less of the free floor is under a ceiling, the mesh has none, and walls decide what is indoors."""
+_LEVEL = 0.9
+"""Vertical component of the unit normal above which a surface is level enough to be a floor."""
+_CANDIDATES = 6
+"""Heights that are examined at most."""
+_LEAST_FLOOR_M2 = 1.0
+"""Navigable area that a floor needs."""
+_START_CLEARANCE_M = 0.4
+"""Clearance that some place of the floor needs, so that a robot can turn there."""
+_GROUND_SHARE = 0.5
+"""Of a floor that a map promises, so much is in the mesh; scans have holes, but not over half of the floor."""
+KnownFloor = Callable[[NDArray[np.float64], NDArray[np.float64]], Mask]
+"""Returns for x (columns,) and y (rows,) in metres which cells (rows, columns) are known to be free floor."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,3 +206,151 @@ def _likely_unit(span: float, height: float) -> float:
         if 3 <= span * unit <= 60 and height * unit <= 15:
             return unit
     return 10.0 ** round(math.log10(10.0 / max(span, height, 1e-9)))
+
+
+@dataclass(frozen=True, eq=False)
+class StoreyFloor:
+    """The floor of one storey."""
+
+    height_m: float
+    """Height of the floor in the frame of the mesh."""
+    clearance: ClearanceMap
+    tall: Mask
+    """(rows, columns) of the clearance map's grid: cells with walls and other objects above 1.4 m."""
+    area_m2: float
+    """Area of the floor indoors, furnished parts included."""
+
+    @property
+    def navigable_m2(self) -> float:
+        """Area where the centre of the robot can be; 0 if it can turn nowhere."""
+        if not (self.clearance.navigable & (self.clearance.grid > _START_CLEARANCE_M)).any():
+            return 0.0
+        return float(np.count_nonzero(self.clearance.navigable)) * CELL_M**2
+
+
+def detect_floor(
+    triangles: Triangles, mesh: str, height_m: float | None, known: KnownFloor | None = None
+) -> StoreyFloor:
+    """Return the lowest floor with at least half the navigable area of the largest.
+
+    Args:
+        triangles: (F, 3, 3) in metres, z up.
+        mesh: Name of the mesh, for messages.
+        height_m: Height of the floor, if it is known.
+        known: Free floor from a map, which replaces the detection of free cells.
+
+    Raises:
+        SceneError: No floor is wide enough for the robot.
+    """
+    candidates = _level_heights(triangles) if height_m is None else [height_m]
+    floors = [_survey(triangles, height, known) for height in candidates]
+    most = max((floor.navigable_m2 for floor in floors), default=0.0)
+    if most < _LEAST_FLOOR_M2:
+        tried = ", ".join(f"{height:.2f} m" for height in candidates) or "no height, nothing in it is level"
+        raise SceneError(
+            f"{mesh} has no floor that is wide enough for the robot (heights examined: {tried}; it needs "
+            f"{_LEAST_FLOOR_M2:g} m2 indoors). Set the axis that points up or the height of the floor in the JSON file "
+            'beside it, for instance {"up": "z", "floor_height": 0.0}, and check the mesh for holes in the floor.'
+        )
+    return next(floor for floor in floors if floor.navigable_m2 > most / 2)
+
+
+def _level_heights(triangles: Triangles) -> list[float]:
+    """Return the heights in metres with the most level area, from low to high."""
+    normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    doubled = np.linalg.norm(normal, axis=1)
+    level = np.abs(normal[:, 2]) > _LEVEL * doubled
+    height = triangles[level][:, :, 2].mean(axis=1)
+    area = doubled[level] / 2
+    heights: list[float] = []
+    while len(heights) < _CANDIDATES and area.sum() > _LEAST_FLOOR_M2:
+        slab = np.floor(height / 0.05).astype(np.int64)
+        _, number = np.unique(slab, return_inverse=True)
+        best = np.average(height[number == np.bincount(number, weights=area).argmax()])
+        near = np.abs(height - best) < 0.08
+        if area[near].sum() < _LEAST_FLOOR_M2:
+            break
+        heights.append(_weighted_median(height[near], area[near]))
+        height = height[~near]
+        area = area[~near]
+    return sorted(heights)
+
+
+def _weighted_median(values: NDArray[np.float64], weights: NDArray[np.float64]) -> float:
+    order = np.argsort(values)
+    share = np.cumsum(weights[order])
+    return float(values[order][np.searchsorted(share, share[-1] / 2)])
+
+
+def _survey(triangles: Triangles, height_m: float, known: KnownFloor | None) -> StoreyFloor:
+    """Return the floor at a height: its level cells, obstacles, walls and ceiling."""
+    lifted = triangles - (0, 0, height_m)
+    grid = _grid(lifted)
+    ground = clip_to_heights(lifted, -_HOLLOW_M, _STEP_M)
+    normal = np.cross(ground[:, 1] - ground[:, 0], ground[:, 2] - ground[:, 0])
+    level = np.abs(normal[:, 2]) > _LEVEL * np.linalg.norm(normal, axis=1)
+    low, tall, above = (
+        _coarse(grid.cover(clip_to_heights(lifted, *heights)))
+        for heights in ((_STEP_M, OBSTACLE_HEIGHT_M), (1.4, _CEILING_M), (_CEILING_M, np.inf))
+    )
+    if known is None:
+        floor = _closed(_coarse(grid.cover(ground[level])), 0.1)
+        floor &= _indoors(floor & ~low, low | tall, above)
+    else:
+        y, x = (grid.origin[1 - axis] + (np.arange(cells) + 0.5) * CELL_M for axis, cells in enumerate(low.shape))
+        floor = known(x, y)
+        if np.count_nonzero(floor & _closed(_coarse(grid.cover(ground[level])), 0.3)) < _GROUND_SHARE * floor.sum():
+            floor = np.zeros_like(floor)
+    return _cropped(height_m, floor, low, _closed(tall, 0.3) & _closed(low, 0.3), grid.origin)
+
+
+def _grid(lifted: Triangles) -> RasterGrid:
+    """Return a grid over all surfaces between the floor and the ceiling, with a margin of four cells."""
+    near = clip_to_heights(lifted, -_HOLLOW_M, _CEILING_M)
+    corners = near.reshape(-1, 3)[:, :2] if len(near) else np.zeros((1, 2))
+    origin = np.floor(corners.min(axis=0) / CELL_M - 4) * CELL_M
+    columns, rows = (np.ceil((corners.max(axis=0) - origin) / CELL_M).astype(int) + 4) * _FINE
+    return RasterGrid(origin, (int(rows), int(columns)), CELL_M / _FINE)
+
+
+def _coarse(fine: Mask) -> Mask:
+    rows, columns = fine.shape
+    return np.asarray(fine.reshape(rows // _FINE, _FINE, columns // _FINE, _FINE).any(axis=(1, 3)))
+
+
+def _closed(cells: Mask, radius_m: float) -> Mask:
+    """Fill gaps up to twice a radius wide (morphological closing)."""
+    size = 2 * round(radius_m / CELL_M) + 1
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
+    padded = np.pad(cells.astype(np.uint8), size)  # OpenCV treats cells outside the image as set when it erodes.
+    return cv2.morphologyEx(padded, cv2.MORPH_CLOSE, disc)[size:-size, size:-size].astype(bool)
+
+
+def _indoors(free: Mask, walls: Mask, above: Mask) -> Mask:
+    """Mark the cells under a ceiling; if the mesh has none, those with walls on at least three of four sides."""
+    if np.count_nonzero(free & above) >= _ROOFED_SHARE * np.count_nonzero(free):
+        return _closed(above, _HOLE_M)
+    sides = [np.logical_or.accumulate(walls, axis) for axis in (0, 1)]
+    sides += [np.flip(np.logical_or.accumulate(np.flip(walls, axis), axis), axis) for axis in (0, 1)]
+    return np.sum(sides, axis=0) >= 3
+
+
+def _cropped(height_m: float, floor: Mask, low: Mask, tall: Mask, origin: NDArray[np.float64]) -> StoreyFloor:
+    """Crop the grids to the free floor and a blocked border."""
+    free = floor & ~low
+    if not free.any():
+        return StoreyFloor(
+            height_m=height_m,
+            clearance=ClearanceMap(np.ones((3, 3), bool), origin),
+            tall=np.zeros((3, 3), bool),
+            area_m2=0.0,
+        )
+    rows, columns = np.flatnonzero(free.any(axis=1)), np.flatnonzero(free.any(axis=0))
+    first = np.maximum([rows[0] - 4, columns[0] - 4], 0)
+    part = np.s_[first[0] : rows[-1] + 5, first[1] : columns[-1] + 5]
+    blocked = np.pad(~free[part], 1, constant_values=True)
+    corner = origin + (first[::-1] - 1) * CELL_M
+    area = float(np.count_nonzero(floor)) * CELL_M**2
+    return StoreyFloor(
+        height_m=height_m, clearance=ClearanceMap(blocked, corner, CELL_M), tall=np.pad(tall[part], 1), area_m2=area
+    )

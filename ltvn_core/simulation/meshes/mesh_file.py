@@ -1,28 +1,182 @@
-"""Reads triangles and textures from a mesh file (GLB, glTF, OBJ, PLY).
+"""Reads triangles and textures from a mesh file (GLB, glTF, OBJ, PLY), and finds the files that it names.
 
-Coordinates stay those of the file; `mesh_alignment` finds the upward axis and the unit.
+A glTF file is prepared for trimesh by its JSON alone: compressions that nobody here reads are named, and integers that
+stand for shares of 1 (`KHR_mesh_quantization`) are scaled, which trimesh leaves as they are. Draco is read by trimesh
+where DracoPy is installed. Coordinates stay those of the file; `mesh_alignment` finds the upward axis and the unit.
 """
 
+import base64
 import io
+import json
+import struct
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
+from urllib.parse import unquote
 
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
+from trimesh.exchange.gltf.extensions import register_handler
+from trimesh.resolvers import FilePathResolver
 
 from ltvn_core.errors import SceneError
-from ltvn_core.simulation.meshes.asset_finder import AssetFinder
-from ltvn_core.simulation.meshes.gltf_file import SUFFIXES as GLTF
-from ltvn_core.simulation.meshes.gltf_file import GltfFile
+from ltvn_core.extras import is_installed, missing_text
 from ltvn_core.simulation.meshes.mesh_textures import TextureCollector
 from ltvn_core.simulation.surfaces import Surfaces
+from ltvn_core.structured_text import parse_json
 
+GLTF_SUFFIXES = (".glb", ".gltf")
+_DRACO = "KHR_draco_mesh_compression"
+_MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression")
+_BASIS = "KHR_texture_basisu"
+_READ = (_DRACO, _BASIS, "KHR_mesh_quantization", "EXT_texture_webp", "KHR_materials_pbrSpecularGlossiness")
+_NORMALISED = "LTVN_normalised"
+"""Our mark at a primitive: its accessors of normalised integers, and the number that stands for 1 in each."""
+_ONE = {5120: 127, 5121: 255, 5122: 32767, 5123: 65535}
+"""Component type -> the integer that stands for 1."""
+_MAGIC, _JSON = b"glTF", b"JSON"
+_KTX2 = b"\xabKTX 20\xbb"
 FORMATS = (".glb", ".gltf", ".obj", ".ply")
 _NAMED = 5
 """Missing files that a message names at most."""
+
+
+class AssetFinder(FilePathResolver):
+    """Looks a file up by the path in the mesh, and else by its bare name in the folder of the mesh.
+
+    Meshes from other machines name their pictures by paths there, of Windows as well.
+    """
+
+    def __init__(self, mesh: Path) -> None:
+        """Look beside a mesh."""
+        super().__init__(str(mesh))
+        self.missing: list[str] = []
+        """Names of files that were not found."""
+
+    def get(self, name: str) -> Any:
+        """Return the bytes of a file. Raises OSError where there is none."""
+        plain = unquote(name)  # Names in glTF are parts of URLs: a space is %20.
+        for candidate in (name, plain, *self._beside(plain)):
+            try:
+                return super().get(candidate)
+            except (OSError, ValueError):
+                continue
+        if name not in self.missing:
+            self.missing.append(name)
+        raise FileNotFoundError(name)
+
+    def _beside(self, name: str) -> list[str]:
+        """Return the files in the folder of the mesh of the same bare name, in large or small letters."""
+        bare = name.replace("\\", "/").rpartition("/")[2].strip()
+        wanted = [bare.lower()]
+        if " " in bare:
+            wanted.append(bare.split()[-1].lower())  # The file comes last, after the options of a material library.
+        files = sorted(each.name for each in Path(self.parent).iterdir() if each.is_file())
+        return [file for each in wanted for file in files if file.lower() == each]
+
+
+@dataclass(frozen=True, eq=False)
+class GltfFile:
+    """The JSON of a glTF file, and the bytes that follow it."""
+
+    path: Path
+    header: Mapping[str, Any]
+    rest: bytes | None
+    """The chunks after the JSON of a GLB; None for a glTF of text."""
+
+    @classmethod
+    def read(cls, path: Path) -> "GltfFile | None":
+        """Read a file; None where its JSON cannot be read, of which trimesh says more."""
+        try:
+            data = path.read_bytes()
+            rest = None
+            if data[:4] == _MAGIC:
+                length, kind = struct.unpack("<I4s", data[12:20])
+                if kind != _JSON:
+                    return None
+                data, rest = data[20 : 20 + length], data[20 + length :]
+            header = parse_json(data)
+        except (OSError, ValueError, struct.error):
+            return None
+        return cls(path, header, rest) if isinstance(header, dict) else None
+
+    def require_readable(self) -> None:
+        """Raise SceneError for a compression that cannot be read here, with the way out."""
+        required = self._required()
+        way_out = f"`npx @gltf-transform/cli cp {self.path.name} plain.glb` writes it without the compression"
+        for name in _MESHOPT:
+            if name in required:
+                raise SceneError(f"{self.path} is compressed with meshopt ({name}), which is not read. {way_out}.")
+        if _DRACO in required and not is_installed("DracoPy"):
+            raise SceneError(f"{self.path} is compressed with Draco. {missing_text('DracoPy')} Or {way_out}.")
+
+    @property
+    def is_draco(self) -> bool:
+        """Whether the triangles are compressed with Draco and nothing else."""
+        return _DRACO in self._required()
+
+    def with_marked_integers(self) -> bytes | None:
+        """Return the file with marks at normalised integers, by which trimesh scales them; None where it has none."""
+        accessors = self.header.get("accessors", [])
+        ones = {
+            str(place): _ONE[each["componentType"]]
+            for place, each in enumerate(accessors)
+            if each.get("normalized") and each.get("componentType") in _ONE
+        }
+        marked = json.loads(json.dumps(self.header))
+        count = 0
+        for primitive in (each for mesh in marked.get("meshes", []) for each in mesh.get("primitives", [])):
+            names = primitive.get("attributes", {})
+            mine = [
+                str(place) for name, place in names.items() if not name.startswith("COLOR")
+            ]  # trimesh scales those.
+            if found := {place: ones[place] for place in mine if place in ones}:
+                primitive.setdefault("extensions", {})[_NORMALISED] = found
+                count += 1
+        return self._joined(marked) if count else None
+
+    def texture_doubts(self) -> Iterator[str]:
+        """Yield what will look different from what the file says, in whole sentences."""
+        images = [each for each in self.header.get("images", []) if self._is_ktx2(each)]
+        if images:
+            yield (
+                f"{self.path.name}: {len(images)} of {len(self.header['images'])} textures are in KTX2 (Basis "
+                "Universal), which is not read, so their surfaces are plain. `npx @gltf-transform/cli ktxdecompress "
+                f"{self.path.name} plain.glb` turns them into PNG."
+            )
+        if unread := sorted(self._required() - set(_READ)):
+            yield f"{self.path.name} requires {', '.join(unread)}, which is not read; its surfaces may look different."
+
+    def _required(self) -> set[str]:
+        required = self.header.get("extensionsRequired", [])
+        return {each for each in required if isinstance(each, str)} if isinstance(required, list) else set()
+
+    def _is_ktx2(self, image: Mapping[str, Any]) -> bool:
+        uri = str(image.get("uri", ""))
+        if "base64," in uri:
+            return base64.b64decode(uri.partition("base64,")[2][:16] or "")[: len(_KTX2)] == _KTX2
+        return image.get("mimeType") == "image/ktx2" or uri.lower().endswith((".ktx2", ".basis"))
+
+    def _joined(self, header: Mapping[str, Any]) -> bytes:
+        text = json.dumps(header).encode()
+        if self.rest is None:
+            return text
+        text += b" " * (-len(text) % 4)
+        length = 20 + len(text) + len(self.rest)
+        return struct.pack("<4sIII4s", _MAGIC, 2, length, len(text), _JSON) + text + self.rest
+
+
+@register_handler(_NORMALISED, scope="primitive_preprocess")
+def _scale(context: Any) -> None:
+    """Divide the marked integers of a primitive, once where several primitives share them."""
+    accessors = context["accessors"]
+    for place, one in context["data"].items():
+        numbers = accessors[int(place)]
+        if numbers.dtype.kind in "iu":
+            accessors[int(place)] = np.maximum(numbers.astype(np.float32) / np.float32(one), -1)
 
 
 class MeshContent(NamedTuple):
@@ -44,8 +198,8 @@ def read_mesh(path: Path) -> MeshContent:
         raise SceneError(f"{path} is no scene: a mesh ends in {', '.join(FORMATS)}. Export it as one of these.")
     if not path.is_file():
         raise SceneError(f"The scene's file {path} does not exist. Put it there, or give the path where it is now.")
-    colours = TextureCollector(linear_factors=path.suffix.lower() in GLTF)
-    gltf = GltfFile.read(path) if path.suffix.lower() in GLTF else None
+    colours = TextureCollector(linear_factors=path.suffix.lower() in GLTF_SUFFIXES)
+    gltf = GltfFile.read(path) if path.suffix.lower() in GLTF_SUFFIXES else None
     if gltf is not None:
         gltf.require_readable()
     finder = AssetFinder(path)

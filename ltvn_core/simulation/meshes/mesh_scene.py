@@ -1,24 +1,29 @@
-"""Loads a mesh as a scene: read, align, detect the floor, divide it into places to visit, mark what is overhead."""
+"""Loads a mesh as a scene: read, align, detect the floor, divide it into places to visit, mark what is overhead.
+
+Reads the folder of a Gibson space too: a mesh with z up, the heights of its floors, and traversability maps. A map has
+1 cm per pixel and the world's origin in its middle, x along columns and y along rows; white is free.
+"""
 
 import logging
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ltvn_core.errors import SceneError
 from ltvn_core.simulation.clearance_map import ClearanceMap
-from ltvn_core.simulation.meshes import gibson
-from ltvn_core.simulation.meshes.floor_detection import StoreyFloor, detect_floor
-from ltvn_core.simulation.meshes.mesh_alignment import align_z_up, read_mesh_settings
+from ltvn_core.simulation.meshes.mesh_alignment import StoreyFloor, align_z_up, detect_floor, read_mesh_settings
 from ltvn_core.simulation.meshes.mesh_file import read_mesh
 from ltvn_core.simulation.rooms import Room, RoomKind
 from ltvn_core.simulation.scene import Scene
 from ltvn_core.simulation.surfaces import Surfaces
 
+GIBSON_MESH = "mesh_z_up.obj"
+_PIXELS_PER_METRE = 100
 log = logging.getLogger(__name__)
-
 _PLACE_M = 3.5
 """Side of the squares that stand for rooms in a tour, because a mesh does not say where its rooms are."""
 _LEAST_PLACE_M2 = 0.5
@@ -31,6 +36,69 @@ _STOREY_M = 4.0
 """Everything higher than this is overhead."""
 
 
+def find_mesh(folder: Path) -> Path:
+    """Return the path of the folder's mesh.
+
+    Raises:
+        SceneError: The folder is not in Gibson layout.
+    """
+    if not (folder / GIBSON_MESH).is_file():
+        raise SceneError(
+            f"{folder} has no {GIBSON_MESH}, so it is not a scene in Gibson layout. Give a folder with {GIBSON_MESH} "
+            "(and, where they exist, floors.txt and floor_trav_0.png), or the mesh file itself."
+        )
+    return folder / GIBSON_MESH
+
+
+def floor_heights(folder: Path) -> list[float] | None:
+    """Return the heights in metres of `floors.txt` from low to high; None if there is no such file.
+
+    Raises:
+        SceneError: The file is not a list of numbers.
+    """
+    path = folder / "floors.txt"
+    if not path.is_file():
+        return None
+    try:
+        heights = sorted(float(word) for word in path.read_text(encoding="utf-8").split())
+    except (OSError, ValueError) as error:
+        raise SceneError(
+            f"{path} must contain one height in metres per line ({error}). Correct it, or remove it."
+        ) from error
+    if not heights or not np.all(np.isfinite(heights)):
+        raise SceneError(f"{path} contains no heights. Write one height in metres per line, or remove it.")
+    return heights
+
+
+class TraversabilityMap:
+    """The free floor of one storey, from an image. Implements `floor_detection.KnownFloor`."""
+
+    def __init__(self, path: Path) -> None:
+        """Read `floor_trav_N.png`.
+
+        Raises:
+            SceneError: The file is not an image.
+        """
+        image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+        if image is None:
+            raise SceneError(f"{path} is not an image. Copy the map of the floor there again, or remove it.")
+        self._free = image >= 128
+
+    def __call__(self, x_m: NDArray[np.float64], y_m: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return which cells (rows, columns) at x (columns,) and y (rows,) are free; none outside the map."""
+        rows, columns = self._free.shape
+        column = np.floor(x_m * _PIXELS_PER_METRE + columns / 2).astype(np.intp)
+        row = np.floor(y_m * _PIXELS_PER_METRE + rows / 2).astype(np.intp)
+        inside = ((row >= 0) & (row < rows))[:, None] & ((column >= 0) & (column < columns))
+        return self._free[np.ix_(row.clip(0, rows - 1), column.clip(0, columns - 1))] & inside
+
+
+def traversable_map(folder: Path, number: int) -> TraversabilityMap | None:
+    """Return the map of a floor, counted from 0 at the lowest; None if there is no such file."""
+    path = folder / f"floor_trav_{number}.png"
+    return TraversabilityMap(path) if path.is_file() else None
+
+
 @lru_cache(maxsize=2)
 def load_mesh_scene(source: Path) -> Scene:
     """Load a mesh file or a folder in Gibson layout.
@@ -40,20 +108,20 @@ def load_mesh_scene(source: Path) -> Scene:
     Raises:
         SceneError: The mesh cannot be read, or has no floor for a robot.
     """
-    if source.name == gibson.MESH_FILE:
+    if source.name == GIBSON_MESH:
         source = source.parent
-    mesh = gibson.find_mesh(source) if source.is_dir() else source
+    mesh = find_mesh(source) if source.is_dir() else source
     settings = read_mesh_settings(mesh)
     content = read_mesh(mesh)
     for doubt in content.doubts:
         log.warning(doubt)
     surfaces = align_z_up(content.surfaces, mesh, settings)
-    heights = gibson.floor_heights(source) if source.is_dir() else None
+    heights = floor_heights(source) if source.is_dir() else None
     floor_height_m = heights[0] if heights is not None and settings.floor_height is None else settings.floor_height
     storey = 0
     if heights is not None and floor_height_m is not None:
         storey = int(np.argmin(np.abs(np.array(heights) - floor_height_m)))
-    known = gibson.traversable_map(source, storey) if source.is_dir() else None
+    known = traversable_map(source, storey) if source.is_dir() else None
     floor = detect_floor(surfaces.vertices[surfaces.faces].astype(np.float64), str(mesh), floor_height_m, known)
     standing = replace(surfaces, vertices=surfaces.vertices - np.array([0, 0, floor.height_m], np.float32))
     return Scene(

@@ -11,7 +11,7 @@ import trimesh
 from numpy.typing import NDArray
 from PIL import Image
 
-from ltvn_core.simulation.texture_sizes import resize_to_power_of_two, shrink_to_budget
+from ltvn_core.simulation.surfaces import resize_to_power_of_two, shrink_to_budget
 from ltvn_core.types import Rgb
 
 MAX_TEXELS = 24_000_000
@@ -121,7 +121,9 @@ _STEPS = np.array([31, 63, 31])
 
 def _palette() -> Rgb:
     row, column = np.mgrid[:256, :256]
-    red, green, blue = row // 64 * 8 + column // 32, row % 64, column % 32
+    red = row // 64 * 8 + column // 32
+    green = row % 64
+    blue = column % 32
     return np.rint(np.stack([red, green, blue], -1) * 255 / _STEPS).astype(np.uint8)
 
 
@@ -131,7 +133,8 @@ def _divided(mesh: trimesh.Trimesh) -> tuple[NDArray[np.float64], NDArray[np.flo
     if visual.kind == "face":
         colours = np.asarray(visual.face_colors)[:, :3].astype(float)
         return mesh.vertices[mesh.faces], np.repeat(colours[:, None], 3, axis=1)
-    vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
+    vertices = np.asarray(mesh.vertices)
+    faces = np.asarray(mesh.faces)
     colours = np.asarray(visual.vertex_colors)[:, :3].astype(float)
     for _ in range(_DIVISIONS):
         coarse = np.flatnonzero(np.ptp(colours[faces], axis=1).max(axis=1) > _SMOOTH_STEP)

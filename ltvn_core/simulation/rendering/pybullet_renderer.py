@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.errors import SceneError
-from ltvn_core.simulation.light import PLAIN_LIGHT
 from ltvn_core.simulation.rendering.embree_renderer import MAX_DEPTH_M, VisibleScene
-from ltvn_core.simulation.surfaces import Surfaces
+from ltvn_core.simulation.surfaces import PLAIN_LIGHT, Surfaces
 from ltvn_core.types import Depth, Pose, Rgb
 
 _NEAR_M = 0.02
@@ -97,6 +96,7 @@ def _projection(camera: CameraModel) -> list[float]:
     across, down = _NEAR_M / camera.fx, _NEAR_M / camera.fy
     left = -camera.cx * across
     right = (camera.width - camera.cx) * across
-    bottom, top = (camera.cy + 1 - camera.height) * down, (camera.cy + 1) * down
+    bottom = (camera.cy + 1 - camera.height) * down
+    top = (camera.cy + 1) * down
     edges = (left, right, bottom, top)
     return pybullet.computeProjectionMatrix(*edges, _NEAR_M, _FAR_M)

@@ -8,19 +8,18 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from ltvn_core.errors import OptionError
-from ltvn_core.network.cards.baseline_card import BaselineCard, evaluate_baseline
-from ltvn_core.network.cards.model_card import TrainingDataSummary
+from ltvn_core.network.baseline_training import BaselineCard, baseline_training_plan, evaluate_baseline
+from ltvn_core.network.model_card import TrainingDataSummary
 from ltvn_core.network.network_families import extend_network
-from ltvn_core.network.optimization.baseline_plans import baseline_training_plan
 from ltvn_core.network.optimization.training_loop import TrainingData, TrainingPlan, TrainingResult, train
 from ltvn_core.network.predictor import load_predictor
 from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
 from ltvn_core.network.weights_file import load_weights, read_card, save_weights, weights_fingerprint
 from ltvn_core.simulation.scene_registry import scene_names
+from ltvn_core.systems.entry import TemporalLearning
 from ltvn_core.systems.registry import baseline_systems, system_entry
 from ltvn_core.training.held_out_scenes import VALIDATION_SCENES
 from ltvn_core.training.labelled_walks import labelled_walks
-from ltvn_core.training.system_training import TemporalTraining
 from ltvn_core.training_data.shards import Shard, split_shards
 from ltvn_core.verbs.baseline import BaselineVerb
 from ltvn_core.verbs.jobs.dataset import DEFAULT_SCENE_PREFIXES
@@ -68,7 +67,7 @@ def train_baseline(options: BaselineVerb) -> Summary:
 
 
 def _check_options(options: BaselineVerb) -> None:
-    _temporal_training(options.baseline)
+    _temporal_learning(options.baseline)
     if not (options.minutes > 0 and (options.steps is None or options.steps > 0)):
         raise OptionError("--minutes and --steps must be above 0; 8 minutes or 300 steps are a good start.")
     if options.fresh and _below(options):
@@ -79,12 +78,12 @@ def _check_options(options: BaselineVerb) -> None:
 
 def _below(options: BaselineVerb) -> Path | None:
     """The weights that the rival adds layers to, if it does."""
-    return SHIPPED_WEIGHTS if _temporal_training(options.baseline).added else None
+    return SHIPPED_WEIGHTS if _temporal_learning(options.baseline).added else None
 
 
 def _start(options: BaselineVerb, work: Path) -> Path | None:
     """Return the weights to start from, those with new layers in the folder."""
-    if (added := _temporal_training(options.baseline).added) is None:
+    if (added := _temporal_learning(options.baseline).added) is None:
         return None if options.fresh else SHIPPED_WEIGHTS
     work.mkdir(parents=True, exist_ok=True)
     start = work / "start.safetensors"
@@ -109,14 +108,14 @@ def _length(options: BaselineVerb) -> str:
 def _data(options: BaselineVerb) -> TrainingData:
     names = [name for name in scene_names() if name.startswith(DEFAULT_SCENE_PREFIXES)]
     shards = labelled_walks(
-        _temporal_training(options.baseline).rule, names, options.data, seed=options.seed, processes=options.processes
+        _temporal_learning(options.baseline).rule, names, options.data, seed=options.seed, processes=options.processes
     )
     return TrainingData(*split_shards(shards, VALIDATION_SCENES))
 
 
 def _plan(options: BaselineVerb) -> TrainingPlan:
     return baseline_training_plan(
-        even_distances=_temporal_training(options.baseline).even_distances,
+        even_distances=_temporal_learning(options.baseline).even_distances,
         minutes=options.minutes,
         steps=options.steps,
         seed=options.seed,
@@ -133,7 +132,7 @@ def _card(
         options.baseline,
         start and weights_fingerprint(start),
         read_card(start) if start and _below(options) is None else None,
-        asdict(_temporal_training(options.baseline).rule),
+        asdict(_temporal_learning(options.baseline).rule),
         TrainingDataSummary(
             tuple(shard.name for shard in shards),
             VALIDATION_SCENES,
@@ -151,11 +150,12 @@ def _card(
     )
 
 
-def _temporal_training(system: str) -> TemporalTraining:
+def _temporal_learning(system: str) -> TemporalLearning:
     """Return how a system learns by time; raises OptionError for one that does not."""
-    training, trained = system_entry(system).training, [entry.name for entry in baseline_systems()]
-    if isinstance(training, TemporalTraining) and system in trained:
-        return training
+    learning = system_entry(system).learning
+    trained = [entry.name for entry in baseline_systems()]
+    if learning is not None and system in trained:
+        return learning
     raise OptionError(
         f"{system} has no network of its own that learns by time alone; those that have are: {', '.join(trained)}."
     )

@@ -6,17 +6,18 @@ from pathlib import Path
 from tqdm import tqdm
 
 from ltvn_core.atomic_files import require_new_path
-from ltvn_core.drives.drive_report import DriveReport
+from ltvn_core.drives.joined_map import DriveReport
 from ltvn_core.errors import OptionError
+from ltvn_core.findings import Finding, WithDoubts
 from ltvn_core.graph.connectivity import count_strongly_connected_components
-from ltvn_core.graph.goal_standing import GoalReport
+from ltvn_core.graph.map_coverage import GoalReport
 from ltvn_core.recorded_map import BuildOptions, build_recorded_map, save_recorded_map
 from ltvn_core.verbs.build import BuildVerb
 from ltvn_core.verbs.verb import Summary
 
 
 @dataclass(frozen=True)
-class BuildSummary:
+class BuildSummary(WithDoubts):
     """The size of a new map."""
 
     map: Path
@@ -39,8 +40,8 @@ class BuildSummary:
     """What became of each drive, where there are several: how it is joined, and what changed since those before."""
     goals: tuple[GoalReport, ...] = ()
     """How each of --goals stands to the map: held, unsure or not held, and which node is most like it instead."""
-    doubts: tuple[str, ...] = ()
-    """What is doubtful of the drive or of the map, in words; nothing where all is well."""
+    findings: tuple[Finding, ...] = ()
+    """What is doubtful of the drive or of the map; nothing where all is well."""
 
 
 def build_map(options: BuildVerb) -> Summary:
@@ -79,5 +80,5 @@ def build_map(options: BuildVerb) -> Summary:
         known_share=round(built.coverage.share, 3),
         drives=built.drives,
         goals=built.goals,
-        doubts=built.doubts,
+        findings=built.findings,
     )

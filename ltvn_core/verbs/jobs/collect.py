@@ -7,11 +7,12 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from ltvn_core.composition import open_simulation
 from ltvn_core.errors import OptionError, SceneError
+from ltvn_core.findings import Finding, WithDoubts, findings_of
 from ltvn_core.recording.recorded_robot import record_images
 from ltvn_core.recording.writer import RecordingWriter
 from ltvn_core.simulation.body_selection import choose_body
+from ltvn_core.simulation.opening import open_simulation
 from ltvn_core.simulation.scripted_tour import drive_tour
 from ltvn_core.simulation.wheel_odometry import OdometryNoise
 from ltvn_core.verbs.collect import CollectVerb
@@ -23,7 +24,7 @@ MANY_WITHOUT_DEPTH = 0.3
 
 
 @dataclass(frozen=True)
-class CollectSummary:
+class CollectSummary(WithDoubts):
     """What a tour brought home."""
 
     recording: Path
@@ -34,8 +35,8 @@ class CollectSummary:
     collisions: int
     driven_s: float
     """Robot time."""
-    doubts: tuple[str, ...] = ()
-    """What is doubtful of the drive, in words; nothing where all is well."""
+    findings: tuple[Finding, ...] = ()
+    """What is doubtful of the drive; nothing where all is well."""
 
 
 def collect(options: CollectVerb) -> CollectSummary:
@@ -66,7 +67,7 @@ def collect(options: CollectVerb) -> CollectSummary:
         images = record_images(drive_tour(robot, simulation.scene, rng, loops=options.loops), writer)
         has_depth = [image.has_depth for image in tqdm(images, desc="collect", unit="frame")]
     return CollectSummary(
-        doubts=(*simulation.scene.doubts, *doubts_of(options.output, has_depth)),
+        findings=(*findings_of(simulation.scene.doubts), *depth_findings(options.output, has_depth)),
         recording=options.output,
         scene=simulation.scene.name,
         frames=len(has_depth),
@@ -76,7 +77,7 @@ def collect(options: CollectVerb) -> CollectSummary:
     )
 
 
-def doubts_of(recording: Path, has_depth: list[bool]) -> tuple[str, ...]:
+def depth_findings(recording: Path, has_depth: list[bool]) -> tuple[Finding, ...]:
     """Return, and log, that many images show nothing. Raises SceneError where none does."""
     share = has_depth.count(False) / len(has_depth)
     if share == 1.0:
@@ -86,6 +87,6 @@ def doubts_of(recording: Path, has_depth: list[bool]) -> tuple[str, ...]:
         )
     if share < MANY_WITHOUT_DEPTH:
         return ()
-    doubt = f"{share:.0%} of the images have no depth; is the scene open on all sides, or the wrong way up?"
-    _LOG.warning(doubt)
-    return (doubt,)
+    text = f"{share:.0%} of the images have no depth; is the scene open on all sides, or the wrong way up?"
+    _LOG.warning(text)
+    return (Finding(text),)

@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 
 from ltvn_core.atomic_files import require_new_path
-from ltvn_core.composition import open_method, open_predictor, open_simulation, open_system, simulated_robot
 from ltvn_core.errors import OptionError
-from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.navigation_system import NavigationSystem
-from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.predictors.choice import ImageSource
+from ltvn_core.predictors.opening import open_method, open_predictor, simulated_robot
 from ltvn_core.recording.run_description import RunDescription
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.simulation.body_selection import choose_body
-from ltvn_core.systems.registry import DEFAULT_SYSTEM
+from ltvn_core.simulation.opening import open_simulation
+from ltvn_core.systems.registry import DEFAULT_SYSTEM, open_system
+from ltvn_core.topological_map import TopologicalMap
 from ltvn_core.verbs.demo import HeadlessDemoVerb
 from ltvn_core.verbs.jobs.headless_runner import HeadlessRunner, QueriesSummary
 from ltvn_core.verbs.jobs.story_demo import StoryOptions, run_story
@@ -105,18 +105,18 @@ def _run_headless(options: HeadlessDemoVerb) -> DemoSummary:
         scene_glb=simulation.scene.glb(),
     )
     with run.open_writer(path, live_port=announce_stream(options.stream)) as writer:
-        runner = HeadlessRunner(simulation, writer, KeyframeStore(predictor), predictor, system, TopologicalGraph())
+        runner = HeadlessRunner(simulation, writer, TopologicalMap.of(predictor, system))
         observations = runner.collect(rng, options.loops)
         runner.build(observations, rng)
         outcome = runner.run_queries(runner.random_goals(options.queries, rng), rng)
     if options.map is not None:
-        run.save_map(options.map, runner.graph, runner.map_observations())
+        run.save_map(options.map, runner.map.graph, runner.map.observations)
     return DemoSummary(
         recording=path,
         map=options.map,
         frames=len(observations),
-        nodes=len(runner.graph.nodes),
-        edges=len(runner.graph.edges),
+        nodes=len(runner.map.graph.nodes),
+        edges=len(runner.map.graph.edges),
         **vars(outcome),
         predictor=choice.name,
         preset=options.preset,

@@ -4,7 +4,7 @@ from typing import NoReturn
 
 from tqdm import tqdm
 
-from ltvn_core.evaluation.trials import EvaluationProgress
+from ltvn_core.evaluation.preparation_progress import EvaluationProgress
 
 
 def progress_on_bar(bar: "tqdm[NoReturn]", maps: int) -> EvaluationProgress:

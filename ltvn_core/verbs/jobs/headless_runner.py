@@ -12,20 +12,18 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from ltvn_core.composition import Simulation
 from ltvn_core.errors import MapError
-from ltvn_core.graph.deltas import BULK_CAUSES, GraphDelta
-from ltvn_core.graph.keyframes import KeyframeStore
-from ltvn_core.graph.navigation_system import NavigationSystem
-from ltvn_core.graph.topological_graph import TopologicalGraph
-from ltvn_core.navigation.episode import judge_goal_reached
+from ltvn_core.evaluation.query_result import QueryResult
+from ltvn_core.evaluation.query_run import judge_goal_reached, random_goals, run_queries
+from ltvn_core.graph.deltas import BULK_CAUSES
 from ltvn_core.navigation.events import Event, GraphChanged, Judged, StampedEvent, WorldChanged
-from ltvn_core.navigation.lifelong_run import LifelongRun, random_goals
 from ltvn_core.navigation.navigator import Navigator
 from ltvn_core.recording.recorded_robot import RecordedRobot, record_images
 from ltvn_core.recording.writer import RecordingWriter
+from ltvn_core.simulation.opening import Simulation
 from ltvn_core.simulation.scripted_tour import LED_M_S, TourSettings, drive_along, drive_tour
-from ltvn_core.types import CONTROL_STEP_S, NodeId, Observation, Pose, Predictor
+from ltvn_core.topological_map import TopologicalMap
+from ltvn_core.types import CONTROL_STEP_S, NodeId, Observation, Pose
 
 
 @dataclass(frozen=True)
@@ -44,24 +42,29 @@ class QueriesSummary:
     failures: dict[str, int]
     """How the other queries ended, in the robot's own words; "arrived" means that it was wrong about that."""
 
+    @classmethod
+    def of(cls, results: Sequence[QueryResult]) -> "QueriesSummary":
+        """Sum up queries."""
+        return cls(
+            queries=len(results),
+            reached=sum(each.reached for each in results),
+            collisions=sum(each.collisions for each in results),
+            pruned=sum(each.pruned for each in results),
+            added=sum(each.added_edges + each.added_nodes for each in results),
+            failures=dict(Counter(each.outcome for each in results if not each.reached)),
+        )
+
 
 class HeadlessRunner:
     """Robot, map and recording of one headless run."""
 
-    def __init__(
-        self,
-        simulation: Simulation,
-        writer: RecordingWriter,
-        keyframes: KeyframeStore,
-        predictor: Predictor,
-        system: NavigationSystem,
-        graph: TopologicalGraph,
-    ) -> None:
-        """Take hold of everything; an empty graph waits for `build`."""
-        self.robot, self.scene, self.world = simulation.robot, simulation.scene, simulation.world
-        self.writer, self.keyframes, self.graph = writer, keyframes, graph
-        self.predictor = predictor
-        self.system = system
+    def __init__(self, simulation: Simulation, writer: RecordingWriter, known: TopologicalMap) -> None:
+        """Take hold of everything; an empty map waits for `build`."""
+        self.robot = simulation.robot
+        self.scene = simulation.scene
+        self.world = simulation.world
+        self.writer = writer
+        self.map = known
         self._record_world(simulation.world.events())
         simulation.world.follow(self._record_world)
 
@@ -78,20 +81,24 @@ class HeadlessRunner:
                 bar.total = total
                 bar.update(done - bar.n)
 
-            self._change(self.system.build(observations, self.keyframes, self.predictor, rng=rng, progress=show))
+            built = self.map.build(observations, rng=rng, progress=show)
+        for delta in built:
+            self.record(GraphChanged(delta))
+        self._draw()
 
     def lead(self, path: NDArray[np.float64], consume: Callable[[Event], None]) -> None:
         """Drive along a path (M, 2) as a person would; what the map learns from it is recorded and handed on.
 
         Raises MapError where the navigation system only builds whole maps.
         """
-        if self.system.online is None:
-            raise MapError(f"A map of {self.system.name} does not grow while driving; build it anew.")
-        online = self.system.online(self.graph, self.keyframes, self.predictor)
+        system = self.map.system
+        if system.online is None:
+            raise MapError(f"A map of {system.name} does not grow while driving; build it anew.")
+        online = system.online(self.map.graph, self.map.keyframes, self.map.predictor)
         images = drive_along(self.robot, self.world.scene, path, TourSettings(speed_m_s=LED_M_S))
         for observation in record_images(images, self.writer):
             for delta in online.offer(observation):
-                self.graph.apply(delta)
+                self.map.graph.apply(delta)
                 self.record(GraphChanged(delta))
                 consume(GraphChanged(delta))
         self._draw()
@@ -104,47 +111,24 @@ class HeadlessRunner:
         starts: Sequence[NodeId] | None = None,
     ) -> QueriesSummary:
         """Drive to each goal in turn, from where the last query ended or from `starts`, and judge by exact poses."""
-        navigator = self.navigator(rng)
-        lifelong = LifelongRun(self.record)
         before = None if starts is None else lambda query: self.robot.teleport(self._exact_pose(starts[query]))
-        episodes = lifelong.run(
-            navigator, goals, first_query=0, advance=self.advance, verdict=self.verdict, before=before
+        queries = run_queries(
+            self.navigator(rng), goals, advance=self.advance, verdict=self.verdict, before=before, consume=self.record
         )
-        failures: Counter[str] = Counter()
-        for episode in tqdm(episodes, desc="navigate", total=len(goals), unit="query"):
+        results: list[QueryResult] = []
+        for result in tqdm(queries, desc="navigate", total=len(goals), unit="query"):
             self._draw()
-            if not episode.reached:
-                failures[episode.ended.outcome] += 1
-        totals = lifelong.totals()
-        return QueriesSummary(
-            queries=totals.queries,
-            reached=totals.reached,
-            collisions=totals.collisions,
-            pruned=totals.pruned,
-            added=totals.added + totals.nodes_added,
-            failures=dict(failures),
-        )
+            results.append(result)
+        return QueriesSummary.of(results)
 
     def navigator(self, rng: np.random.Generator) -> Navigator:
         """Return what drives by the map and maintains it."""
-        return Navigator(
-            RecordedRobot(self.robot, self.writer),
-            self.graph,
-            self.keyframes,
-            self.predictor,
-            self.system.method,
-            rng,
-            system=self.system,
-            world_time=lambda: self.world.time_s,
-        )
+        robot = RecordedRobot(self.robot, self.writer)
+        return self.map.navigator(robot, seed=rng, world_time=lambda: self.world.time_s)
 
     def random_goals(self, count: int, rng: np.random.Generator) -> Sequence[NodeId]:
         """Draw nodes to go to; raises MapError on an empty map."""
-        return random_goals(list(self.graph.nodes), count, rng)
-
-    def map_observations(self) -> list[Observation]:
-        """Return the images that belong to the map: those of its nodes, of its reserve and of views."""
-        return [self.keyframes.observation(frame) for frame in self.graph.frames]
+        return random_goals(list(self.map.graph.nodes), count, rng)
 
     def advance(self) -> None:
         """Let a control step pass."""
@@ -155,7 +139,7 @@ class HeadlessRunner:
         return judge_goal_reached(query, self.robot.exact_pose, self._exact_pose(goal))
 
     def _exact_pose(self, node: NodeId) -> Pose:
-        pose = self.keyframes.observation(node).exact_pose
+        pose = self.map.keyframes.observation(node).exact_pose
         if pose is None:
             raise MapError(f"Node {node} was not recorded in simulation, so arriving there cannot be judged.")
         return pose
@@ -171,12 +155,6 @@ class HeadlessRunner:
         for event in events:
             self.record(event)
 
-    def _change(self, deltas: Sequence[GraphDelta]) -> None:
-        for delta in deltas:
-            self.graph.apply(delta)
-            self.record(GraphChanged(delta))
-        self._draw()
-
     def _draw(self) -> None:
         state = self.robot.state()
-        self.writer.draw_graph(self.graph, state.step, state.stamp)
+        self.writer.draw_graph(self.map.graph, state.step, state.stamp)

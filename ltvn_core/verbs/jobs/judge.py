@@ -8,18 +8,24 @@ from pathlib import Path
 from tqdm import tqdm
 
 from ltvn_core.atomic_files import atomic_replacement
-from ltvn_core.composition import open_method, open_predictor
 from ltvn_core.errors import OptionError
 from ltvn_core.evaluation.perturbations.perturbation_registry import chosen_perturbations
 from ltvn_core.evaluation.predictor_accuracy.judged_sequence import JudgedSequence, encode_sequence, read_sequence
-from ltvn_core.evaluation.predictor_accuracy.judgement import Condition, Judgement, JudgementPlan, judge
-from ltvn_core.evaluation.predictor_accuracy.judgement_doubts import judgement_doubts
+from ltvn_core.evaluation.predictor_accuracy.judgement import (
+    Condition,
+    Judgement,
+    JudgementPlan,
+    judge,
+    judgement_findings,
+)
 from ltvn_core.evaluation.predictor_accuracy.localisation_accuracy import LocalisationAccuracy
 from ltvn_core.evaluation.predictor_accuracy.map_accuracy import MapAccuracy
 from ltvn_core.evaluation.predictor_accuracy.pair_accuracy import PairAccuracy
 from ltvn_core.evaluation.predictor_accuracy.revisits import RevisitAccuracy, read_revisits, revisit_accuracy
+from ltvn_core.findings import Finding, WithDoubts
 from ltvn_core.graph.ltvn import ltvn_system
 from ltvn_core.predictors.choice import ImageSource, PredictorChoice
+from ltvn_core.predictors.opening import open_method, open_predictor
 from ltvn_core.recording.drive_part import WHOLE_DRIVE, DrivePart, parse_part
 from ltvn_core.recording.reader import Recording
 from ltvn_core.reports.docs_extra import require_docs_extra
@@ -62,7 +68,7 @@ class ConditionSummary:
 
 
 @dataclass(frozen=True, kw_only=True)
-class JudgeSummary(ConditionSummary):
+class JudgeSummary(ConditionSummary, WithDoubts):
     """What a predictor was judged to be worth."""
 
     recording: Path
@@ -88,7 +94,7 @@ class JudgeSummary(ConditionSummary):
     """Places recognised again, with --revisits."""
     perturbed: dict[str, ConditionSummary]
     """The same figures under each perturbation."""
-    doubts: tuple[str, ...]
+    findings: tuple[Finding, ...]
     """What is doubtful of these figures."""
     report: Path | None
 
@@ -202,7 +208,7 @@ def _summary(
         skipped=sum(each.skipped for each in both),
         revisits=revisits,
         perturbed={condition.name: _condition_summary(condition) for condition in worse},
-        doubts=judgement_doubts(judgement, both, predictor_name=choice.name),
+        findings=judgement_findings(judgement, both, predictor_name=choice.name),
         report=options.report,
     )
 

@@ -11,12 +11,11 @@ from ltvn_core.errors import OptionError
 from ltvn_core.evaluation.lifelong_evaluation import Schedule, run_lifelong
 from ltvn_core.evaluation.lifelong_metrics import LifelongMetrics, lifelong_metrics
 from ltvn_core.evaluation.parts import Part
-from ltvn_core.evaluation.results import LifelongResult
+from ltvn_core.evaluation.results import LifelongResult, WorldResult
 from ltvn_core.evaluation.workers import workers
 from ltvn_core.evaluation.worlds.world_evaluation import run_world_evaluation
 from ltvn_core.evaluation.worlds.world_metrics import WorldMetrics, world_metrics
 from ltvn_core.evaluation.worlds.world_plans import WorldPlan
-from ltvn_core.evaluation.worlds.world_results import WorldResult
 from ltvn_core.simulation.scene_registry import load_scene
 from ltvn_core.systems.registry import DEFAULT_SYSTEM
 from ltvn_core.verbs.jobs.evaluate import command, trial_plans

@@ -8,18 +8,18 @@ from typing import NoReturn
 import numpy as np
 from tqdm import tqdm
 
-from ltvn_core.composition import open_predictor, simulated_robot
 from ltvn_core.config import preset
 from ltvn_core.errors import OptionError, WeightsError
 from ltvn_core.evaluation.likelihood_measurement import measure_scene, summarise_measurements
 from ltvn_core.evaluation.parts import Part
 from ltvn_core.evaluation.scene_figures import SceneFigures
 from ltvn_core.evaluation.trial_plans import claim_settings
-from ltvn_core.network.cards.driving_calibration import DRIVING_SECTION, DrivingMeasurements, likelihoods
+from ltvn_core.network.driving_calibration import DRIVING_SECTION, DrivingMeasurements, likelihoods
 from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
 from ltvn_core.network.weights_file import add_to_card, weights_fingerprint
 from ltvn_core.predictors.choice import ImageSource
-from ltvn_core.predictors.geometric_driving import write_driving
+from ltvn_core.predictors.geometric import write_driving
+from ltvn_core.predictors.opening import open_predictor, simulated_robot
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.simulation.body_selection import choose_body
 from ltvn_core.simulation.rendering.renderer_selection import open_renderer

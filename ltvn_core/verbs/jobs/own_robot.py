@@ -3,23 +3,24 @@
 import logging
 import time
 from contextlib import suppress
+from dataclasses import replace
 
 import numpy as np
 
-from ltvn_core.composition import open_predictor
 from ltvn_core.errors import OptionError
-from ltvn_core.navigation.lifelong_run import random_goals
+from ltvn_core.evaluation.query_run import random_goals
 from ltvn_core.predictors.choice import ImageSource
+from ltvn_core.predictors.opening import open_predictor
 from ltvn_core.recording.recorded_robot import record_images
 from ltvn_core.recording.run_description import RunDescription
-from ltvn_core.robots.continued_robot import ContinuedRobot
-from ltvn_core.robots.open_loop import open_loop_word
-from ltvn_core.robots.rectified_robot import fit_camera
+from ltvn_core.robots.robot import open_loop_word
+from ltvn_core.robots.robot_view import fit_camera
 from ltvn_core.robots.watched_drive import watch_drive
 from ltvn_core.systems.maintenance import with_maintenance
 from ltvn_core.verbs.collect import CollectVerb
-from ltvn_core.verbs.jobs.collect import CollectSummary, doubts_of
-from ltvn_core.verbs.jobs.robot_queries import RobotQueries, opened_robot, summed_up
+from ltvn_core.verbs.jobs.collect import CollectSummary, depth_findings
+from ltvn_core.verbs.jobs.headless_runner import QueriesSummary
+from ltvn_core.verbs.jobs.robot_queries import RobotQueries, continued_robot, opened_robot
 from ltvn_core.verbs.jobs.stream import announce_stream
 from ltvn_core.verbs.navigate_options import NavigateOptions, NavigateSummary
 
@@ -49,7 +50,7 @@ def collect_with(options: CollectVerb) -> CollectSummary:
                 for image in record_images(images, writer):
                     has_depth.append(image.has_depth)
         return CollectSummary(
-            doubts=doubts_of(options.output, has_depth),
+            findings=depth_findings(options.output, has_depth),
             recording=options.output,
             scene=scene,
             frames=len(has_depth),
@@ -66,24 +67,22 @@ def navigate_with(options: NavigateOptions, name: str) -> NavigateSummary:
     if options.maintenance in ("truth", "brm-rooms"):
         raise OptionError(f"--maintenance {options.maintenance} asks the simulator; choose another with a robot.")
     started, rng = time.monotonic(), np.random.default_rng(options.seed)
-    opened = options.open_map()
-    loaded, predictor, predictor_name, system, keyframes = opened
+    known = options.open_map()
     if options.maintenance is not None:
-        system = with_maintenance(system, options.maintenance)
-    last = max(loaded.observations.values(), key=lambda each: each.step)
+        known = replace(known, system=with_maintenance(known.system, options.maintenance))
     with opened_robot(name) as own:
-        robot = ContinuedRobot(fit_camera(own, predictor.camera), last_step=last.step, last_stamp_s=last.stamp)
+        robot = continued_robot(own, known)
         run = RunDescription(
-            scene=loaded.meta.scene,
-            config={**options.settings(system, predictor_name), "robot": name},
-            fingerprint=predictor.fingerprint,
+            scene=known.scene,
+            config={**options.settings(known), "robot": name},
+            fingerprint=known.predictor.fingerprint,
             camera=robot.spec.camera,
-            scene_glb=loaded.scene_glb,
+            scene_glb=known.scene_glb,
         )
         with run.open_writer(options.recording, live_port=announce_stream(options.stream)) as writer:
-            writer.write_map(loaded.graph, loaded.observations.values())
-            driver = RobotQueries(robot, writer, loaded.graph, keyframes, predictor, system, rng)
-            nodes = list(loaded.graph.nodes)
+            writer.write_map(known.graph, known.observations)
+            driver = RobotQueries(robot, writer, known, rng)
+            nodes = list(known.graph.nodes)
             goals = [options.goal] if options.goal is not None else list(random_goals(nodes, options.queries, rng))
-            outcome = summed_up([driver.drive_to(goal, query) for query, goal in enumerate(goals)])
-    return options.finish(opened, run, outcome, time.monotonic() - started)
+            outcome = QueriesSummary.of([driver.drive_to(goal, query) for query, goal in enumerate(goals)])
+    return options.finish(known, run, outcome, time.monotonic() - started)

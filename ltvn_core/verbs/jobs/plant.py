@@ -8,22 +8,21 @@ from typing import Any
 
 import numpy as np
 
-from ltvn_core.composition import open_method, open_predictor, open_simulation
-from ltvn_core.config import Method
 from ltvn_core.errors import MapError, OptionError
 from ltvn_core.evaluation.fault_injection import Fault, missing_edge, perceptual_alias, spurious_edges
 from ltvn_core.evaluation.ground_truth import GroundTruth
 from ltvn_core.graph.deltas import Cause, FramesReleased
-from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.graph.topological_graph import TopologicalGraph
-from ltvn_core.predictors.choice import ImageSource
-from ltvn_core.recording.map_file import LoadedMap, check_fingerprint, load_map
+from ltvn_core.predictors.opening import open_method
+from ltvn_core.recording.map_file import LoadedMap, load_map
 from ltvn_core.recording.run_description import RunDescription
 from ltvn_core.simulation.body_selection import choose_body
+from ltvn_core.simulation.opening import open_simulation
 from ltvn_core.simulation.scene_registry import load_scene
 from ltvn_core.systems.maintenance import with_maintenance
 from ltvn_core.systems.registry import recorded_system
+from ltvn_core.topological_map import TopologicalMap
 from ltvn_core.types import Predictor
 from ltvn_core.verbs.jobs.headless_runner import HeadlessRunner, QueriesSummary
 from ltvn_core.verbs.plant import PlantVerb
@@ -55,35 +54,28 @@ def plant_faults(options: PlantVerb) -> Summary:
 
 
 def _drive(options: PlantVerb) -> PlantSummary:
-    started, loaded, rng = time.monotonic(), load_map(options.map), np.random.default_rng(options.seed)
-    entry = recorded_system(loaded.meta.config)
-    meta = loaded.meta
-    choice = ImageSource.of(meta).choose(options.predictor)
-    weights = entry.weights_for(choice.name, options.weights)
-    predictor = open_predictor(choice.name, meta.scene, weights, camera=meta.camera)
-    system = _system(options, entry.factory(_method(options, predictor)))
-    check_fingerprint(meta, predictor.fingerprint)
-    keyframes, graph = KeyframeStore(predictor), loaded.graph
+    started = time.monotonic()
+    rng = np.random.default_rng(options.seed)
+    loaded = load_map(options.map)
+    graph = loaded.graph
     if len(graph.nodes) < 2:
         raise MapError(f"{options.map} has one node; faults lie between nodes, so choose a larger map.")
-    keyframes.begin_drives(graph.drives)
-    keyframes.add([loaded.observations[frame] for frame in graph.frames if frame not in graph.reserve])
-    truth = GroundTruth(load_scene(meta.scene).clearance, lambda node: loaded.observations[node])
-    faults = tuple(_insert_faults(options, loaded, truth, keyframes, predictor, system.method))
+    opened = TopologicalMap.open(loaded, predictor=options.predictor, weights=options.weights, with_reserve=False)
+    known = replace(opened, system=_system(options, opened.predictor, loaded))
+    truth = GroundTruth(load_scene(known.scene).clearance, lambda node: loaded.observations[node])
+    faults = tuple(_insert_faults(options, known, truth))
     spurious = truth.spurious(graph)
     start, first_step = loaded.observations[faults[0].start].exact_pose, max(loaded.observations) + 1
-    simulation = open_simulation(
-        loaded.meta.scene, seed=options.seed, first_step=first_step, start=start, body=options.body
-    )
+    simulation = open_simulation(known.scene, seed=options.seed, first_step=first_step, start=start, body=options.body)
     run = RunDescription(
-        scene=meta.scene,
-        config=_settings(options, system, faults) | {"predictor": choice.name, "body": choose_body(options.body)},
-        fingerprint=predictor.fingerprint,
+        scene=known.scene,
+        config=_settings(options, known, faults) | {"body": choose_body(options.body)},
+        fingerprint=known.predictor.fingerprint,
         scene_glb=simulation.scene.glb(),
     )
     with run.open_writer(options.recording) as writer:
-        writer.write_map(graph, [loaded.observations[frame] for frame in graph.frames])
-        runner = HeadlessRunner(simulation, writer, keyframes, predictor, system, graph)
+        writer.write_map(graph, known.observations)
+        runner = HeadlessRunner(simulation, writer, known)
         queries = faults * options.rounds
         outcome = runner.run_queries([fault.goal for fault in queries], rng, starts=[fault.start for fault in queries])
     return PlantSummary(
@@ -97,33 +89,31 @@ def _drive(options: PlantVerb) -> PlantSummary:
     )
 
 
-def _method(options: PlantVerb, predictor: Predictor) -> Method:
-    """Return the robust preset, which gives up early."""
+def _system(options: PlantVerb, predictor: Predictor, loaded: LoadedMap) -> NavigationSystem:
+    """Return the map's system with the robust preset, which gives up early, and the maintenance that is asked for."""
+
     method = open_method("robust", predictor)
     short = replace(method.recovering, step_limit=options.steps, give_up_after_looks=12)
-    return replace(method, recovering=short)
-
-
-def _system(options: PlantVerb, system: NavigationSystem) -> NavigationSystem:
-    """Return the system with the maintenance that is asked for."""
+    system = recorded_system(loaded.meta.config).factory(replace(method, recovering=short))
     return system if options.maintenance is None else with_maintenance(system, options.maintenance)
 
 
 def _insert_faults(
     options: PlantVerb,
-    loaded: LoadedMap,
+    known: TopologicalMap,
     truth: GroundTruth,
-    keyframes: KeyframeStore,
-    predictor: Predictor,
-    method: Method,
 ) -> Iterator[Fault]:
     """Put the faults into the map; cut first, so that no other fault joins what is cut."""
-    graph, near = loaded.graph, method.building.connect_distance
+
+    graph = known.graph
+    method = known.system.method
+    belief = method.believing
+    near = method.building.connect_distance
     graph.apply(FramesReleased(tuple(graph.reserve), Cause.LOAD))
     plant = {
         "missing-edge": lambda: (missing_edge(graph, truth),),
-        "spurious-edge": lambda: spurious_edges(graph, truth, method.believing, options.edges),
-        "look-alike": lambda: (perceptual_alias(graph, truth, keyframes, predictor, method.believing, near),),
+        "spurious-edge": lambda: spurious_edges(graph, truth, belief, options.edges),
+        "look-alike": lambda: (perceptual_alias(graph, truth, known.keyframes, known.predictor, belief, near),),
     }
     faults: dict[str, tuple[Fault, ...]] = {}
     for kind in (kind for kind in plant if kind in options.kinds):
@@ -138,7 +128,7 @@ def _apply_fault(graph: TopologicalGraph, fault: Fault) -> None:
         graph.apply(delta)
 
 
-def _settings(options: PlantVerb, system: NavigationSystem, faults: tuple[Fault, ...]) -> dict[str, Any]:
+def _settings(options: PlantVerb, known: TopologicalMap, faults: tuple[Fault, ...]) -> dict[str, Any]:
     """Say how the recording was made, and what is to be found in it."""
     said = [
         {"kind": fault.kind, "query": query, "start": fault.start, "goal": fault.goal, "edges": fault.edges}
@@ -147,8 +137,9 @@ def _settings(options: PlantVerb, system: NavigationSystem, faults: tuple[Fault,
     return {
         "verb": "plant",
         "maintenance": options.maintenance,
-        "system": system.name,
+        "system": known.system.name,
         "seed": options.seed,
-        "method": asdict(system.method),
+        "predictor": known.predictor_name,
+        "method": asdict(known.system.method),
         "faults": said,
     }

@@ -1,7 +1,7 @@
 """`ltvn info | verify | repair`: look after recordings."""
 
+from ltvn_core.recording.damage.integrity import repair, verify
 from ltvn_core.recording.info import read_info
-from ltvn_core.recording.integrity import repair, verify
 from ltvn_core.verbs.recording_files import InfoVerb, RepairVerb, VerifyVerb
 from ltvn_core.verbs.verb import Summary
 

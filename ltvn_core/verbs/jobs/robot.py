@@ -8,9 +8,9 @@ from ltvn_core.importing.drive_check import look_over_drive
 from ltvn_core.importing.named_drive import NamedDrive
 from ltvn_core.importing.played_drive import play_drive
 from ltvn_core.navigation.passive_localisation import PassiveLocaliser
-from ltvn_core.robots.rectified_robot import fit_camera
 from ltvn_core.robots.robot import Robot, WallClock
-from ltvn_core.robots.robot_report import PlaceSeen, PlacesReport, with_places
+from ltvn_core.robots.robot_check import PlaceSeen, PlacesReport
+from ltvn_core.robots.robot_view import fit_camera
 from ltvn_core.robots.watched_drive import watch_drive
 from ltvn_core.topological_map import TopologicalMap
 from ltvn_core.types import Observation
@@ -41,7 +41,7 @@ def _live(options: RobotVerb) -> Summary:
         report = look_over(robot, seconds=options.seconds, drives=options.drive)
         if options.map is None:
             return report
-        return with_places(report, _place_of_robot(robot, options.map))
+        return report.with_places(_place_of_robot(robot, options.map))
     finally:
         robot.close()
 
@@ -52,7 +52,7 @@ def _recorded(options: RobotVerb, drive: NamedDrive) -> Summary:
     report = look_over_drive(drive, seconds=options.seconds)
     if options.map is None:
         return report
-    return with_places(report, _places_of_drive(drive, options.map))
+    return report.with_places(_places_of_drive(drive, options.map))
 
 
 def _place_of_robot(robot: Robot, path: Path) -> PlacesReport:

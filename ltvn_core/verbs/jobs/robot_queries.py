@@ -4,28 +4,22 @@ Owns the robot's end: it is stopped and closed, whatever happens.
 """
 
 import logging
-from collections import Counter
-from collections.abc import Iterator, Sequence
-from contextlib import closing, contextmanager
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 import numpy as np
 
-from ltvn_core.composition import open_robot
 from ltvn_core.errors import RobotError
-from ltvn_core.graph.deltas import EdgeAdded, EdgePruned, NodeAdded
-from ltvn_core.graph.keyframes import KeyframeStore
-from ltvn_core.graph.navigation_system import NavigationSystem
-from ltvn_core.graph.topological_graph import TopologicalGraph
-from ltvn_core.navigation.events import Event, GraphChanged, Outcome, QueryEnded, StampedEvent, Tick
-from ltvn_core.navigation.navigator import Navigator
+from ltvn_core.evaluation.query_result import QueryResult
+from ltvn_core.evaluation.query_run import run_query
+from ltvn_core.importing.played_drive import open_robot
+from ltvn_core.navigation.events import Event, GraphChanged, StampedEvent
 from ltvn_core.recording.recorded_robot import RecordedRobot
 from ltvn_core.recording.writer import RecordingWriter
-from ltvn_core.robots.open_loop import require_drivable
-from ltvn_core.robots.robot import Robot
-from ltvn_core.types import CONTROL_STEP_S, NodeId, Predictor
-from ltvn_core.verbs.jobs.headless_runner import QueriesSummary
+from ltvn_core.robots.robot import Robot, require_drivable
+from ltvn_core.robots.robot_view import ContinuedRobot, fit_camera
+from ltvn_core.topological_map import TopologicalMap
+from ltvn_core.types import CONTROL_STEP_S, NodeId
 
 _LOG = logging.getLogger(__name__)
 
@@ -46,15 +40,10 @@ def opened_robot(name: str, *, drives: bool = True) -> Iterator[Robot]:
         getattr(robot, "close", lambda: None)()
 
 
-@dataclass(frozen=True)
-class QueryResult:
-    """One query and what it changed in the map."""
-
-    ended: QueryEnded
-    pruned: int
-    """Edges that left the map."""
-    added: int
-    """Edges and nodes that came in."""
+def continued_robot(own: Robot, known: TopologicalMap) -> ContinuedRobot:
+    """Return a robot seen through the camera of a map's images, whose steps and stamps go on from theirs."""
+    last = known.keyframes.observation(known.keyframes.frames[-1])
+    return ContinuedRobot(fit_camera(own, known.predictor.camera), last_step=last.step, last_stamp_s=last.stamp)
 
 
 class RobotQueries:
@@ -64,39 +53,31 @@ class RobotQueries:
         self,
         robot: Robot,
         writer: RecordingWriter,
-        graph: TopologicalGraph,
-        keyframes: KeyframeStore,
-        predictor: Predictor,
-        system: NavigationSystem,
+        known: TopologicalMap,
         rng: np.random.Generator,
     ) -> None:
-        """Drive by `graph` and maintain it as `system` does; images and events go to `writer`."""
-        self._robot, self._writer, self._graph = robot, writer, graph
-        recorded = RecordedRobot(robot, writer)
-        self._navigator = Navigator(recorded, graph, keyframes, predictor, system.method, rng, system=system)
+        """Drive by a map and maintain it as its system does; images and events go to `writer`."""
+        self._robot = robot
+        self._writer = writer
+        self._graph = known.graph
+        self._navigator = known.navigator(RecordedRobot(robot, writer), seed=rng)
 
     def drive_to(self, goal: NodeId, query: int) -> QueryResult:
         """Run a query in real time and record it. Raises RobotError where the robot is lost; it stands then."""
-        ended: QueryEnded | None = None
-        changes: Counter[type[Any]] = Counter()
         try:
-            with closing(self._navigator.query(goal, query)) as events:  # type: ignore[type-var]  # A generator.
-                for event in events:
-                    if isinstance(event, Tick):
-                        self._robot.clock.advance(CONTROL_STEP_S)
-                        continue
-                    self._record(event)
-                    if isinstance(event, GraphChanged):
-                        self._draw()
-                        changes[type(event.delta)] += 1
-                    ended = event if isinstance(event, QueryEnded) else ended
+            result = run_query(
+                self._navigator,
+                goal,
+                query,
+                advance=lambda: self._robot.clock.advance(CONTROL_STEP_S),
+                consume=self._record,
+            )
         except RobotError as error:
             path = self._writer.path
             raise RobotError(f"{error} The query to node {goal} is over; {path} has what came before.") from error
-        assert ended is not None
-        _LOG.info("Node %d: %s after %.1f m.", goal, ended.outcome, ended.path_m)
+        _LOG.info("Node %d: %s after %.1f m.", goal, result.outcome, result.path_m)
         self._draw()
-        return QueryResult(ended, changes[EdgePruned], changes[EdgeAdded] + changes[NodeAdded])
+        return result
 
     def _draw(self) -> None:
         state = self._robot.state()
@@ -105,16 +86,5 @@ class RobotQueries:
     def _record(self, event: Event) -> None:
         state = self._robot.state()
         self._writer.write_event(StampedEvent(state.step, state.stamp, event))
-
-
-def summed_up(results: Sequence[QueryResult]) -> QueriesSummary:
-    """Return what queries came to; reached is what the robot itself believes, for nobody knows better."""
-    failures = Counter(str(each.ended.outcome) for each in results if each.ended.outcome is not Outcome.ARRIVED)
-    return QueriesSummary(
-        queries=len(results),
-        reached=len(results) - failures.total(),
-        collisions=sum(each.ended.collisions for each in results),
-        pruned=sum(each.pruned for each in results),
-        added=sum(each.added for each in results),
-        failures=dict(failures),
-    )
+        if isinstance(event, GraphChanged):
+            self._draw()

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ltvn_core.composition import open_script, open_simulation
 from ltvn_core.errors import OptionError
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.robots.ros2.profile import open_profile
 from ltvn_core.robots.ros2.served_robot import ServedRobot
 from ltvn_core.robots.ros2.zenoh_link import LOOPBACK, ZenohLink
+from ltvn_core.simulation.opening import open_script, open_simulation
 from ltvn_core.verbs.serve import ServeVerb
 from ltvn_core.verbs.verb import Summary
 

@@ -10,24 +10,23 @@ from typing import Any
 
 import numpy as np
 
-from ltvn_core.composition import Simulation, open_method, open_predictor, open_simulation, open_system, simulated_robot
-from ltvn_core.evaluation.door_story.story import STORY_MAINTENANCE, DoorStory
+from ltvn_core.evaluation.door_story.story import STORY_MAINTENANCE, CallBack, Carry, Change, DoorStory, GoTo, Lead
 from ltvn_core.evaluation.door_story.story_map import StoryMap
-from ltvn_core.evaluation.door_story.story_steps import CallBack, Carry, Change, GoTo, Lead
-from ltvn_core.graph.keyframes import KeyframeStore
+from ltvn_core.evaluation.query_run import run_query
 from ltvn_core.graph.navigation_system import NavigationSystem
-from ltvn_core.graph.topological_graph import TopologicalGraph
-from ltvn_core.navigation.episode import run_episode
 from ltvn_core.navigation.events import Event, Note
 from ltvn_core.predictors.choice import ImageSource
+from ltvn_core.predictors.opening import open_method, open_predictor, simulated_robot
 from ltvn_core.recording.demo_files import DEMO_MAP, demo_file
 from ltvn_core.recording.map_file import LoadedMap, load_map
 from ltvn_core.recording.run_description import RunDescription
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.simulation.body_names import BodyName
-from ltvn_core.simulation.changes.door_names import door_names
+from ltvn_core.simulation.opening import Simulation, open_simulation
+from ltvn_core.simulation.scene import door_names
 from ltvn_core.systems.maintenance import with_maintenance
-from ltvn_core.systems.registry import DEFAULT_SYSTEM
+from ltvn_core.systems.registry import DEFAULT_SYSTEM, open_system
+from ltvn_core.topological_map import TopologicalMap
 from ltvn_core.types import Predictor
 from ltvn_core.verbs.jobs.headless_runner import HeadlessRunner
 from ltvn_core.verbs.jobs.stream import announce_stream
@@ -69,7 +68,7 @@ class StoryOptions:
     recording: Path
     stream: int | None
     body: BodyName
-    settings: Callable[["NavigationSystem", str], dict[str, Any]]
+    settings: Callable[[NavigationSystem, str], dict[str, Any]]
     """Says how the run was made, for the recording."""
 
 
@@ -119,17 +118,16 @@ def _play_recorded(
         camera=simulation.robot.spec.camera,
         scene_glb=simulation.scene.glb(),
     )
-    keyframes = KeyframeStore(predictor)
+    begun = TopologicalMap.of(predictor, system) if known is None else TopologicalMap.take(known, predictor, system)
     with run.open_writer(options.recording, live_port=announce_stream(options.stream)) as writer:
-        graph = TopologicalGraph() if known is None else known.graph
         if known is not None:
-            keyframes.begin_drives(graph.drives)
-            keyframes.add(list(known.observations.values()))
-            writer.write_map(graph, known.observations.values())
-        runner = HeadlessRunner(simulation, writer, keyframes, predictor, system, graph)
+            writer.write_map(begun.graph, begun.observations)
+        runner = HeadlessRunner(simulation, writer, begun)
         if known is None:
             runner.build(runner.collect(rng, options.loops), rng)
-        story_map = StoryMap(graph, system, runner.world, keyframes.observation, lambda: runner.robot.exact_pose)
+        story_map = StoryMap(
+            begun.graph, system, runner.world, begun.keyframes.observation, lambda: runner.robot.exact_pose
+        )
         story = DoorStory(story_map, door_names(simulation.scene))
         play(story, runner, rng)
     return story
@@ -177,7 +175,7 @@ def play(story: DoorStory, runner: HeadlessRunner, rng: np.random.Generator) -> 
                 runner.lead(path, led)
             case GoTo(goal):
                 verdict = partial(runner.verdict, queries, goal)
-                run_episode(navigator, goal, queries, advance=advance, verdict=verdict, consume=consume)
+                run_query(navigator, goal, queries, advance=advance, verdict=verdict, consume=consume)
                 queries += 1
     tell()
 

@@ -4,11 +4,16 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from ltvn_core.errors import DatasetError, OptionError
-from ltvn_core.network.cards.model_card import HeldOutMetrics, ModelCard, TrainingDataSummary
 from ltvn_core.network.device import gpu_count
-from ltvn_core.network.metrics.inference_speed import InferenceSpeed, measure_speed
+from ltvn_core.network.model_card import (
+    HeldOutMetrics,
+    InferenceSpeed,
+    ModelCard,
+    TrainingDataSummary,
+    measure_speed,
+)
 from ltvn_core.network.network_families import default_architecture
-from ltvn_core.network.optimization.hyperparameters import Hyperparameters
+from ltvn_core.network.optimization.trainer import Hyperparameters
 from ltvn_core.network.optimization.training_loop import TrainingData, TrainingPlan, TrainingResult, train_distributed
 from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
 from ltvn_core.network.weights_file import load_weights, save_weights

@@ -6,8 +6,9 @@ Owns progress and cancelling. The old map stays until the new one is whole.
 import threading
 from collections.abc import Callable, Sequence
 
+from ltvn_core.findings import Finding
 from ltvn_core.graph.deltas import GraphDelta
-from ltvn_core.navigation.events import GraphChanged, Note, Severity
+from ltvn_core.navigation.events import GraphChanged, Note
 from ltvn_viz.session.live_run import LiveRun
 from ltvn_viz.session.modes import Mode
 from ltvn_viz.session.snapshot import JobProgress
@@ -19,11 +20,6 @@ Rebuild = Callable[[Callable[[int, int], None]], Sequence[GraphDelta]]
 
 def _nothing() -> None:
     """Nothing follows."""
-
-
-def _no_doubts() -> Sequence[str]:
-    """Nothing is doubtful."""
-    return ()
 
 
 class MapBuildingCancelled(Exception):
@@ -42,13 +38,13 @@ class MapBuilding:
         rebuild: Rebuild,
         then: Callable[[], None] = _nothing,
         *,
-        doubts: Callable[[], Sequence[str]] = _no_doubts,
+        findings: Callable[[], Sequence[Finding]],
     ) -> None:
         """Stop the robot and start building in the worker's thread; `then` follows in the session's if it was built.
 
-        `doubts` says afterwards, in words, what is doubtful of the new map.
+        `findings` says afterwards what is doubtful of the new map.
         """
-        self._live, self._then, self._doubts = live, then, doubts
+        self._live, self._then, self._findings = live, then, findings
         self._cancelled = threading.Event()
         self._done, self._total = 0, 0
         self.over = False
@@ -82,8 +78,8 @@ class MapBuilding:
         for delta in deltas or ():
             self._live.emit(GraphChanged(delta))
         if deltas is not None:
-            for text in self._doubts():
-                self._live.emit(Note(text, Severity.WARN))
+            for finding in self._findings():
+                self._live.emit(Note(str(finding), finding.severity))
         self.over = True
         if deltas is not None:
             self._then()

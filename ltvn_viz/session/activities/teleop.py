@@ -11,7 +11,7 @@ import numpy as np
 from ltvn_core.geometry import relative
 from ltvn_core.graph.deltas import GraphDelta
 from ltvn_core.navigation.events import GraphChanged
-from ltvn_core.recording.recorded_robot import lost_depth, missing_depth_note
+from ltvn_core.recording.recorded_robot import DepthWatch
 from ltvn_core.types import FrameId, Observation, Pose, Twist
 from ltvn_viz.session.live_run import LiveRun
 from ltvn_viz.session.modes import Mode
@@ -35,7 +35,7 @@ class Teleop:
         self._step: FrameId | None = None
         self._waiting: deque[Observation] = deque(maxlen=LAG_LIMIT)
         self._mapping = False
-        self._without_depth = False
+        self._depth_watch = DepthWatch()
         self._captured: Pose | None = None
         self._keyframe: Pose | None = None
 
@@ -75,16 +75,11 @@ class Teleop:
             return
         self._captured = pose
         observation = self._live.capture()
-        self._tell_of_missing_depth(observation)
+        if (note := self._depth_watch.note(observation)) is not None:
+            self._live.emit(note)
         if self._keyframe is None or _moved(self._keyframe, pose):
             self._keyframe = pose
             self._waiting.append(observation)
-
-    def _tell_of_missing_depth(self, observation: Observation) -> None:
-        """Say once, until depth comes back, that the camera finds none."""
-        if lost_depth(observation) and not self._without_depth:
-            self._live.emit(missing_depth_note(observation))
-        self._without_depth = lost_depth(observation)
 
     def _map(self) -> None:
         if self._waiting and not self._mapping:

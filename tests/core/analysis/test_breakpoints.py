@@ -6,9 +6,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ltvn_core.analysis.breakpoint_hits import breakpoint_hit, find_breakpoint_hits
-from ltvn_core.analysis.breakpoint_kinds import BeliefCrossingBreakpoint, BreakpointTrigger
-from ltvn_core.analysis.breakpoint_parser import BREAKPOINT_EXAMPLES, format_breakpoint, parse_breakpoint
+from ltvn_core.analysis.breakpoints import (
+    BREAKPOINT_EXAMPLES,
+    BeliefCrossingBreakpoint,
+    BreakpointTrigger,
+    breakpoint_hit,
+    find_breakpoint_hits,
+    format_breakpoint,
+    parse_breakpoint,
+)
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.config import BeliefConfig
 from ltvn_core.errors import OptionError

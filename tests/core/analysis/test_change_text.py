@@ -2,16 +2,17 @@
 
 import pytest
 
-from ltvn_core.analysis.planner_state import PlannerState
 from ltvn_core.analysis.what_if_changes import (
+    WHAT_IF_EXAMPLES,
     WhatIfThreshold,
     WithBelief,
     WithGoal,
     WithoutEdge,
     WithThreshold,
+    format_what_if_change,
+    parse_what_if_change,
 )
-from ltvn_core.analysis.what_if_parser import WHAT_IF_EXAMPLES, format_what_if_change, parse_what_if_change
-from ltvn_core.analysis.what_if_scenario import WhatIfScenario, apply_what_if_changes
+from ltvn_core.analysis.what_if_scenario import PlannerState, WhatIfScenario, apply_what_if_changes
 from ltvn_core.config import ROBUST
 from ltvn_core.errors import LtvnError, MapError, OptionError
 from ltvn_core.graph.deltas import Belief, BeliefUpdated, Cause, Edge, EdgeAdded, Node, NodeAdded, PoseRow

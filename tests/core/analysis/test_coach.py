@@ -3,8 +3,12 @@
 import numpy as np
 import pytest
 
-from ltvn_core.analysis.mapping_advice import MappingAdvice, advise_mapping
-from ltvn_core.analysis.mapping_gaps import find_missing_loop_closures, one_sided_places
+from ltvn_core.analysis.mapping_advice import (
+    MappingAdvice,
+    advise_mapping,
+    find_missing_loop_closures,
+    one_sided_places,
+)
 from ltvn_core.config import ROBUST
 from ltvn_core.geometry import wrap_angle
 from ltvn_core.graph.builder import build
@@ -61,7 +65,7 @@ def test_a_loop_that_was_driven_but_not_closed_is_found_until_an_edge_closes_it(
         loop.first - loop.second == 32 and loop.gap_m == pytest.approx(0, abs=1e-6) for loop in advice.missing_closures
     )
     assert "no edge joins them" in advice.hint.text
-    assert advice.hint.target in [graph.nodes[loop.first].odometry for loop in advice.missing_closures]
+    assert advice.target in [graph.nodes[loop.first].odometry for loop in advice.missing_closures]
     join(graph, 0, 32)
     assert coached(graph, poses).missing_closures == ()
 
@@ -71,8 +75,9 @@ def test_pieces_come_first_and_the_way_to_the_other_one_is_told() -> None:
     graph = chain(poses, gaps=(5,))
     advice = coached(graph, poses)
     assert advice.strongly_connected_components == ((0, 1, 2, 3, 4), (5, 6, 7, 8, 9))
-    assert advice.hint.target == graph.nodes[4].odometry
-    assert advice.hint.text.startswith("The map is in 2 pieces: drive to node 4, 2.5 m away behind you")
+    assert advice.target == graph.nodes[4].odometry
+    assert advice.hint.remedy.startswith("Drive to node 4, 2.5 m away behind you")
+    assert "2 pieces" in advice.hint.text
 
 
 def test_a_place_seen_from_one_side_asks_to_be_seen_from_the_other() -> None:
@@ -80,9 +85,9 @@ def test_a_place_seen_from_one_side_asks_to_be_seen_from_the_other() -> None:
     places = one_sided_places(poses)
     assert sum(place.images for place in places) == 15
     assert all(abs(place.yaw_rad) < np.pi / 8 for place in places)
-    hint = coached(chain(poses), poses).hint
-    assert hint.target is not None
-    assert hint.target.yaw_rad == pytest.approx(0.1 - np.pi)
+    target = coached(chain(poses), poses).target
+    assert target is not None
+    assert target.yaw_rad == pytest.approx(0.1 - np.pi)
     back = np.concatenate([poses, poses[::-1] + np.array([0.0, 0.0, np.pi - 0.2])])
     assert one_sided_places(back) == ()
 
@@ -111,15 +116,15 @@ def test_an_image_is_as_new_as_the_network_says() -> None:
 
 def test_where_nothing_is_left_to_mend_the_rim_is_next() -> None:
     poses = np.array([[0.2 * k, 0.5, np.pi * (k % 2)] for k in range(20)])
-    hint = coached(chain(poses), poses).hint
-    assert hint.text == "All is well here: go beyond the rim of what you have seen, right where you are."
-    assert hint.target is not None
-    assert hint.target.x_m in (0.0, pytest.approx(3.8))
+    advice = coached(chain(poses), poses)
+    assert str(advice.hint) == "All is well here. Go beyond the rim of what you have seen, right where you are."
+    assert advice.target is not None
+    assert advice.target.x_m in (0.0, pytest.approx(3.8))
 
 
 def test_before_anything_was_driven_the_hint_is_to_drive() -> None:
     advice = advise_mapping(TopologicalGraph(), [], np.empty((0, 3)))
-    assert advice.hint.target is None
+    assert advice.target is None
     assert (advice.strongly_connected_components, advice.missing_closures, advice.one_sided_places, advice.novelty) == (
         (),
         (),

@@ -3,9 +3,7 @@
 import numpy as np
 import pytest
 
-from ltvn_core.analysis.edge_betweenness import edge_betweenness
-from ltvn_core.analysis.map_comparison import compare_maps, map_metrics
-from ltvn_core.analysis.node_matching import MatchedBy
+from ltvn_core.analysis.map_comparison import MatchedBy, compare_maps, edge_betweenness, map_metrics
 from ltvn_core.graph.deltas import (
     Belief,
     BeliefUpdated,

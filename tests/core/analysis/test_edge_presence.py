@@ -2,6 +2,7 @@
 
 import pytest
 
+from examples.presence_plugin.presence_filters import FREMEN
 from ltvn_core.analysis.edge_presence_history import (
     PresenceState,
     expected_open_s,
@@ -12,8 +13,8 @@ from ltvn_core.analysis.edge_presence_history import (
 )
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.graph.deltas import Belief, Cause, Edge, EdgeAdded, Node, NodeAdded, PoseRow, PresenceObserved
-from ltvn_core.graph.presence.edge_filters import PERSISTENT, edge_filter
 from ltvn_core.graph.presence.observation import PresenceObservation
+from ltvn_core.graph.presence.persistent import PERSISTENT
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import GraphChanged, StampedEvent
 
@@ -68,7 +69,7 @@ def test_another_hour_is_another_answer_where_something_happens_every_day() -> N
     for hour in range(96):
         open_now = 8 <= hour % 24 < 20
         graph.apply(PresenceObserved(1, 2, present=open_now, stamp=hour * 3600.0, cause=Cause.SIGHT))
-    daily = edge_filter("fremen")
+    daily = FREMEN
     noon, night = (presence_as_if(graph, daily, (96 + hour) * 3600.0)[1, 2] for hour in (14, 26))
     assert noon > 0.7 > 0.3 > night
     changed = presence_changes(graph, daily, (96 + 14) * 3600.0, (96 + 26) * 3600.0)

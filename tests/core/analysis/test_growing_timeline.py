@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ltvn_core.analysis.graph_history import GraphArrays
+from ltvn_core.analysis.map_history import GraphArrays
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import Instant, MarkKind
 from ltvn_core.graph.deltas import Belief, BeliefUpdated, Cause, EdgePruned, NodeDropped

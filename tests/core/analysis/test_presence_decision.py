@@ -5,12 +5,10 @@ import itertools
 import pytest
 
 from ltvn_core.analysis.edge_presence_history import presence_difference
-from ltvn_core.analysis.planner_state import planner_state_at
 from ltvn_core.analysis.presence_decision import PresenceDecision, explain_decision, presence_decision
 from ltvn_core.analysis.timeline import Timeline
-from ltvn_core.analysis.what_if_parser import format_what_if_change, parse_what_if_change
-from ltvn_core.analysis.what_if_replanning import replan
-from ltvn_core.analysis.what_if_scenario import PresenceMoment
+from ltvn_core.analysis.what_if_changes import format_what_if_change, parse_what_if_change
+from ltvn_core.analysis.what_if_scenario import PresenceMoment, planner_state_at, replan
 from ltvn_core.analysis.world_clock import (
     clock_text,
     event_count_at,
@@ -23,8 +21,8 @@ from ltvn_core.config import ROBUST
 from ltvn_core.errors import OptionError
 from ltvn_core.graph.deltas import Belief, Cause, Edge, EdgeAdded, Node, NodeAdded, PoseRow, PresenceObserved
 from ltvn_core.graph.planner import Planner
-from ltvn_core.graph.presence.edge_filters import PERSISTENT
 from ltvn_core.graph.presence.edge_presence import FilteredPresence
+from ltvn_core.graph.presence.persistent import PERSISTENT
 from ltvn_core.graph.presence.presence_plan import plan_by_presence
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import GraphChanged, Localised, Planned, QueryStarted, StampedEvent, WorldChanged

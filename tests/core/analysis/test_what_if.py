@@ -8,7 +8,6 @@ from functools import cache
 import numpy as np
 import pytest
 
-from ltvn_core.analysis.planner_state import PlannerState, planner_state_at
 from ltvn_core.analysis.threshold_dry_run import prune_dry_run, rebuild_dry_run
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import Instant
@@ -22,8 +21,7 @@ from ltvn_core.analysis.what_if_changes import (
     WithStart,
     WithThreshold,
 )
-from ltvn_core.analysis.what_if_replanning import replan
-from ltvn_core.composition import open_system
+from ltvn_core.analysis.what_if_scenario import PlannerState, planner_state_at, replan
 from ltvn_core.config import PAPER, ROBUST
 from ltvn_core.errors import LtvnError, MapError
 from ltvn_core.graph.builder import build
@@ -40,6 +38,7 @@ from ltvn_core.navigation.events import (
     StampedEvent,
 )
 from ltvn_core.recording.reader import Recording
+from ltvn_core.systems.registry import open_system
 from tests.core.flat_world import FlatPredictor, one_room, tour
 from tests.repository import DEMO_DRIVE
 

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from ltvn_core.cameras.rvl_depth import decode_rvl
+from ltvn_core.cameras.encoded_images import decode_rvl
 from ltvn_core.errors import DriveError
 from tests.core.importing.rvl_encoder import encode_rvl
 

@@ -97,7 +97,7 @@ def test_the_same_recording_twice_is_refused(tmp_path: Path) -> None:
 )
 def test_drives_of_two_places_are_doubted(tmp_path: Path, scenes: tuple[str, str], doubts: int) -> None:
     drives = [recorded(tmp_path / f"{k}.rrd", list(tour(BACK))[:2], scene=scene) for k, scene in enumerate(scenes)]
-    assert len(join_drives(drives).doubts) == doubts
+    assert len(join_drives(drives).findings) == doubts
 
 
 def test_drives_that_meet_are_one_map_that_lies_as_the_place_does(tmp_path: Path) -> None:

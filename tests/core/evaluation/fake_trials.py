@@ -4,13 +4,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ltvn_core.evaluation.results import EpisodeResult, FailureCause, MapTruthMetrics, TrialResult
+from ltvn_core.evaluation.query_result import FailureCause, QueryResult
+from ltvn_core.evaluation.results import MapTruthMetrics, TrialResult
 
 
-def episode(number: int, *, reached: bool, steps: int = 200, collisions: int = 0) -> EpisodeResult:
+def episode(number: int, *, reached: bool, steps: int = 200, collisions: int = 0) -> QueryResult:
     """Return an episode over 4 m that took 5 m."""
-    return EpisodeResult(
-        episode=number,
+    return QueryResult(
+        query=number,
         start=10 + number,
         goal=5,
         reached=reached,

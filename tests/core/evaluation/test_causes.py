@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ltvn_core.evaluation.failure_causes import EpisodeStatistics, FailureClassifier
-from ltvn_core.evaluation.results import FailureCause
+from ltvn_core.evaluation.query_result import FailureCause, QueryResult
 from ltvn_core.graph.deltas import PoseRow
 from ltvn_core.navigation.events import (
     AttemptEnd,
@@ -14,11 +14,9 @@ from ltvn_core.navigation.events import (
     AttemptStarted,
     Collided,
     Event,
-    Judged,
     Localised,
     Outcome,
     Planned,
-    QueryEnded,
 )
 from ltvn_core.types import NodeId, Pose
 from tests.core.evaluation.ground_truth_map import exact_pose_of, map_with_edges, truth
@@ -70,8 +68,8 @@ class QueryScript:
         classifier = FailureClassifier(truth(), map_with_edges((1, 2), GOOD, BAD))
         for event, pose in self.told:
             classifier.consume(event, pose)
-        over = QueryEnded(0, 4, outcome, self.step - 100, self.collisions, 3.0)
-        return classifier.failure(over, Judged(0, reached, 0.1, 0.1)), classifier.statistics
+        over = QueryResult(query=0, reached=reached, outcome=outcome, steps=self.step - 100, collisions=self.collisions)
+        return classifier.failure(over), classifier.statistics
 
 
 def cause(story: QueryScript, outcome: Outcome) -> FailureCause | None:

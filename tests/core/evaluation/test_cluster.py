@@ -14,10 +14,12 @@ from psutil import Process
 
 from ltvn_core.errors import EngineError, OptionError
 from ltvn_core.evaluation.parts import WHOLE, Part
+from ltvn_core.evaluation.preparation_progress import EvaluationProgress
 from ltvn_core.evaluation.protocol import EvaluationProtocol
-from ltvn_core.evaluation.results import EpisodeResult, TrialResult
+from ltvn_core.evaluation.query_result import QueryResult
+from ltvn_core.evaluation.results import TrialResult
 from ltvn_core.evaluation.trial_plans import TrialPlan
-from ltvn_core.evaluation.trials import EvaluationProgress, run_trials
+from ltvn_core.evaluation.trials import run_trials
 from ltvn_core.evaluation.workers import workers
 from tests.core.simulation.two_room_mesh import box_house, save
 from tests.platforms import needs_posix
@@ -40,7 +42,7 @@ def run(
         )
 
 
-def episodes(trials: list[TrialResult]) -> list[tuple[EpisodeResult, ...]]:
+def episodes(trials: list[TrialResult]) -> list[tuple[QueryResult, ...]]:
     return [trial.episodes for trial in trials]
 
 

@@ -4,11 +4,19 @@ import numpy as np
 import pytest
 
 from ltvn_core.config import ROBUST
-from ltvn_core.evaluation.door_story.captions import NO_STORY
-from ltvn_core.evaluation.door_story.stage_search import Stage
-from ltvn_core.evaluation.door_story.story import STEPS_AT_DOOR, STEPS_BEYOND_DOOR, DoorStory
-from ltvn_core.evaluation.door_story.story_map import StoryMap
-from ltvn_core.evaluation.door_story.story_steps import CallBack, Carry, Change, GoTo, Lead, StoryStep
+from ltvn_core.evaluation.door_story.story import (
+    NO_STORY,
+    STEPS_AT_DOOR,
+    STEPS_BEYOND_DOOR,
+    CallBack,
+    Carry,
+    Change,
+    DoorStory,
+    GoTo,
+    Lead,
+    StoryStep,
+)
+from ltvn_core.evaluation.door_story.story_map import Stage, StoryMap
 from ltvn_core.evaluation.door_story.unknown_way import UnknownWay
 from ltvn_core.geometry import relative
 from ltvn_core.graph.deltas import Belief, Cause, EdgeAdded, NodeAdded, PresenceObserved
@@ -18,8 +26,8 @@ from ltvn_core.graph.planner import Planner
 from ltvn_core.graph.topological_graph import Edge, EdgeKey, TopologicalGraph
 from ltvn_core.navigation.events import Event, GraphChanged, Outcome, Planned, QueryEnded
 from ltvn_core.recording.map_file import LoadedMap, load_map
-from ltvn_core.simulation.changes.door_names import door_names
 from ltvn_core.simulation.changes.world import World
+from ltvn_core.simulation.scene import door_names
 from ltvn_core.simulation.scene_registry import load_scene
 from ltvn_core.systems.maintenance import with_maintenance
 from ltvn_core.worlds.world_change import DoorMoved, ThingRemoved, TimePassed

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from ltvn_core.evaluation.encounters import EncounterCounts, EncounterLog
+from ltvn_core.evaluation.encounters import EncounterLog, count_encounters
+from ltvn_core.evaluation.query_result import EncounterCounts
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.simulation.body import PERSON_RADIUS_M
 from ltvn_core.simulation.clearance_map import ClearanceMap
@@ -41,8 +42,8 @@ def test_a_touch_is_held_against_who_could_have_seen_it(yaw: float, speed_m_s: f
 
 
 def test_counts_add_up() -> None:
-    met = EncounterCounts.of(drive(0.0, 0.5, 1.0, stepping_aside=("Ada",)).finish())
-    touched = EncounterCounts.of(drive(0.0, 0.5, TOUCHING_M - 0.02).finish())
+    met = count_encounters(drive(0.0, 0.5, 1.0, stepping_aside=("Ada",)).finish())
+    touched = count_encounters(drive(0.0, 0.5, TOUCHING_M - 0.02).finish())
     assert (met.encounters, met.gave_way, met.touched, met.avoidable) == (1, 1, 0, 0)
     total = met + touched + EncounterCounts()
     assert (total.encounters, total.gave_way, total.touched, total.avoidable) == (2, 1, 1, 1)

@@ -2,6 +2,7 @@
 
 import itertools
 import shutil
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -10,14 +11,14 @@ pytest.importorskip("embreex")
 
 from ltvn_core.errors import OptionError
 from ltvn_core.evaluation.ground_truth import GroundTruth
-from ltvn_core.evaluation.lifelong_batches import QueryBatch, query_batches, run_query_batch
+from ltvn_core.evaluation.lifelong_drive import LifelongDrive, bad_edges
 from ltvn_core.evaluation.lifelong_evaluation import Schedule
 from ltvn_core.evaluation.preparation import prepare
 from ltvn_core.evaluation.protocol import EvaluationProtocol
-from ltvn_core.evaluation.pruned_edges import bad_edges
-from ltvn_core.evaluation.results import LifelongQuery, LifelongResult, load_results
+from ltvn_core.evaluation.query_result import QueryBatch, QueryResult
+from ltvn_core.evaluation.results import LifelongResult, load_results
+from ltvn_core.evaluation.segments import batch_ranges, open_runner, run_query_batch
 from ltvn_core.evaluation.trial_plans import TrialFiles, TrialPlan
-from ltvn_core.evaluation.trials import open_runner
 from ltvn_core.geometry import relative
 from ltvn_core.graph.deltas import Belief, Cause, Edge, EdgeAdded
 from ltvn_core.graph.operators import pose_row
@@ -52,7 +53,7 @@ def mapped(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def lived(mapped: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Drive eight queries in one go."""
     folder = copied(mapped, tmp_path_factory.mktemp("lived"))
-    run_query_batch(plan(folder), files(folder), 0, 8)
+    drive_queries(folder, 0, 8)
     return folder
 
 
@@ -85,11 +86,15 @@ def plant(where: TrialFiles) -> None:
     save_map(where.map(), loaded.graph, loaded.observations.values(), **about)
 
 
+def drive_queries(folder: Path, first: int, until: int) -> None:
+    run_query_batch(partial(LifelongDrive, plan(folder), files(folder)), files(folder), first, until)
+
+
 def graph(folder: Path, queries: int) -> TopologicalGraph:
     return load_map(files(folder).map(queries)).graph
 
 
-def queries(folder: Path, first: int, until: int) -> tuple[LifelongQuery, ...]:
+def queries(folder: Path, first: int, until: int) -> tuple[QueryResult, ...]:
     return load_results(files(folder).query_batch(first, until), QueryBatch).queries
 
 
@@ -115,7 +120,7 @@ def test_what_driving_taught_is_in_the_saved_map(lived: Path) -> None:
 def test_two_stretches_come_to_the_same_as_one(mapped: Path, lived: Path, tmp_path: Path) -> None:
     folder = copied(mapped, tmp_path)
     for first in (0, 4):
-        run_query_batch(plan(folder), files(folder), first, 4)
+        drive_queries(folder, first, first + 4)
     assert graph(folder, 8) == graph(lived, 8)
     assert list(graph(folder, 8).edges) == list(graph(lived, 8).edges)
     assert (*queries(folder, 0, 4), *queries(folder, 4, 8)) == queries(lived, 0, 8)
@@ -125,14 +130,14 @@ def test_a_stretch_cut_off_before_its_last_file_is_finished_and_one_that_is_done
     mapped: Path, tmp_path: Path
 ) -> None:
     folder = copied(mapped, tmp_path)
-    run_query_batch(plan(folder), files(folder), 0, 2)
+    drive_queries(folder, 0, 2)
     told, kept = files(folder).query_batch(0, 2), files(folder).map(2).read_bytes()
     before = queries(folder, 0, 2)
     told.unlink()
-    assert run_query_batch(plan(folder), files(folder), 0, 2) == 2
+    drive_queries(folder, 0, 2)
     assert queries(folder, 0, 2) == before
     written = told.stat().st_mtime_ns
-    run_query_batch(plan(folder), files(folder), 0, 2)
+    drive_queries(folder, 0, 2)
     assert told.stat().st_mtime_ns == written
     assert files(folder).map(2).read_bytes() == kept
 
@@ -145,9 +150,9 @@ def test_images_are_not_compressed_again_from_map_to_map(lived: Path) -> None:
 
 def test_an_edge_that_a_robot_drives_well_is_not_bad(mapped: Path) -> None:
     runner = open_runner(plan(mapped), files(mapped), maintain=True)
-    spurious = runner.truth.spurious(runner.graph)
-    good = [edge for key, edge in runner.graph.edges.items() if key not in spurious][:2]
-    false = [runner.graph.edges[key] for key in sorted(spurious)[:2]]
+    spurious = runner.truth.spurious(runner.map.graph)
+    good = [edge for key, edge in runner.map.graph.edges.items() if key not in spurious][:2]
+    false = [runner.map.graph.edges[key] for key in sorted(spurious)[:2]]
     assert bad_edges(runner, [*good, *false], seed=0) == {(edge.source, edge.target) for edge in false}
 
 
@@ -192,6 +197,6 @@ def test_a_schedule_tests_before_in_between_and_after() -> None:
     assert Schedule(700, 100).points == (0, 100, 200, 300, 400, 500, 600, 700)
     assert Schedule(10, 4).points == (0, 4, 8, 10)
     assert Schedule(5, 100).points == (0, 5)
-    assert query_batches(100, 160) == [(100, 125), (125, 150), (150, 160)]
+    assert batch_ranges(100, 160) == [(100, 125), (125, 150), (150, 160)]
     with pytest.raises(OptionError, match="every 0"):
         Schedule(every=0)

@@ -19,7 +19,8 @@ from ltvn_core.evaluation.metrics import (
     metrics_as_json,
     recognition_of,
 )
-from ltvn_core.evaluation.results import EpisodeResult, FailureCause, TrialResult
+from ltvn_core.evaluation.query_result import FailureCause, QueryResult
+from ltvn_core.evaluation.results import TrialResult
 from tests.core.evaluation.fake_trials import random_trials, trial
 
 OUTCOMES = st.lists(st.lists(st.booleans(), min_size=1, max_size=12), min_size=1, max_size=4)
@@ -149,7 +150,7 @@ def test_pairs_are_surer_than_hard_negatives() -> None:
     assert width(paired.success_rate) < width(unpaired.success_rate) / 2
 
 
-def _with_one_more_failure(good: TrialResult) -> tuple[EpisodeResult, ...]:
+def _with_one_more_failure(good: TrialResult) -> tuple[QueryResult, ...]:
     first = next(k for k, each in enumerate(good.episodes) if each.reached)
     return tuple(replace(each, reached=each.reached and k != first) for k, each in enumerate(good.episodes))
 

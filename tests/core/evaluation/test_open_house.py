@@ -9,12 +9,13 @@ import trimesh
 from joblib import Parallel
 
 from ltvn_core.evaluation import preparation_progress
-from ltvn_core.evaluation.episode_log import LoggedEpisode, append_episode, read_episodes
 from ltvn_core.evaluation.preparation import DriveGroundTruth
+from ltvn_core.evaluation.preparation_progress import EvaluationProgress
 from ltvn_core.evaluation.protocol import EvaluationProtocol
+from ltvn_core.evaluation.query_log import append_to_log, read_query_log
 from ltvn_core.evaluation.results import TrialResult, load_results
 from ltvn_core.evaluation.trial_plans import TrialFiles, TrialPlan
-from ltvn_core.evaluation.trials import EvaluationProgress, run_trials
+from ltvn_core.evaluation.trials import run_trials
 from ltvn_core.navigation.events import Note
 from ltvn_core.recording.reader import Recording
 from ltvn_core.verbs.collect import CollectVerb
@@ -100,8 +101,8 @@ def test_an_interrupted_batch_goes_on_after_its_last_episode(trial: TrialResult,
     batch = files.episodes(0, 0, EPISODES)
     batch.unlink()
     files.trial(EPISODES).unlink()
-    marked = LoggedEpisode(replace(trial.episodes[0], steps=77), wall_s=1.0)
-    append_episode(batch.with_suffix(".part"), marked)
+    marked = replace(trial.episodes[0], steps=77, seconds=1.0)
+    append_to_log(batch.with_suffix(".part"), marked)
 
     again = run(plan, folder)
 
@@ -113,12 +114,12 @@ def test_an_interrupted_batch_goes_on_after_its_last_episode(trial: TrialResult,
 def test_a_line_that_was_cut_off_costs_its_episode_alone(trial: TrialResult, tmp_path: Path) -> None:
     path = tmp_path / "episodes.part"
     for episode in trial.episodes:
-        append_episode(path, LoggedEpisode(episode, 0.5))
+        append_to_log(path, episode)
     whole = path.read_bytes()
     rng = np.random.default_rng(0)
     for size in rng.integers(0, len(whole), 40):
         path.write_bytes(whole[:size])
-        kept = read_episodes(path)
-        assert [logged.result for logged in kept.values()] == list(trial.episodes[: len(kept)])
-        append_episode(path, LoggedEpisode(trial.episodes[-1], 0.5))
-        assert read_episodes(path)[trial.episodes[-1].episode].result == trial.episodes[-1]
+        kept = read_query_log(path)
+        assert kept == list(trial.episodes[: len(kept)])
+        append_to_log(path, trial.episodes[-1])
+        assert read_query_log(path)[-1] == trial.episodes[-1]

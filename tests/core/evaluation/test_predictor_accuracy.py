@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from ltvn_core.evaluation.perturbations.perturbation_registry import PERTURBATIONS
-from ltvn_core.evaluation.predictor_accuracy.judgement import Condition, JudgementPlan
-from ltvn_core.evaluation.predictor_accuracy.judgement_doubts import judgement_doubts
+from ltvn_core.evaluation.predictor_accuracy.judgement import Condition, JudgementPlan, judgement_findings
 from ltvn_core.evaluation.predictor_accuracy.pair_accuracy import PairAccuracy
 from ltvn_core.evaluation.predictor_accuracy.pair_sampling import PairCounts, sample_pairs
 from ltvn_core.geometry import relative
@@ -126,7 +125,7 @@ def test_images_of_a_place_that_the_map_does_not_know_are_not_counted() -> None:
     found = judgement.conditions[0].localisation
     assert found is not None
     assert (found.looks, found.looks_elsewhere) == (2, 4)
-    assert any("4 of 6 images" in doubt for doubt in judgement_doubts(judgement, [mapped]))
+    assert any("4 of 6 images" in str(finding) for finding in judgement_findings(judgement, [mapped]))
 
 
 def test_a_map_that_knows_little_of_the_images_is_doubted_with_the_share_of_the_figures() -> None:
@@ -138,9 +137,9 @@ def test_a_map_that_knows_little_of_the_images_is_doubted_with_the_share_of_the_
     judgement = judged(images, images, knowing_predictor())
     share = judgement.conditions[0].map.largest_piece_share
     assert share < 0.8
-    said = judgement_doubts(judgement, [images])
-    assert any(f"knows {share:.0%} of its own drive" in doubt for doubt in said)
-    assert any("Likely cause" in doubt for doubt in said)
+    said = judgement_findings(judgement, [images])
+    assert any(f"knows {share:.0%} of its own drive" in str(finding) for finding in said)
+    assert any("Likely cause" in str(finding) for finding in said)
 
 
 def test_without_truth_the_map_is_judged_alone() -> None:

@@ -11,10 +11,11 @@ from ltvn_core.errors import OptionError
 from ltvn_core.evaluation.conditions import light_under, protocol_under
 from ltvn_core.evaluation.failure_recordings import record_failures
 from ltvn_core.evaluation.map_drawings import load_drawing
+from ltvn_core.evaluation.preparation_progress import EvaluationProgress
 from ltvn_core.evaluation.protocol import EvaluationProtocol
 from ltvn_core.evaluation.results import TrialResult, load_results, save_results
 from ltvn_core.evaluation.trial_plans import TrialFiles, TrialPlan
-from ltvn_core.evaluation.trials import EvaluationProgress, run_trials
+from ltvn_core.evaluation.trials import run_trials
 from ltvn_core.navigation.events import QueryEnded
 from ltvn_core.recording.reader import Recording
 from ltvn_core.reports.result_rows import setup_of

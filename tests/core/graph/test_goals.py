@@ -8,10 +8,10 @@ import numpy as np
 from ltvn_core.config import ROBUST, Method
 from ltvn_core.geometry import relative
 from ltvn_core.graph.builder import build
-from ltvn_core.graph.goal_standing import GoalReport, Standing, goal_reports, standings
 from ltvn_core.graph.goal_ties import UNSURE_P
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.ltvn import ltvn_system
+from ltvn_core.graph.map_coverage import GoalReport, Standing, goal_reports, standings
 from ltvn_core.graph.planner import Planner
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.topological_map import build_map
@@ -87,8 +87,8 @@ def test_without_tying_it_is_told_and_the_node_most_like_it_named() -> None:
     # Beside it on the drive, whatever else may look like it.
     assert report.nearest is not None
     assert abs(report.nearest - goal) <= 50
-    assert f"does not hold goal {goal}" in report.text
-    assert f"node {report.nearest}" in report.text
+    assert f"does not hold goal {goal}" in str(report.finding)
+    assert f"node {report.nearest}" in str(report.finding)
 
 
 def test_where_odometry_jumps_the_image_that_agrees_both_ways_ties_it_in_unsurely() -> None:
@@ -100,7 +100,7 @@ def test_where_odometry_jumps_the_image_that_agrees_both_ways_ties_it_in_unsurel
     graph, report = built(alone, blanks(goal, sure=0.4), goal)
 
     assert report.standing is Standing.UNSURE
-    assert "not sure" in report.text
+    assert "not sure" in str(report.finding)
     assert {edge.belief.p for key, edge in graph.edges.items() if goal in key} == {0.4}
     assert UNSURE_P < 0.5
 

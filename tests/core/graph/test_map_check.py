@@ -8,7 +8,7 @@ import pytest
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.graph.connectivity import count_strongly_connected_components
 from ltvn_core.graph.deltas import Cause, EdgeAdded, NodeAdded
-from ltvn_core.graph.map_check import map_doubts
+from ltvn_core.graph.map_check import map_findings
 from ltvn_core.graph.map_coverage import MapCoverage
 from ltvn_core.graph.operators import node_from_observation
 from ltvn_core.graph.topological_graph import TopologicalGraph
@@ -32,11 +32,11 @@ def test_a_map_of_one_node_is_told(caplog: pytest.LogCaptureFixture) -> None:
 
 def test_one_node_that_knows_little_is_not_said_to_be_all_there_was_to_see() -> None:
     alone = TopologicalGraph([NodeAdded(node_from_observation(observation_at(np.zeros(3), 0)), Cause.BUILD)])
-    said = " ".join(map_doubts(alone, 199, MapCoverage(0.11, None)))
+    said = " ".join(map(str, map_findings(alone, 199, MapCoverage(0.11, None))))
     assert "one node" in said
     assert "knows 11%" in said
     assert "one place" not in said
-    assert "nearly all 199 images" in " ".join(map_doubts(alone, 199, MapCoverage(0.95, None)))
+    assert "nearly all 199 images" in " ".join(map(str, map_findings(alone, 199, MapCoverage(0.95, None))))
 
 
 def test_a_map_of_a_few_images_is_doubted_as_well() -> None:
@@ -51,17 +51,17 @@ def test_a_map_of_a_few_images_is_doubted_as_well() -> None:
 def test_a_map_without_edges_is_told() -> None:
     images = list(tour([(0.7, 0.7), (4.2, 0.7)], spins=False))
     apart = TopologicalGraph(NodeAdded(node_from_observation(seen), Cause.BUILD) for seen in images[::10])
-    (doubt,) = map_doubts(apart, len(images), ALL_KNOWN)
-    assert f"None of the {len(apart.nodes)} nodes is joined to another" in doubt
+    (finding,) = map_findings(apart, len(images), ALL_KNOWN)
+    assert f"None of the {len(apart.nodes)} nodes is joined to another" in finding.text
 
 
 def test_maps_in_order_and_short_drives_are_not_doubted() -> None:
     loaded = load_map(DEMO_MAP)
-    assert map_doubts(loaded.graph, len(loaded.observations), ALL_KNOWN) == ()
+    assert map_findings(loaded.graph, len(loaded.observations), ALL_KNOWN) == ()
     images = list(tour([(0.7, 0.7), (4.2, 0.7), (4.2, 3.2)]))
     built = build_map(images, predictor=FlatPredictor(one_room()), system=None)
-    assert map_doubts(built.graph, len(images), ALL_KNOWN) == ()
-    assert map_doubts(TopologicalGraph(), 1, ALL_KNOWN) == ()
+    assert map_findings(built.graph, len(images), ALL_KNOWN) == ()
+    assert map_findings(TopologicalGraph(), 1, ALL_KNOWN) == ()
 
 
 def test_a_map_in_small_pieces_is_told() -> None:
@@ -71,8 +71,8 @@ def test_a_map_in_small_pieces_is_told() -> None:
     pieces = TopologicalGraph(NodeAdded(node, Cause.BUILD) for node in nodes)
     edge = next(iter(built.graph.edges.values()))
     pieces.apply(EdgeAdded(edge, Cause.BUILD))
-    (doubt,) = map_doubts(pieces, len(images), ALL_KNOWN)
-    assert f"falls into {len(nodes)} pieces" in doubt
+    (finding,) = map_findings(pieces, len(images), ALL_KNOWN)
+    assert f"falls into {len(nodes)} pieces" in finding.text
 
 
 def test_a_map_that_knows_a_part_of_its_drive_is_told_with_where_it_ends() -> None:

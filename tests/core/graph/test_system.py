@@ -6,10 +6,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 
-from ltvn_core.composition import open_system
 from ltvn_core.config import PAPER, ROBUST, Method
 from ltvn_core.errors import OptionError
 from ltvn_core.evaluation.ablation import PARTS, without_parts
+from ltvn_core.evaluation.query_result import QueryResult
+from ltvn_core.evaluation.query_run import judge_goal_reached, run_query
 from ltvn_core.graph.builder import build
 from ltvn_core.graph.deltas import Cause, EdgePruned, NodeDropped
 from ltvn_core.graph.keyframes import KeyframeStore
@@ -18,10 +19,9 @@ from ltvn_core.graph.maintenance import AttemptEvidence
 from ltvn_core.graph.navigation_system import Deltas, NavigationSystem, NoMaintenance
 from ltvn_core.graph.planner import Planner
 from ltvn_core.graph.topological_graph import TopologicalGraph
-from ltvn_core.navigation.episode import Episode, judge_goal_reached, run_episode
 from ltvn_core.navigation.events import AttemptStarted, Event, GraphChanged, Outcome, Planned
 from ltvn_core.navigation.navigator import Navigator
-from ltvn_core.systems.registry import OWN_SYSTEMS
+from ltvn_core.systems.registry import OWN_SYSTEMS, open_system
 from ltvn_core.types import Observation
 from tests.core.flat_world import FlatPredictor, FlatRobot, FlatWorld, observation_at, one_room, tour, two_rooms
 
@@ -48,10 +48,10 @@ class Drive:
         self.poses = {seen.step: seen.exact_pose for seen in self.images if seen.exact_pose is not None}
         self.robot = FlatRobot(self.world, self.poses[0].tolist(), first_step=100_000)
 
-    def go(self, query: int = 0) -> Episode:
+    def go(self, query: int = 0) -> QueryResult:
         goal = self.images[-1].step
         parts = self.robot, self.graph, self.keyframes, self.predictor, ROBUST, np.random.default_rng(0)
-        return run_episode(
+        return run_query(
             Navigator(*parts, system=self.system),
             goal,
             query,
@@ -178,7 +178,7 @@ def test_without_expansion_a_cut_map_stays_cut() -> None:
         wall = [node for node in drive.graph.nodes if abs(drive.poses[node][0] - 3.0) < 0.6]
         for node in wall:
             drive.graph.apply(NodeDropped(node, Cause.HAND))
-        outcomes[parts] = drive.go().ended.outcome
+        outcomes[parts] = drive.go().outcome
         causes = {event.delta.cause for event in drive.of(GraphChanged)}
         assert (Cause.EXPAND in causes) == (parts == ())
         assert Cause.NOVEL not in causes or not parts

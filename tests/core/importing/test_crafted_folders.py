@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from ltvn_core.errors import DriveError
-from ltvn_core.importing.pickle_program import check_program
 from ltvn_core.importing.reader_registry import open_drive
+from ltvn_core.importing.restricted_pickle import check_program
 from ltvn_core.importing.text_lists import MOST_LINES
 from tests.core.importing.drives import write_tum_folder
 from tests.core.importing.rtabmap.test_export_reader import write_export

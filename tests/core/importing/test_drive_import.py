@@ -9,14 +9,14 @@ import pytest
 
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.errors import DriveError, OptionError, RecordingError
+from ltvn_core.importing.drive_findings import coverage, drift
 from ltvn_core.importing.drive_import import import_drive
 from ltvn_core.importing.drive_odometry import OdometrySource
-from ltvn_core.importing.drive_statistics import coverage, drift
+from ltvn_core.importing.frame_preparation import recorded_camera
 from ltvn_core.importing.import_options import ImportOptions
 from ltvn_core.importing.raw_frame import RawFrame, ReadOptions
 from ltvn_core.importing.reader_registry import open_drive
-from ltvn_core.importing.recorded_camera import recorded_camera
-from ltvn_core.recording.integrity import verify
+from ltvn_core.recording.damage.integrity import verify
 from ltvn_core.recording.reader import Recording
 from ltvn_core.types import Tilt
 from tests.core.importing.drives import FORWARD, ListedDrive, sight, write_tum_folder

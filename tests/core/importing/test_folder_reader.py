@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from ltvn_core.cameras import heif_images
+from ltvn_core.cameras import encoded_images
 from ltvn_core.errors import DriveError
 from ltvn_core.importing.drive_import import import_drive
 from ltvn_core.importing.folder_reader import FolderReader
@@ -249,7 +249,7 @@ def test_heic_pictures_of_a_phone_are_read_with_their_lens(tmp_path: Path, monke
     (tmp_path / "3.heic").write_bytes((tmp_path / "2.HEIC").read_bytes()[:100])
     assert [frame.name for frame in read(tmp_path)] == ["1.jpg", "2.HEIC"]
 
-    monkeypatch.setattr(heif_images, "is_installed", lambda _: False)
+    monkeypatch.setattr(encoded_images, "is_installed", lambda _: False)
     reader = FolderReader.open(tmp_path, ReadOptions())
     assert [frame.name for frame in reader.frames()] == ["1.jpg"]
     assert reader.dropped == {"damaged or missing image": 2}

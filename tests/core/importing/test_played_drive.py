@@ -9,13 +9,12 @@ import numpy as np
 import pytest
 
 from ltvn_core.cli import main
-from ltvn_core.composition import open_robot
 from ltvn_core.errors import DriveError, PluginError
 from ltvn_core.importing.named_drive import NamedDrive
-from ltvn_core.importing.played_drive import PlayedDrive, play_drive
+from ltvn_core.importing.played_drive import PlayedDrive, open_robot, play_drive
 from ltvn_core.recording.reader import Recording
 from ltvn_core.robots.robot import WallClock
-from ltvn_core.robots.robot_report import PlaceSeen, PlacesReport
+from ltvn_core.robots.robot_check import PlaceSeen, PlacesReport
 from ltvn_core.robots.ros2.profile import shipped_profiles
 from ltvn_core.types import Twist
 from tests.core.importing.rosbag.bag_examples import FOCAL, bag, colours, metres, straight_drive

@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 
 from ltvn_core.config import PAPER, ROBUST, Method
+from ltvn_core.evaluation.query_result import QueryResult
+from ltvn_core.evaluation.query_run import judge_goal_reached, run_query
 from ltvn_core.graph.beliefs import initial_belief
 from ltvn_core.graph.builder import build
 from ltvn_core.graph.deltas import Cause, Edge, EdgeAdded, NodeAdded, PoseRow
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.operators import node_from_observation
 from ltvn_core.graph.topological_graph import TopologicalGraph
-from ltvn_core.navigation.episode import Episode, judge_goal_reached, run_episode
 from ltvn_core.navigation.events import Event
 from ltvn_core.navigation.navigator import Navigator
 from ltvn_core.types import NodeId, Observation, Pose
@@ -39,9 +40,9 @@ class MappedWorld:
     def navigator(self) -> Navigator:
         return Navigator(self.robot, self.graph, self.keyframes, self.predictor, self.method, np.random.default_rng(0))
 
-    def go(self, goal: NodeId, query: int = 0, navigator: Navigator | None = None) -> tuple[Episode, list[Event]]:
+    def go(self, goal: NodeId, query: int = 0, navigator: Navigator | None = None) -> tuple[QueryResult, list[Event]]:
         events: list[Event] = []
-        episode = run_episode(
+        episode = run_query(
             navigator or self.navigator(),
             goal,
             query,

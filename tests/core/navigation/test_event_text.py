@@ -6,8 +6,7 @@ from typing import get_args
 import pytest
 import rerun as rr
 
-from ltvn_core.analysis.breakpoint_hits import find_breakpoint_hits
-from ltvn_core.analysis.breakpoint_parser import parse_breakpoint
+from ltvn_core.analysis.breakpoints import find_breakpoint_hits, parse_breakpoint
 from ltvn_core.analysis.failure_triage import failed_queries
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import MarkKind

@@ -26,8 +26,8 @@ def test_where_no_path_exists_the_query_ends_and_says_so(method: Method) -> None
     place = mapped_corridor(replace(method, recovering=replace(method.recovering, give_up_after_looks=5)))
     place.graph.apply(NodeDropped(3, Cause.HAND))
     episode, events = place.go(6)
-    assert episode.ended.outcome is Outcome.NO_PATH
-    assert episode.ended.steps < 200
+    assert episode.outcome == Outcome.NO_PATH
+    assert episode.steps < 200
     assert events_of(Planned, events)[0].nodes == ()
     assert events_of(Planned, events)[0].cost == math.inf
 
@@ -73,7 +73,7 @@ def test_too_many_collisions_end_the_query() -> None:
     place = mapped_corridor(replace(PAPER, recovering=recovering, maintain=False))
     block_corridor(place)
     episode, events = place.go(5)
-    assert episode.ended.outcome is Outcome.COLLISION_LIMIT
+    assert episode.outcome == Outcome.COLLISION_LIMIT
     assert [event.count for event in events_of(Collided, events)] == [1, 2, 3, 4]
 
 

@@ -17,7 +17,7 @@ def test_a_lost_robot_turns_looks_and_gives_up(method: Method) -> None:
     place.robot.pose = np.array([2.0, 3.5, math.pi / 2])
     place.predictor.sight_m = 0.3
     episode, events = place.go(6)
-    assert episode.ended.outcome is Outcome.LOST
+    assert episode.outcome == Outcome.LOST
     assert all(event.node is None for event in events_of(Localised, events))
     assert abs(place.robot.pose[2] - math.pi / 2) > 0.1
 

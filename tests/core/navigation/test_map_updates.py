@@ -8,10 +8,9 @@ import pytest
 
 from ltvn_core.config import PAPER, ROBUST, Method
 from ltvn_core.errors import MapError
-from ltvn_core.graph.deltas import Cause, EdgePruned
-from ltvn_core.navigation.episode import judge_goal_reached
-from ltvn_core.navigation.events import AttemptEnded, AttemptStarted, GraphChanged
-from ltvn_core.navigation.lifelong_run import LifelongRun, random_goals
+from ltvn_core.evaluation.query_run import judge_goal_reached, random_goals, run_queries
+from ltvn_core.graph.deltas import Cause, EdgeAdded, EdgePruned
+from ltvn_core.navigation.events import AttemptEnded, AttemptStarted, Event, GraphChanged
 from tests.core.navigation.mapped_world import (
     FIRST_STEP,
     PRESETS,
@@ -117,23 +116,25 @@ def test_a_map_cut_in_two_is_joined_through_the_reserve() -> None:
     assert Cause.EXPAND in causes
 
 
-def test_a_lifelong_run_counts_what_happened() -> None:
+def test_queries_in_turn_count_what_became_of_the_map() -> None:
     place = mapped_rooms(ROBUST)
     goals = random_goals(list(place.graph.nodes), 5, np.random.default_rng(3))
-    lifelong = LifelongRun()
-    episodes = list(
-        lifelong.run(
+    events: list[Event] = []
+    results = list(
+        run_queries(
             place.navigator(),
             goals,
             first_query=10,
             advance=place.robot.advance,
             verdict=lambda query, goal: judge_goal_reached(query, place.robot.pose, place.poses[goal]),
+            consume=events.append,
         )
     )
-    totals = lifelong.totals()
-    assert [episode.ended.query for episode in episodes] == [10, 11, 12, 13, 14]
-    assert (totals.queries, totals.reached, totals.collisions) == (5, 5, 0)
-    assert totals.steps == sum(episode.ended.steps for episode in episodes)
+    assert [(result.query, result.goal) for result in results] == list(enumerate(goals, 10))
+    assert all(result.reached and not result.collisions for result in results)
+    changes = [event.delta for event in events_of(GraphChanged, events)]
+    assert sum(result.added_edges for result in results) == sum(isinstance(each, EdgeAdded) for each in changes)
+    assert sum(result.pruned for result in results) == sum(isinstance(each, EdgePruned) for each in changes)
 
 
 def test_goals_never_repeat_at_once_and_need_a_map() -> None:

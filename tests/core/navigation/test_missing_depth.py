@@ -21,7 +21,7 @@ def test_the_robot_arrives_though_every_third_image_has_no_depth(method: Method,
 
     episode, events = place.go(place.nearest(5.2, 0.8))
 
-    assert episode.ended.outcome is Outcome.ARRIVED
+    assert episode.outcome == Outcome.ARRIVED
     assert episode.reached
     assert any("has no depth" in note.text for note in events_of(Note, events))
 
@@ -33,7 +33,7 @@ def test_a_robot_that_never_has_depth_gives_up_as_lost(method: Method, depth: np
 
     episode, events = place.go(place.nearest(5.2, 0.8))
 
-    assert episode.ended.outcome in (Outcome.LOST, Outcome.STEP_LIMIT)
+    assert episode.outcome in (Outcome.LOST, Outcome.STEP_LIMIT)
     assert len([note for note in events_of(Note, events) if "has no depth" in note.text]) == 1
     assert not events_of(GraphChanged, events)
 
@@ -68,5 +68,5 @@ def test_depth_that_a_predictor_does_not_need_is_not_missed() -> None:
 
     episode, events = colour_only.go(place.nearest(5.2, 0.8))
 
-    assert episode.ended.outcome is Outcome.ARRIVED
+    assert episode.outcome == Outcome.ARRIVED
     assert not [note for note in events_of(Note, events) if "has no depth" in note.text]

@@ -7,11 +7,12 @@ import pytest
 
 from ltvn_core.config import ROBUST, Method
 from ltvn_core.errors import MapError
-from ltvn_core.navigation.episode import judge_goal_reached
+from ltvn_core.evaluation.query_run import judge_goal_reached, random_goals
 from ltvn_core.navigation.events import (
     AttemptEnded,
     AttemptStarted,
     GraphChanged,
+    Judged,
     Localised,
     Outcome,
     Planned,
@@ -20,7 +21,6 @@ from ltvn_core.navigation.events import (
     StateChanged,
     Tick,
 )
-from ltvn_core.navigation.lifelong_run import random_goals
 from ltvn_core.types import Observation
 from tests.core.flat_world import FlatPredictor, FlatRobot
 from tests.core.navigation.mapped_world import FIRST_STEP, PRESETS, events_of, mapped_corridor, mapped_rooms
@@ -41,9 +41,10 @@ def test_the_events_tell_the_story_in_order() -> None:
     goal = place.nearest(5.2, 3.2)
     episode, events = place.go(goal, query=7)
     assert events[0] == QueryStarted(7, goal)
-    assert episode.ended == events_of(QueryEnded, events)[0]
-    assert episode.ended.outcome is Outcome.ARRIVED
-    assert events[-1] == episode.judged
+    ended = events_of(QueryEnded, events)[0]
+    assert (episode.query, episode.goal, episode.steps, episode.path_m) == (7, goal, ended.steps, ended.path_m)
+    assert episode.outcome == Outcome.ARRIVED
+    assert episode.position_error_m == events_of(Judged, events[-1:])[0].position_error_m
     kinds = [type(event) for event in events if not isinstance(event, StateChanged | GraphChanged)]
     for k, kind in enumerate(kinds):
         if kind is AttemptStarted:
@@ -51,8 +52,8 @@ def test_the_events_tell_the_story_in_order() -> None:
             assert kinds[k + 1] is AttemptEnded
     legs = events_of(AttemptStarted, events)
     assert [started.attempt for started in legs] == list(range(1, len(legs) + 1))
-    assert episode.ended.steps == place.robot.step - FIRST_STEP
-    assert episode.ended.path_m > 3
+    assert episode.steps == place.robot.step - FIRST_STEP
+    assert episode.path_m > 3
 
 
 def test_the_robot_backs_up_along_an_edge_driven_against_its_direction() -> None:

@@ -6,10 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.config import ROBUST, Method
+from ltvn_core.evaluation.query_result import QueryResult
+from ltvn_core.evaluation.query_run import judge_goal_reached, run_query
 from ltvn_core.graph.builder import build
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.topological_graph import TopologicalGraph
-from ltvn_core.navigation.episode import Episode, judge_goal_reached, run_episode
 from ltvn_core.navigation.navigator import Navigator
 from ltvn_core.navigation.query_memory import QueryMemory
 from ltvn_core.types import Features, Prediction
@@ -43,7 +44,7 @@ def _inside(features: Features) -> NDArray[np.bool_]:
     return ((x > 3) & (x < 5)) | ((x > 10) & (x < 12))
 
 
-def drive(method: Method, start_x: float, goal_x: float) -> tuple[Episode, TopologicalGraph]:
+def drive(method: Method, start_x: float, goal_x: float) -> tuple[QueryResult, TopologicalGraph]:
     world = FlatWorld(np.array(box(14.0, 2.0)))
     images, predictor = list(tour(WAY)), AliasedPredictor(world)
     keyframes = KeyframeStore(predictor)
@@ -54,7 +55,7 @@ def drive(method: Method, start_x: float, goal_x: float) -> tuple[Episode, Topol
     robot = FlatRobot(world, [start_x, 1.0, 0.0], first_step=100_000)
     method = replace(method, maintain=False)
     navigator = Navigator(robot, graph, keyframes, predictor, method, np.random.default_rng(0))
-    episode = run_episode(
+    episode = run_query(
         navigator,
         goal,
         0,

@@ -158,7 +158,7 @@ def test_a_robot_that_is_lost_observes_no_presence() -> None:
     place.predictor.sight_m = 0.0
     place.put(0.8, 1.0)
     episode, events = place.go(place.nearest(5.2, 1.0), 0)
-    assert episode.ended.outcome == Outcome.LOST
+    assert episode.outcome == Outcome.LOST
     assert not observed(events)
 
 

@@ -9,33 +9,31 @@ import pytest
 import torch
 
 from ltvn_core.errors import OptionError
-from ltvn_core.network.cards.baseline_card import evaluate_baseline
-from ltvn_core.network.optimization.baseline_plans import baseline_hyperparameters, baseline_training_plan
+from ltvn_core.network.baseline_training import baseline_hyperparameters, baseline_training_plan, evaluate_baseline
+from ltvn_core.network.network_families import PairNetwork
 from ltvn_core.network.optimization.training_loop import TrainingData, train
-from ltvn_core.network.pair_network import PairNetwork
 from ltvn_core.network.predictor import load_predictor
 from ltvn_core.network.training_examples import BatchSampler
 from ltvn_core.network.weights_file import load_weights, save_weights
+from ltvn_core.systems.entry import TemporalLearning
 from ltvn_core.systems.registry import system_entry
-from ltvn_core.training.system_training import TemporalTraining
-from ltvn_core.training_data.random_walk import WalkRecipe
+from ltvn_core.training_data.random_walk import WalkRecipe, label_walks
 from ltvn_core.training_data.shards import Shard
-from ltvn_core.training_data.temporal_pairs import label_walks
 from ltvn_core.verbs.baseline import BaselineVerb
 from tests.core.network.tiny_data import SMALL
 from tests.core.training_data.box_world import two_rooms
 
 
-def training(rival: str) -> TemporalTraining:
-    found = system_entry(rival).training
-    assert isinstance(found, TemporalTraining)
+def learning_of(rival: str) -> TemporalLearning:
+    found = system_entry(rival).learning
+    assert found is not None
     return found
 
 
 @lru_cache
 def walks(name: str, rival: str) -> Shard:
     seen = WalkRecipe(walks=2, images=48).make(two_rooms(name))
-    return label_walks(seen, training(rival).rule, np.random.default_rng(0))
+    return label_walks(seen, learning_of(rival).rule, np.random.default_rng(0))
 
 
 @pytest.mark.slow
@@ -59,14 +57,14 @@ def test_training_goes_on_from_trained_weights(tmp_path: Path, rival: str) -> No
 
 def test_no_pose_makes_a_pair_far_and_distances_are_learned_as_they_occur() -> None:
     learning = baseline_training_plan(
-        even_distances=training("ving").even_distances, minutes=1.0, steps=None, seed=0
+        even_distances=learning_of("ving").even_distances, minutes=1.0, steps=None, seed=0
     ).learning
     poses = np.array([[0.0, 0.0, 0.0], [900.0, 0.0, np.pi]])
     assert not learning.far.pairs(poses, poses).any()
     assert (learning.hardness, learning.confusions, learning.evened) == (0.0, 0, False)
     assert baseline_hyperparameters(learning, even_distances=True).evened is False
     assert baseline_training_plan(
-        even_distances=training("sptm").even_distances, minutes=1.0, steps=None, seed=0
+        even_distances=learning_of("sptm").even_distances, minutes=1.0, steps=None, seed=0
     ).learning.evened
 
 

@@ -10,11 +10,9 @@ import torch
 
 from ltvn_core.errors import WeightsError
 from ltvn_core.network.architecture import ContrastiveArchitecture, EnsembleArchitecture
-from ltvn_core.network.ensemble_network import EnsembleNetwork
-from ltvn_core.network.network_families import build_network, extend_network
-from ltvn_core.network.optimization.baseline_plans import baseline_training_plan
+from ltvn_core.network.baseline_training import baseline_training_plan
+from ltvn_core.network.network_families import EnsembleNetwork, PairNetwork, build_network, extend_network
 from ltvn_core.network.optimization.training_loop import train
-from ltvn_core.network.pair_network import PairNetwork
 from ltvn_core.network.predictor import load_predictor
 from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
 from ltvn_core.network.weights_file import load_weights, save_weights

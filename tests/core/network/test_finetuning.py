@@ -11,18 +11,17 @@ import pytest
 import torch
 
 from ltvn_core.errors import WeightsError
+from ltvn_core.network.network_families import PairNetwork
 from ltvn_core.network.optimization.fine_tuning_loop import (
     FineTuningData,
     FineTuningPlan,
     FineTuningProgress,
     run_fine_tuning,
 )
-from ltvn_core.network.optimization.fine_tuning_trainer import freeze_batch_norm
 from ltvn_core.network.optimization.hard_negative_mining import FarCriterion
-from ltvn_core.network.optimization.hyperparameters import Hyperparameters
 from ltvn_core.network.optimization.mixed_batches import MixedBatchSampler
 from ltvn_core.network.optimization.reachability_calibration import calibrate_after_fine_tuning
-from ltvn_core.network.pair_network import PairNetwork
+from ltvn_core.network.optimization.trainer import Hyperparameters, freeze_batch_norm
 from ltvn_core.network.weights_file import load_weights, save_weights, weights_fingerprint
 from ltvn_core.training_data.trajectory import select_keyframes
 from ltvn_core.training_data.trajectory_pairs import OdometryLabelRule, TrajectoryPairs, label_trajectory

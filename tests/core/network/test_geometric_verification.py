@@ -5,7 +5,7 @@ import torch
 
 from ltvn_core.network.alignment import PlanarMotion
 from ltvn_core.network.architecture import PairArchitecture
-from ltvn_core.network.geometric_verification import GeometricVerification
+from ltvn_core.network.pair_head import GeometricVerification
 
 WALL_M = 3.0
 AHEAD_M = 1.0

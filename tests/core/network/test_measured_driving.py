@@ -9,11 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ltvn_core.composition import open_method, open_predictor
 from ltvn_core.config import ROBUST, Likelihoods, preset
 from ltvn_core.errors import OptionError, WeightsError
 from ltvn_core.graph.beliefs import update_existence
-from ltvn_core.network.cards.driving_calibration import (
+from ltvn_core.network.driving_calibration import (
     DRIVING_SECTION,
     DrivingMeasurements,
     likelihoods,
@@ -25,6 +24,7 @@ from ltvn_core.network.metrics.success_rate import SuccessRate
 from ltvn_core.network.predictor import load_predictor
 from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
 from ltvn_core.network.weights_file import add_to_card, card_path, read_card
+from ltvn_core.predictors.opening import open_method, open_predictor
 from ltvn_core.simulation import oracle_predictor
 from ltvn_core.simulation.clearance_map import ClearanceMap
 from ltvn_core.simulation.oracle_predictor import OraclePredictor

@@ -9,8 +9,7 @@ import torch
 from ltvn_core.errors import ImageError
 from ltvn_core.network.architecture import EnsembleArchitecture, PairArchitecture
 from ltvn_core.network.image_features import pack, row_length, unpack
-from ltvn_core.network.network_families import build_network
-from ltvn_core.network.pair_network import PairNetwork
+from ltvn_core.network.network_families import PairNetwork, build_network
 from ltvn_core.network.predictor import NetworkPredictor
 from ltvn_core.types import Predictor
 from tests.core.network.tiny_data import SMALL, tiny_observations

@@ -12,10 +12,9 @@ from ltvn_core.geometry import relative
 from ltvn_core.network.metrics.pair_evaluation import evaluate_all_pairs, evaluate_drives
 from ltvn_core.network.optimization.checkpoint import restore_checkpoint, save_checkpoint
 from ltvn_core.network.optimization.hard_negative_mining import FarCriterion, mine_hard_negatives
-from ltvn_core.network.optimization.hyperparameters import Hyperparameters
 from ltvn_core.network.optimization.mixed_precision import MixedPrecision
 from ltvn_core.network.optimization.reachability_calibration import fit_platt
-from ltvn_core.network.optimization.trainer import Trainer, learning_rate_schedule
+from ltvn_core.network.optimization.trainer import Hyperparameters, Trainer, learning_rate_schedule
 from ltvn_core.network.optimization.training_loop import TrainingData, TrainingPlan, train, train_distributed
 from ltvn_core.network.predictor import load_predictor
 from ltvn_core.network.training_examples import BatchSampler, HardNegative

@@ -10,7 +10,7 @@ from safetensors.torch import save_file
 
 from ltvn_core.errors import WeightsError
 from ltvn_core.network.architecture import StackedArchitecture
-from ltvn_core.network.pair_network import PairNetwork
+from ltvn_core.network.network_families import PairNetwork
 from ltvn_core.network.predictor import load_predictor
 from ltvn_core.network.weights_file import card_path, load_weights, read_card, save_weights
 from tests.core.network.tiny_data import SMALL

@@ -5,9 +5,9 @@ from dataclasses import replace
 import pytest
 
 from ltvn_core.cameras.camera_model import CameraModel
-from ltvn_core.composition import open_predictor
 from ltvn_core.errors import OptionError
 from ltvn_core.predictors.choice import ImageSource
+from ltvn_core.predictors.opening import open_predictor
 from ltvn_core.predictors.registry import predictor_names
 from ltvn_core.robots.robot_spec import LOCOBOT
 

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from ltvn_core.cameras.camera_model import CameraModel
-from ltvn_core.composition import open_method
 from ltvn_core.config import PAPER, ROBUST
 from ltvn_core.errors import ImageError
 from ltvn_core.geometry import distance, relative
 from ltvn_core.predictors.geometric import GeometricPredictor
-from ltvn_core.predictors.geometric_epipolar import epipolar_motion
+from ltvn_core.predictors.geometric_pose import epipolar_motion
+from ltvn_core.predictors.opening import open_method
 from ltvn_core.types import Observation, Predictor, Tilt
 from tests.core.predictors.textured_room import CAMERA, TexturedRoom, without_depth
 

@@ -9,19 +9,17 @@ import numpy as np
 import pytest
 
 from ltvn_core.cameras.camera_model import CameraModel
-from ltvn_core.composition import open_predictor
 from ltvn_core.errors import WeightsError
-from ltvn_core.predictors.geometric import GeometricPredictor
-from ltvn_core.predictors.geometric_adaptation import OwnPairs, Rescaled, adapt
+from ltvn_core.predictors.geometric import GeometricPredictor, SurePose
+from ltvn_core.predictors.geometric_adaptation import Comparisons, OwnPairs, Rescaled, adapt, logistic
 from ltvn_core.predictors.geometric_calibration import DEPTHS, Calibration, read_calibration, shipped_calibration
-from ltvn_core.predictors.geometric_epipolar import ROOM_DEPTH_M
 from ltvn_core.predictors.geometric_evidence import NO_EVIDENCE, Evidence
 from ltvn_core.predictors.geometric_features import image_grid
-from ltvn_core.predictors.geometric_fitting import NO_COMPARISONS, Comparisons, logistic
-from ltvn_core.predictors.geometric_memory import SurePose
+from ltvn_core.predictors.geometric_pose import ROOM_DEPTH_M
+from ltvn_core.predictors.opening import open_predictor
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.systems.registry import system_entry
-from ltvn_core.training.calibration_pairs import DrivePairs, FoundPose
+from ltvn_core.training.calibration_tuning import DrivePairs, FoundPose
 from ltvn_core.training.drive_path import drive_path
 from ltvn_core.types import Observation
 
@@ -64,7 +62,8 @@ def shipped(wrong_share: float) -> Mapping[str, Comparisons]:
     """What the package's calibration was fitted on: right poses with much that agrees, wrong ones with little."""
     pairs = own_pairs(0.9, wrong_share, 200)
     found = Comparisons(pairs.evidence, pairs.right, np.ones(200))
-    return {name: found if name == "both" else NO_COMPARISONS for name in DEPTHS}
+    nothing = Comparisons(np.zeros((0, len(Evidence._fields))), np.zeros(0, bool), np.zeros(0))
+    return {name: found if name == "both" else nothing for name in DEPTHS}
 
 
 def test_right_poses_of_which_the_parent_was_not_sure_are_accepted_after_learning() -> None:

@@ -13,9 +13,10 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from ltvn_core.errors import LtvnError
-from ltvn_core.recording import rrd_contents, rrd_framing, schema
-from ltvn_core.recording.integrity import repair, verify
+from ltvn_core.recording import rrd_contents, schema
+from ltvn_core.recording.damage.integrity import repair, verify
 from ltvn_core.recording.reader import Recording
+from ltvn_core.recording.rrf2.framing import HEADER_BYTES, MESSAGE_HEADER, walk_messages
 from tests.repository import ROOT
 
 _SECONDS = 120
@@ -147,8 +148,8 @@ class Recoverable:
 
 def _messages(path: Path, data: bytes) -> Iterator[bytes]:
     with path.open("rb") as file:
-        position = rrd_framing.HEADER_BYTES
-        for message in rrd_framing.walk_messages(file, len(data)):
+        position = HEADER_BYTES
+        for message in walk_messages(file, len(data)):
             yield data[position : position + message.size]
             position += message.size
 
@@ -156,8 +157,8 @@ def _messages(path: Path, data: bytes) -> Iterator[bytes]:
 def _frames_of_messages(folder: Path, data: bytes, messages: Sequence[bytes]) -> Iterator[set[int]]:
     """Yield which frames each message holds a part of."""
     # What Rerun wrote may begin with the layout of the viewer.
-    stores = [each for each in messages if rrd_framing.MESSAGE_HEADER.unpack_from(each)[0] == 1]
-    beginning = data[: rrd_framing.HEADER_BYTES] + b"".join(stores)
+    stores = [each for each in messages if MESSAGE_HEADER.unpack_from(each)[0] == 1]
+    beginning = data[:HEADER_BYTES] + b"".join(stores)
     alone = folder / "alone.rrd"
     for message in messages:
         alone.write_bytes(beginning + message)

@@ -8,10 +8,9 @@ import rerun.chunk
 
 from ltvn_core.errors import RecordingError
 from ltvn_core.recording import schema
-from ltvn_core.recording.closing_record import closing_bytes, find_closing_records
-from ltvn_core.recording.file_check import check_file
-from ltvn_core.recording.integrity import repair, verify
+from ltvn_core.recording.damage.integrity import repair, verify
 from ltvn_core.recording.reader import Recording
+from ltvn_core.recording.rrf2.closing_record import check_file, closing_bytes, find_closing_records
 from tests.core.recording import example_recording
 from tests.repository import DEMO_DRIVE, DEMO_FAULT, DEMO_MAP, GOLDEN_RECORDING
 from tools.redraw import redraw

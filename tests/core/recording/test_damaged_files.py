@@ -7,11 +7,12 @@ from pathlib import Path
 import pytest
 
 from ltvn_core.errors import RecordingError
-from ltvn_core.recording import rrd_framing
+from ltvn_core.recording.damage.integrity import repair, verify
+from ltvn_core.recording.damage.message_search import find_messages
 from ltvn_core.recording.info import read_info
-from ltvn_core.recording.integrity import repair, verify
-from ltvn_core.recording.message_search import find_messages
 from ltvn_core.recording.reader import Recording
+from ltvn_core.recording.rrf2.closing_record import check_file
+from ltvn_core.recording.rrf2.framing import END_KIND, HEADER_BYTES
 from ltvn_core.recording.writer import RecordingWriter
 from tests.core.recording import example_recording
 from tests.repository import GOLDEN_RECORDING, ROOT
@@ -36,8 +37,8 @@ def repaired(tmp_path: Path) -> Path:
 
 def messages(data: bytes) -> Iterator[tuple[int, int]]:
     """Yield where each message of a whole file begins, and where it ends."""
-    position = rrd_framing.HEADER_BYTES
-    while struct.unpack_from("<Q", data, position)[0] != rrd_framing.END_KIND:
+    position = HEADER_BYTES
+    while struct.unpack_from("<Q", data, position)[0] != END_KIND:
         end = position + 16 + struct.unpack_from("<Q", data, position + 8)[0]
         yield position, end
         position = end
@@ -72,7 +73,7 @@ def test_a_wrong_length_in_an_older_recording_is_noticed_and_costs_nothing(damag
     data = GOLDEN_RECORDING.read_bytes()
     for number, (begin, _) in enumerate(messages(data)):
         damaged.write_bytes(flipped(data, begin + 8 + number % 8, number * 3 % 8))
-        assert not rrd_framing.scan_rrd(damaged).finished
+        assert not check_file(damaged).framing.finished
     with pytest.raises(RecordingError, match="damaged"):
         verify(damaged)
     assert repair(damaged, repaired).frames == 10

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from ltvn_core.recording.appended_file import AppendedFile
-from ltvn_core.recording.integrity import repair, verify
+from ltvn_core.recording.damage.integrity import repair, verify
 from tests.core.recording.disk_faults import FAULTS, FaultOutcome, KillOutcome, kill_while_recording, may_mount, strike
 from tests.platforms import needs_posix
 from tests.repository import ROOT

@@ -8,8 +8,8 @@ import pytest
 
 from ltvn_core.errors import RecordingError
 from ltvn_core.navigation.events import AttemptEnded, ChangedBy, QueryStarted, StampedEvent, WorldChanged
+from ltvn_core.recording.damage.integrity import verify
 from ltvn_core.recording.excerpt import event_window, write_excerpt
-from ltvn_core.recording.integrity import verify
 from ltvn_core.recording.map_file import load_map
 from ltvn_core.recording.reader import Recording
 from ltvn_core.recording.writer import RecordingWriter

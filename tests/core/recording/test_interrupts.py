@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from ltvn_core.recording.integrity import verify
-from ltvn_core.recording.interrupts import interrupts_deferred
+from ltvn_core.recording.damage.integrity import verify
+from ltvn_core.recording.durable_stream import interrupts_deferred
 from ltvn_core.recording.writer import RecordingWriter
 from tests.core.recording import example_recording
 

@@ -15,9 +15,8 @@ from ltvn_core.errors import OptionError, RecordingError, ServerError
 from ltvn_core.navigation.events import Note, StampedEvent
 from ltvn_core.recording.live_server import live_address, port_of
 from ltvn_core.recording.reader import Recording
-from ltvn_core.recording.rrd_framing import is_finished
-from ltvn_core.recording.this_machine import open_here
-from ltvn_core.recording.viewer_server import serve_viewer
+from ltvn_core.recording.rrf2.framing import is_finished
+from ltvn_core.recording.viewer_server import open_here, serve_viewer
 from ltvn_core.recording.writer import RecordingWriter
 from ltvn_core.verbs.jobs.stream import announce_stream
 from tests.waiting import PATIENCE_S

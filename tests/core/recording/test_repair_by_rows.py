@@ -11,12 +11,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ltvn_core.errors import RecordingError
-from ltvn_core.recording import lz4_block, rrd_framing
+from ltvn_core.recording.damage.integrity import RepairedRecording, repair, verify
+from ltvn_core.recording.damage.mended_message import decompressed, with_bit_put_right
 from ltvn_core.recording.info import read_info
-from ltvn_core.recording.integrity import RepairedRecording, repair, verify
-from ltvn_core.recording.mended_message import with_bit_put_right
 from ltvn_core.recording.reader import Recording
-from ltvn_core.recording.rrd_framing import MessageSum, Tail
+from ltvn_core.recording.rrf2.framing import (
+    END_KIND,
+    HEADER_BYTES,
+    MESSAGE_HEADER,
+    TAIL_BYTES,
+    MessageSum,
+    Tail,
+    walk_messages,
+)
 from tests.core.recording import example_recording
 from tests.repository import GOLDEN_RECORDING
 
@@ -39,9 +46,9 @@ def other_drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def spans(path: Path) -> list[tuple[int, int]]:
     """Return where each message of a whole file begins and ends."""
-    found, begin = list[tuple[int, int]](), rrd_framing.HEADER_BYTES
+    found, begin = list[tuple[int, int]](), HEADER_BYTES
     with path.open("rb") as file:
-        for message in rrd_framing.walk_messages(file, path.stat().st_size):
+        for message in walk_messages(file, path.stat().st_size):
             found.append((begin, begin + message.size))
             begin += message.size
     return found
@@ -68,8 +75,8 @@ def repaired(tmp_path: Path, data: bytes, recording_id: str | None = None) -> tu
 
 def with_ending_of_before(data: bytes, end: int) -> bytes:
     """Cut a file at the end of a message, and end it as files without a table are ended."""
-    start = end + rrd_framing.MESSAGE_HEADER.size
-    return data[:end] + struct.pack("<QQ", rrd_framing.END_KIND, 0) + Tail.of(start, b"").encoded()
+    start = end + MESSAGE_HEADER.size
+    return data[:end] + struct.pack("<QQ", END_KIND, 0) + Tail.of(start, b"").encoded()
 
 
 def test_a_flipped_bit_in_the_largest_message_costs_nothing(drive: Path, tmp_path: Path) -> None:
@@ -147,12 +154,12 @@ def test_a_file_cut_between_messages_and_ended_without_a_table_is_refused(
 
 def test_a_table_of_other_chunks_is_refused(tmp_path: Path) -> None:
     data, (*kept, (begin, end)) = GOLDEN_RECORDING.read_bytes(), spans(GOLDEN_RECORDING)
-    tail = Tail.read(data[-rrd_framing.TAIL_BYTES :])
+    tail = Tail.read(data[-TAIL_BYTES:])
     assert tail is not None
     assert kept
     shorter = tmp_path / "shorter.rrd"
     moved = tail._replace(footer_start=tail.footer_start - (end - begin))
-    shorter.write_bytes(data[:begin] + data[end : -rrd_framing.TAIL_BYTES] + moved.encoded())
+    shorter.write_bytes(data[:begin] + data[end:-TAIL_BYTES] + moved.encoded())
     with pytest.raises(RecordingError, match="other chunks"):
         verify(shorter)
 
@@ -170,10 +177,10 @@ def test_any_single_flipped_bit_is_put_right(data: bytes, place: int, bit: int) 
 def test_a_whole_block_is_decompressed_as_it_was(words: list[bytes]) -> None:
     data = b"".join(words)
     block = pa.Codec("lz4_raw").compress(data, asbytes=True)
-    assert list(lz4_block.decompressed(block, len(data))) == [data]
+    assert list(decompressed(block, len(data))) == [data]
 
 
 @settings(max_examples=50)
 @given(block=st.binary(max_size=300), size=st.integers(0, 1 << 40))
 def test_any_bytes_decompress_to_no_more_than_they_may(block: bytes, size: int) -> None:
-    assert all(len(each) == size <= 255 * len(block) for each in lz4_block.decompressed(block, size))
+    assert all(len(each) == size <= 255 * len(block) for each in decompressed(block, size))

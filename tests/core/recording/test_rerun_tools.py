@@ -13,13 +13,14 @@ from rerun.chunk import RrdReader
 
 from ltvn_core.errors import RecordingError
 from ltvn_core.protobuf_fields import bytes_fields, read_fields
-from ltvn_core.recording import chunk_table, rrd_framing, schema
-from ltvn_core.recording.file_check import check_file
+from ltvn_core.recording import schema
+from ltvn_core.recording.damage.integrity import repair, verify
 from ltvn_core.recording.info import read_info
-from ltvn_core.recording.integrity import repair, verify
-from ltvn_core.recording.joined_rows import joined_rows
 from ltvn_core.recording.reader import Recording
-from ltvn_core.recording.rrd_contents import read_store
+from ltvn_core.recording.rrd_contents import joined_rows, read_store
+from ltvn_core.recording.rrf2 import chunk_table
+from ltvn_core.recording.rrf2.closing_record import check_file
+from ltvn_core.recording.rrf2.framing import CHUNK_KIND, HEADER_BYTES, MESSAGE_HEADER, TAIL_BYTES, Tail
 from tests.core.recording import example_recording
 
 TOOLS: dict[str, Callable[[Path, Path], list[str]]] = {
@@ -61,7 +62,7 @@ def same_contents(one: Path, other: Path) -> bool:
 def manifests(path: Path) -> dict[bytes, tuple[bytes, pa.Table]]:
     """Return the checksum of the schema and the table of chunks of each store, from a file's footer."""
     data = path.read_bytes()
-    tail = rrd_framing.Tail.read(data[-rrd_framing.TAIL_BYTES :])
+    tail = Tail.read(data[-TAIL_BYTES:])
     assert tail is not None
     footer = data[tail.footer_start : tail.footer_start + tail.footer_bytes]
     found = {}
@@ -99,10 +100,10 @@ def test_the_table_of_chunks_is_the_one_that_rerun_makes(whole: Path, tmp_path: 
 def test_the_table_says_where_each_chunk_stands(whole: Path) -> None:
     record = check_file(whole).record
     assert record is not None
-    position, chunks = rrd_framing.HEADER_BYTES, set()
+    position, chunks = HEADER_BYTES, set()
     for message in record.messages:
-        if message.kind == rrd_framing.CHUNK_KIND:
-            chunks.add((position + rrd_framing.MESSAGE_HEADER.size, message.length))
+        if message.kind == CHUNK_KIND:
+            chunks.add((position + MESSAGE_HEADER.size, message.length))
         position += message.size
     found = set()
     for _, table in manifests(whole).values():
@@ -115,7 +116,7 @@ def test_a_table_that_would_grow_too_large_is_left_out(monkeypatch: pytest.Monke
     monkeypatch.setattr(chunk_table, "MOST_CELLS", 100)
     example_recording.write(tmp_path / "drive.rrd")
     assert verify(tmp_path / "drive.rrd").checksummed
-    tail = rrd_framing.Tail.read((tmp_path / "drive.rrd").read_bytes()[-rrd_framing.TAIL_BYTES :])
+    tail = Tail.read((tmp_path / "drive.rrd").read_bytes()[-TAIL_BYTES:])
     assert tail is not None
     assert tail.footer_bytes == 0
 

@@ -35,9 +35,9 @@ from ltvn_core.graph.deltas import (
 )
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import ChangedBy, Event, GraphChanged, WorldChanged
+from ltvn_core.recording.damage.integrity import verify
 from ltvn_core.recording.event_codec import decode_event, encode_event
 from ltvn_core.recording.info import read_info
-from ltvn_core.recording.integrity import verify
 from ltvn_core.recording.map_file import check_fingerprint, load_map, save_map
 from ltvn_core.recording.reader import Recording
 from ltvn_core.recording.writer import RecordingWriter

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from ltvn_core.errors import RecordingError
 from ltvn_core.recording import schema
+from ltvn_core.recording.damage.integrity import repair, verify
 from ltvn_core.recording.info import read_info
-from ltvn_core.recording.integrity import repair, verify
 from ltvn_core.recording.reader import Recording
 from ltvn_core.recording.writer import RecordingWriter
 from tests.core.recording import example_recording

@@ -35,11 +35,11 @@ from ltvn_core.navigation.events import (
     StampedEvent,
 )
 from ltvn_core.recording.arrow_columns import read_cell
+from ltvn_core.recording.damage.integrity import repair, verify
+from ltvn_core.recording.drawn_poses import FloorExtent
 from ltvn_core.recording.excerpt import write_excerpt
-from ltvn_core.recording.file_check import check_file
-from ltvn_core.recording.floor_extent import FloorExtent
-from ltvn_core.recording.integrity import repair, verify
 from ltvn_core.recording.reader import Recording
+from ltvn_core.recording.rrf2.closing_record import check_file
 from ltvn_core.recording.writer import RecordingWriter
 from ltvn_core.simulation.scene_registry import load_scene
 from tests.core.recording import example_recording

@@ -2,31 +2,29 @@
 
 import numpy as np
 
+from ltvn_core.evaluation.query_result import FailureCause, PresenceBin, PresenceScore, QueryResult
 from ltvn_core.evaluation.results import (
     EdgeCalibrationBin,
-    EpisodeResult,
     EvaluationResults,
-    FailureCause,
     LifelongPoint,
-    LifelongQuery,
     LifelongResult,
     MapDrawing,
     MapTruthMetrics,
     TrialResult,
+    WorldResult,
 )
-from ltvn_core.evaluation.worlds.world_results import PresenceBin, PresenceScore, WorldQuery, WorldResult
 
 ODDS = {"ltvn": 0.88, "sptm": 0.45, "ving": 0.55}
 """Made-up success of each method."""
 
 
-def make_episode(number: int, odds: float, rng: np.random.Generator) -> EpisodeResult:
+def make_episode(number: int, odds: float, rng: np.random.Generator) -> QueryResult:
     """One episode that reaches its goal with these odds."""
     reached = bool(rng.random() < odds)
     failure = None if reached else list(FailureCause)[int(rng.choice(6, p=[0.1, 0.3, 0.25, 0.2, 0.05, 0.1]))]
     shortest = float(rng.uniform(2, 12))
-    return EpisodeResult(
-        episode=number,
+    return QueryResult(
+        query=number,
         start=int(rng.integers(2000)),
         goal=int(rng.integers(2000)),
         reached=reached,
@@ -138,10 +136,10 @@ def _a_point(scene: str, seed: int, queries: int, episodes: int, rng: np.random.
     return LifelongPoint(queries, trial, tuple(cells))
 
 
-def _a_query(number: int, rng: np.random.Generator) -> LifelongQuery:
+def _a_query(number: int, rng: np.random.Generator) -> QueryResult:
     fading = np.exp(-number / 120)
     pruned = int(rng.poisson(0.35 * fading))
-    return LifelongQuery(
+    return QueryResult(
         query=number,
         reached=bool(rng.random() < 0.9),
         outcome="arrived",
@@ -191,7 +189,7 @@ def make_world_result() -> WorldResult:
     """Two queries in a changing world, one of which reached its goal."""
     score = PresenceScore(4, 0.25, (*[PresenceBin(0, 0.0, 0.0)] * 9, PresenceBin(4, 1.0, 0.75)))
     queries = tuple(
-        WorldQuery(
+        QueryResult(
             query=number,
             at_s=36000.0 + 600 * number,
             start=0,

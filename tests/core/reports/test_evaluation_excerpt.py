@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from ltvn_core.evaluation.results import FailureCause
+from ltvn_core.evaluation.query_result import FailureCause
 from ltvn_core.navigation.events import (
     AttemptEnd,
     AttemptEnded,
@@ -16,7 +16,7 @@ from ltvn_core.navigation.events import (
     StampedEvent,
 )
 from ltvn_core.recording.writer import RecordingWriter
-from ltvn_core.reports.failure_moment import BEFORE_S, moment_s
+from ltvn_core.reports.evaluation_files import BEFORE_S, moment_s
 from ltvn_core.types import CONTROL_STEP_S
 from tests.core.recording.example_recording import observation
 

@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ltvn_core.evaluation.results import EvaluationResults, FailureCause, TrialResult
+from ltvn_core.evaluation.query_result import FailureCause
+from ltvn_core.evaluation.results import EvaluationResults, TrialResult
 from ltvn_core.reports.evaluation_page import headline
 from ltvn_core.reports.evaluation_tables import ReportTable, main_table, margin_table
 from ltvn_core.reports.failure_gallery import FailureRow, select_failures
@@ -102,7 +103,7 @@ def test_calibration_is_added_up_edge_by_edge() -> None:
 
 
 def a_failure(trial: TrialResult, number: int, cause: FailureCause) -> FailureRow:
-    return FailureRow(trial, replace(trial.episodes[0], episode=number, reached=False, failure=cause))
+    return FailureRow(trial, replace(trial.episodes[0], query=number, reached=False, failure=cause))
 
 
 def test_the_gallery_takes_each_cause_in_turn_and_recorded_ones_first(tmp_path: Path) -> None:
@@ -111,7 +112,7 @@ def test_the_gallery_takes_each_cause_in_turn_and_recorded_ones_first(tmp_path: 
     recorded = replace(a_failure(trial, 50, FailureCause.COLLISION), recording=tmp_path / "a.rrd")
     rare = a_failure(trial, 51, FailureCause.NO_PATH)
     shown = select_failures([*often, recorded, rare], 3)
-    assert [row.episode.episode for row in shown] == [50, 51, 0]
+    assert [row.episode.query for row in shown] == [50, 51, 0]
 
 
 def test_an_empty_table_says_so() -> None:

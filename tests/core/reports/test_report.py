@@ -11,10 +11,9 @@ import pytest
 from ltvn_core.errors import OptionError
 from ltvn_core.evaluation.gzipped_results import pack
 from ltvn_core.evaluation.map_drawings import drawing_path, save_drawing
+from ltvn_core.evaluation.query_result import FailureCause, QueryResult
 from ltvn_core.evaluation.results import (
-    EpisodeResult,
     EvaluationResults,
-    FailureCause,
     LifelongResult,
     TrialResult,
     load_results,
@@ -251,7 +250,20 @@ def test_an_image_is_carried_in_its_address_and_anything_else_refused() -> None:
 
 
 def test_a_failed_episode_shows_both_images_and_the_command_for_its_recording(tmp_path: Path) -> None:
-    episode = EpisodeResult(7, 0, 4, False, "arrived", FailureCause.WRONG_ARRIVAL, None, 90, 1, 2.0, 2.0, 1.5, 0.1)
+    episode = QueryResult(
+        query=7,
+        start=0,
+        goal=4,
+        reached=False,
+        outcome="arrived",
+        failure=FailureCause.WRONG_ARRIVAL,
+        steps=90,
+        collisions=1,
+        path_m=2.0,
+        shortest_m=2.0,
+        position_error_m=1.5,
+        yaw_error_rad=0.1,
+    )
     file = keep(tmp_path / "runs", replace(make_trial(), episodes=(episode,)), "ltvn-1.trial.json")
     example_recording.write(file.parent / "drive.rrd")
     (file.parent / "ltvn").mkdir()
@@ -280,7 +292,7 @@ def test_a_damaged_drive_costs_the_images_and_nothing_else(tmp_path: Path) -> No
     (there / "drive.rrd").write_bytes(b"no recording")
     (there / "ltvn").mkdir()
     for episode in trial.episodes:
-        (there / "ltvn" / f"failure-{episode.episode:04d}.rrd").write_bytes(b"no recording")
+        (there / "ltvn" / f"failure-{episode.query:04d}.rrd").write_bytes(b"no recording")
     ReportVerb(folder=tmp_path / "runs", output=tmp_path / "report.html").run()
     read = Reader((tmp_path / "report.html").read_text(encoding="utf-8"))
     assert [word for word in read.words if word.startswith("ltvn replay")]

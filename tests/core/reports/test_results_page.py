@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 
 from ltvn_core.errors import OptionError
-from ltvn_core.evaluation.encounters import EncounterCounts
+from ltvn_core.evaluation.query_result import EncounterCounts
 from ltvn_core.evaluation.results import EvaluationResults, save_results
 from ltvn_core.reports.evaluation_blocks import FIGURE_KINDS, fill_results_page, markdown_tables
 from ltvn_core.reports.evaluation_files import find_results

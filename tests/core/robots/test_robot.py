@@ -7,9 +7,9 @@ import pytest
 
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.errors import OptionError
-from ltvn_core.robots.rectified_robot import fit_camera
 from ltvn_core.robots.robot import WallClock
 from ltvn_core.robots.robot_spec import LOCOBOT
+from ltvn_core.robots.robot_view import fit_camera
 from ltvn_core.types import Observation, Twist
 from tests.core.flat_world import FlatRobot, one_room
 

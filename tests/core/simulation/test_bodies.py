@@ -14,9 +14,9 @@ from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.simulation import body_selection
 from ltvn_core.simulation.body import PERSON_RADIUS_M, TICKS_PER_SECOND, Body
 from ltvn_core.simulation.body_selection import choose_body, open_body
-from ltvn_core.simulation.drivetrain import Drivetrain
 from ltvn_core.simulation.planar_body import PlanarBody
 from ltvn_core.simulation.scene_registry import load_scene
+from ltvn_core.simulation.wheel_odometry import Drivetrain
 from ltvn_core.types import Pose, Twist
 from tests.core.simulation.two_room_mesh import box_house, save
 

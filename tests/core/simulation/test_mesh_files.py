@@ -11,7 +11,7 @@ import pytest
 from trimesh.exchange.gltf import export_glb
 
 from ltvn_core.errors import SceneError
-from ltvn_core.simulation.meshes import gltf_file
+from ltvn_core.simulation.meshes import mesh_file
 from ltvn_core.simulation.meshes.mesh_file import read_mesh
 from tests.core.simulation.two_room_mesh import box_house, save
 
@@ -73,7 +73,7 @@ def test_a_mesh_that_is_compressed_with_draco_is_read(tmp_path: Path, monkeypatc
     read = read_mesh(path).surfaces.vertices
     assert np.allclose([read.min(axis=0), read.max(axis=0)], house.bounds, atol=0.01)
 
-    monkeypatch.setattr(gltf_file, "is_installed", lambda _: False)
+    monkeypatch.setattr(mesh_file, "is_installed", lambda _: False)
     with pytest.raises(SceneError, match=r"pip install 'ltvn\[sim\]'"):
         read_mesh(path)
 

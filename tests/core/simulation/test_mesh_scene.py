@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 import trimesh
 
-from ltvn_core.composition import open_simulation
 from ltvn_core.errors import SceneError
 from ltvn_core.recording.reader import Recording
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.simulation.meshes.mesh_textures import TextureCollector
+from ltvn_core.simulation.opening import open_simulation
 from ltvn_core.simulation.rendering.embree_renderer import EmbreeRenderer
 from ltvn_core.simulation.scene import Scene
 from ltvn_core.simulation.scene_registry import load_scene

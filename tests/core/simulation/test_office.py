@@ -9,8 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ltvn_core.simulation.apartments.generation import Building
-from ltvn_core.simulation.apartments.office import FURNISHINGS, generate_office
-from ltvn_core.simulation.apartments.office_plan import generate_office_plan
+from ltvn_core.simulation.apartments.office import FURNISHINGS, generate_office, generate_office_plan
 from ltvn_core.simulation.apartments.seeded_rng import SeededRng
 from ltvn_core.simulation.clearance_map import PLANNING_CLEARANCE_M, ClearanceMap
 from ltvn_core.simulation.rooms import Room, RoomKind

@@ -131,7 +131,6 @@ def test_the_robot_stands_300_ms_after_the_last_drive_command(robot: SimulatedRo
     assert robot.speeds == ZERO_TWIST
     robot.advance(2.0)
     assert np.array_equal(robot.exact_pose, stands)
-    assert robot.lease_expiries == 1
 
 
 def test_a_hanging_simulation_does_not_drive_on_when_it_catches_up(robot: SimulatedRobot) -> None:
@@ -152,7 +151,6 @@ def test_stop_brakes_at_once(robot: SimulatedRobot) -> None:
     stands = robot.exact_pose
     robot.advance(1.0)
     assert np.array_equal(robot.exact_pose, stands)
-    assert robot.lease_expiries == 0
 
 
 def test_stop_from_another_thread_stops(robot: SimulatedRobot) -> None:

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ltvn_core.composition import open_predictor, open_simulation
 from ltvn_core.config import ROBUST
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.ltvn import ltvn_system
 from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.predictors.opening import open_predictor
 from ltvn_core.recording.run_description import RunDescription
 from ltvn_core.simulation.apartments.floor_plan import FloorPlan
 from ltvn_core.simulation.apartments.materials import choose_apartment_materials, choose_room_materials
@@ -17,6 +17,7 @@ from ltvn_core.simulation.apartments.occupancy_grid import OccupancyGrid
 from ltvn_core.simulation.apartments.room_shell import RoomShell, wall_sides
 from ltvn_core.simulation.apartments.seeded_rng import SeededRng
 from ltvn_core.simulation.clearance_map import ClearanceMap
+from ltvn_core.simulation.opening import open_simulation
 from ltvn_core.simulation.rooms import Doorway, Room, RoomKind
 from ltvn_core.simulation.scene import Scene
 from ltvn_core.simulation.scene_parts import SceneParts

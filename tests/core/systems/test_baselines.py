@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ltvn_core.composition import open_simulation, open_system
 from ltvn_core.config import PAPER, ROBUST
 from ltvn_core.errors import MapError
+from ltvn_core.evaluation.query_run import judge_goal_reached, run_query
 from ltvn_core.graph.expansion import reachable_nodes
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.localiser import GLOBAL, LOCAL, LocalisationPrior
@@ -17,12 +17,13 @@ from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.graph.planner import Planner
 from ltvn_core.graph.topological_graph import TopologicalGraph
-from ltvn_core.navigation.episode import judge_goal_reached, run_episode
 from ltvn_core.navigation.navigator import Navigator
 from ltvn_core.recording.reader import Recording
+from ltvn_core.simulation.opening import open_simulation
 from ltvn_core.simulation.oracle_predictor import OraclePredictor
 from ltvn_core.simulation.scene_registry import load_scene
 from ltvn_core.systems import temporal_distance
+from ltvn_core.systems.registry import open_system
 from ltvn_core.systems.sptm import (
     MAX_NODES_AHEAD,
     MAX_SHORTCUTS,
@@ -198,7 +199,7 @@ def test_each_system_reaches_goals_in_the_demo_apartment(name: str, images: list
     robot = simulation.robot
     navigator = Navigator(robot, graph, keyframes, predictor, ROBUST, np.random.default_rng(0), system=system)
     for query, goal in enumerate([nodes[len(nodes) // 3], nodes[2 * len(nodes) // 3]]):
-        episode = run_episode(
+        episode = run_query(
             navigator,
             goal,
             query,

@@ -11,6 +11,7 @@ from ltvn_core.graph.ltvn import LifelongMaintenance, ltvn_system
 from ltvn_core.graph.maintenance import AttemptEvidence
 from ltvn_core.graph.navigation_system import NoMaintenance
 from ltvn_core.graph.presence.edge_presence import KnownPresence
+from ltvn_core.graph.presence.persistent import PERSISTENT
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.systems.brm import BayesianEdges
 from ltvn_core.systems.maintenance import recorded_filter, with_maintenance
@@ -24,7 +25,7 @@ def test_every_system_can_have_every_maintenance() -> None:
         system = entry.factory(ROBUST)
         for name in MAINTENANCE_NAMES:
             changed = with_maintenance(system, name, truth=truth, room_of=lambda node: 0)
-            knows_presence = name in ("persistent", "forgetting", "fremen", "truth")
+            knows_presence = name in ("persistent", "truth")
             assert (changed.presence is not None) == knows_presence
             assert (type(changed.maintenance) is NoMaintenance) == (name == "static")
             assert (changed.views is not None) == knows_presence
@@ -45,6 +46,11 @@ def test_brms_update_can_maintain_the_map_of_any_system_and_closes_nothing_for_t
     changed = with_maintenance(ltvn_system(ROBUST), "brm")
     assert isinstance(changed.maintenance, BayesianEdges)
     assert recorded_filter("brm") is None
+
+
+@pytest.mark.parametrize("name", ["", "persistent", "fremen", "forgetting"])
+def test_recordings_of_filters_that_left_are_looked_at_with_the_one_that_stayed(name: str) -> None:
+    assert recorded_filter(name) is PERSISTENT
 
 
 def test_a_system_knows_no_presence_unless_it_is_asked_for() -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from ltvn_core.errors import MapError
-from ltvn_core.graph.goal_standing import GoalReport, Standing
+from ltvn_core.graph.map_coverage import GoalReport, Standing
 from ltvn_core.network.weights_file import weights_fingerprint
 from ltvn_core.recording.map_file import load_map
 from ltvn_core.recording.reader import Recording

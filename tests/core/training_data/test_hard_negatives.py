@@ -4,8 +4,7 @@ import numpy as np
 
 from ltvn_core.geometry import wrap_angle
 from ltvn_core.robots.robot_spec import LOCOBOT
-from ltvn_core.training_data.camera_variation import CameraVariation
-from ltvn_core.training_data.pose_sampling import ClusterSampling
+from ltvn_core.training_data.pose_sampling import CameraVariation, ClusterSampling
 from ltvn_core.training_data.shard_generation import DatasetRecipe, make_shard
 from ltvn_core.training_data.shards import Shard
 from tests.core.training_data.box_world import two_rooms

@@ -5,8 +5,7 @@ import pytest
 
 from ltvn_core.geometry import relative
 from ltvn_core.robots.robot_spec import LOCOBOT
-from ltvn_core.training_data import reachability_criteria
-from ltvn_core.training_data.reachability_labels import FailedCriteria, PairLabels, label_poses
+from ltvn_core.training_data.reachability_labels import FailedCriteria, PairLabels, label_poses, overlap, path_ratio
 from ltvn_core.training_data.shard_generation import render_poses
 from tests.core.training_data.box_world import two_rooms
 
@@ -65,8 +64,8 @@ def test_overlap_is_the_share_of_the_targets_points_that_the_source_sees() -> No
     poses = np.array([[0.5, 2, 0], [2.5, 2, 0]])  # Driving ahead narrows the view.
     _, depth_mm = render_poses(WORLD.camera, poses)
     depth, camera = depth_mm / np.float32(1000), LOCOBOT.camera
-    ahead = reachability_criteria.overlap(relative(poses[:1], poses[1:]), depth[:1], depth[1:], camera)[0]
-    back = reachability_criteria.overlap(relative(poses[1:], poses[:1]), depth[1:], depth[:1], camera)[0]
+    ahead = overlap(relative(poses[:1], poses[1:]), depth[:1], depth[1:], camera)[0]
+    back = overlap(relative(poses[1:], poses[:1]), depth[1:], depth[:1], camera)[0]
     assert ahead > 0.9
     assert back < 0.6
 
@@ -75,13 +74,13 @@ def test_overlap_is_full_with_itself_and_empty_when_turned_away() -> None:
     poses = np.array([[2, 2, 0], [2, 2, np.pi]])
     _, depth_mm = render_poses(WORLD.camera, poses)
     depth, camera = depth_mm / np.float32(1000), LOCOBOT.camera
-    assert reachability_criteria.overlap(np.zeros((1, 3)), depth[:1], depth[:1], camera)[0] == pytest.approx(1)
-    assert reachability_criteria.overlap(relative(poses[:1], poses[1:]), depth[:1], depth[1:], camera)[0] == 0
+    assert overlap(np.zeros((1, 3)), depth[:1], depth[:1], camera)[0] == pytest.approx(1)
+    assert overlap(relative(poses[:1], poses[1:]), depth[:1], depth[1:], camera)[0] == 0
 
 
 def test_the_path_ratio_is_one_on_a_free_line_and_large_around_a_wall() -> None:
     poses = np.array([[3.4, 1.5, 0], [2, 1.5, 0], [4.6, 1.5, 0]])
-    ratio = reachability_criteria.path_ratio(poses[[0, 0]], poses[[1, 2]], WORLD.floor, limit=10)
+    ratio = path_ratio(poses[[0, 0]], poses[[1, 2]], WORLD.floor, limit=10)
     assert ratio[0] == pytest.approx(1)
     assert ratio[1] > 2
 

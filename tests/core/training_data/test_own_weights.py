@@ -9,14 +9,15 @@ import pytest
 import torch
 
 from ltvn_core.errors import WeightsError
+from ltvn_core.network.network_families import PairNetwork
 from ltvn_core.network.optimization.fine_tuning_loop import FineTuningPlan
-from ltvn_core.network.optimization.hyperparameters import Hyperparameters
-from ltvn_core.network.pair_network import PairNetwork
+from ltvn_core.network.optimization.trainer import Hyperparameters
 from ltvn_core.network.weights_file import card_path, load_weights, read_card, save_weights, weights_fingerprint
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.systems.registry import system_entry
 from ltvn_core.training.fine_tuning import FineTunedWeights, FineTuningProvenance, FineTuningReporter, fine_tune
 from ltvn_core.training.fine_tuning_data import CALIBRATION_SCENES, REHEARSAL_SCENES, label_drive
+from ltvn_core.training.system_training import system_training
 from ltvn_core.training_data.pose_sampling import ClusterSampling
 from ltvn_core.training_data.random_walk import WalkRecipe
 from ltvn_core.training_data.shard_generation import DatasetRecipe, make_shard
@@ -65,7 +66,7 @@ def fine_tune_for(
     cancelled: Event | None = None,
 ) -> FineTunedWeights | None:
     """Fine-tune weights on the drive as the evaluation of a system does."""
-    training = system_entry(system).training
+    training = system_training(system_entry(system))
     return fine_tune(
         label_drive(observations_at(WAY), "scene-0", camera=LOCOBOT.camera, rule=training.label_rule()),
         training.rehearsal(data),

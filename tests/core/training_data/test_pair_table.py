@@ -4,9 +4,16 @@ import numpy as np
 import pytest
 
 from ltvn_core.robots.robot_spec import LOCOBOT
-from ltvn_core.training_data.camera_projection import project, unproject, waypoint_outline
-from ltvn_core.training_data.failure_explanations import limits_from_recipe, reasons, single_criteria
-from ltvn_core.training_data.pair_table import PairFilter, PairTable
+from ltvn_core.training_data.pair_table import (
+    PairFilter,
+    PairTable,
+    limits_from_recipe,
+    project,
+    reasons,
+    single_criteria,
+    unproject,
+    waypoint_outline,
+)
 from ltvn_core.training_data.reachability_labels import FailedCriteria, ReachabilityLimits
 from tests.core.network.tiny_data import tiny_shard
 

@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 
 from ltvn_core.systems.registry import system_entry
-from ltvn_core.training.system_training import TemporalTraining
-from ltvn_core.training_data.random_walk import WalkRecipe
-from ltvn_core.training_data.temporal_pairs import label_walks
+from ltvn_core.training_data.random_walk import WalkRecipe, label_walks
 from ltvn_core.training_data.temporal_rules import TemporalClosenessRule, TemporalDistanceRule
 from ltvn_core.training_data.trajectory import Trajectory, select_keyframes
 from ltvn_core.training_data.trajectory_pairs import REACHABLE, UNKNOWN, UNREACHABLE, label_trajectory
@@ -60,9 +58,9 @@ def test_a_pair_across_a_jump_of_odometry_lacks_a_pose_and_is_left_out() -> None
 @pytest.mark.parametrize("rival", ["sptm", "ving"])
 def test_walks_become_a_shard_whose_pairs_obey_the_rule(rival: str) -> None:
     walks = WalkRecipe(walks=2, images=96).make(two_rooms())
-    training = system_entry(rival).training
-    assert isinstance(training, TemporalTraining)
-    labelled = label_walks(walks, training.rule, np.random.default_rng(1))
+    learning = system_entry(rival).learning
+    assert learning is not None
+    labelled = label_walks(walks, learning.rule, np.random.default_rng(1))
     same = walks.group[labelled.sources] == walks.group[labelled.targets]
     steps = labelled.targets - labelled.sources
     assert not labelled.reachable[~same].any()

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from ltvn_core.navigation.events import Judged
-from ltvn_core.recording.integrity import verify
+from ltvn_core.recording.damage.integrity import verify
 from ltvn_core.recording.map_file import load_map
 from ltvn_core.recording.reader import Recording
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from ltvn_core.cameras.camera_model import CameraModel
-from ltvn_core.composition import open_predictor
 from ltvn_core.errors import DatasetError, OptionError, RecordingError, WeightsError
 from ltvn_core.evaluation.predictor_accuracy.judged_sequence import read_sequence
 from ltvn_core.predictors.geometric_calibration import shipped_calibration
+from ltvn_core.predictors.opening import open_predictor
 from ltvn_core.recording.drive_part import DrivePart
 from ltvn_core.recording.reader import Recording
 from ltvn_core.recording.writer import RecordingWriter

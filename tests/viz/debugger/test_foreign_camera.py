@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import ltvn_core as ltvn
-from ltvn_core.composition import open_predictor
 from ltvn_core.graph.deltas import Cause
 from ltvn_core.navigation.events import GraphChanged, StampedEvent
+from ltvn_core.predictors.opening import open_predictor
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_viz.app_setup import open_app_state
 from ltvn_viz.server.thumbnails import ThumbnailStore

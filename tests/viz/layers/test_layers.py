@@ -11,7 +11,7 @@ import pytest
 import viser
 
 from ltvn_core import palette
-from ltvn_core.analysis.graph_history import FadingEdges, GraphArrays
+from ltvn_core.analysis.map_history import FadingEdges, GraphArrays
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_viz.layers.changes_layer import ChangesLayer
 from ltvn_viz.layers.graph_layers import REDRAW_EVERY_S, EdgesLayer, NodesLayer, offset_right

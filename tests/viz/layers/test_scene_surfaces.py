@@ -12,7 +12,7 @@ import trimesh
 from ltvn_core.simulation.gltf_export import to_glb
 from ltvn_core.simulation.surfaces import Surfaces
 from ltvn_viz.layers.cutaway import cut_away
-from ltvn_viz.layers.unlit_materials import face_light, marked_unlit
+from ltvn_viz.layers.scene_assets import face_light, marked_unlit
 
 
 def a_box(low: float, high: float) -> Surfaces:

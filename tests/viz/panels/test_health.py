@@ -7,7 +7,7 @@ import pytest
 from ltvn_core.navigation.events import Severity
 from ltvn_core.palette import Rgb8
 from ltvn_viz.debugger.charts import Axis, step_chart_svg
-from ltvn_viz.panels.health import Health, health_button, health_numbers, health_of
+from ltvn_viz.panels.status_panel import Health, health_button, health_numbers, health_of
 from ltvn_viz.server.glossary import TERMS, explained
 from ltvn_viz.session.snapshot import LoopRates, Message, Snapshot
 from ltvn_viz.session.snapshot_builder import RateMeter

@@ -13,8 +13,7 @@ import viser
 from PIL import Image
 
 from ltvn_core.errors import ImageError
-from ltvn_viz.panels.image_upload import decode_upload
-from ltvn_viz.panels.navigation_panel import NavigationPanel
+from ltvn_viz.panels.navigation_panel import NavigationPanel, decode_upload
 from ltvn_viz.session import commands as c
 
 _MEASURE = """
@@ -22,7 +21,7 @@ import io, re, sys
 from pathlib import Path
 from PIL import Image
 from ltvn_core.network.allocator import retain_freed_memory
-from ltvn_viz.panels.image_upload import decode_upload
+from ltvn_viz.panels.navigation_panel import decode_upload
 
 def memory_mb(name):
     return int(re.search(name + r":\\s+(\\d+) kB", Path("/proc/self/status").read_text())[1]) / 1024

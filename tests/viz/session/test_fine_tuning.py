@@ -14,9 +14,8 @@ from ltvn_core.errors import WeightsError
 from ltvn_core.navigation.events import Severity
 from ltvn_core.network.optimization.fine_tuning_loop import FineTuningData
 from ltvn_core.network.weights_file import read_card, weights_fingerprint
-from ltvn_core.training.drive_source import DriveSource
 from ltvn_core.training.fine_tuning import FineTunedWeights
-from ltvn_core.training.fine_tuning_data import ProgressReporter
+from ltvn_core.training.fine_tuning_data import DriveSource, ProgressReporter
 from ltvn_core.training_data.trajectory_pairs import OdometryLabelRule, TrajectoryPairs
 from ltvn_core.types import ZERO_TWIST, Twist
 from ltvn_viz.server.keymap import FOR_EVERYBODY, Action

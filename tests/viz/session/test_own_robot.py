@@ -14,11 +14,11 @@ from ltvn_core.robots.robot import WallClock
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.types import CONTROL_STEP_S, Features, Observation, RobotState, Twist
 from ltvn_viz.session import commands as c
-from ltvn_viz.session.hints import hint
 from ltvn_viz.session.live_robot import LiveRobot
 from ltvn_viz.session.live_run import TICK_S
 from ltvn_viz.session.modes import Mode
 from ltvn_viz.session.snapshot import ImageSource, Snapshot
+from ltvn_viz.session.snapshot_builder import hint
 from tests.core.flat_world import FlatPredictor, FlatRobot, observation_at
 from tests.viz.session_harness import ONE_ROOM, InlineExecutor, SessionHarness
 from tests.waiting import until
@@ -214,7 +214,7 @@ def test_the_last_command_is_renewed_while_a_robot_drives_and_held_while_its_nav
 
 def test_its_images_are_numbered_after_those_of_the_map_that_was_there() -> None:
     own = OwnRobot()
-    robot = LiveRobot(own, first_step=500, first_stamp=60.0)
+    robot = LiveRobot(own, last_step=499, last_stamp_s=59.9)
     own.pass_time(1.0)
     seen = robot.observe()
     assert (seen.step, seen.stamp) == (510, pytest.approx(61.0))

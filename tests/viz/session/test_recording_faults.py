@@ -6,13 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from ltvn_core.recording.integrity import verify
+from ltvn_core.recording.damage.integrity import verify
 from ltvn_core.recording.reader import Recording
 from ltvn_core.recording.writer import RecordingWriter
 from ltvn_core.types import Twist
 from ltvn_viz.session import commands as c
-from ltvn_viz.session.daemon_executor import DaemonExecutor
 from ltvn_viz.session.modes import Mode
+from ltvn_viz.session.recorder import DaemonExecutor
 from tests.viz.session_harness import FakeWriter, SessionHarness
 from tests.waiting import until
 

@@ -6,7 +6,7 @@ import pytest
 
 from ltvn_core.navigation.events import Severity
 from ltvn_core.robots.link_report import LinkQuality, LinkReport
-from ltvn_viz.panels.health import Health, health_numbers, health_of, link_line
+from ltvn_viz.panels.status_panel import Health, health_numbers, health_of, link_line
 from ltvn_viz.session.robot_link import RobotLink
 from ltvn_viz.session.snapshot import Snapshot
 

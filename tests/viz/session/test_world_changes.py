@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from ltvn_core.errors import WorldError
-from ltvn_core.evaluation.door_story.captions import NO_STORY
+from ltvn_core.evaluation.door_story.story import NO_STORY
 from ltvn_core.navigation.events import ChangedBy, WorldChanged
 from ltvn_core.recording.reader import Recording
 from ltvn_core.worlds.world_change import DoorMoved

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ltvn_core.analysis.graph_history import GraphArrays, GraphHistory
+from ltvn_core.analysis.map_history import GraphArrays, GraphHistory
 from ltvn_core.graph.deltas import (
     Belief,
     BeliefUpdated,
@@ -21,7 +21,7 @@ from ltvn_core.graph.deltas import (
 )
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.types import Twist
-from ltvn_viz.session.hints import hint
+from ltvn_viz.session.snapshot_builder import hint
 from ltvn_viz.timeline.run_moment import moment_of
 from tests.viz.session_harness import SessionHarness
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ltvn_core.errors import OptionError
-from ltvn_core.evaluation.presence.duration_fit import fit_durations, stays_of
+from ltvn_core.evaluation.presence.filter_fit import fit_durations, stays_of
 from ltvn_core.evaluation.presence.sequences import read_sequences
 from ltvn_core.graph.presence.persistent import SightErrors
 from tests.repository import ROOT
@@ -43,13 +43,13 @@ def test_kinds_of_stays_are_told_apart() -> None:
     assert sorted(found.weights) == pytest.approx([0.4, 0.6], abs=0.05)
 
 
-def test_a_filter_of_stays_foretells_regular_changes_better_than_one_that_forgets(tmp_path: Path) -> None:
+def test_a_filter_of_stays_foretells_regular_changes_better_than_the_last_look_does(tmp_path: Path) -> None:
     files = [write_room(tmp_path / f"{seed}.npz", seed, length_s=2500.0) for seed in (0, 1)]
     found = Compare(fit=files[0], test=files[1], ahead=60.0, json=tmp_path / "found.json").run()
     brier = {each.name: (each.now.brier, each.ahead.brier) for each in found.filters}
-    assert list(brier) == ["last look", "forgetting", "fremen", "persistent"]
+    assert list(brier) == ["last look", "persistent"]
     assert brier["persistent"][0] < brier["last look"][0]
-    assert brier["persistent"][1] < brier["forgetting"][1]
+    assert brier["persistent"][1] < brier["last look"][1]
     assert ComparedFilters.load(tmp_path / "found.json") == found
 
 

@@ -2,8 +2,9 @@
 
 import pytest
 
+from ltvn_core.evaluation.query_result import PresenceBin, PresenceScore, QueryResult
+from ltvn_core.evaluation.results import DoorMove, WorldResult
 from ltvn_core.evaluation.worlds.world_metrics import reopening_waits, world_metrics
-from ltvn_core.evaluation.worlds.world_results import DoorMove, PresenceBin, PresenceScore, WorldQuery, WorldResult
 
 EMPTY = PresenceBin(0, 0.0, 0.0)
 
@@ -23,8 +24,8 @@ def query(
     reached: bool = True,
     present: float = 1.0,
     detour_m: float = 0.0,
-) -> WorldQuery:
-    return WorldQuery(
+) -> QueryResult:
+    return QueryResult(
         query=number,
         at_s=100.0 * number,
         start=0,
@@ -50,7 +51,7 @@ def query(
     )
 
 
-def result(queries: list[WorldQuery], seed: int = 0) -> WorldResult:
+def result(queries: list[QueryResult], seed: int = 0) -> WorldResult:
     return WorldResult(
         scene="demo",
         preset="robust",

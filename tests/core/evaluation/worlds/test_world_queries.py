@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -9,12 +10,13 @@ import pytest
 pytest.importorskip("embreex")
 
 from ltvn_core.errors import OptionError
-from ltvn_core.evaluation.results import load_results
+from ltvn_core.evaluation.query_result import QueryBatch
+from ltvn_core.evaluation.results import WorldResult, load_results
+from ltvn_core.evaluation.segments import run_query_batch
 from ltvn_core.evaluation.trial_plans import TrialFiles
 from ltvn_core.evaluation.worlds.schedule import Schedule
-from ltvn_core.evaluation.worlds.world_batches import WorldBatch, run_world_batch
+from ltvn_core.evaluation.worlds.world_drive import WorldDrive
 from ltvn_core.evaluation.worlds.world_plans import WorldFiles, WorldPlan
-from ltvn_core.evaluation.worlds.world_results import WorldResult
 from ltvn_core.recording.map_file import load_map
 from ltvn_core.simulation.changes.world_script import MORNING_S
 from ltvn_core.verbs.jobs.lifelong import WorldSummary
@@ -115,10 +117,12 @@ def test_every_maintenance_gets_the_same_queries(house: Path, summary: WorldSumm
 def test_queries_in_two_batches_come_to_the_same_as_in_one(house: Path, summary: WorldSummary, tmp_path: Path) -> None:
     plan, where = files(house, "persistent")
     again = replace(where, maintenance="again")
-    run_world_batch(plan, again, 0, 2)
-    run_world_batch(plan, again, 2, 4)
-    in_two = [query for ends in ((0, 2), (2, 4)) for query in load_results(again.batch(*ends), WorldBatch).queries]
-    assert in_two == list(load_results(where.batch(0, 4), WorldBatch).queries)
+    for first in (0, 2):
+        run_query_batch(partial(WorldDrive, plan, again), again, first, first + 2)
+    in_two = [
+        query for ends in ((0, 2), (2, 4)) for query in load_results(again.query_batch(*ends), QueryBatch).queries
+    ]
+    assert in_two == list(load_results(where.query_batch(0, 4), QueryBatch).queries)
     assert load_map(again.map(4)).graph == load_map(where.map(4)).graph
 
 

@@ -21,9 +21,9 @@ from ltvn_core.graph.deltas import (
 )
 from ltvn_core.graph.maintenance import AttemptEvidence
 from ltvn_core.graph.planner import Planner
-from ltvn_core.graph.presence.edge_filters import PERSISTENT
 from ltvn_core.graph.presence.edge_presence import FilteredPresence
 from ltvn_core.graph.presence.obstruction import Obstruction, edges_obstructed
+from ltvn_core.graph.presence.persistent import PERSISTENT
 from ltvn_core.graph.presence.presence_maintenance import PresenceMaintenance
 from ltvn_core.graph.presence.presence_observations import seen_open_deltas
 from ltvn_core.graph.presence.presence_plan import plan_by_presence

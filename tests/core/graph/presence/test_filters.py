@@ -3,14 +3,10 @@
 import numpy as np
 import pytest
 
-from ltvn_core.errors import OptionError
 from ltvn_core.graph.presence.durations import DurationMixture
-from ltvn_core.graph.presence.edge_filters import EDGE_FILTERS, PERSISTENT, edge_filter
-from ltvn_core.graph.presence.forgetting import ForgettingFilter
 from ltvn_core.graph.presence.observation import PresenceObservation
-from ltvn_core.graph.presence.persistent import PersistentFilter, SightErrors
+from ltvn_core.graph.presence.persistent import PERSISTENT, PersistentFilter, SightErrors, return_probabilities
 from ltvn_core.graph.presence.presence_filter import presence_probabilities, presence_probability
-from ltvn_core.graph.presence.renewal import return_probabilities
 
 NEVER = DurationMixture.exponential([1e12], [1.0])
 ERRORS = SightErrors(miss=0.2, false_alarm=0.1)
@@ -70,32 +66,6 @@ def test_absence_is_judged_as_presence_is_with_everything_reversed(seed: int) ->
     assert one == pytest.approx(1 - other, abs=0.02)
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_what_may_end_at_any_moment_is_judged_as_by_the_exact_filter_of_such_a_process(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    stay_s, away_s = 300.0, 120.0
-    persistent = PersistentFilter(
-        present=DurationMixture.exponential([stay_s], [1.0]),
-        absent=DurationMixture.exponential([away_s], [1.0]),
-        errors=ERRORS,
-        present_at_first=stay_s / (stay_s + away_s),
-    )
-    exact = ForgettingFilter(np.array(stay_s / (stay_s + away_s)), np.array(1 / (1 / stay_s + 1 / away_s)), ERRORS)
-    changes = np.cumsum(rng.exponential(200, 30))
-    stamps = np.cumsum(rng.exponential(10, 200))
-    there = np.searchsorted(changes, stamps) % 2 == 0
-    found = there ^ (rng.random(200) < np.where(there, ERRORS.miss, ERRORS.false_alarm))
-    row, gaps = np.zeros(1, np.intp), []
-    tracks = [each.follow(1) for each in (persistent, exact)]
-    for k in range(200):
-        for each in tracks:
-            each.observe(row, found[k : k + 1], stamps[k : k + 1])
-        if k % 10 == 0:
-            nows = stamps[k] + np.array([0.0, 60.0, 400.0, 5000.0])
-            gaps += [abs(tracks[0].probability(now) - tracks[1].probability(now)) for now in nows]
-    assert np.mean(gaps) < 0.02
-
-
 def test_the_future_of_what_goes_and_comes_is_that_of_a_simulated_process() -> None:
     rng = np.random.default_rng(5)
     steps, span_s = 32, 700.0
@@ -114,11 +84,10 @@ def test_the_future_of_what_goes_and_comes_is_that_of_a_simulated_process() -> N
 def test_many_things_are_judged_as_each_alone() -> None:
     rng = np.random.default_rng(2)
     histories = [looks(rng, gone_at)[: rng.integers(0, 25)] for gone_at in (0, 40, 80, 200)]
-    for presence_filter in EDGE_FILTERS.values():
-        together = presence_probabilities(presence_filter, histories, 400.0)
-        alone = [presence_probability(presence_filter, history, 400.0) for history in histories]
-        assert together == pytest.approx(alone)
-        assert np.all((together >= 0) & (together <= 1))
+    together = presence_probabilities(PERSISTENT, histories, 400.0)
+    alone = [presence_probability(PERSISTENT, history, 400.0) for history in histories]
+    assert together == pytest.approx(alone)
+    assert np.all((together >= 0) & (together <= 1))
 
 
 def test_what_was_seen_later_says_nothing_of_a_moment_before() -> None:
@@ -139,19 +108,6 @@ def test_a_door_that_opened_again_is_believed_to_be_open() -> None:
     seen = [PresenceObservation(present=False, stamp_s=float(at)) for at in (0, 600)]
     seen.append(PresenceObservation(present=True, stamp_s=2000.0))
     assert presence_probability(PERSISTENT, seen, 2600.0) > 0.9
-
-
-def test_fremen_foretells_what_happens_every_day() -> None:
-    hours = np.arange(0, 6 * 24, 0.5)
-    seen = [PresenceObservation(bool(8 <= hour % 24 < 20), float(hour * 3600)) for hour in hours]
-    noon, midnight = (presence_probability(edge_filter("fremen"), seen, (6 * 24 + hour) * 3600) for hour in (14, 26))
-    assert noon > 0.8
-    assert midnight < 0.2
-
-
-def test_a_filter_that_there_is_not_is_refused_with_those_there_are() -> None:
-    with pytest.raises(OptionError, match="always, persistent, forgetting, fremen"):
-        edge_filter("kalman")
 
 
 def test_a_mixture_that_does_not_sum_to_one_is_refused() -> None:

@@ -10,7 +10,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from ltvn_core.errors import DriveError
-from ltvn_core.importing.lerobot.table_limits import rows_at_once
+from ltvn_core.importing.lerobot.dataset import rows_at_once
 from ltvn_core.importing.lerobot_reader import LerobotReader
 from ltvn_core.importing.raw_frame import RawFrame, ReadOptions
 from tests.core.importing.lerobot.dataset_examples import (

@@ -11,7 +11,7 @@ from backports import zstd
 
 from ltvn_core.errors import DriveError
 from ltvn_core.importing.raw_frame import RawFrame, ReadOptions
-from ltvn_core.importing.rosbag.bounded_decompression import MAX_CHUNK_BYTES
+from ltvn_core.importing.rosbag.bag_files import MAX_CHUNK_BYTES
 from ltvn_core.importing.rosbag_reader import RosbagReader
 from tests.core.importing.rosbag.bag_examples import BEGIN_S, bag, colours, jpeg, straight_drive
 

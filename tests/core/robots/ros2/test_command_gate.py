@@ -7,12 +7,11 @@ import pytest
 
 from ltvn_core.errors import RobotError
 from ltvn_core.robots.robot_spec import LOCOBOT, AccelerationLimits, SpeedLimits
-from ltvn_core.robots.ros2.attachment import Attachment
-from ltvn_core.robots.ros2.command_gate import CommandGate
-from ltvn_core.robots.ros2.depth_stop import DepthStop
 from ltvn_core.robots.ros2.freshness import Freshness
+from ltvn_core.robots.ros2.guard import CommandGate, DepthStop
 from ltvn_core.robots.ros2.profile import open_profile
 from ltvn_core.robots.ros2.ros_messages import camera_info_message, image_message
+from ltvn_core.robots.ros2.topic_keys import Attachment
 from ltvn_core.robots.ros2.zenoh_link import Received
 from ltvn_core.types import ZERO_TWIST, Twist
 

@@ -127,8 +127,8 @@ def test_an_evaluation_is_judged_by_the_true_pose_and_goes_on_where_it_was(
 
     assert [json.loads(line)["phase"] for line in lines] == ["before", "queries", "after"]
     assert first["judged_by"] == ["truth"]
-    assert all(json.loads(line)["away_m"] < 3 for line in lines)
-    assert (first["before"]["episodes"], first["queries"]["episodes"], first["after"]["episodes"]) == (1, 1, 1)
+    assert all(json.loads(line)["position_error_m"] < 3 for line in lines)
+    assert (first["before"]["trials"], first["queries"]["trials"], first["after"]["trials"]) == (1, 1, 1)
     assert (tmp_path / "map-1.rrd").exists()
     assert again["before"] == first["before"]
     assert (tmp_path / "episodes.jsonl").read_text(encoding="utf-8").splitlines()[:2] == lines[:2]

@@ -14,8 +14,8 @@ from zenoh_ros2_sdk.utils import get_type_hash, load_dependencies_recursive
 from ltvn_core.cli import run_verb
 from ltvn_core.errors import RobotError
 from ltvn_core.geometry import wrap_angle
-from ltvn_core.robots.continued_robot import ContinuedRobot
 from ltvn_core.robots.robot_plugins import open_robot
+from ltvn_core.robots.robot_view import ContinuedRobot
 from ltvn_core.robots.ros2.profile import shipped_profiles
 from ltvn_core.robots.ros2.ros_cameras import CAMERA_INFO
 from ltvn_core.robots.ros2.ros_images import COMPRESSED_IMAGE, IMAGE

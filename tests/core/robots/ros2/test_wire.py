@@ -16,8 +16,7 @@ from zenoh_ros2_sdk.keyexpr import endpoint_liveliness_keyexpr, node_liveliness_
 
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.errors import DriveError, RobotError
-from ltvn_core.robots.ros2.attachment import Attachment
-from ltvn_core.robots.ros2.compressed_images import compressed_colour_message, compressed_depth_message
+from ltvn_core.robots.ros2.robot_sensors import sensor_colours, sensor_depth, sensor_size
 from ltvn_core.robots.ros2.ros_cameras import CAMERA_INFO
 from ltvn_core.robots.ros2.ros_images import COMPRESSED_IMAGE, IMAGE, decode_colours, decode_metres
 from ltvn_core.robots.ros2.ros_messages import (
@@ -34,8 +33,8 @@ from ltvn_core.robots.ros2.ros_messages import (
     twist_message,
 )
 from ltvn_core.robots.ros2.ros_types import BUMPER, ODOMETRY, TRANSFORMS, TWIST, TWIST_STAMPED, decode, encode
-from ltvn_core.robots.ros2.sensor_images import sensor_colours, sensor_depth, sensor_size
-from ltvn_core.robots.ros2.topic_keys import Endpoint, Role, Topic, node_token
+from ltvn_core.robots.ros2.served_robot import compressed_colour_message, compressed_depth_message
+from ltvn_core.robots.ros2.topic_keys import Attachment, Endpoint, Role, Topic, node_token
 from ltvn_core.types import Twist
 
 Them: Any = their_entities

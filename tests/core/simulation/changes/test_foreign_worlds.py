@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ltvn_core.composition import open_simulation
 from ltvn_core.errors import WorldError
 from ltvn_core.simulation.changes.script_registry import make_script
 from ltvn_core.simulation.changes.world import World
 from ltvn_core.simulation.changes.world_script import DAY_S, HOUR_S
 from ltvn_core.simulation.meshes.mesh_scene import load_mesh_scene
+from ltvn_core.simulation.opening import open_simulation
 from ltvn_core.simulation.rendering.embree_renderer import EmbreeRenderer
 from ltvn_core.simulation.scene import Scene
 from ltvn_core.simulation.simulated_robot import SimulatedRobot

@@ -5,16 +5,16 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from ltvn_core.composition import open_simulation
 from ltvn_core.evaluation.encounters import EncounterLog
 from ltvn_core.navigation.events import WorldChanged
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.simulation.body import PERSON_RADIUS_M
+from ltvn_core.simulation.changes.people import WalkingPerson
 from ltvn_core.simulation.changes.script_registry import make_script
-from ltvn_core.simulation.changes.walking_person import WalkingPerson
 from ltvn_core.simulation.changes.world import World
 from ltvn_core.simulation.changes.world_script import HOUR_S
 from ltvn_core.simulation.clearance_map import ClearanceMap
+from ltvn_core.simulation.opening import open_simulation
 from ltvn_core.simulation.scene import Scene
 from ltvn_core.simulation.scene_registry import load_scene
 from ltvn_core.simulation.simulated_robot import SimulatedRobot

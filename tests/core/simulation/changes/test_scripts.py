@@ -7,11 +7,9 @@ import numpy as np
 import pytest
 
 from ltvn_core.errors import WorldError
-from ltvn_core.simulation.changes.open_routes import OpenRoutes
-from ltvn_core.simulation.changes.script_file import read_script, write_script
-from ltvn_core.simulation.changes.script_registry import SCRIPT_NAMES, make_script
+from ltvn_core.simulation.changes.script_registry import SCRIPT_NAMES, OpenRoutes, make_script
 from ltvn_core.simulation.changes.world import World
-from ltvn_core.simulation.changes.world_script import DAY_S, HOUR_S, WorldScript
+from ltvn_core.simulation.changes.world_script import DAY_S, HOUR_S, WorldScript, read_script, write_script
 from ltvn_core.simulation.scene import Scene
 from ltvn_core.simulation.scene_registry import load_scene
 from ltvn_core.worlds.world_change import DoorMoved, LightChanged, PicturesExchanged, ThingKind, ThingPlaced

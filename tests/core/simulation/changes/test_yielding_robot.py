@@ -5,10 +5,10 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from ltvn_core.composition import open_simulation
 from ltvn_core.navigation.bystanders import Bystanders
 from ltvn_core.navigation.obstacle_memory import ObstacleMemory
 from ltvn_core.robots.robot_spec import LOCOBOT
+from ltvn_core.simulation.opening import open_simulation
 from ltvn_core.simulation.simulated_robot import SimulatedRobot
 from ltvn_core.types import CONTROL_STEP_S, Pose, Twist
 from ltvn_core.worlds.world_change import PersonMoved

@@ -1,0 +1,54 @@
+"""What is found doubtful of a drive, a map, a robot, a goal or a judgement: one record for all of them.
+
+Owns the record and how it is written as sentences. The checks are where their subject is.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+
+class Severity(StrEnum):
+    """How loud a note or a finding is."""
+
+    INFO = "INFO"
+    WARN = "WARN"
+    ERROR = "ERROR"
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One thing that a person should know; it refuses and changes nothing."""
+
+    text: str
+    """What was found and the likely cause, in whole sentences."""
+    severity: Severity = Severity.WARN
+    remedy: str = ""
+    """What to do about it, in whole sentences; empty where `text` asks a question or nothing can be done."""
+    where: str = ""
+    """Name of the drive, file, topic or goal that the finding is about; empty where it is about the whole."""
+
+    def __str__(self) -> str:
+        """Write text and remedy as one paragraph."""
+        return f"{self.text} {self.remedy}".rstrip()
+
+    def of(self, name: str) -> "Finding":
+        """Return this finding as one about `name`, which its text then begins with."""
+        return replace(self, text=f"{name}: {self.text}", where=name)
+
+
+def findings_of(texts: Iterable[str]) -> tuple[Finding, ...]:
+    """Return findings of sentences that nobody split, such as those of a plug-in's reader."""
+    return tuple(Finding(text) for text in texts)
+
+
+class WithDoubts:
+    """Adds `doubts`, the findings as texts, to a class with `findings`; JSON summaries keep both."""
+
+    __slots__ = ()
+    findings: tuple[Finding, ...]
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """The findings, a paragraph each."""
+        return tuple(map(str, self.findings))

@@ -1,0 +1,114 @@
+"""Baselines: how their networks are trained, how they are judged, and the model card of their weights.
+
+A baseline knows only time, so a pair far apart in space is not certainly a negative for it. Therefore its plans are
+ours without everything that needs poses or maps: nothing is mined, and no pair of one scene counts as far because of
+its poses. `ltvn_core.network.weights_file` writes the card.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ltvn_core.geometry import relative
+from ltvn_core.network.architecture import PairArchitecture
+from ltvn_core.network.metrics.pair_evaluation import encode_images, predict_pairs
+from ltvn_core.network.metrics.reachability_metrics import pair_metrics, share
+from ltvn_core.network.model_card import TrainingDataSummary
+from ltvn_core.network.optimization.fine_tuning_loop import FineTuningPlan
+from ltvn_core.network.optimization.hard_negative_mining import FarCriterion
+from ltvn_core.network.optimization.trainer import Hyperparameters
+from ltvn_core.network.optimization.training_loop import TrainingPlan
+from ltvn_core.network.training_examples import SceneExamples
+from ltvn_core.types import Predictor
+
+_ONLY_OTHER_SCENES = FarCriterion(distance_m=1e6, yaw_rad=4.0)
+"""Larger than any scene, so that only pairs of different scenes are far."""
+
+
+def baseline_hyperparameters(learning: Hyperparameters, *, even_distances: bool) -> Hyperparameters:
+    """Return what of a plan suits a baseline; without `even_distances` it learns from pairs as often as they occur."""
+    evened = even_distances and learning.evened
+    return replace(learning, far=_ONLY_OTHER_SCENES, confusions=0, hardness=0.0, evened=evened)
+
+
+def baseline_training_plan(
+    *, even_distances: bool, minutes: float, steps: int | None, seed: int, fresh: bool = False
+) -> TrainingPlan:
+    """Return how a baseline's network is trained (all ours), from trained weights or `fresh`, for steps or minutes."""
+    rate = 2e-3 if fresh else 5e-4
+    learning = Hyperparameters(
+        seed=seed, groups=6, pairs_per_group=30, hard=24, random=0, rate=rate, warm_up=0.1, average=0.99
+    )
+    plan = TrainingPlan(
+        learning=baseline_hyperparameters(learning, even_distances=even_distances),
+        architecture=PairArchitecture(),
+        minutes=minutes,
+        validations=3,
+        minings=0,
+    )
+    return plan if steps is None else replace(plan, minutes=None, steps=steps)
+
+
+def baseline_fine_tuning_plan(plan: FineTuningPlan, *, even_distances: bool) -> FineTuningPlan:
+    """Return a plan of fine-tuning without what a baseline does not know."""
+    return replace(plan, learning=baseline_hyperparameters(plan.learning, even_distances=even_distances), minings=0)
+
+
+@dataclass(frozen=True)
+class BaselineMetrics:
+    """Metrics of a network on the labels of a baseline."""
+
+    pairs: int
+    """Labelled pairs."""
+    accuracy: float
+    """Share of the labels that a threshold of 0.5 on r predicts correctly."""
+    auc: float
+    ece: float
+    """Calibration error of r."""
+    position_median_m: float
+    """Median position error of the pairs labelled reachable, as the following fields."""
+    position_p90_m: float
+    yaw_median_deg: float
+
+
+@dataclass(frozen=True)
+class BaselineCard:
+    """The model card of the weights of a baseline."""
+
+    rival: str
+    parent: str | None
+    """Fingerprint of the weights that training started from: backbone and pose are theirs; None if it began afresh."""
+    parent_card: Mapping[str, Any] | None
+    """Their card; None also where the new ones add layers to them, so that they are needed beside."""
+    rule: Mapping[str, Any]
+    """The rule that labels pairs."""
+    trained_on: TrainingDataSummary
+    """Random walks; the metrics below are from the validation scenes, on which r is also calibrated."""
+    plan: TrainingPlan
+    steps: int
+    pairs_compared: int
+    minutes: float
+    commands: Sequence[str]
+    """What makes these weights again, up to the time that training took elsewhere."""
+    before: BaselineMetrics | None
+    """Of the weights that training started from, if there were any,"""
+    after: BaselineMetrics
+    """and of these."""
+
+
+def evaluate_baseline(predictor: Predictor, scenes: Sequence[SceneExamples]) -> BaselineMetrics:
+    """Evaluate a predictor on all labelled pairs of scenes."""
+    scores, waypoints = (np.concatenate(part) for part in zip(*(_predict(predictor, s) for s in scenes), strict=True))
+    reachable = np.concatenate([scene.reachable for scene in scenes])
+    true = np.concatenate([relative(scene.poses[scene.sources], scene.poses[scene.targets]) for scene in scenes])
+    found = asdict(pair_metrics(scores, waypoints, reachable, true))
+    named = {field.name: found[field.name] for field in fields(BaselineMetrics) if field.name in found}
+    return BaselineMetrics(accuracy=share((scores > 0.5) == reachable), **named)
+
+
+def _predict(predictor: Predictor, scene: SceneExamples) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    features = encode_images(predictor, scene.rgb, scene.depth_mm)
+    return predict_pairs(predictor, features, scene.sources.astype(np.intp), scene.targets.astype(np.intp))

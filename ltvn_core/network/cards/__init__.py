@@ -1,1 +1,0 @@
-"""Model cards, which are stored beside weights: their training data, settings and metrics."""

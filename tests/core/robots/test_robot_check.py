@@ -1,0 +1,96 @@
+"""What cannot be right of a drive is told once, and nothing is told of a drive that is in order."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ltvn_core.navigation.events import Note, Severity
+from ltvn_core.recording.reader import Recording
+from ltvn_core.recording.recorded_robot import RecordedRobot, record_images
+from ltvn_core.recording.writer import RecordingWriter
+from ltvn_core.robots.robot_check import ObservationCheck, sequence_findings
+from ltvn_core.types import Observation
+from tests.core.flat_world import FlatRobot, one_room
+from tests.core.recording import example_recording
+from tests.repository import DEMO_DRIVE, DEMO_MAP
+
+
+def drive(images: int = 40) -> list[Observation]:
+    """A straight drive of 0.1 m a step whose images all differ."""
+    straight = [np.array([0.1 * k, 0.0, 0.0]) for k in range(images)]
+    return [
+        replace(example_recording.observation(k), odometry=pose, stamp=0.1 * k, step=k)
+        for k, pose in enumerate(straight)
+    ]
+
+
+Change = Callable[[list[Observation]], list[Observation]]
+
+
+def at(place: int, **fields: object) -> Change:
+    return lambda images: [replace(seen, **fields) if k == place else seen for k, seen in enumerate(images)]  # type: ignore[arg-type]
+
+
+WRONG: dict[str, tuple[Change, str]] = {
+    "repeated step": (at(7, step=6), "Step 6 came twice"),
+    "backward step": (at(7, step=2), "Step 2 comes after step 6"),
+    "backward stamp": (at(7, stamp=0.2), "goes back from 0.600 s to 0.200 s"),
+    "standing clock": (lambda images: [replace(seen, stamp=1.0) for seen in images], "clock stand still"),
+    "jump": (at(7, odometry=np.array([100.0, 0.0, 0.0])), "jumps by 99 m"),
+    "alike": (
+        lambda images: [replace(seen, rgb=images[0].rgb) for seen in images],
+        "are equal, though the robot drove",
+    ),
+    "covered": (lambda images: [replace(seen, rgb=np.zeros_like(seen.rgb)) for seen in images], "is it covered?"),
+}
+
+
+@pytest.mark.parametrize("what", WRONG)
+def test_what_cannot_be_right_is_told_once(what: str) -> None:
+    change, said = WRONG[what]
+    told = sequence_findings(change(drive()))
+    assert len([finding for finding in told if said in str(finding)]) == 1
+
+
+def test_a_drive_in_order_is_not_doubted() -> None:
+    assert sequence_findings(drive()) == ()
+    standing = [replace(seen, odometry=np.zeros(3), rgb=drive()[0].rgb) for seen in drive()]
+    assert sequence_findings(standing) == ()
+    assert sequence_findings([seen for seen in drive() for _ in range(3)]) == ()
+
+
+@pytest.mark.parametrize("path", [DEMO_DRIVE, DEMO_MAP], ids=lambda path: path.stem)
+def test_our_own_recordings_are_not_doubted(path: Path) -> None:
+    recording = Recording.open(path)
+    assert sequence_findings(recording.observation(frame) for frame in recording.frames) == ()
+
+
+def test_a_doubt_is_a_note_in_the_recording(tmp_path: Path) -> None:
+    with RecordingWriter(tmp_path / "drive.rrd", scene="", config={}, fingerprint="") as writer:
+        for _ in record_images(WRONG["jump"][0](drive()), writer):
+            pass
+    notes = [stamped.event for stamped in Recording.open(tmp_path / "drive.rrd").events]
+    assert [(type(note), note.severity) for note in notes if isinstance(note, Note)] == [(Note, Severity.WARN)]
+
+
+def test_a_robot_whose_camera_stands_still_is_noted(tmp_path: Path) -> None:
+    robot = FlatRobot(one_room(), (0.5, 2.0, 0.0))  # Its images are all black.
+    with RecordingWriter(tmp_path / "drive.rrd", scene="", config={}, fingerprint="") as writer:
+        recorded = RecordedRobot(robot, writer)
+        for _ in range(40):
+            recorded.observe()
+            robot.pose[0] += 0.05
+            robot._odometry[0] += 0.05
+            robot.step += 1
+    (note,) = (stamped.event for stamped in Recording.open(tmp_path / "drive.rrd").events)
+    assert isinstance(note, Note)
+    assert "is it covered?" in note.text
+
+
+def test_each_rule_speaks_again_for_another_robot() -> None:
+    for _ in range(2):
+        check = ObservationCheck()
+        assert any([check.findings(seen) for seen in WRONG["jump"][0](drive())])

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from ltvn_core.verbs.option_types import BodyOption
+from ltvn_core.verbs.body_option import BodyOption
 from ltvn_core.verbs.verb import Summary, Verb, do_job
 
 

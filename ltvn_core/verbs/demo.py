@@ -4,7 +4,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from ltvn_core.verbs.option_types import AUTO, BodyOption, PredictorName
+from ltvn_core.verbs.body_option import BodyOption
+from ltvn_core.verbs.option_types import AUTO, PredictorName
 from ltvn_core.verbs.verb import Verb
 
 

@@ -7,7 +7,8 @@ from typing import ClassVar, Literal
 
 from ltvn_core.evaluation.condition_names import ConditionName
 from ltvn_core.systems.registry import DEFAULT_SYSTEM
-from ltvn_core.verbs.option_types import AUTO, BodyOption, PredictorName, SystemName
+from ltvn_core.verbs.body_option import BodyOption
+from ltvn_core.verbs.option_types import AUTO, PredictorName, SystemName
 from ltvn_core.verbs.verb import Verb
 
 

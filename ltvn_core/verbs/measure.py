@@ -5,7 +5,8 @@ from pathlib import Path
 from typing import Literal
 
 from ltvn_core.training.held_out_scenes import TEST_SCENES
-from ltvn_core.verbs.option_types import BodyOption, PredictorName
+from ltvn_core.verbs.body_option import BodyOption
+from ltvn_core.verbs.option_types import PredictorName
 from ltvn_core.verbs.verb import Verb
 
 IMAGES_PER_SCENE = 150

@@ -9,7 +9,8 @@ from tyro.conf import Positional
 
 from ltvn_core.errors import MapError
 from ltvn_core.systems.maintenance_names import MaintenanceName
-from ltvn_core.verbs.option_types import AUTO, BodyOption, PredictorName
+from ltvn_core.verbs.body_option import BodyOption
+from ltvn_core.verbs.option_types import AUTO, PredictorName
 from ltvn_core.verbs.verb import Verb
 
 if TYPE_CHECKING:

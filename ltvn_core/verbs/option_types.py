@@ -1,11 +1,8 @@
-"""Options of several verbs: systems and predictors by name, as they are installed, and the simulated robot's body."""
+"""Options of several verbs: systems and predictors by name, as they are installed."""
 
-from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
-
-import tyro
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from ltvn_core.plugins import PREDICTORS, find_plugins
-from ltvn_core.simulation.body_names import BodyName
 from ltvn_core.systems.registry import system_names
 
 AUTO = "auto"
@@ -17,12 +14,3 @@ if TYPE_CHECKING:
 else:
     SystemName = Literal[system_names()]
     PredictorName = Literal[(AUTO, *find_plugins(PREDICTORS, first=("network", "geometric", "oracle")))]
-
-BodyOption: TypeAlias = Annotated[
-    BodyName,
-    tyro.conf.arg(
-        help="The simulated robot's body: bullet is PyBullet's physics, planar a disc that needs no PyBullet; auto "
-        "takes bullet where PyBullet is installed."
-    ),
-]
-"""A verb gives it the default "auto"."""

@@ -8,7 +8,8 @@ import tyro
 from tyro.conf import Positional
 
 from ltvn_core.systems.maintenance_names import MaintenanceName
-from ltvn_core.verbs.option_types import AUTO, BodyOption, PredictorName
+from ltvn_core.verbs.body_option import BodyOption
+from ltvn_core.verbs.option_types import AUTO, PredictorName
 from ltvn_core.verbs.verb import Verb
 
 FaultName = Literal["spurious-edge", "look-alike", "missing-edge"]

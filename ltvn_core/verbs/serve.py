@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from ltvn_core.verbs.option_types import BodyOption
+from ltvn_core.verbs.body_option import BodyOption
 from ltvn_core.verbs.verb import Verb
 
 

@@ -9,7 +9,8 @@ from tyro.conf import Positional
 
 from ltvn_core.systems.maintenance_names import MaintenanceName
 from ltvn_core.systems.registry import DEFAULT_SYSTEM
-from ltvn_core.verbs.option_types import AUTO, BodyOption, PredictorName, SystemName
+from ltvn_core.verbs.body_option import BodyOption
+from ltvn_core.verbs.option_types import AUTO, PredictorName, SystemName
 from ltvn_core.verbs.verb import Verb
 
 

@@ -1,0 +1,16 @@
+"""The option that names the simulated robot's body, apart from the others so that `ltvn build` reaches no simulator."""
+
+from typing import Annotated, TypeAlias
+
+import tyro
+
+from ltvn_core.simulation.body_names import BodyName
+
+BodyOption: TypeAlias = Annotated[
+    BodyName,
+    tyro.conf.arg(
+        help="The simulated robot's body: bullet is PyBullet's physics, planar a disc that needs no PyBullet; auto "
+        "takes bullet where PyBullet is installed."
+    ),
+]
+"""A verb gives it the default "auto"."""

@@ -1,7 +1,7 @@
 """Write a navigation system of your own: take the paper's and exchange one of its five strategies.
 
 Here plans take the fewest edges instead of the shortest way, and the map never learns. To give your system a name that
-`ltvn evaluate --method` and the page know, name `my_system` in your package's entry points `ltvn.systems`.
+`ltvn evaluate --system` and the page know, name `my_system` in your package's entry points `ltvn.systems`.
 """
 
 from dataclasses import replace

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 
-from ltvn_core.verbs.evaluate import EvaluateSummary, EvaluateVerb
+from ltvn_core.verbs.evaluate import EvaluateVerb
+from ltvn_core.verbs.jobs.evaluate import EvaluateSummary
 
 SYSTEMS = ("ltvn", "sptm")
 
@@ -18,7 +19,7 @@ def evaluate(system: str, folder: Path, episodes: int) -> EvaluateSummary:
     """Map the demo apartment with a system and drive random episodes; results that lie in `folder` are read."""
     summary = EvaluateVerb(
         scene=("demo",),
-        method=system,
+        system=system,
         predictor="oracle",
         finetune_steps=0,
         loops=1,

@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     from ltvn_core.plugins import Plugin
     from ltvn_core.verbs.verb import Summary, Verb
 
-DESCRIPTION = "See what a robot's topological map believes: collect, build, navigate, replay."
-
 FAILED = 1
 WRONG_USAGE = 2
 INTERRUPTED = 130
@@ -90,6 +88,7 @@ def _main(given: Sequence[str]) -> int:
 
     from ltvn_core.plugins import VERBS
     from ltvn_core.verbs.discovery import find_verbs, load_verb
+    from ltvn_core.verbs.overview import BEGINNING
 
     if given == ["--version"]:
         print(f"ltvn {version('ltvn')}")
@@ -100,7 +99,10 @@ def _main(given: Sequence[str]) -> int:
     if given and given[0] in verbs:
         name, *options = given
         return _run(f"ltvn {name}", load_verb(verbs[name]), options)
-    if given and not given[0].startswith("-"):
+    if not given:
+        print(BEGINNING)
+        return 0
+    if given[0] not in ("-h", "--help"):
         from ltvn_core.close_names import which_name
 
         print(
@@ -108,24 +110,21 @@ def _main(given: Sequence[str]) -> int:
             file=sys.stderr,
         )
         return WRONG_USAGE
-    _show_all(verbs, given)
-    return WRONG_USAGE
+    _show_all(verbs)
+    return 0
 
 
-def _show_all(verbs: "Mapping[str, Plugin]", given: Sequence[str]) -> None:
-    """Show the help of all verbs, or say what is wrong with the usage, and exit."""
-    import tyro
-
+def _show_all(verbs: "Mapping[str, Plugin]") -> None:
+    """Show all verbs, and name those that are broken."""
     from ltvn_core.plugins import load_plugins
     from ltvn_core.terminal_text import shown_plainly
     from ltvn_core.verbs.discovery import load_verb
+    from ltvn_core.verbs.overview import overview
 
     loaded = load_plugins(verbs, load_verb)
     for line in loaded.broken:
         print(f"ltvn: {shown_plainly(line)}", file=sys.stderr)
-    tyro.extras.subcommand_cli_from_dict(
-        dict(loaded.by_name), prog="ltvn", description=DESCRIPTION, args=given, sort_subcommands=False
-    )
+    print(shown_plainly(overview(loaded.by_name)))
 
 
 def _run(program: str, verb: "type[Verb]", given: Sequence[str]) -> int:
@@ -133,8 +132,10 @@ def _run(program: str, verb: "type[Verb]", given: Sequence[str]) -> int:
 
     from ltvn_core.atomic_files import owner_only
     from ltvn_core.extras import naming_the_extra
+    from ltvn_core.verbs.verb import refuse_renamed
 
     _show_log()
+    refuse_renamed(verb, given)
     chosen = tyro.cli(verb, prog=program, args=given)
     with naming_the_extra(), _unwinding_at_sigterm(), owner_only():
         return report(chosen)

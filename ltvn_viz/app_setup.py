@@ -153,11 +153,11 @@ def _check_same_scene(named: str, chosen: LoadedMap, own_robot: Robot | None) ->
 
 
 def _check_same_system(options: AppOptions, chosen: LoadedMap) -> None:
-    """Raise OptionError where --method names another system than the one that built the map."""
+    """Raise OptionError where --system names another system than the one that built the map."""
     own = recorded_system(chosen.meta.config).name
     if options.system not in (DEFAULT_SYSTEM, own):
         raise OptionError(
-            f"--method {options.system} contradicts --map, which {own} built; leave --method out, or build a map with "
+            f"--system {options.system} contradicts --map, which {own} built; leave --system out, or build a map with "
             f"`ltvn build RECORDING --system {options.system}`."
         )
 

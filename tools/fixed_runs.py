@@ -20,15 +20,15 @@ from ltvn_core.recording.reader import Recording
 RIVALS = ("sptm", "ving", "meng", "sgm", "sorb", "htm", "brm", "placenav")
 VOLATILE = ("wall_s", "folder", "seconds", "cpu_s", "recording", "at")
 """Fields of a result that differ from run to run, by how fast the computer is and where it writes."""
-_EVALUATE = ("evaluate", "--loops", "1", "--without", "fine-tuning", "--workers", "1", "--episodes")
-_LIFELONG = ("lifelong", "--loops", "1", "--without", "fine-tuning", "--workers", "1")
+_EVALUATE = ("evaluate", "--loops", "1", "--without", "fine-tuning", "--processes", "1", "--episodes")
+_LIFELONG = ("lifelong", "--loops", "1", "--without", "fine-tuning", "--processes", "1")
 
 RUNS: Mapping[str, tuple[str, ...]] = {
     "demo": ("demo", "--headless", "--queries", "5", "--seed", "7"),
     "apartment": (*_EVALUATE, "5", "--scene", "apartment-57"),
     "paper": (*_EVALUATE, "5", "--scene", "demo", "--preset", "paper"),
     "plain": (*_EVALUATE, "3", "--scene", "plain-0"),
-    **{rival: (*_EVALUATE, "5", "--scene", "demo", "--method", rival) for rival in RIVALS},
+    **{rival: (*_EVALUATE, "5", "--scene", "demo", "--system", rival) for rival in RIVALS},
     "lifelong": (*_LIFELONG, "--queries", "4", "--every", "2", "--episodes", "2"),
     "world": (*_LIFELONG, "--queries", "5", "--world", "doors+moving", "--maintenance", "persistent"),
 }

@@ -50,7 +50,7 @@ def workers(processes: int | None, cluster: str | None, folder: Path) -> Iterato
         return
     count = cpu_count() if processes is None else processes
     if count < 1:
-        raise OptionError(f"--workers must be 1 or more, got {count}.")
+        raise OptionError(f"--processes must be 1 or more, got {count}.")
     # One thread each: several processes use the cores better than several threads in one.
     backend = {"backend": "loky", "inner_max_num_threads": 1} if count > 1 else {"backend": "sequential"}
     with parallel_config(**backend), Parallel(n_jobs=count, return_as="generator_unordered") as parallel:

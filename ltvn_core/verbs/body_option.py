@@ -1,4 +1,4 @@
-"""The option that names the simulated robot's body. Owns nothing but its type, which carries the help of every verb."""
+"""The option that names the simulated robot's body, apart from the others so that `ltvn build` reaches no simulator."""
 
 from typing import Annotated, TypeAlias
 

@@ -1,65 +1,37 @@
-"""`ltvn collect`: a scripted tour of a scene becomes a recording."""
+"""`ltvn collect`: a tour becomes a recording."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
+from pathlib import Path
 
-from ltvn_core.errors import OptionError
-from ltvn_core.findings import findings_of
-from ltvn_core.verbs.collect_options import CollectOptions, CollectSummary, depth_findings
-from ltvn_core.verbs.verb import Summary
+from ltvn_core.verbs.body_option import BodyOption
+from ltvn_core.verbs.verb import Summary, Verb, do_job
 
 
 @dataclass(frozen=True, kw_only=True)
-class CollectVerb(CollectOptions):
+class CollectVerb(Verb):
     """Drive a scripted tour through a scene, as a person mapping it would, and record it."""
 
+    job = "ltvn_core.verbs.jobs.collect:collect"
+
+    output: Path
+    """The recording to write; must not exist yet."""
+    scene: str = "demo"
+    """A scene by name (a wrong one lists the right ones), or the path of a mesh or of a Gibson folder."""
+    loops: int = 2
+    """How often the tour goes round."""
+    seed: int = 0
+    """Draws the start, the order of rooms and the odometry noise."""
+    distance_noise: float = 0.02
+    """Standard deviation of odometry's error in distance, as a share of it,"""
+    angle_noise: float = 0.01
+    """and in angle."""
+    body: BodyOption = "auto"
+    robot: str | None = None
+    """Record what a robot of your own sees while you drive it by its own controls: an installed robot's name,
+    path/to/file.py:factory, or PROFILE@ADDRESS (ROS 2)."""
+    seconds: float = 0.0
+    """With --robot: end after so long; 0 is until Ctrl-C."""
+
     def run(self) -> Summary:
-        """Tour the scene; raises OptionError, SceneError and RecordingError."""
-        if self.robot is not None:
-            from ltvn_core.verbs.own_robot import collect_with
-
-            return collect_with(self, self.robot)
-        if self.loops < 1:
-            raise OptionError(f"--loops must be 1 or more, got {self.loops}.")
-        if not (0 <= self.distance_noise < 1 and 0 <= self.angle_noise < 1):
-            raise OptionError(
-                "--distance-noise and --angle-noise are shares from 0 to below 1; 0.05 is a bad odometer."
-            )
-        import numpy as np
-        from tqdm import tqdm
-
-        from ltvn_core.recording.recorded_robot import record_images
-        from ltvn_core.recording.writer import RecordingWriter
-        from ltvn_core.simulation.body_selection import choose_body
-        from ltvn_core.simulation.opening import open_simulation
-        from ltvn_core.simulation.scripted_tour import drive_tour
-        from ltvn_core.simulation.wheel_odometry import OdometryNoise
-
-        noise = OdometryNoise(self.distance_noise, self.angle_noise)
-        simulation = open_simulation(self.scene, seed=self.seed, odometry_noise=noise, body=self.body)
-        robot = simulation.robot
-        settings = {
-            "verb": "collect",
-            "loops": self.loops,
-            "seed": self.seed,
-            "odometry_noise": asdict(noise),
-            "body": choose_body(self.body),
-        }
-        with RecordingWriter(
-            self.output,
-            scene=simulation.scene.address,
-            config=settings,
-            fingerprint="",
-            scene_glb=simulation.scene.glb(),
-        ) as writer:
-            rng = np.random.default_rng(self.seed)
-            images = record_images(drive_tour(robot, simulation.scene, rng, loops=self.loops), writer)
-            has_depth = [image.has_depth for image in tqdm(images, desc="collect", unit="frame")]
-        return CollectSummary(
-            findings=(*findings_of(simulation.scene.doubts), *depth_findings(self.output, has_depth)),
-            recording=self.output,
-            scene=simulation.scene.name,
-            frames=len(has_depth),
-            without_depth=has_depth.count(False),
-            collisions=robot.collisions,
-            driven_s=robot.stamp,
-        )
+        """Tour the scene, or watch a robot of one's own; raises OptionError, RobotError, SceneError, RecordingError."""
+        return do_job(self.job if self.robot is None else "ltvn_core.verbs.jobs.own_robot:collect_with", self)

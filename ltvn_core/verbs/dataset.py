@@ -3,27 +3,14 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from ltvn_core.verbs.verb import Summary, Verb
-
-DEFAULT_SCENE_PREFIXES = ("train-", "tune-0", "tune-1", "tune-2")
-"""Scenes that a dataset holds unless others are named: to train on, and to choose the best weights by."""
-
-
-@dataclass(frozen=True)
-class DatasetSummary:
-    """The size of a dataset."""
-
-    folder: Path
-    scenes: int
-    images: int
-    pairs: int
-    reachable: float
-    """Share of the pairs that are reachable."""
+from ltvn_core.verbs.verb import Verb
 
 
 @dataclass(frozen=True, kw_only=True)
 class DatasetVerb(Verb):
     """Render image pairs in scenes and label them as reachable or not; goes on where an earlier call stopped."""
+
+    job = "ltvn_core.verbs.jobs.dataset:make_dataset"
 
     folder: Path = Path("data")
     """Where the shards lie, one file per scene."""
@@ -37,22 +24,3 @@ class DatasetVerb(Verb):
     """Draws the poses."""
     part: str = ""
     """Only a share of the scenes, as 3/16 is the third of sixteen; for arrays of jobs."""
-
-    def run(self) -> Summary:
-        """Make the missing shards; raises SceneError and DatasetError."""
-        from ltvn_core.evaluation.parts import Part
-        from ltvn_core.simulation.scene_registry import scene_names
-        from ltvn_core.training.simulated_scenes import open_dataset_scene
-        from ltvn_core.training_data.shard_generation import DatasetRecipe, generate_shards
-        from ltvn_core.training_data.shards import read_shard
-
-        names = self.scenes or tuple(name for name in scene_names() if name.startswith(DEFAULT_SCENE_PREFIXES))
-        names = Part.parse(self.part).of(names)
-        recipe = DatasetRecipe(seed=self.seed, clusters=self.clusters)
-        paths = generate_shards(names, open_dataset_scene, self.folder, recipe, processes=self.processes)
-        images = pairs = reachable = 0
-        for path in paths:
-            shard = read_shard(path)
-            images, pairs = images + len(shard.rgb), pairs + len(shard.sources)
-            reachable += int(shard.reachable.sum())
-        return DatasetSummary(self.folder, len(paths), images, pairs, reachable / max(pairs, 1))

@@ -1,42 +1,34 @@
 """Which verbs there are: the plug-ins `name = "package.module:VerbClass"` of the entry-point group `ltvn.verbs`.
 
 Ours are found the same way as other people's, so the core needs no import of the page to offer its verbs. Owns the
-order in which they are shown.
+groups and the order in which they are shown.
 """
+
+from collections.abc import Mapping
 
 from ltvn_core.plugins import VERBS, Plugin, find_plugins
 from ltvn_core.verbs.verb import Verb
 
-FIRST_SHOWN = (
-    "app",
-    "demo",
-    "collect",
-    "import",
-    "build",
-    "navigate",
-    "plant",
-    "evaluate",
-    "lifelong",
-    "replay",
-    "view",
-    "dataset",
-    "pairs",
-    "train",
-    "finetune",
-    "baseline",
-    "judge",
-    "measure",
-    "report",
-    "serve",
-    "guard",
-    "robot",
-    "info",
-    "verify",
-    "repair",
-    "export",
-    "plugins",
-)
-"""The order in which verbs are shown: as a first-time user needs them. Verbs that are not named here follow by name."""
+GROUPS: Mapping[str, tuple[str, ...]] = {
+    "Drive and map": ("app", "demo", "build", "navigate", "collect", "robot", "guard", "serve"),
+    "Look and ask": ("replay", "view", "info", "verify", "report", "pairs"),
+    "Bring in and out": ("import", "export", "repair", "plugins"),
+    "Learn and measure": (
+        "evaluate",
+        "evaluate-robot",
+        "lifelong",
+        "judge",
+        "finetune",
+        "train",
+        "dataset",
+        "measure",
+        "baseline",
+        "plant",
+    ),
+}
+"""Headings of the help and the verbs under each, as a first-time user needs them."""
+FIRST_SHOWN = tuple(name for names in GROUPS.values() for name in names)
+"""The order in which verbs are shown. Verbs that are not named here follow by name."""
 
 
 def find_verbs() -> dict[str, Plugin]:

@@ -1,25 +1,10 @@
 """`ltvn guard`: lets only fresh commands through to a robot's wheels."""
 
-import logging
-from contextlib import suppress
 from dataclasses import dataclass
 
 from tyro.conf import Positional
 
-from ltvn_core.errors import OptionError
-from ltvn_core.verbs.verb import Summary, Verb
-
-_LOG = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True)
-class GuardSummary:
-    """The guard is gone, and the robot stands."""
-
-    forwarded: int
-    """Commands that were passed on."""
-    refused: int
-    """Commands that were late, out of order, not finite, of a second sender, or came after silence without a stop."""
+from ltvn_core.verbs.verb import Verb
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,23 +15,9 @@ class GuardVerb(Verb):
     acceleration. On silence of 0.2 s it sends one zero, and then wants a stop before it lets anybody drive again.
     """
 
+    job = "ltvn_core.verbs.jobs.guard:guard_robot"
+
     robot: Positional[str]
     """PROFILE@ADDRESS, as in turtlebot4@tcp/127.0.0.1:7447."""
     depth_stop: float | None = None
     """Refuse to drive forward where the depth image shows something so many metres before the body, or nothing."""
-
-    def run(self) -> Summary:
-        """Guard until interrupted; raises OptionError and RobotError."""
-        from ltvn_core.robots.ros2.guard import Guard
-        from ltvn_core.robots.ros2.ros_robot import split_address
-        from ltvn_core.robots.ros2.zenoh_link import ZenohLink
-
-        if self.depth_stop is not None and not 0 < self.depth_stop <= 5:
-            raise OptionError(f"--depth-stop is a distance above 0 and up to 5 m, got {self.depth_stop}.")
-        profile, address = split_address(self.robot)
-        with ZenohLink.connect(address, node="ltvn_guard", domain=profile.domain) as link:
-            guard = Guard(link, profile, depth_stop_m=self.depth_stop)
-            _LOG.info("Guarding %s: %s to %s.", profile.name, profile.driving.guard_topic, profile.topics.command)
-            with suppress(KeyboardInterrupt):
-                guard.run(lambda: False)
-        return GuardSummary(guard.forwarded, guard.refused)

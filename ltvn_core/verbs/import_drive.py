@@ -6,12 +6,14 @@ from typing import Literal
 
 from tyro.conf import Positional
 
-from ltvn_core.verbs.verb import Summary, Verb
+from ltvn_core.verbs.verb import Verb
 
 
 @dataclass(frozen=True, kw_only=True)
 class ImportVerb(Verb):
     """Make a recording of a drive in another format: a bag, a data set, a folder of pictures."""
+
+    job = "ltvn_core.verbs.jobs.import_drive:import_recording"
 
     source: Positional[Path]
     """The file or folder."""
@@ -46,44 +48,3 @@ class ImportVerb(Verb):
     """Images a second, for formats without stamps."""
     scene: str = ""
     """What the recording calls the place; by default real: and the source's name."""
-
-    def run(self) -> Summary:
-        """Import the drive; raises DriveError, OptionError and RecordingError."""
-        from tqdm import tqdm
-
-        from ltvn_core.atomic_files import require_new_path
-        from ltvn_core.importing.drive_import import import_drive
-        from ltvn_core.importing.drive_odometry import OdometrySource
-        from ltvn_core.importing.import_options import ImportOptions
-        from ltvn_core.importing.raw_frame import ReadOptions
-        from ltvn_core.importing.reader_registry import open_drive
-        from ltvn_core.importing.source_camera import read_camera_option
-
-        require_new_path(self.output)
-        options = ImportOptions(
-            odometry=OdometrySource(self.odometry_from),
-            every_m=self.every_m,
-            every_deg=self.every_deg,
-            fov_deg=self.fov,
-            height_m=self.height,
-            pitch_deg=self.pitch,
-            scene=self.scene,
-        )
-        camera = None if self.camera is None else read_camera_option(self.camera)
-        read = ReadOptions(
-            rgb=self.rgb,
-            depth=self.depth,
-            odometry=self.odometry,
-            camera_info=self.camera_info,
-            camera=None if camera is None else camera.camera,
-            depth_unit_m=None if camera is None else camera.metres_per_unit,
-            rate_hz=self.rate,
-        )
-        drive = open_drive(self.source, self.format, read)
-        with tqdm(desc="import", unit="image", total=drive.facts.frames) as bar:
-
-            def show(done: int, total: int | None) -> None:
-                bar.total = total
-                bar.update(done - bar.n)
-
-            return import_drive(drive, self.output, options, show)

@@ -1,91 +1,12 @@
 """`ltvn navigate`: drive by a saved map."""
 
-import time
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
 
-from ltvn_core.errors import OptionError
-from ltvn_core.verbs.navigate_options import NavigateOptions, NavigateSummary
-from ltvn_core.verbs.stream_option import announce_stream
-from ltvn_core.verbs.verb import Summary
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    import numpy as np
-
-    from ltvn_core.topological_map import TopologicalMap
-    from ltvn_core.types import NodeId, Pose
-    from ltvn_core.verbs.headless_runner import HeadlessRunner
+from ltvn_core.verbs.navigate_options import NavigateOptions
 
 
 @dataclass(frozen=True, kw_only=True)
 class NavigateVerb(NavigateOptions):
     """Drive to one goal or to several by a saved map, with the navigation system that built it and as it maintains."""
 
-    def run(self) -> Summary:
-        """Drive and learn; raises MapError, OptionError, RecordingError, SceneError and WeightsError."""
-        if self.queries < 1 or (self.goal is not None and self.queries > 1):
-            raise OptionError(
-                f"--queries must be 1 or more, and 1 where --goal names the only goal, got {self.queries}."
-            )
-        if self.robot is not None:
-            from ltvn_core.verbs.own_robot import navigate_with
-
-            return navigate_with(self, self.robot)
-        return _drive(self)
-
-    def goals(self, runner: "HeadlessRunner", rng: "np.random.Generator") -> "Sequence[NodeId]":
-        """Go to the one goal, or to random nodes."""
-        return runner.random_goals(self.queries, rng) if self.goal is None else [self.goal]
-
-
-def _drive(options: NavigateVerb) -> NavigateSummary:
-    """Open everything, run the queries, save the map if asked to."""
-    import numpy as np
-
-    from ltvn_core.cameras.rectification import rectified_camera
-    from ltvn_core.evaluation.open_edges import true_presence
-    from ltvn_core.evaluation.true_rooms import true_rooms
-    from ltvn_core.recording.run_description import RunDescription
-    from ltvn_core.robots.robot_spec import LOCOBOT
-    from ltvn_core.simulation.body_selection import choose_body
-    from ltvn_core.simulation.opening import open_script, open_simulation
-    from ltvn_core.systems.maintenance import with_maintenance
-    from ltvn_core.verbs.headless_runner import HeadlessRunner
-
-    started = time.monotonic()
-    rng = np.random.default_rng(options.seed)
-    known = options.open_map()
-    observation = known.keyframes.observation
-    simulation = open_simulation(
-        known.scene,
-        seed=options.seed,
-        first_step=max(known.keyframes.frames) + 1,
-        start=_start(known, rng),
-        spec=replace(LOCOBOT, camera=rectified_camera(LOCOBOT.camera, known.predictor.camera)),
-        script=None if options.world is None else open_script(options.world, known.scene, seed=options.seed),
-        body=options.body,
-    )
-    if options.maintenance is not None:
-        truth = true_presence(simulation.world, observation)
-        room_of = true_rooms(simulation.scene, observation)
-        system = with_maintenance(known.system, options.maintenance, truth=truth, room_of=room_of)
-        known = replace(known, system=system)
-    run = RunDescription(
-        scene=known.scene,
-        config=options.settings(known) | {"body": choose_body(options.body)},
-        fingerprint=known.predictor.fingerprint,
-        camera=simulation.robot.spec.camera,
-        scene_glb=simulation.scene.glb(),
-    )
-    with run.open_writer(options.recording, live_port=announce_stream(options.stream)) as writer:
-        writer.write_map(known.graph, known.observations)
-        runner = HeadlessRunner(simulation, writer, known)
-        outcome = runner.run_queries(options.goals(runner, rng), rng)
-    return options.finish(known, run, outcome, time.monotonic() - started)
-
-
-def _start(known: "TopologicalMap", rng: "np.random.Generator") -> "Pose | None":
-    """Return where a random node's image was taken; None, a free place, if nobody knows."""
-    return known.keyframes.observation(int(rng.choice(list(known.graph.nodes)))).exact_pose
+    job = "ltvn_core.verbs.jobs.navigate:navigate"

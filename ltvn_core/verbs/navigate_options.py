@@ -10,14 +10,14 @@ from tyro.conf import Positional
 from ltvn_core.errors import MapError
 from ltvn_core.systems.maintenance_names import MaintenanceName
 from ltvn_core.verbs.body_option import BodyOption
-from ltvn_core.verbs.predictor_option import AUTO, PredictorName
+from ltvn_core.verbs.option_types import AUTO, PredictorName
 from ltvn_core.verbs.verb import Verb
 
 if TYPE_CHECKING:
     from ltvn_core.graph.topological_graph import TopologicalGraph
     from ltvn_core.recording.run_description import RunDescription
     from ltvn_core.topological_map import TopologicalMap
-    from ltvn_core.verbs.headless_runner import QueriesSummary
+    from ltvn_core.verbs.jobs.headless_runner import QueriesSummary
 
 _LOG = logging.getLogger(__name__)
 

@@ -1,8 +1,10 @@
 """What all verbs share: the options of every verb and the shape of a summary. Owns no job."""
 
 import json
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, is_dataclass
 from enum import Enum
+from importlib import import_module
 from pathlib import Path
 from typing import Any, ClassVar, Protocol
 
@@ -12,7 +14,7 @@ _SENTENCE = 60
 """Longer texts of a list are sentences, and have a line of their own."""
 _LARGEST = 2**62
 """Counts and numbers beyond this overflow in one library or another."""
-_MOST = {"queries": 1_000_000, "episodes": 1_000_000, "goals": 100_000, "loops": 10_000, "workers": 10_000}
+_MOST = {"queries": 1_000_000, "episodes": 1_000_000, "goals": 100_000, "loops": 10_000, "processes": 10_000}
 """Ten years of driving; more would only fill the memory before it begins."""
 _LAST_PORT = 65535
 
@@ -25,7 +27,15 @@ class Summary(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class Verb:
-    """Base of all verbs: the options every one of them takes."""
+    """Base of all verbs: the options every one of them takes.
+
+    It imports nothing heavy, so that help comes at once.
+    """
+
+    job: ClassVar[str] = ""
+    """The function that does the job with the options, as `package.module:function`; `run` imports its module."""
+    renamed: ClassVar[Mapping[str, str]] = {}
+    """Options that are gone, such as `--method`, and what to write instead."""
 
     json: Path | None = None
     """Write a machine-readable summary to this file; - is standard output."""
@@ -41,12 +51,25 @@ class Verb:
                     _check_number(field.name, number)
 
     def run(self) -> Summary:
-        """Do the job and return its summary."""
-        raise NotImplementedError
+        """Do the job and return its summary. Raises LtvnError."""
+        return do_job(self.job, self)
 
     def exit_code(self, summary: Summary) -> int:
         """Return the exit code that goes with a summary: 0, unless a verb is there to judge."""
         return 0
+
+
+def do_job(job: str, options: Verb) -> Summary:
+    """Import a job's module and do the job; the one place where verbs reach what they need. Raises LtvnError."""
+    module, _, function = job.partition(":")
+    return getattr(import_module(module), function)(options)
+
+
+def refuse_renamed(verb: type[Verb], given: Sequence[str]) -> None:
+    """Raise OptionError for an option that has another name now."""
+    for option in (each.partition("=")[0].replace("_", "-") for each in given):
+        if option in verb.renamed:
+            raise OptionError(f"There is no {option} any more: {verb.renamed[option]}.")
 
 
 def _check_number(name: str, number: int) -> None:

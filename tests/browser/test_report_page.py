@@ -20,7 +20,7 @@ METHODS = ("ltvn", "sptm", "ving")
 @pytest.fixture
 def report(tmp_path: Path) -> Path:
     trials = tuple(
-        replace(make_trial("tune-1", method, plan=False), command=f"ltvn evaluate --method {method}")
+        replace(make_trial("tune-1", method, plan=False), command=f"ltvn evaluate --system {method}")
         for method in METHODS
     )
     failures = [FailureRow(trial, each) for trial in trials for each in trial.episodes if not each.reached]

@@ -6,7 +6,8 @@ from typing import Any
 import pytest
 
 from ltvn_core.errors import OptionError
-from ltvn_viz.verbs.export import ExportSummary, ExportVerb
+from ltvn_viz.verbs.export import ExportVerb
+from ltvn_viz.verbs.jobs.export import ExportSummary
 from tests.repository import DEMO_DRIVE, DEMO_MAP
 
 

@@ -105,7 +105,7 @@ def test_an_evaluation_runs_and_does_not_go_on_from_one_with_another_body(
     environment: dict[str, str], house: str, tmp_path: Path
 ) -> None:
     smallest = ("--scene", house, "--loops", "1", "--goals", "2", "--episodes", "1", "--finetune-steps", "0")
-    command = ("evaluate", *smallest, "--step-limit", "50", "--workers", "1", "--folder", str(tmp_path))
+    command = ("evaluate", *smallest, "--step-limit", "50", "--processes", "1", "--folder", str(tmp_path))
     assert summary(environment, *command)["episodes"] == 1
     plan = json.loads(next(tmp_path.glob("*/ltvn/plan.json")).read_text())
     assert plan["protocol"]["body"] == "planar"

@@ -46,20 +46,20 @@ PERTURBATIONS = (*_TABLE, DROPPED_FRAMES)
 """All names."""
 
 
-def parse_perturbations(text: str) -> tuple[str, ...]:
-    """Return the names in a list such as `blur,flare`; `all` stands for every one, nothing for none.
+def chosen_perturbations(names: Sequence[str]) -> tuple[str, ...]:
+    """Return names of perturbations, each once; `all` stands for every one.
 
     Raises OptionError for a name that is none.
     """
-    names = tuple(dict.fromkeys(part.strip() for part in text.split(",") if part.strip()))
-    if names == (ALL,):
+    chosen = tuple(dict.fromkeys(names))
+    if chosen == (ALL,):
         return PERTURBATIONS
-    if unknown := [name for name in names if name not in PERTURBATIONS]:
+    if unknown := [name for name in chosen if name not in PERTURBATIONS]:
         raise OptionError(
-            f"--perturb does not know {', '.join(unknown)}; name one or several of {', '.join(PERTURBATIONS)}, "
-            f"separated by commas, or {ALL}."
+            f"--perturb does not know {', '.join(unknown)}; name one or several of {' '.join(PERTURBATIONS)}, "
+            f"separated by spaces, or {ALL}."
         )
-    return names
+    return chosen
 
 
 def open_perturbation(name: str, camera: CameraModel) -> Perturbation:

@@ -26,7 +26,8 @@ from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.recording.map_file import load_map, save_map
 from ltvn_core.recording.reader import Recording
 from ltvn_core.simulation.scene_registry import load_scene
-from ltvn_core.verbs.lifelong import LifelongSummary, LifelongVerb
+from ltvn_core.verbs.jobs.lifelong import LifelongSummary
+from ltvn_core.verbs.lifelong import LifelongVerb
 from tests.core.simulation.two_room_mesh import box_house, save
 
 pytestmark = pytest.mark.slow
@@ -185,7 +186,7 @@ def live(folder: Path) -> tuple[LifelongSummary, LifelongResult]:
         every=2,
         episodes=2,
         folder=folder / "runs",
-        workers=1,
+        processes=1,
     )
     lived = verb.run()
     assert isinstance(lived, LifelongSummary)

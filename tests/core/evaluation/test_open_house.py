@@ -18,7 +18,8 @@ from ltvn_core.evaluation.trial_plans import TrialFiles, TrialPlan
 from ltvn_core.evaluation.trials import run_trials
 from ltvn_core.navigation.events import Note
 from ltvn_core.recording.reader import Recording
-from ltvn_core.verbs.collect import CollectSummary, CollectVerb
+from ltvn_core.verbs.collect import CollectVerb
+from ltvn_core.verbs.jobs.collect import CollectSummary
 from tests.core.simulation.two_room_mesh import box_house, save
 
 EPISODES = 3

@@ -11,8 +11,8 @@ from ltvn_core.evaluation.perturbations.geometry_perturbations import DepthHoles
 from ltvn_core.evaluation.perturbations.perturbation_registry import (
     DROPPED_FRAMES,
     PERTURBATIONS,
+    chosen_perturbations,
     open_perturbation,
-    parse_perturbations,
     perturb_all,
 )
 from ltvn_core.evaluation.perturbations.perturbed_robot import PerturbedRobot
@@ -95,8 +95,8 @@ def test_a_lost_frame_shows_the_last_picture_at_the_place_of_now() -> None:
 
 
 def test_a_perturbation_that_there_is_not_is_refused_with_those_there_are() -> None:
-    assert parse_perturbations("all") == PERTURBATIONS
-    assert parse_perturbations(" blur, flare ,blur") == ("blur", "flare")
-    assert parse_perturbations("") == ()
-    with pytest.raises(OptionError, match=r"does not know fog; name one or several of blur, exposure"):
-        parse_perturbations("blur,fog")
+    assert chosen_perturbations(["all"]) == PERTURBATIONS
+    assert chosen_perturbations(["blur", "flare", "blur"]) == ("blur", "flare")
+    assert chosen_perturbations([]) == ()
+    with pytest.raises(OptionError, match=r"does not know fog; name one or several of blur exposure"):
+        chosen_perturbations(["blur", "fog"])

@@ -18,7 +18,7 @@ from ltvn_core.recording.reader import Recording
 from ltvn_core.recording.rrf2.framing import is_finished
 from ltvn_core.recording.viewer_server import open_here, serve_viewer
 from ltvn_core.recording.writer import RecordingWriter
-from ltvn_core.verbs.stream_option import announce_stream
+from ltvn_core.verbs.jobs.stream import announce_stream
 from tests.waiting import PATIENCE_S
 
 ABOUT = {"scene": "flat", "config": {}, "fingerprint": "flat"}

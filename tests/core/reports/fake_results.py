@@ -99,7 +99,7 @@ def make_trial(
         episodes=tuple(make_episode(number, odds, rng) for number in range(episodes)),
         wall_s=61.0,
         version="0.1.0",
-        command=f"ltvn evaluate --scene {scene} --method {method} --episodes {episodes} --seed {seed}",
+        command=f"ltvn evaluate --scene {scene} --system {method} --episodes {episodes} --seed {seed}",
     )
 
 

@@ -25,7 +25,8 @@ from ltvn_core.reports.evaluation_files import find_results
 from ltvn_core.reports.evaluation_page import render_page
 from ltvn_core.reports.failure_gallery import FailureRow, data_url
 from ltvn_core.reports.figure_style import FigurePalette
-from ltvn_core.verbs.report import ReportSummary, ReportVerb
+from ltvn_core.verbs.jobs.report import ReportSummary
+from ltvn_core.verbs.report import ReportVerb
 from tests.core.recording import example_recording
 from tests.core.reports.fake_results import few_results, make_lifelong_result, make_trial
 

@@ -14,7 +14,8 @@ from ltvn_core.evaluation.results import EvaluationResults, save_results
 from ltvn_core.reports.evaluation_blocks import FIGURE_KINDS, fill_results_page, markdown_tables
 from ltvn_core.reports.evaluation_files import find_results
 from ltvn_core.reports.figure_style import MAX_BYTES, FigurePalette
-from ltvn_core.verbs.report import ReportSummary, ReportVerb
+from ltvn_core.verbs.jobs.report import ReportSummary
+from ltvn_core.verbs.report import ReportVerb
 from tests.core.reports.fake_results import make_lifelong_result, make_trial, make_world_result
 from tests.repository import ROOT
 

@@ -13,7 +13,8 @@ from ltvn_core.recording.map_file import load_map
 from ltvn_core.recording.reader import Recording
 from ltvn_core.recording.writer import RecordingWriter
 from ltvn_core.systems.registry import system_entry
-from ltvn_core.verbs.build import BuildSummary, BuildVerb
+from ltvn_core.verbs.build import BuildVerb
+from ltvn_core.verbs.jobs.build import BuildSummary
 from ltvn_core.verbs.navigate import NavigateVerb
 from ltvn_viz.app_setup import open_app_state
 from ltvn_viz.server.thumbnails import ThumbnailStore

@@ -1,5 +1,6 @@
 """Verbs are found where packages offer them: ours, other people's, and broken ones that spoil nothing."""
 
+import re
 import subprocess
 import sys
 from importlib.metadata import EntryPoint
@@ -9,8 +10,9 @@ import pytest
 
 from ltvn_core.errors import PluginError
 from ltvn_core.plugins import OWN_PACKAGE, VERBS, Plugin
-from ltvn_core.verbs.discovery import FIRST_SHOWN, find_verbs, load_verb
+from ltvn_core.verbs.discovery import FIRST_SHOWN, GROUPS, find_verbs, load_verb
 from tests.core.plugin_packages import install, ltvn
+from tests.repository import ROOT
 
 HEAVY = ("torch", "rerun", "pybullet", "viser", "numpy", "cv2", "matplotlib", "ltvn_viz.app")
 
@@ -62,7 +64,48 @@ def test_the_verb_of_another_package_runs_like_ours(packages: Path) -> None:
 def test_the_help_shows_the_verbs_of_other_packages_after_ours(packages: Path) -> None:
     shown = ltvn(packages, "--help").stdout
     assert "Greet somebody" in shown
-    assert shown.index("• export") < shown.index("• greet")
+    assert shown.index("  export ") < shown.index("  greet ")
+
+
+def test_the_help_has_every_verb_of_ours_once_below_its_heading(packages: Path) -> None:
+    shown = ltvn(packages, "--help").stdout.splitlines()
+    rows = [line.split()[0] for line in shown if line.startswith("  ") and line[2] != " "]
+    assert [name for name in rows if name in FIRST_SHOWN] == list(FIRST_SHOWN)
+    assert [line[:-1] for line in shown if line.endswith(":") and line[0] != " "] == [*GROUPS, "From other packages"]
+
+
+def test_ltvn_alone_says_with_what_to_begin(packages: Path) -> None:
+    run = ltvn(packages)
+    assert run.returncode == 0
+    begun = re.findall(r"^  ltvn ([a-z]+)", run.stdout, re.MULTILINE)
+    assert len(begun) == 4
+    assert set(begun) <= set(FIRST_SHOWN)
+
+
+@pytest.mark.parametrize(
+    ("typed", "now"),
+    [
+        (("app", "--method", "sptm"), "--system"),
+        (("evaluate", "--method=sptm"), "--system"),
+        (("evaluate", "--workers", "2"), "--processes"),
+        (("lifelong", "--workers", "2"), "--processes"),
+        (("evaluate", "--robot", "sim@tcp/127.0.0.1:7447"), "ltvn evaluate-robot"),
+    ],
+)
+def test_an_option_with_an_old_name_is_refused_with_the_new_one(
+    packages: Path, typed: tuple[str, ...], now: str
+) -> None:
+    run = ltvn(packages, *typed)
+    (line,) = run.stderr.strip().splitlines()
+    assert run.returncode == 1
+    assert now in line
+
+
+def test_every_job_that_a_verb_names_is_a_function_of_its_module() -> None:
+    for options in [*(ROOT / "ltvn_core/verbs").glob("*.py"), *(ROOT / "ltvn_viz/verbs").glob("*.py")]:
+        for module, function in re.findall(r'"([\w.]+\.jobs\.\w+):(\w+)"', options.read_text(encoding="utf-8")):
+            job = ROOT.joinpath(*module.split(".")).with_suffix(".py")
+            assert f"\ndef {function}(" in job.read_text(encoding="utf-8"), f"{module}:{function}"
 
 
 def test_a_package_cannot_replace_our_verb(packages: Path) -> None:
@@ -73,7 +116,7 @@ def test_a_package_cannot_replace_our_verb(packages: Path) -> None:
 def test_a_broken_package_is_named_in_one_line_and_spoils_no_other_verb(packages: Path) -> None:
     shown = ltvn(packages, "--help")
     assert shown.returncode == 0
-    assert "• info" in shown.stdout
+    assert "  info " in shown.stdout
     (line,) = shown.stderr.strip().splitlines()
     assert line.startswith("ltvn: The verb oil of the package rusty cannot be loaded")
     assert "no_such_library" in line

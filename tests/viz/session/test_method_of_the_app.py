@@ -24,5 +24,5 @@ def test_a_rival_begins_with_an_empty_map_since_the_ready_made_one_is_not_its_ow
 
 def test_a_map_of_another_system_is_refused(tmp_path: Path) -> None:
     options = AppOptions(recordings=tmp_path, system="sorb", map=DEMO_MAP)
-    with ExitStack() as stack, pytest.raises(OptionError, match=r"--method sorb contradicts --map, which ltvn built"):
+    with ExitStack() as stack, pytest.raises(OptionError, match=r"--system sorb contradicts --map, which ltvn built"):
         open_app_state(options, stack, ThumbnailStore())

@@ -1,4 +1,4 @@
-"""`ltvn navigate --robot` and `ltvn evaluate --robot`: queries in real time with the served robot, in a small map."""
+"""`ltvn navigate --robot` and `ltvn evaluate-robot`: queries in real time with the served robot, in a small map."""
 
 import json
 import re
@@ -19,7 +19,7 @@ from ltvn_core.recording.map_file import LoadedMap, load_map
 from ltvn_core.recording.reader import Recording
 from ltvn_core.recording.run_description import RunDescription
 from ltvn_core.types import NodeId, Pose
-from ltvn_core.verbs.evaluate import EvaluateVerb
+from ltvn_core.verbs.evaluate_robot import EvaluateRobotVerb
 from ltvn_core.verbs.navigate import NavigateVerb
 from tests.core.robots.ros2.processes import free_address, running
 
@@ -120,10 +120,10 @@ def test_an_evaluation_is_judged_by_the_true_pose_and_goes_on_where_it_was(
 ) -> None:
     options = ["--robot", place.robot, "--map", str(place.map), "--folder", str(tmp_path), "--episodes", "1"]
 
-    first = told(EvaluateVerb, lambda _: [*options, "--queries", "1"], capsys)
+    first = told(EvaluateRobotVerb, lambda _: [*options, "--queries", "1"], capsys)
     lines = (tmp_path / "episodes.jsonl").read_text(encoding="utf-8").splitlines()
     (tmp_path / "episodes.jsonl").write_text("\n".join(lines[:2]) + "\n", encoding="utf-8")
-    again = told(EvaluateVerb, lambda _: [*options, "--queries", "1"], capsys)
+    again = told(EvaluateRobotVerb, lambda _: [*options, "--queries", "1"], capsys)
 
     assert [json.loads(line)["phase"] for line in lines] == ["before", "queries", "after"]
     assert first["judged_by"] == ["truth"]

@@ -1,4 +1,4 @@
-"""`ltvn evaluate --robot`: the paper's test on a robot (its Table II): episodes, queries with maintenance, episodes.
+"""`ltvn evaluate-robot`: the paper's test on a robot (its Table II): episodes, queries with maintenance, episodes.
 
 Each result is on disk before the next episode begins, so that a run that was ended, or lost its robot, goes on where it
 was. Owns the order, the goals and who judges.
@@ -15,6 +15,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
+from ltvn_core.errors import OptionError
 from ltvn_core.evaluation.query_log import append_to_log, read_query_log
 from ltvn_core.evaluation.query_result import QueryResult
 from ltvn_core.evaluation.query_run import judge_goal_reached, random_goals
@@ -24,8 +25,9 @@ from ltvn_core.recording.run_description import RunDescription
 from ltvn_core.robots.robot import Robot
 from ltvn_core.systems.maintenance import with_maintenance
 from ltvn_core.types import NodeId, Observation, Pose
+from ltvn_core.verbs.evaluate_robot import EvaluateRobotVerb
+from ltvn_core.verbs.jobs.robot_queries import RobotQueries, continued_robot, opened_robot
 from ltvn_core.verbs.navigate_options import NavigateOptions
-from ltvn_core.verbs.robot_queries import RobotQueries, continued_robot, opened_robot
 
 _LOG = logging.getLogger(__name__)
 
@@ -79,6 +81,24 @@ class RobotEvaluation:
         """Read the results of a phase that are there, up to the first that is missing."""
         found = {each.query: each for each in read_query_log(self.log) if each.phase == phase}
         return [found[number] for number in takewhile(found.__contains__, range(self.count(phase)))]
+
+
+def test_robot(options: EvaluateRobotVerb) -> RobotEvaluationSummary:
+    """Run what is not done yet. Raises RobotError where the robot is lost, MapError, RecordingError, OptionError."""
+    if options.episodes < 1 or options.queries < 0:
+        raise OptionError("--episodes must be 1 or more, and --queries 0 or more.")
+    drive = NavigateOptions(
+        map=options.map,
+        recording=options.folder,
+        preset=options.preset,
+        predictor=options.predictor,
+        weights=options.weights,
+        seed=options.seed,
+    )
+    test = RobotEvaluation(
+        robot=options.robot, map=drive, episodes=options.episodes, queries=options.queries, folder=options.folder
+    )
+    return evaluate_robot(test)
 
 
 def evaluate_robot(test: RobotEvaluation) -> RobotEvaluationSummary:

@@ -6,21 +6,31 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import numpy as np
+
+from ltvn_core.evaluation.door_story.story import STORY_MAINTENANCE, CallBack, Carry, Change, DoorStory, GoTo, Lead
+from ltvn_core.evaluation.door_story.story_map import StoryMap
+from ltvn_core.evaluation.query_run import run_query
+from ltvn_core.graph.navigation_system import NavigationSystem
+from ltvn_core.navigation.events import Event, Note
+from ltvn_core.predictors.choice import ImageSource
+from ltvn_core.predictors.opening import open_method, open_predictor, simulated_robot
+from ltvn_core.recording.demo_files import DEMO_MAP, demo_file
+from ltvn_core.recording.map_file import LoadedMap, load_map
+from ltvn_core.recording.run_description import RunDescription
+from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.simulation.body_names import BodyName
-from ltvn_core.verbs.stream_option import announce_stream
+from ltvn_core.simulation.opening import Simulation, open_simulation
+from ltvn_core.simulation.scene import door_names
+from ltvn_core.systems.maintenance import with_maintenance
+from ltvn_core.systems.registry import DEFAULT_SYSTEM, open_system
+from ltvn_core.topological_map import TopologicalMap
+from ltvn_core.types import Predictor
+from ltvn_core.verbs.jobs.headless_runner import HeadlessRunner
+from ltvn_core.verbs.jobs.stream import announce_stream
 from ltvn_core.verbs.verb import Summary
-
-if TYPE_CHECKING:
-    import numpy as np
-
-    from ltvn_core.evaluation.door_story.story import DoorStory
-    from ltvn_core.graph.navigation_system import NavigationSystem
-    from ltvn_core.recording.map_file import LoadedMap
-    from ltvn_core.simulation.opening import Simulation
-    from ltvn_core.types import Predictor
-    from ltvn_core.verbs.headless_runner import HeadlessRunner
 
 _LOG = logging.getLogger(__name__)
 
@@ -58,19 +68,12 @@ class StoryOptions:
     recording: Path
     stream: int | None
     body: BodyName
-    settings: Callable[["NavigationSystem", str], dict[str, Any]]
+    settings: Callable[[NavigationSystem, str], dict[str, Any]]
     """Says how the run was made, for the recording."""
 
 
 def run_story(options: StoryOptions) -> Summary:
     """Play the story and record it. Raises LtvnError."""
-    import numpy as np
-
-    from ltvn_core.predictors.choice import ImageSource
-    from ltvn_core.predictors.opening import open_predictor, simulated_robot
-    from ltvn_core.robots.robot_spec import LOCOBOT
-    from ltvn_core.simulation.opening import open_simulation
-
     started = time.monotonic()
     rng = np.random.default_rng(options.seed)
     choice = ImageSource(camera=LOCOBOT.camera).choose(options.predictor)
@@ -101,22 +104,12 @@ def run_story(options: StoryOptions) -> Summary:
 
 def _play_recorded(
     options: StoryOptions,
-    simulation: "Simulation",
-    predictor: "Predictor",
-    known: "LoadedMap | None",
-    rng: "np.random.Generator",
-) -> "DoorStory":
+    simulation: Simulation,
+    predictor: Predictor,
+    known: LoadedMap | None,
+    rng: np.random.Generator,
+) -> DoorStory:
     """Map the scene unless a map is known, and play the story in it."""
-    from ltvn_core.evaluation.door_story.story import STORY_MAINTENANCE, DoorStory
-    from ltvn_core.evaluation.door_story.story_map import StoryMap
-    from ltvn_core.predictors.opening import open_method
-    from ltvn_core.recording.run_description import RunDescription
-    from ltvn_core.simulation.scene import door_names
-    from ltvn_core.systems.maintenance import with_maintenance
-    from ltvn_core.systems.registry import DEFAULT_SYSTEM, open_system
-    from ltvn_core.topological_map import TopologicalMap
-    from ltvn_core.verbs.headless_runner import HeadlessRunner
-
     system = with_maintenance(open_system(DEFAULT_SYSTEM, open_method(options.preset, predictor)), STORY_MAINTENANCE)
     run = RunDescription(
         scene=simulation.scene.address,
@@ -140,12 +133,8 @@ def _play_recorded(
     return story
 
 
-def play(story: "DoorStory", runner: "HeadlessRunner", rng: "np.random.Generator") -> None:
+def play(story: DoorStory, runner: HeadlessRunner, rng: np.random.Generator) -> None:
     """Play a story to its end, and write its captions down."""
-    from ltvn_core.evaluation.door_story.story import CallBack, Carry, Change, GoTo, Lead
-    from ltvn_core.evaluation.query_run import run_query
-    from ltvn_core.navigation.events import Event, Note
-
     navigator, told, queries = runner.navigator(rng), 0, 0
 
     def tell() -> None:
@@ -191,11 +180,8 @@ def play(story: "DoorStory", runner: "HeadlessRunner", rng: "np.random.Generator
     tell()
 
 
-def _ready_made(scene: str, predictor: "Predictor") -> "LoadedMap | None":
+def _ready_made(scene: str, predictor: Predictor) -> LoadedMap | None:
     """Return the map that comes with the demo apartment; None elsewhere, and where other weights are in use."""
-    from ltvn_core.recording.demo_files import DEMO_MAP, demo_file
-    from ltvn_core.recording.map_file import load_map
-
     place = demo_file(DEMO_MAP) if scene == "demo" else None
     known = None if place is None else load_map(place)
     return known if known is not None and known.meta.fingerprint == predictor.fingerprint else None

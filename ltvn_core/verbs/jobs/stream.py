@@ -3,6 +3,7 @@
 import logging
 
 from ltvn_core.errors import OptionError
+from ltvn_core.recording.live_server import live_address
 
 _LOG = logging.getLogger(__name__)
 _LAST_PORT = 65535
@@ -17,7 +18,5 @@ def announce_stream(port: int | None) -> int | None:
         return None
     if not 1 <= port <= _LAST_PORT:
         raise OptionError(f"--stream must be a port from 1 to {_LAST_PORT}, such as 9877, got {port}.")
-    from ltvn_core.recording.live_server import live_address
-
     _LOG.info("Watch what is recorded: ltvn view %s (or: rerun %s)", live_address(port), live_address(port))
     return port

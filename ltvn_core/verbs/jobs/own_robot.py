@@ -17,20 +17,22 @@ from ltvn_core.robots.robot import open_loop_word
 from ltvn_core.robots.robot_view import fit_camera
 from ltvn_core.robots.watched_drive import watch_drive
 from ltvn_core.systems.maintenance import with_maintenance
-from ltvn_core.verbs.collect_options import CollectOptions, CollectSummary, depth_findings
-from ltvn_core.verbs.headless_runner import QueriesSummary
+from ltvn_core.verbs.collect import CollectVerb
+from ltvn_core.verbs.jobs.collect import CollectSummary, depth_findings
+from ltvn_core.verbs.jobs.headless_runner import QueriesSummary
+from ltvn_core.verbs.jobs.robot_queries import RobotQueries, continued_robot, opened_robot
+from ltvn_core.verbs.jobs.stream import announce_stream
 from ltvn_core.verbs.navigate_options import NavigateOptions, NavigateSummary
-from ltvn_core.verbs.robot_queries import RobotQueries, continued_robot, opened_robot
-from ltvn_core.verbs.stream_option import announce_stream
 
 _LOG = logging.getLogger(__name__)
 
 
-def collect_with(options: CollectOptions, name: str) -> CollectSummary:
+def collect_with(options: CollectVerb) -> CollectSummary:
     """Record what a robot sees while somebody else drives it, until Ctrl-C or for `options.seconds`.
 
     A recorded drive that plays the robot ends it, too.
     """
+    name = str(options.robot)
     with opened_robot(name, drives=False) as own:
         choice = ImageSource(camera=own.spec.camera).choose()
         robot = fit_camera(own, open_predictor(choice.name, camera=own.spec.camera).camera)

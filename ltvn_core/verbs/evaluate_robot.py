@@ -1,0 +1,37 @@
+"""`ltvn evaluate-robot`: the paper's test on a robot (its Table II)."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from tyro.conf import Positional
+
+from ltvn_core.verbs.option_types import AUTO, PredictorName
+from ltvn_core.verbs.verb import Verb
+
+
+@dataclass(frozen=True, kw_only=True)
+class EvaluateRobotVerb(Verb):
+    """Test what a robot of your own learns, in real time: episodes without maintenance, queries with it, and the same
+    episodes again."""
+
+    job = "ltvn_core.verbs.jobs.robot_evaluation:test_robot"
+
+    robot: Positional[str]
+    """An installed robot's name, path/to/file.py:factory, or PROFILE@ADDRESS (ROS 2)."""
+    map: Path
+    """The map of the place that it is in; it is read, never changed."""
+    episodes: int = 20
+    """Random episodes before the queries, and again after them."""
+    queries: int = 30
+    """Queries with maintenance between the episodes."""
+    preset: Literal["robust", "paper"] = "robust"
+    """The method's settings: robust is ours, paper is the literal method."""
+    predictor: PredictorName = AUTO
+    """What compares images; must be the one that built the map, which auto finds."""
+    weights: Path | None = None
+    """Weights to use instead of those that come with the map's system; must be those that built the map."""
+    seed: int = 0
+    """Draws goals."""
+    folder: Path = Path("runs/evaluation/robot")
+    """Where episodes, recordings and maps are kept, and found again by the next call."""

@@ -1,0 +1,1 @@
+"""The jobs that verbs do, one module each; they import plainly what they need, and `Verb.run` alone imports them."""

@@ -1,0 +1,161 @@
+"""`ltvn baseline`: our network learns the labels of a rival on random walks, for a comparison under equal terms.
+
+From the shipped weights it is as good a rival as we can make; from nothing it is the rival of the paper. Some rivals
+add layers of their own to the shipped weights, and only those learn and are written.
+"""
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from ltvn_core.errors import OptionError
+from ltvn_core.network.baseline_training import BaselineCard, baseline_training_plan, evaluate_baseline
+from ltvn_core.network.model_card import TrainingDataSummary
+from ltvn_core.network.network_families import extend_network
+from ltvn_core.network.optimization.training_loop import TrainingData, TrainingPlan, TrainingResult, train
+from ltvn_core.network.predictor import load_predictor
+from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
+from ltvn_core.network.weights_file import load_weights, read_card, save_weights, weights_fingerprint
+from ltvn_core.simulation.scene_registry import scene_names
+from ltvn_core.systems.entry import TemporalLearning
+from ltvn_core.systems.registry import baseline_systems, system_entry
+from ltvn_core.training.held_out_scenes import VALIDATION_SCENES
+from ltvn_core.training.labelled_walks import labelled_walks
+from ltvn_core.training_data.shards import Shard, split_shards
+from ltvn_core.verbs.baseline import BaselineVerb
+from ltvn_core.verbs.jobs.dataset import DEFAULT_SCENE_PREFIXES
+from ltvn_core.verbs.verb import Summary
+
+
+@dataclass(frozen=True)
+class BaselineSummary:
+    """New weights, and how well they know the rival's labels in scenes that were not learned from."""
+
+    weights: Path
+    fingerprint: str
+    images: int
+    pairs: int
+    """Labelled pairs."""
+    steps: int
+    pairs_compared: int
+    minutes: float
+    before: dict[str, float]
+    """Figures of the weights it started from, if there were any,"""
+    after: dict[str, float]
+    """and of the new ones, by the rival's labels."""
+
+
+def train_baseline(options: BaselineVerb) -> Summary:
+    """Walk, label, train and save; raises OptionError, DatasetError, SceneError and WeightsError."""
+    _check_options(options)
+    data, plan = _data(options), _plan(options)
+    work = options.work or options.data / options.baseline
+    result = train(data, plan, work, start=_start(options, work))
+    learned = _learned(options, result.weights)
+    card = _card(options, data, plan, result, learned)
+    fingerprint = save_weights(load_weights(learned), options.output, asdict(card), added_to=_below(options))
+    return BaselineSummary(
+        weights=options.output,
+        fingerprint=fingerprint,
+        images=card.trained_on.images,
+        pairs=card.trained_on.pairs,
+        steps=card.steps,
+        pairs_compared=card.pairs_compared,
+        minutes=card.minutes,
+        before=asdict(card.before) if card.before else {},
+        after=asdict(card.after),
+    )
+
+
+def _check_options(options: BaselineVerb) -> None:
+    _temporal_learning(options.baseline)
+    if not (options.minutes > 0 and (options.steps is None or options.steps > 0)):
+        raise OptionError("--minutes and --steps must be above 0; 8 minutes or 300 steps are a good start.")
+    if options.fresh and _below(options):
+        raise OptionError(f"{options.baseline} adds layers to the shipped weights; leave --fresh out.")
+    if options.output.suffix != ".safetensors" or options.output.exists():
+        raise OptionError(f"--output must be a new file that ends in .safetensors, got {options.output}.")
+
+
+def _below(options: BaselineVerb) -> Path | None:
+    """The weights that the rival adds layers to, if it does."""
+    return SHIPPED_WEIGHTS if _temporal_learning(options.baseline).added else None
+
+
+def _start(options: BaselineVerb, work: Path) -> Path | None:
+    """Return the weights to start from, those with new layers in the folder."""
+    if (added := _temporal_learning(options.baseline).added) is None:
+        return None if options.fresh else SHIPPED_WEIGHTS
+    work.mkdir(parents=True, exist_ok=True)
+    start = work / "start.safetensors"
+    save_weights(extend_network(load_weights(SHIPPED_WEIGHTS), added, options.seed), start, added_to=SHIPPED_WEIGHTS)
+    return start
+
+
+def _learned(options: BaselineVerb, weights: Path) -> Path:
+    """Return new weights as they will be written: of added layers alone, and these in half precision."""
+    if _below(options) is None:
+        return weights
+    added = weights.with_name("added.safetensors")
+    save_weights(load_weights(weights), added, added_to=_below(options))
+    return added
+
+
+def _length(options: BaselineVerb) -> str:
+    length = f"--minutes {options.minutes:g}" if options.steps is None else f"--steps {options.steps}"
+    return length + " --fresh" * options.fresh
+
+
+def _data(options: BaselineVerb) -> TrainingData:
+    names = [name for name in scene_names() if name.startswith(DEFAULT_SCENE_PREFIXES)]
+    shards = labelled_walks(
+        _temporal_learning(options.baseline).rule, names, options.data, seed=options.seed, processes=options.processes
+    )
+    return TrainingData(*split_shards(shards, VALIDATION_SCENES))
+
+
+def _plan(options: BaselineVerb) -> TrainingPlan:
+    return baseline_training_plan(
+        even_distances=_temporal_learning(options.baseline).even_distances,
+        minutes=options.minutes,
+        steps=options.steps,
+        seed=options.seed,
+        fresh=options.fresh or _below(options) is not None,
+    )
+
+
+def _card(
+    options: BaselineVerb, data: TrainingData, plan: TrainingPlan, result: TrainingResult, learned: Path
+) -> BaselineCard:
+    start = None if options.fresh else SHIPPED_WEIGHTS
+    shards = [scene for scene in data.scenes if isinstance(scene, Shard)]
+    return BaselineCard(
+        options.baseline,
+        start and weights_fingerprint(start),
+        read_card(start) if start and _below(options) is None else None,
+        asdict(_temporal_learning(options.baseline).rule),
+        TrainingDataSummary(
+            tuple(shard.name for shard in shards),
+            VALIDATION_SCENES,
+            sum(len(shard.rgb) for shard in shards),
+            sum(len(shard.sources) for shard in shards),
+            shards[0].recipe,
+        ),
+        plan,
+        result.steps,
+        result.pairs,
+        result.seconds / 60,
+        (f"ltvn baseline {options.baseline} --output {options.output.name} {_length(options)} --seed {options.seed}",),
+        evaluate_baseline(load_predictor(start), data.validation) if start else None,
+        evaluate_baseline(load_predictor(learned), data.validation),
+    )
+
+
+def _temporal_learning(system: str) -> TemporalLearning:
+    """Return how a system learns by time; raises OptionError for one that does not."""
+    learning = system_entry(system).learning
+    trained = [entry.name for entry in baseline_systems()]
+    if learning is not None and system in trained:
+        return learning
+    raise OptionError(
+        f"{system} has no network of its own that learns by time alone; those that have are: {', '.join(trained)}."
+    )

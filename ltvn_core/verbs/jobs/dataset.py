@@ -1,0 +1,41 @@
+"""`ltvn dataset`: scenes become labelled image pairs on disk."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from ltvn_core.evaluation.parts import Part
+from ltvn_core.simulation.scene_registry import scene_names
+from ltvn_core.training.simulated_scenes import open_dataset_scene
+from ltvn_core.training_data.shard_generation import DatasetRecipe, generate_shards
+from ltvn_core.training_data.shards import read_shard
+from ltvn_core.verbs.dataset import DatasetVerb
+from ltvn_core.verbs.verb import Summary
+
+DEFAULT_SCENE_PREFIXES = ("train-", "tune-0", "tune-1", "tune-2")
+"""Scenes that a dataset holds unless others are named: to train on, and to choose the best weights by."""
+
+
+@dataclass(frozen=True)
+class DatasetSummary:
+    """The size of a dataset."""
+
+    folder: Path
+    scenes: int
+    images: int
+    pairs: int
+    reachable: float
+    """Share of the pairs that are reachable."""
+
+
+def make_dataset(options: DatasetVerb) -> Summary:
+    """Make the missing shards; raises SceneError and DatasetError."""
+    names = options.scenes or tuple(name for name in scene_names() if name.startswith(DEFAULT_SCENE_PREFIXES))
+    names = Part.parse(options.part).of(names)
+    recipe = DatasetRecipe(seed=options.seed, clusters=options.clusters)
+    paths = generate_shards(names, open_dataset_scene, options.folder, recipe, processes=options.processes)
+    images = pairs = reachable = 0
+    for path in paths:
+        shard = read_shard(path)
+        images, pairs = images + len(shard.rgb), pairs + len(shard.sources)
+        reachable += int(shard.reachable.sum())
+    return DatasetSummary(options.folder, len(paths), images, pairs, reachable / max(pairs, 1))

@@ -1,0 +1,161 @@
+"""`ltvn evaluate`: the paper's protocol, for LTVN and its rivals."""
+
+import shlex
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from joblib import delayed
+from tqdm import tqdm
+
+from ltvn_core.errors import OptionError
+from ltvn_core.evaluation.conditions import protocol_under
+from ltvn_core.evaluation.failure_recordings import record_failures
+from ltvn_core.evaluation.metrics import compute_metrics
+from ltvn_core.evaluation.parts import Part
+from ltvn_core.evaluation.perturbations.perturbation_registry import chosen_perturbations
+from ltvn_core.evaluation.protocol import EvaluationProtocol
+from ltvn_core.evaluation.results import TrialResult
+from ltvn_core.evaluation.trial_plans import TrialFiles, TrialPlan
+from ltvn_core.evaluation.trials import episodes_to_run, run_trials
+from ltvn_core.evaluation.workers import workers
+from ltvn_core.predictors.choice import ImageSource
+from ltvn_core.robots.robot_spec import LOCOBOT
+from ltvn_core.simulation.body_selection import choose_body
+from ltvn_core.verbs.evaluate import EvaluateVerb, ProtocolOptions
+from ltvn_core.verbs.jobs.evaluation_bar import progress_on_bar
+from ltvn_core.verbs.jobs.part_summary import PartSummary
+
+
+@dataclass(frozen=True)
+class EvaluateSummary:
+    """What the episodes of all scenes and seeds came to."""
+
+    scenes: tuple[str, ...]
+    method: str
+    preset: str
+    without: tuple[str, ...]
+    seeds: tuple[int, ...]
+    episodes: int
+    """In all."""
+    success_rate: float
+    success_low: float
+    """95 % interval."""
+    success_high: float
+    spl: float
+    """Success weighted by path length."""
+    collisions_per_episode: float
+    steps_per_episode: float
+    """Control steps of 0.1 s."""
+    nodes: float
+    """Mean over the maps, as are the next two."""
+    edges: float
+    spurious_edges: float
+    """Edges that nobody can drive, by the simulator's truth."""
+    failures: dict[str, int]
+    """Episodes that failed, by cause."""
+    images_without_depth: int
+    """Images of all mapping drives in which the camera found no depth; they are in the drives and not in the maps."""
+    folder: Path
+    """Holds drives, weights, maps and results; called again, the verb goes on from there."""
+    wall_s: float
+
+
+def _protocol(options: ProtocolOptions, episodes: int) -> EvaluationProtocol:
+    """Return the numbers of the test. Raises OptionError."""
+    # Chosen here and not by the workers, which may be machines with other libraries.
+    body = choose_body(options.body)
+    plain = EvaluationProtocol(options.loops, options.goals, episodes, step_limit=options.step_limit, body=body)
+    return protocol_under(plain, options.conditions)
+
+
+def trial_plans(
+    options: ProtocolOptions, system: str, episodes: int, perturbations: tuple[str, ...] = ()
+) -> list[TrialPlan]:
+    """Return a plan for each scene and seed. Raises OptionError."""
+    if (
+        not options.scene
+        or not options.seed
+        or len({*options.scene}) < len(options.scene)
+        or len({*options.seed}) < len(options.seed)
+    ):
+        raise OptionError("--scene and --seed need one value at least, and none of them twice.")
+    protocol = _protocol(options, episodes)
+    predictor = ImageSource(camera=LOCOBOT.camera).choose(options.predictor).name
+    return [
+        TrialPlan(
+            scene=scene,
+            seed=seed,
+            system=system,
+            preset=options.preset,
+            parts_off=tuple(sorted(options.without)),
+            perturbations=perturbations,
+            conditions=tuple(sorted(set(options.conditions))),
+            predictor=predictor,
+            weights=options.weights,
+            finetune_steps=options.finetune_steps,
+            protocol=protocol,
+        )
+        for scene in options.scene
+        for seed in options.seed
+    ]
+
+
+def evaluate(options: EvaluateVerb) -> EvaluateSummary | PartSummary:
+    """Run what is not done yet. Raises OptionError, SceneError, WeightsError, MapError and RecordingError."""
+    if options.record_failures < 0:
+        raise OptionError(f"--record-failures must be 0 or more, got {options.record_failures}.")
+    started, part = time.monotonic(), Part.parse(options.part)
+    plans = trial_plans(options, options.system, options.episodes, chosen_perturbations(options.perturb))
+    with (
+        workers(options.processes, options.cluster, options.folder) as parallel,
+        tqdm(total=episodes_to_run(plans, options.episodes, part), desc="evaluate", unit="episode") as bar,
+    ):
+        trials = run_trials(
+            plans,
+            options.folder,
+            episodes=options.episodes,
+            command=command(),
+            parallel=parallel,
+            progress=progress_on_bar(bar, len(plans)),
+            part=part,
+        )
+        if len(trials) < len(plans):
+            return PartSummary(str(part), bar.n, len(plans), len(trials), options.folder, time.monotonic() - started)
+        if options.record_failures:
+            jobs = [(plan, TrialFiles.of(plan, options.folder)) for plan in plans]
+            again = zip(jobs, trials, strict=True)
+            list(parallel(delayed(record_failures)(*job, trial, options.record_failures) for job, trial in again))
+    return _summary(options, trials, time.monotonic() - started)
+
+
+def _summary(options: EvaluateVerb, trials: Sequence[TrialResult], wall_s: float) -> EvaluateSummary:
+    found = compute_metrics(trials)
+    return EvaluateSummary(
+        scenes=options.scene,
+        method=options.system,
+        preset=options.preset,
+        without=options.without,
+        seeds=options.seed,
+        episodes=found.episodes,
+        success_rate=found.success_rate.mean,
+        success_low=found.success_rate.low,
+        success_high=found.success_rate.high,
+        spl=found.spl.mean,
+        collisions_per_episode=found.collisions_per_episode.mean,
+        steps_per_episode=found.steps_per_episode.mean,
+        nodes=found.nodes,
+        edges=found.edges,
+        spurious_edges=found.spurious_edges,
+        failures=found.failures,
+        images_without_depth=sum(trial.without_depth for trial in trials),
+        folder=options.folder,
+        wall_s=wall_s,
+    )
+
+
+def command() -> str:
+    """Return the command line that is running, without the folder that leads to the program."""
+    return shlex.join(["ltvn", *sys.argv[1:]])

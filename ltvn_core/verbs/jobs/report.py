@@ -1,0 +1,95 @@
+"""`ltvn report`: what an evaluation found, as one HTML page, as JSON, and as the tables of `docs/results.md`."""
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+from tqdm import tqdm
+
+from ltvn_core.errors import OptionError
+from ltvn_core.evaluation.results import save_results
+from ltvn_core.reports.evaluation_blocks import fill_results_page
+from ltvn_core.reports.evaluation_files import FoundResults, find_results, with_images
+from ltvn_core.reports.evaluation_page import render_page
+from ltvn_core.reports.failure_gallery import select_failures
+from ltvn_core.reports.figure_style import FIGURE_PALETTE
+from ltvn_core.verbs.report import ReportVerb
+from ltvn_core.verbs.verb import Summary
+
+
+@dataclass(frozen=True)
+class ReportSummary:
+    """What was written."""
+
+    output: Path
+    results: Path
+    """All results in one file."""
+    page: Path | None
+    pictures: tuple[Path, ...]
+    """Of the page."""
+    trials: int
+    lifelong: int
+    worlds: int
+    """Maintenances in changing worlds, for each scene and seed."""
+    episodes: int
+    failed: int
+    failures_shown: int
+
+
+def write_report(options: ReportVerb) -> Summary:
+    """Read, draw and write; raises OptionError and RecordingError."""
+    _check(options)
+    found = find_results(options.folder)
+    shown = _write(options, found)
+    pictures = ()
+    if options.page is not None:
+        pictures = fill_results_page(
+            found.drawn,
+            FIGURE_PALETTE,
+            page=options.page,
+            images=options.images,
+            section=options.section,
+            worlds=found.worlds,
+        )
+    trials = found.results.trials
+    return ReportSummary(
+        output=options.output,
+        results=_json(options),
+        page=options.page,
+        pictures=pictures,
+        trials=len(trials),
+        lifelong=len(found.results.lifelong),
+        worlds=len(found.worlds),
+        episodes=sum(len(trial.episodes) for trial in trials),
+        failed=len(found.failures),
+        failures_shown=shown,
+    )
+
+
+def _json(options: ReportVerb) -> Path:
+    return options.output.with_suffix(".json")
+
+
+def _check(options: ReportVerb) -> None:
+    if options.output.suffix != ".html":
+        raise OptionError(f"--output {options.output} must end in .html; the JSON is written beside it.")
+    if options.failures < 0:
+        raise OptionError(f"--failures must be 0 or more, got {options.failures}.")
+
+
+def _write(options: ReportVerb, found: FoundResults) -> int:
+    """Write page and JSON, and return how many failures the page shows."""
+    rows = with_images(tqdm(select_failures(found.failures, options.failures), desc="failures", unit="episode"))
+    html = render_page(found.drawn, rows, FIGURE_PALETTE, folder=options.output.parent, worlds=found.worlds)
+    parts = [path.with_name(f".{path.name}.part") for path in (options.output, _json(options))]
+    try:
+        options.output.parent.mkdir(parents=True, exist_ok=True)
+        parts[1].unlink(missing_ok=True)
+        parts[0].write_text(html, encoding="utf-8")
+        save_results(parts[1], found.results)
+        # Only whole files take the place of an older report.
+        os.replace(parts[0], options.output)
+        os.replace(parts[1], _json(options))
+    except OSError as error:
+        raise OptionError(f"{options.output} cannot be written ({error.strerror}); name another --output.") from error
+    return len(rows)

@@ -1,0 +1,183 @@
+"""`ltvn train`: a dataset becomes weights with a card."""
+
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+from ltvn_core.errors import DatasetError, OptionError
+from ltvn_core.network.device import gpu_count
+from ltvn_core.network.model_card import (
+    HeldOutMetrics,
+    InferenceSpeed,
+    ModelCard,
+    TrainingDataSummary,
+    measure_speed,
+)
+from ltvn_core.network.network_families import default_architecture
+from ltvn_core.network.optimization.trainer import Hyperparameters
+from ltvn_core.network.optimization.training_loop import TrainingData, TrainingPlan, TrainingResult, train_distributed
+from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
+from ltvn_core.network.weights_file import load_weights, save_weights
+from ltvn_core.training.held_out_scenes import (
+    TEST_SCENES,
+    VALIDATION_SCENES,
+    NetworkMetrics,
+    drives,
+    figures,
+    measure_network,
+)
+from ltvn_core.training_data.shards import Shard, dataset_shards, read_shard, split_shards
+from ltvn_core.verbs.train import TrainVerb
+from ltvn_core.verbs.verb import Summary
+
+_VALIDATION_DRIVE = 220
+"""Images of the drive through each validation scene,"""
+_SHORT_DRIVE = 60
+"""and where training is so short that rendering and comparing them would take longer than training,"""
+_FEW_STEPS = 1000
+"""in fewer steps than these. A fifth of the pairs is compared then."""
+
+
+@dataclass(frozen=True)
+class TrainSummary:
+    """New weights and their figures in scenes that training has not seen."""
+
+    weights: Path
+    steps: int
+    pairs_compared: int
+    minutes: float
+    parameters: int
+    encode_ms: float
+    """Per image,"""
+    pair_ms: float
+    """and per pair of encoded images, on this machine."""
+    figures: NetworkMetrics
+
+
+@dataclass(frozen=True)
+class NetworkEvaluationSummary(NetworkMetrics):
+    """Figures of weights, and of the paper's plain network beside them."""
+
+    stacked: NetworkMetrics | None
+    """None unless --stacked names some."""
+
+
+def train_network(options: TrainVerb) -> Summary:
+    """Train, measure and save; raises OptionError, DatasetError, SceneError and WeightsError."""
+    if options.evaluate:
+        return _evaluate(options)
+    output = _checked_output(options)
+    plan = _plan(options)
+    load = LoadTrainingData(options.data, images=_SHORT_DRIVE if _is_short(options) else _VALIDATION_DRIVE)
+    result = train_distributed(load, plan, options.work, processes=_processes(options))
+    network = load_weights(result.weights)
+    measured = _measure(options, result.weights)
+    card = _card(options, output, plan, result, measure_speed(network), measured)
+    save_weights(network, output, asdict(card))
+    speed, found = card.speed, figures(output, measured)
+    times = (speed.parameters, speed.encode_ms, speed.pair_ms)
+    return TrainSummary(output, card.steps, card.pairs_compared, card.minutes, *times, found)
+
+
+def _plan(options: TrainVerb) -> TrainingPlan:
+    plan = TrainingPlan(
+        Hyperparameters(seed=options.seed), default_architecture(options.architecture), minutes=options.minutes
+    )
+    if options.architecture == "stacked":  # It pays for every pair from the pixels on, so it is validated on fewer.
+        plan = replace(plan, validation_pairs=plan.validation_pairs // 4, validation_far=plan.validation_far // 4)
+    if options.steps is None:
+        return plan
+    looks = min(max(options.steps // 100, 1), plan.validations)
+    if _is_short(options):
+        plan = replace(plan, validation_pairs=plan.validation_pairs // 5, validation_far=plan.validation_far // 5)
+    return replace(plan, minutes=None, steps=options.steps, validations=looks, minings=2 * looks)
+
+
+def _is_short(options: TrainVerb) -> bool:
+    """Whether this is a trial of few steps, which would wait longer for a whole validation than for training."""
+    return options.steps is not None and options.steps < _FEW_STEPS
+
+
+def _evaluate(options: TrainVerb) -> NetworkEvaluationSummary:
+    def judge(weights: Path) -> NetworkMetrics:
+        return figures(weights, _measure(options, weights))
+
+    found = judge(options.weights or SHIPPED_WEIGHTS)
+    stacked = None if options.stacked is None else judge(options.stacked)
+    return NetworkEvaluationSummary(**vars(found), stacked=stacked)
+
+
+def _measure(options: TrainVerb, weights: Path) -> HeldOutMetrics:
+    folder = options.data / "unseen"
+    return measure_network(weights, folder, options.scenes, clusters=options.clusters, images=options.images)
+
+
+def _processes(options: TrainVerb) -> int:
+    return options.processes or gpu_count() or 2
+
+
+def _checked_output(options: TrainVerb) -> Path:
+    """Return the output. Raises OptionError if there is none or weights lie there already."""
+    if options.output is None:
+        raise OptionError("--output is missing: name the weights to write, for instance --output my.safetensors.")
+    if options.output.exists():
+        raise OptionError(f"{options.output} exists; nothing is overwritten. Name another --output or move it away.")
+    return options.output
+
+
+def _card(
+    options: TrainVerb,
+    output: Path,
+    plan: TrainingPlan,
+    result: TrainingResult,
+    speed: InferenceSpeed,
+    measured: HeldOutMetrics,
+) -> ModelCard:
+    learned, _ = read_shards(options.data)
+    return ModelCard(
+        TrainingDataSummary(
+            tuple(shard.name for shard in learned),
+            VALIDATION_SCENES,
+            sum(len(shard.rgb) for shard in learned),
+            sum(len(shard.sources) for shard in learned),
+            learned[0].recipe,
+        ),
+        plan,
+        result.steps,
+        result.pairs,
+        result.seconds / 60,
+        _processes(options),
+        (
+            f"ltvn dataset --folder data --clusters {len(set(learned[0].group.tolist()))}",
+            f"ltvn train --data data --architecture {options.architecture} --output {output.name} "
+            + (f"--minutes {options.minutes:g}" if options.steps is None else f"--steps {options.steps}")
+            + f" --processes {_processes(options)} --seed {options.seed}",
+        ),
+        speed,
+        measured,
+    )
+
+
+@dataclass(frozen=True)
+class LoadTrainingData:
+    """Loads a dataset in each process of a training."""
+
+    folder: Path
+    images: int
+    """Images of the drive through each validation scene."""
+
+    def __call__(self) -> TrainingData:
+        """Read all shards; validation scenes also give drives. Raises DatasetError."""
+        learned, validation = read_shards(self.folder)
+        return TrainingData(learned, validation, drives([shard.name for shard in validation], images=self.images))
+
+
+def read_shards(folder: Path) -> tuple[list[Shard], list[Shard]]:
+    """Return a dataset's shards to learn from and to validate on. Raises DatasetError if there are none of a kind."""
+    shards = [read_shard(path) for path in dataset_shards(folder)]
+    learned, validation = split_shards((shard for shard in shards if shard.name not in TEST_SCENES), VALIDATION_SCENES)
+    if not learned or not validation:
+        raise DatasetError(
+            f"{folder}: needs shards of scenes to learn from and of {', '.join(VALIDATION_SCENES)}, found "
+            f"{', '.join(shard.name for shard in shards) or 'none'}; run `ltvn dataset --folder {folder}`."
+        )
+    return learned, validation

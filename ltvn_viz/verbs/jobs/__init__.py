@@ -1,0 +1,1 @@
+"""The jobs of the page's verbs; they import plainly what they need, and `Verb.run` alone imports them."""

@@ -1,0 +1,146 @@
+"""`ltvn export`: a moment, a test, a page or a figure out of a recording, or all of it in another format."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from ltvn_core.errors import OptionError
+from ltvn_core.exporting.recording_export import ExportFormat, export_recording
+from ltvn_core.recording.excerpt import Excerpt, time_span, write_excerpt
+from ltvn_core.recording.reader import Recording
+from ltvn_core.verbs.verb import Summary
+from ltvn_viz.debugger.exports import draw_map, write_excerpt_test
+from ltvn_viz.verbs.export import ExportVerb
+
+
+@dataclass(frozen=True)
+class ExportSummary:
+    """What was written."""
+
+    recording: Path
+    """What it came from."""
+    output: Path | None
+    """The moment, a recording of its own."""
+    frames: int | None
+    """In it."""
+    events: int | None
+    size_bytes: int | None
+    test: Path | None
+    """A pytest file about the moment, to be changed by hand."""
+    html: Path | None
+    svg: Path | None
+    format: str | None
+    """Other than a recording, by --to."""
+    nodes: int | None
+    """Of a map in another format."""
+    edges: int | None
+
+
+def export(options: ExportVerb) -> Summary:
+    """Write what is asked for; raises OptionError, RecordingError, MapError and SceneError."""
+    to_s, to_format = _end(options)
+    _check(options, to_format)
+    if to_format is not None:
+        return _export(options, to_format, to_s)
+    excerpt = _cut(options, to_s) if options.output is not None else None
+    if options.html is not None or options.svg is not None:
+        _draw(options, to_s)
+    return _summary(
+        options,
+        frames=None if excerpt is None else excerpt.frames,
+        events=None if excerpt is None else excerpt.events,
+        size_bytes=None if excerpt is None else excerpt.size_bytes,
+    )
+
+
+def _end(options: ExportVerb) -> tuple[float | None, ExportFormat | None]:
+    """Return where the moment ends, and another format; --to says one of the two."""
+    if options.to is None:
+        return options.until, None
+    if options.to in (names := [each.value for each in ExportFormat]):
+        return options.until, ExportFormat(options.to)
+    try:
+        seconds = float(options.to)
+    except ValueError as error:
+        raise OptionError(f"--to takes a format ({', '.join(names)}) or seconds, got {options.to!r:.40}.") from error
+    if options.until is not None:
+        raise OptionError("--to names seconds already; --until goes with --to FORMAT.")
+    return seconds, None
+
+
+def _check(options: ExportVerb, to_format: ExportFormat | None) -> None:
+    if to_format is not None:
+        _check_format(options, to_format)
+    elif options.output is None and options.html is None and options.svg is None:
+        raise OptionError("Nothing to write: name --output for a moment, or --html or --svg for a picture of the map.")
+    if options.test is not None and options.output is None:
+        raise OptionError("--test is about a moment; name --output, the recording that the test opens.")
+    for path in (options.test, options.html, options.svg):
+        if path is not None and path.exists():
+            raise OptionError(f"{path} exists already and is never overwritten; name another file.")
+
+
+def _check_format(options: ExportVerb, to_format: ExportFormat) -> None:
+    name = to_format.value
+    if options.output is None:
+        raise OptionError(f"--to {name} needs --output, the file or folder to write.")
+    if options.html or options.svg or options.test or options.named_only:
+        raise OptionError(f"--to {name} writes one thing alone; leave out --html, --svg, --test and --named-only.")
+    if to_format.is_map and (options.from_s is not None or options.until is not None):
+        raise OptionError(f"--to {name} writes the map at the end; --from and --until choose frames of a drive.")
+    if options.output.suffix == ".rrd":
+        raise OptionError(f"--to {name} writes no recording; give --output another ending than .rrd.")
+
+
+def _export(options: ExportVerb, to_format: ExportFormat, to_s: float | None) -> Summary:
+    recording, output = Recording.open(options.recording), options.output or Path()
+    done = export_recording(recording, output, to_format, from_s=options.from_s, to_s=to_s)
+    files = [output] if output.is_file() else [file for file in output.rglob("*") if file.is_file()]
+    return _summary(
+        options,
+        frames=done.frames,
+        size_bytes=sum(file.stat().st_size for file in files),
+        nodes=done.nodes,
+        edges=done.edges,
+        to_format=to_format.value,
+    )
+
+
+def _summary(
+    options: ExportVerb,
+    *,
+    frames: int | None = None,
+    events: int | None = None,
+    size_bytes: int | None = None,
+    nodes: int | None = None,
+    edges: int | None = None,
+    to_format: str | None = None,
+) -> ExportSummary:
+    return ExportSummary(
+        recording=options.recording,
+        output=options.output,
+        frames=frames,
+        events=events,
+        size_bytes=size_bytes,
+        test=options.test,
+        html=options.html,
+        svg=options.svg,
+        format=to_format,
+        nodes=nodes,
+        edges=edges,
+    )
+
+
+def _cut(options: ExportVerb, until_s: float | None) -> Excerpt:
+    recording = Recording.open(options.recording)
+    begin, end = time_span(recording)
+    from_s = begin if options.from_s is None else options.from_s
+    to_s = end if until_s is None else until_s
+    output = options.output or Path()
+    written = write_excerpt(recording, output, from_s=from_s, to_s=to_s, named_only=options.named_only)
+    if options.test is not None:
+        write_excerpt_test(recording, output, options.test, from_s=from_s, to_s=to_s)
+    return written
+
+
+def _draw(options: ExportVerb, to_s: float | None) -> None:
+    draw_map(Recording.open(options.recording), to_s, html=options.html, svg=options.svg)

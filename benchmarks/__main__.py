@@ -1,4 +1,4 @@
-"""`python -m benchmarks`: the budgets of docs/architecture.md, measured on this machine."""
+"""`python -m benchmarks`: the budgets of docs/performance.md, measured on this machine."""
 
 import os
 import platform
@@ -23,7 +23,7 @@ class BenchSummary:
 
 @dataclass(frozen=True, kw_only=True)
 class BenchVerb(Verb):
-    """Measure the speed budgets of docs/architecture.md; takes about ten minutes."""
+    """Measure the speed budgets of docs/performance.md; takes about ten minutes."""
 
     only: str | None = None
     """Measure only those whose module bears this name, for instance planning."""

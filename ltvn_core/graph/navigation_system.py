@@ -16,7 +16,7 @@ Owns the interfaces alone. The paper's own strategies are put together in `graph
 | BRM | Algorithm 1 | -ln p | first node | as LTVN | Bayes on noisy observations |
 | PlaceNav | Algorithm 1 | d | first node | discrete Bayes filter | as LTVN |
 
-Not here: LEAP, which has no map: `docs/architecture.md` says why it is not run.
+Not here: LEAP, which has no map: `docs/method.md` says why it is not run.
 """
 
 from collections.abc import Callable, Collection, Sequence

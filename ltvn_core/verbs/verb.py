@@ -12,6 +12,8 @@ from ltvn_core.errors import OptionError
 
 _SENTENCE = 60
 """Longer texts of a list are sentences, and have a line of their own."""
+_LABELS = {"findings": "doubts"}
+"""A person reads the findings under the name that JSON has for their sentences."""
 _LARGEST = 2**62
 """Counts and numbers beyond this overflow in one library or another."""
 _MOST = {"queries": 1_000_000, "episodes": 1_000_000, "goals": 100_000, "loops": 10_000, "processes": 10_000}
@@ -92,9 +94,9 @@ def to_json(summary: Summary) -> str:
 
 def to_text(summary: Summary) -> str:
     """Write a summary as aligned lines for a person."""
-    names = [field.name for field in fields(summary)]
-    width = max(map(len, names), default=0)
-    return "\n".join(f"{name.replace('_', ' '):<{width}}  {_shown(getattr(summary, name))}" for name in names)
+    rows = {_LABELS.get(field.name, field.name): getattr(summary, field.name) for field in fields(summary)}
+    width = max(map(len, rows), default=0)
+    return "\n".join(f"{label.replace('_', ' '):<{width}}  {_shown(value)}" for label, value in rows.items())
 
 
 def _plain(value: object) -> object:

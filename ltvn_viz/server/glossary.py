@@ -1,6 +1,6 @@
 """The words and symbols of the page, each explained in a sentence or two: on hover where it stands, and as one list.
 
-Owns the explanations for a person who sees the page. The glossary of code and paper is `docs/architecture.md`.
+Owns the explanations for a person who sees the page. The glossary of code and paper is `docs/glossary.md`.
 """
 
 from html import escape

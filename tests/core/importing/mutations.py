@@ -8,6 +8,7 @@ import hashlib
 import json
 import logging
 import shutil
+import signal
 import subprocess
 import sys
 import traceback
@@ -26,7 +27,9 @@ from ltvn_core.importing.reader_registry import open_drive
 from tests.repository import ROOT
 
 HANG_S = 10
-"""An import of a small drive that takes longer is a hang."""
+"""An import of a small drive that takes more processor time than this is a hang."""
+_STUCK_S = 120
+"""So is one that waits for longer than this, which a busy machine does not explain."""
 _NUMBERS = (b"-1", b"0", b"1e308", b"nan", b"99999999999999999999", b"..", b"/", b"\xff\xfe", b"{", b"")
 
 
@@ -90,7 +93,8 @@ def judge_mutations(sources: Path, scratch: Path, *, seed: int, first: int, coun
                 started = entry["number"]
         if number < first + count:  # The process ended before its last mutation was judged.
             kind = next((json.loads(line)["kind"] for line in reversed(lines) if f'"number": {started}' in line), "")
-            fate = Fate.HUNG if "Timeout (" in done.stderr else Fate.ABORTED
+            is_hung = "Timeout (" in done.stderr or done.returncode == -signal.SIGPROF
+            fate = Fate.HUNG if is_hung else Fate.ABORTED
             yield Judgement(number, kind, fate, done.stderr[-2000:])
             number += 1
 
@@ -181,8 +185,10 @@ def _main(arguments: Sequence[str]) -> None:
         kind = mutate(copy, rng)
         if copy.exists():
             _tell({"number": number, "kind": kind})
-            faulthandler.dump_traceback_later(HANG_S, exit=True)
+            faulthandler.dump_traceback_later(_STUCK_S, exit=True)
+            signal.setitimer(signal.ITIMER_PROF, HANG_S)  # Ends the process by SIGPROF.
             judgement = _judged(copy, scratch / "drive.rrd", number, kind)
+            signal.setitimer(signal.ITIMER_PROF, 0)
             faulthandler.cancel_dump_traceback_later()
         else:
             judgement = Judgement(number, kind, Fate.REFUSED, "nothing is left")

@@ -52,7 +52,7 @@ def test_disk_faults(tally: Tally, tmp_path: Path) -> None:
     assert tally.failures == []
 
 
-@pytest.mark.campaign(asked=2000, share=0.2)
+@pytest.mark.campaign(asked=2000, share=0.3)
 def test_mutations(tally: Tally, tmp_path: Path) -> None:
     files = [tmp_path / f"{name.replace(' ', '-')}.rrd" for name in WAYS]
     for write, path in zip(WAYS.values(), files, strict=True):

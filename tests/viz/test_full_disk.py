@@ -11,7 +11,7 @@ from tests.repository import ROOT
 from tests.waiting import PATIENCE_S
 
 # The demo map alone fills more than this; a batch, which comes into the file whole or not at all, fills less.
-LIMIT_BYTES = 2_000_000
+LIMIT_BYTES = 1_500_000
 
 APP = """
 import os, resource, signal, sys, threading

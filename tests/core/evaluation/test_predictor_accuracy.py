@@ -167,7 +167,7 @@ def test_the_same_seed_gives_the_same_figures_and_another_leaves_other_images_ou
     assert judged(images, images, knowing_predictor()).conditions[0] == known
     first = judged(images, images, knowing_predictor(), JudgementPlan(pairs=800, seed=0))
     second = judged(images, images, knowing_predictor(), JudgementPlan(pairs=800, seed=1))
-    assert set(first.built.graph.nodes) != set(second.built.graph.nodes)
+    assert set(first.built.map.graph.nodes) != set(second.built.map.graph.nodes)
 
 
 def test_a_camera_in_the_hand_that_looks_up_instead_of_down_has_turned() -> None:

@@ -144,7 +144,7 @@ def test_the_check_says_what_the_bag_shows(path: Path, capsys: pytest.CaptureFix
 def test_nothing_that_drives_takes_it(path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["robot", "check", str(path), "--drive"]) == 1
     assert "a recorded drive, which can be watched alone" in capsys.readouterr().err
-    asked = ["evaluate", "--robot", str(path), "--map", "any.rrd", "--folder", str(tmp_path / "runs")]
+    asked = ["evaluate-robot", str(path), "--map", "any.rrd", "--folder", str(tmp_path / "runs")]
     assert main(asked) == 1
     assert "open loop: it shows what was seen, and obeys no command" in capsys.readouterr().err
 

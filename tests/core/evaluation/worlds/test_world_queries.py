@@ -20,6 +20,7 @@ from ltvn_core.evaluation.worlds.world_plans import WorldFiles, WorldPlan
 from ltvn_core.recording.map_file import load_map
 from ltvn_core.simulation.changes.world_script import MORNING_S
 from ltvn_core.verbs.jobs.lifelong import WorldSummary
+from ltvn_core.verbs.jobs.evaluate import trial_plans
 from ltvn_core.verbs.lifelong import LifelongVerb
 from tests.core.simulation.two_room_mesh import box_house, save
 
@@ -77,7 +78,7 @@ def summary(house: Path) -> WorldSummary:
 
 def files(house: Path, maintenance: str) -> tuple[WorldPlan, WorldFiles]:
     options = verb(house)
-    trial = options.plans("ltvn", options.episodes)[0]
+    trial = trial_plans(options, "ltvn", options.episodes)[0]
     plan = WorldPlan(trial=trial, world=str(options.world), maintenance=maintenance, queries=4, days=DAYS)
     return plan, WorldFiles.of(plan, TrialFiles.of(trial, options.folder))
 

@@ -118,7 +118,7 @@ def test_a_robot_drives_to_a_node_and_what_it_learned_is_counted(
 def test_an_evaluation_is_judged_by_the_true_pose_and_goes_on_where_it_was(
     place: Place, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    options = ["--robot", place.robot, "--map", str(place.map), "--folder", str(tmp_path), "--episodes", "1"]
+    options = [place.robot, "--map", str(place.map), "--folder", str(tmp_path), "--episodes", "1"]
 
     first = told(EvaluateRobotVerb, lambda _: [*options, "--queries", "1"], capsys)
     lines = (tmp_path / "episodes.jsonl").read_text(encoding="utf-8").splitlines()

@@ -14,7 +14,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn
 
 from ltvn_core.errors import LtvnError, OptionError
 
@@ -102,6 +102,8 @@ def _main(given: Sequence[str]) -> int:
     if not given:
         print(BEGINNING)
         return 0
+    if given[0].startswith("--tyro-"):
+        _print_completion(verbs, given)
     if given[0] not in ("-h", "--help"):
         from ltvn_core.close_names import which_name
 
@@ -125,6 +127,18 @@ def _show_all(verbs: "Mapping[str, Plugin]") -> None:
     for line in loaded.broken:
         print(f"ltvn: {shown_plainly(line)}", file=sys.stderr)
     print(shown_plainly(overview(loaded.by_name)))
+
+
+def _print_completion(verbs: "Mapping[str, Plugin]", given: Sequence[str]) -> NoReturn:
+    """Let tyro print what completes the verbs and options in a shell, and exit."""
+    import tyro
+
+    from ltvn_core.plugins import load_plugins
+    from ltvn_core.verbs.discovery import load_verb
+
+    by_name = dict(load_plugins(verbs, load_verb).by_name)
+    tyro.extras.subcommand_cli_from_dict(by_name, prog="ltvn", args=given, sort_subcommands=False)
+    raise AssertionError("tyro exits once it has printed")
 
 
 def _run(program: str, verb: "type[Verb]", given: Sequence[str]) -> int:

@@ -61,6 +61,10 @@ def test_help_names_every_verb() -> None:
         assert verb in shown
 
 
+def test_the_shell_completes_the_options_of_verbs() -> None:
+    assert "--every-m" in ltvn("--tyro-print-completion", "bash").stdout
+
+
 @pytest.mark.parametrize(
     ("typed", "meant"),
     [

@@ -19,8 +19,8 @@ from ltvn_core.evaluation.worlds.world_drive import WorldDrive
 from ltvn_core.evaluation.worlds.world_plans import WorldFiles, WorldPlan
 from ltvn_core.recording.map_file import load_map
 from ltvn_core.simulation.changes.world_script import MORNING_S
-from ltvn_core.verbs.jobs.lifelong import WorldSummary
 from ltvn_core.verbs.jobs.evaluate import trial_plans
+from ltvn_core.verbs.jobs.lifelong import WorldSummary
 from ltvn_core.verbs.lifelong import LifelongVerb
 from tests.core.simulation.two_room_mesh import box_house, save
 

@@ -19,7 +19,7 @@ def parse_json(text: str | bytes) -> Any:
     """Return the value in a JSON text.
 
     Raises:
-        ValueError: It is no JSON, is not in UTF-8, or lists and objects lie within one another too deep.
+        ValueError: It is no JSON, is not in UTF-8, or lists and objects are nested too deeply.
     """
     try:
         value = json.loads(text)
@@ -33,7 +33,7 @@ def parse_toml(text: str) -> dict[str, Any]:
     """Return the tables in a TOML text.
 
     Raises:
-        ValueError: It is no TOML, is too long, or tables and arrays lie within one another too deep.
+        ValueError: It is no TOML, is too long, or tables and arrays are nested too deeply.
     """
     if len(text) > _MOST_TOML:
         raise ValueError(f"it has more than {_MOST_TOML:,} characters")
@@ -46,7 +46,7 @@ def parse_toml(text: str) -> dict[str, Any]:
 
 
 def _require_levels(value: Any) -> None:
-    """Raise ValueError for too many levels; looks at one level after the other, as calls of itself would run out."""
+    """Raise ValueError for too many levels; goes level by level, because recursion would overflow."""
     level = _within([value])
     for _ in range(MOST_LEVELS):
         if not level:
@@ -60,4 +60,4 @@ def _within(values: Iterable[Any]) -> list[dict[str, Any] | list[Any]]:
 
 
 def _too_deep() -> ValueError:
-    return ValueError(f"lists and tables lie within one another more than {MOST_LEVELS} levels deep")
+    return ValueError(f"lists and tables are nested more than {MOST_LEVELS} levels deep")

@@ -34,7 +34,7 @@ from ltvn_core.evaluation.workers import Workers
 
 
 @dataclass(frozen=True, slots=True)
-class Schedule:
+class LifelongSchedule:
     """Number of queries, and when the map is tested."""
 
     queries: int = 700
@@ -71,7 +71,7 @@ class Schedule:
 def run_lifelong(
     plans: Sequence[TrialPlan],
     folder: Path,
-    schedule: Schedule,
+    schedule: LifelongSchedule,
     *,
     command: str,
     parallel: Workers,
@@ -90,11 +90,11 @@ def run_lifelong(
     return [load_results(result, LifelongResult) for result in results if is_stored(result)]
 
 
-def _scheduled(plan: TrialPlan, files: TrialFiles, schedule: Schedule) -> ScheduledTest:
+def _scheduled(plan: TrialPlan, files: TrialFiles, schedule: LifelongSchedule) -> ScheduledTest:
     return ScheduledTest(plan, files, schedule.segments, partial(LifelongDrive, plan, files))
 
 
-def _finish(plan: TrialPlan, files: TrialFiles, schedule: Schedule, command: str) -> None:
+def _finish(plan: TrialPlan, files: TrialFiles, schedule: LifelongSchedule, command: str) -> None:
     """Combine the batches and save the result."""
     if is_stored(_result_file(files, schedule)):
         return
@@ -126,5 +126,5 @@ def _point(plan: TrialPlan, files: TrialFiles, at: int, episodes: int, command: 
     return LifelongPoint(at, finish_trial(plan, files, at, episodes, command), cells)
 
 
-def _result_file(files: TrialFiles, schedule: Schedule) -> Path:
+def _result_file(files: TrialFiles, schedule: LifelongSchedule) -> Path:
     return files.lifelong(schedule.queries, schedule.every, schedule.episodes)

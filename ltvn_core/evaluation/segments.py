@@ -111,7 +111,7 @@ class ScheduledTest:
                 continue
             if isinstance(segment, Queries):
                 assert self.open_drive is not None
-                yield delayed(run_queries)(self.open_drive, self.learned, segment.first, segment.until)
+                yield delayed(run_query_batches)(self.open_drive, self.learned, segment.first, segment.until)
             else:
                 drawn = prepare(self.plan, self.files).episodes(segment.count, self.plan.seed)
                 for begin, end in batch_ranges(0, segment.count) if segment.batches is None else segment.batches:
@@ -146,7 +146,7 @@ def run_segments(tests: Sequence[ScheduledTest], parallel: Workers, progress: Ev
                 progress.work_done(done)
 
 
-def run_queries(open_drive: Callable[[int], LearningDrive], files: QueryFiles, first: int, until: int) -> int:
+def run_query_batches(open_drive: Callable[[int], LearningDrive], files: QueryFiles, first: int, until: int) -> int:
     """Drive the queries from `first` up to `until` in batches; return their number."""
     for begin, end in batch_ranges(first, until):
         run_query_batch(open_drive, files, begin, end)

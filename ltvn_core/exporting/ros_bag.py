@@ -18,6 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.exporting.exported_drive import CameraPlace, ExportedDrive, ExportedFrame
+from ltvn_core.robots.ros2.ros_messages import distortion_model
 from ltvn_core.types import Pose
 
 COLOURS = "/camera/color/image_raw/compressed"
@@ -127,7 +128,7 @@ class _Messages:
             "header": self._header(stamp, _CAMERA),
             "height": camera.height,
             "width": camera.width,
-            "distortion_model": _distortion_model(camera),
+            "distortion_model": distortion_model(camera),
             "d": np.array(camera.distortion or (0.0,) * 5, np.float64),
             "k": np.array(k, np.float64),
             "r": np.eye(3).ravel(),
@@ -178,12 +179,6 @@ class _Messages:
             )
         data = self.store.serialize_cdr(self._make(name, fields), name)
         self.writer.write(self.connections[topic], round(stamp * 1e9), data)
-
-
-def _distortion_model(camera: CameraModel) -> str:
-    if camera.fisheye:
-        return "equidistant"
-    return "rational_polynomial" if len(camera.distortion) > 5 else "plumb_bob"
 
 
 def _lettered(letters: str, values: ArrayLike) -> dict[str, float]:

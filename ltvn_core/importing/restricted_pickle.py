@@ -1,7 +1,7 @@
 """Pickles of strangers, of which only numbers, texts, lists, mappings and numpy's arrays come out.
 
 A pickle is a program. Here it may call nothing but what puts an array together, in forms that allocate no more than
-the file itself holds. Owns that list, and how deep values may lie within one another: Python hashes, compares and frees
+the file itself holds. Owns that list, and how deep values may be nested: Python hashes, compares and frees
 values by calls that call themselves, some without a limit, so that a deep value ends the process. The depth is found
 out without running the program, by following its stack, what it remembers, and the depth of each value.
 """
@@ -48,7 +48,7 @@ def check_program(data: bytes) -> None:
 
 
 class _Value:
-    """How many levels lie within a value, and whether the program holds it in a second place."""
+    """How deep a value is nested, and whether the program holds it in a second place."""
 
     __slots__ = ("is_shared", "levels")
 
@@ -123,7 +123,7 @@ class _Depths:
 def _around(within: Sequence[_Value]) -> int:
     levels = 1 + max((value.levels for value in within), default=0)
     if levels > MOST_LEVELS:
-        raise ValueError(f"its values lie within one another more than {MOST_LEVELS} levels deep")
+        raise ValueError(f"its values are nested more than {MOST_LEVELS} levels deep")
     return levels
 
 

@@ -38,9 +38,9 @@ def read_list(path: Path, what: str) -> str:
 
 
 def list_lines(path: Path, what: str) -> Iterator[tuple[int, str, list[str]]]:
-    """Yield the number from 1, the text and the words of each line, but of empty ones and of comments, with a #.
+    """Yield number, text and words of each line that is neither empty nor a comment (#); numbers begin at 1.
 
-    Words are parted by white space or commas. Raises DriveError as `read_list` does.
+    White space or commas separate words. Raises DriveError as `read_list` does.
     """
     for number, line in enumerate(read_list(path, what).splitlines(), start=1):
         words = line.replace(",", " ").split()

@@ -15,7 +15,7 @@ class EvaluateRobotVerb(Verb):
     """Test what a robot of your own learns, in real time: episodes without maintenance, queries with it, and the same
     episodes again."""
 
-    job = "ltvn_core.verbs.jobs.robot_evaluation:test_robot"
+    job = "ltvn_core.verbs.jobs.robot_evaluation:evaluate_robot"
 
     robot: Positional[str]
     """An installed robot's name, path/to/file.py:factory, or PROFILE@ADDRESS (ROS 2)."""

@@ -34,6 +34,7 @@ from ltvn_viz.server.drive_messages import MAX_MESSAGE_BYTES
 from ltvn_viz.server.drive_socket import MAX_PAGES, DriveListener, DriveSocket, Newest
 from ltvn_viz.server.driver_seat import ClientId, DriverSeat
 from ltvn_viz.server.index_page import IndexPage
+from ltvn_viz.server.limited_log import quiet_logger
 from ltvn_viz.server.message_pace import Pace
 from ltvn_viz.server.page_gate import PageGate
 from ltvn_viz.server.presence import HERE_LEASE_S, Presence
@@ -42,7 +43,6 @@ from ltvn_viz.server.request_guard import is_loopback, is_websocket, refusal
 from ltvn_viz.server.responses import refuse
 from ltvn_viz.server.routes import RouteHandler, Routes, not_found
 from ltvn_viz.server.strangers import GuardedConnection, Strangers
-from ltvn_viz.server.websockets_log import quiet_logger
 
 DRIVE_PATH = "/drive"
 VISER_PATH = "/"

@@ -63,7 +63,7 @@ class Proof:
         return _is_equal(key, self._file_key)
 
     async def is_first_on(self, connection: ServerConnection) -> bool:
-        """Hear a socket's first message; close the socket unless it is the token, and comes in time."""
+        """Wait for a socket's first message, and close the socket unless it is the token."""
         try:
             async with asyncio.timeout(self._within_s):
                 shown = _read(await connection.recv())

@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.evaluation.predictor_accuracy.map_accuracy import JudgedMap
-from ltvn_core.evaluation.predictor_accuracy.pair_accuracy import or_none
 from ltvn_core.geometry import compose, distance, invert, relative
 from ltvn_core.graph.localiser import NO_PRIOR
+from ltvn_core.network.metrics.binned_metrics import or_none
 from ltvn_core.network.metrics.reachability_metrics import quantile
 from ltvn_core.training_data.truth_limits import LIMITS, TrueViews
 from ltvn_core.types import Features, Pose

@@ -17,7 +17,7 @@ from ltvn_core.config import BuildingConfig
 from ltvn_core.evaluation.confidence_intervals import Estimate, SampleGroup, estimates
 from ltvn_core.evaluation.predictor_accuracy.pair_sampling import PairSample
 from ltvn_core.geometry import distance, wrap_angle
-from ltvn_core.network.metrics.binned_metrics import CalibrationBin, calibration_table
+from ltvn_core.network.metrics.binned_metrics import CalibrationBin, calibration_table, or_none
 from ltvn_core.network.metrics.reachability_metrics import auc, calibration_error, quantile
 from ltvn_core.types import Features, Predictor, Waypoint
 
@@ -189,11 +189,6 @@ def _questions(sample: PairSample) -> Iterator[NDArray[np.intp]]:
     far = np.flatnonzero(~sample.is_near)
     begins = np.flatnonzero(np.diff(sample.sources[far], prepend=-1))
     yield from (rows for rows in np.split(far, begins) if len(rows))
-
-
-def or_none(number: float) -> float | None:
-    """Return a number, None for NaN: JSON has none."""
-    return None if np.isnan(number) else number
 
 
 def _share(accepted: NDArray[np.bool_], kind: NDArray[np.bool_], sample: PairSample) -> Estimate | None:

@@ -43,7 +43,7 @@ def calibration_table(
     edges = np.linspace(0, 1, bins + 1).tolist()
     rows = [(low, high, reachability[inside], reachable[inside]) for low, high, inside in _inside(edges, reachability)]
     return tuple(
-        CalibrationBin(low=low, high=high, pairs=len(r), predicted=_mean(r), reachable=_or_none(share(truth)))
+        CalibrationBin(low=low, high=high, pairs=len(r), predicted=_mean(r), reachable=or_none(share(truth)))
         for low, high, r, truth in rows
     )
 
@@ -57,8 +57,8 @@ def error_table(
             low=low,
             high=high,
             pairs=int(inside.sum()),
-            position_median_m=_or_none(quantile(error_m[inside], 0.5)),
-            position_p90_m=_or_none(quantile(error_m[inside], 0.9)),
+            position_median_m=or_none(quantile(error_m[inside], 0.5)),
+            position_p90_m=or_none(quantile(error_m[inside], 0.9)),
         )
         for low, high, inside in _inside(edges, quantity)
     )
@@ -73,7 +73,8 @@ def _inside(edges: Sequence[float], quantity: NDArray[np.float64]) -> list[tuple
     ]
 
 
-def _or_none(number: float) -> float | None:
+def or_none(number: float) -> float | None:
+    """Return a number, None for NaN: JSON has none."""
     return None if np.isnan(number) else number
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from tqdm import tqdm
 
 from ltvn_core.errors import OptionError
-from ltvn_core.evaluation.lifelong_evaluation import Schedule, run_lifelong
+from ltvn_core.evaluation.lifelong_evaluation import LifelongSchedule, run_lifelong
 from ltvn_core.evaluation.lifelong_metrics import LifelongMetrics, lifelong_metrics
 from ltvn_core.evaluation.parts import Part
 from ltvn_core.evaluation.results import LifelongResult, WorldResult
@@ -128,7 +128,7 @@ def _world_summary(options: LifelongVerb, results: Sequence[WorldResult], wall_s
 
 
 def _without_world(options: LifelongVerb, maintenance: str | None) -> Summary:
-    started, schedule = time.monotonic(), Schedule(options.queries, options.every, options.episodes)
+    started, schedule = time.monotonic(), LifelongSchedule(options.queries, options.every, options.episodes)
     part = Part.parse(options.part)
     plans = [replace(plan, maintenance=maintenance) for plan in trial_plans(options, DEFAULT_SYSTEM, options.episodes)]
     with (

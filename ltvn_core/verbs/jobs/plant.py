@@ -91,7 +91,6 @@ def _drive(options: PlantVerb) -> PlantSummary:
 
 def _system(options: PlantVerb, predictor: Predictor, loaded: LoadedMap) -> NavigationSystem:
     """Return the map's system with the robust preset, which gives up early, and the maintenance that is asked for."""
-
     method = open_method("robust", predictor)
     short = replace(method.recovering, step_limit=options.steps, give_up_after_looks=12)
     system = recorded_system(loaded.meta.config).factory(replace(method, recovering=short))
@@ -104,7 +103,6 @@ def _insert_faults(
     truth: GroundTruth,
 ) -> Iterator[Fault]:
     """Put the faults into the map; cut first, so that no other fault joins what is cut."""
-
     graph = known.graph
     method = known.system.method
     belief = method.believing

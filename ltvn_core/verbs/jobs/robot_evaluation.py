@@ -56,81 +56,55 @@ class RobotEvaluationSummary:
     wall_s: float
 
 
-@dataclass(frozen=True, kw_only=True)
-class RobotEvaluation:
-    """What to test."""
-
-    robot: str
-    map: NavigateOptions
-    """The map to begin with, and what drives by it."""
-    episodes: int
-    """Before, and again after the queries."""
-    queries: int
-    folder: Path
-
-    def count(self, phase: Phase) -> int:
-        """Return how many episodes a phase has."""
-        return self.queries if phase == "queries" else self.episodes
-
-    @property
-    def log(self) -> Path:
-        """The results of all that is done."""
-        return self.folder / "episodes.jsonl"
-
-    def results(self, phase: Phase) -> list[QueryResult]:
-        """Read the results of a phase that are there, up to the first that is missing."""
-        found = {each.query: each for each in read_query_log(self.log) if each.phase == phase}
-        return [found[number] for number in takewhile(found.__contains__, range(self.count(phase)))]
-
-
-def test_robot(options: EvaluateRobotVerb) -> RobotEvaluationSummary:
+def evaluate_robot(options: EvaluateRobotVerb) -> RobotEvaluationSummary:
     """Run what is not done yet. Raises RobotError where the robot is lost, MapError, RecordingError, OptionError."""
     if options.episodes < 1 or options.queries < 0:
         raise OptionError("--episodes must be 1 or more, and --queries 0 or more.")
-    drive = NavigateOptions(
-        map=options.map,
-        recording=options.folder,
-        preset=options.preset,
-        predictor=options.predictor,
-        weights=options.weights,
-        seed=options.seed,
-    )
-    test = RobotEvaluation(
-        robot=options.robot, map=drive, episodes=options.episodes, queries=options.queries, folder=options.folder
-    )
-    return evaluate_robot(test)
-
-
-def evaluate_robot(test: RobotEvaluation) -> RobotEvaluationSummary:
-    """Run what is not done yet. Raises RobotError where the robot is lost, MapError, RecordingError, OptionError."""
     begun_s = time.monotonic()
-    test.folder.mkdir(parents=True, exist_ok=True)
-    with opened_robot(test.robot) as own:
-        for phase in PHASES:
-            done = len(test.results(phase))
-            if done < test.count(phase):
-                _run_phase(test, phase, own, done)
-    return _summary(test, time.monotonic() - begun_s)
+    options.folder.mkdir(parents=True, exist_ok=True)
+    with opened_robot(options.robot) as own:
+        for phase, results in _results(options).items():
+            if len(results) < _count(options, phase):
+                _run_phase(options, phase, own, len(results))
+    return _summary(options, time.monotonic() - begun_s)
 
 
-def _run_phase(test: RobotEvaluation, phase: Phase, own: Robot, done: int) -> None:
+def _count(options: EvaluateRobotVerb, phase: Phase) -> int:
+    """Return how many episodes a phase has."""
+    return options.queries if phase == "queries" else options.episodes
+
+
+def _log(options: EvaluateRobotVerb) -> Path:
+    """Return the file with the results of all that is done."""
+    return options.folder / "episodes.jsonl"
+
+
+def _results(options: EvaluateRobotVerb) -> dict[Phase, list[QueryResult]]:
+    """Read the results of each phase that are there, up to the first that is missing."""
+    found = {(each.phase, each.query): each for each in read_query_log(_log(options))}
+    keys = {phase: [(phase, number) for number in range(_count(options, phase))] for phase in PHASES}
+    return {phase: [found[key] for key in takewhile(found.__contains__, keys[phase])] for phase in PHASES}
+
+
+def _run_phase(options: EvaluateRobotVerb, phase: Phase, own: Robot, done: int) -> None:
     """Run what is left of a phase; what a query teaches is saved before its result is."""
-    count = test.count(phase)
-    goals = _goals(test, phase)
-    learned = test.folder / f"map-{done if phase == 'queries' else test.queries}.rrd"
-    known = replace(test.map, map=learned if phase != "before" and learned.exists() else test.map.map).open_map()
+    count = _count(options, phase)
+    goals = _goals(options, phase)
+    learned = options.folder / f"map-{done if phase == 'queries' else options.queries}.rrd"
+    drive = _drive_options(options, learned if phase != "before" and learned.exists() else options.map)
+    known = drive.open_map()
     if phase != "queries":
         known = replace(known, system=with_maintenance(known.system, "static"))
     robot = continued_robot(own, known)
     run = RunDescription(
         scene=known.scene,
-        config={**test.map.settings(known), "verb": "evaluate", "robot": test.robot, "phase": phase},
+        config={**drive.settings(known), "verb": "evaluate", "robot": options.robot, "phase": phase},
         fingerprint=known.predictor.fingerprint,
         camera=robot.spec.camera,
         scene_glb=known.scene_glb,
     )
-    rng = np.random.default_rng([test.map.seed, PHASES.index(phase), done])
-    with run.open_writer(test.folder / time.strftime(f"{phase}-{done}-%Y%m%d-%H%M%S.rrd")) as writer:
+    rng = np.random.default_rng([options.seed, PHASES.index(phase), done])
+    with run.open_writer(options.folder / time.strftime(f"{phase}-{done}-%Y%m%d-%H%M%S.rrd")) as writer:
         writer.write_map(known.graph, known.observations)
         driver = RobotQueries(robot, writer, known, rng)
         for number in range(done, count):
@@ -141,17 +115,29 @@ def _run_phase(test: RobotEvaluation, phase: Phase, own: Robot, done: int) -> No
             else:
                 result = QueryResult(query=number, goal=goal, reached=False, outcome="gone", judged_by="belief")
             if phase == "queries":
-                saved = test.folder / f"map-{number + 1}.rrd"
-                run.save_map(saved, known.graph, known.observations, origin=test.map.map)
-                (test.folder / f"map-{number}.rrd").unlink(missing_ok=True)
-            append_to_log(test.log, replace(result, phase=phase, seconds=time.monotonic() - begun_s))
+                saved = options.folder / f"map-{number + 1}.rrd"
+                run.save_map(saved, known.graph, known.observations, origin=options.map)
+                (options.folder / f"map-{number}.rrd").unlink(missing_ok=True)
+            append_to_log(_log(options), replace(result, phase=phase, seconds=time.monotonic() - begun_s))
             _LOG.info("%s, %d of %d: %s", phase, number + 1, count, "reached" if result.reached else "not reached")
 
 
-def _goals(test: RobotEvaluation, phase: Phase) -> Sequence[NodeId]:
+def _drive_options(options: EvaluateRobotVerb, map_file: Path) -> NavigateOptions:
+    """Return the options with which `ltvn navigate` would drive by a map."""
+    return NavigateOptions(
+        map=map_file,
+        recording=options.folder,
+        preset=options.preset,
+        predictor=options.predictor,
+        weights=options.weights,
+        seed=options.seed,
+    )
+
+
+def _goals(options: EvaluateRobotVerb, phase: Phase) -> Sequence[NodeId]:
     """Return the goals of a phase, nodes of the map as it was; before and after they are the same."""
-    nodes = sorted(load_map(test.map.map).graph.nodes)
-    return random_goals(nodes, test.count(phase), np.random.default_rng([test.map.seed, int(phase == "queries")]))
+    nodes = sorted(load_map(options.map).graph.nodes)
+    return random_goals(nodes, _count(options, phase), np.random.default_rng([options.seed, int(phase == "queries")]))
 
 
 def _judged(robot: Robot, goal: Observation, result: QueryResult) -> QueryResult:
@@ -172,12 +158,12 @@ def _judged(robot: Robot, goal: Observation, result: QueryResult) -> QueryResult
     return replace(result, judged_by="belief")
 
 
-def _summary(test: RobotEvaluation, wall_s: float) -> RobotEvaluationSummary:
-    results = {phase: test.results(phase) for phase in PHASES}
+def _summary(options: EvaluateRobotVerb, wall_s: float) -> RobotEvaluationSummary:
+    results = _results(options)
     every = [result for phase in PHASES for result in results[phase]]
     return RobotEvaluationSummary(
-        robot=test.robot,
-        map=test.map.map,
+        robot=options.robot,
+        map=options.map,
         before=_share(results["before"]),
         queries=_share(results["queries"]),
         after=_share(results["after"]),
@@ -185,7 +171,7 @@ def _summary(test: RobotEvaluation, wall_s: float) -> RobotEvaluationSummary:
         pruned=sum(each.pruned for each in every),
         added=sum(each.added_nodes + each.added_edges for each in every),
         driven_m=sum(each.path_m for each in every),
-        folder=test.folder,
+        folder=options.folder,
         wall_s=wall_s,
     )
 

@@ -12,7 +12,7 @@ pytest.importorskip("embreex")
 from ltvn_core.errors import OptionError
 from ltvn_core.evaluation.ground_truth import GroundTruth
 from ltvn_core.evaluation.lifelong_drive import LifelongDrive, bad_edges
-from ltvn_core.evaluation.lifelong_evaluation import Schedule
+from ltvn_core.evaluation.lifelong_evaluation import LifelongSchedule
 from ltvn_core.evaluation.preparation import prepare
 from ltvn_core.evaluation.protocol import EvaluationProtocol
 from ltvn_core.evaluation.query_result import QueryBatch, QueryResult
@@ -194,9 +194,9 @@ def live(folder: Path) -> tuple[LifelongSummary, LifelongResult]:
 
 
 def test_a_schedule_tests_before_in_between_and_after() -> None:
-    assert Schedule(700, 100).points == (0, 100, 200, 300, 400, 500, 600, 700)
-    assert Schedule(10, 4).points == (0, 4, 8, 10)
-    assert Schedule(5, 100).points == (0, 5)
+    assert LifelongSchedule(700, 100).points == (0, 100, 200, 300, 400, 500, 600, 700)
+    assert LifelongSchedule(10, 4).points == (0, 4, 8, 10)
+    assert LifelongSchedule(5, 100).points == (0, 5)
     assert batch_ranges(100, 160) == [(100, 125), (125, 150), (150, 160)]
     with pytest.raises(OptionError, match="every 0"):
-        Schedule(every=0)
+        LifelongSchedule(every=0)

@@ -8,8 +8,8 @@ from contextlib import ExitStack
 import pytest
 
 from ltvn_viz.server.guarded_server import GuardedServer
+from ltvn_viz.server.limited_log import quiet_logger
 from ltvn_viz.server.strangers import MAX_STRANGERS
-from ltvn_viz.server.websockets_log import quiet_logger
 from tests.viz.page_sockets import open_sockets
 from tests.waiting import PATIENCE_S, until
 

@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable
 
 EVERY_S = 5.0
-_SAID_OTHERWISE = ("opening handshake", "connection rejected", "server ")
+_SAID_OTHERWISE = ("opening handshake", "connection open", "connection rejected", "server ")
 """Lines about each connection and ordinary HTTP answer, and about the library's own life."""
 
 

@@ -33,7 +33,7 @@ test-fast: $(STAMP)  ## Run the tests that need no browser and little time.
 
 # Each campaign stops when its share of the time is over, and says how many attempts it made.
 export LTVN_CAMPAIGN_MINUTES ?= 15
-campaign: $(STAMP)  ## Kill, damage, flood and soak for 15 minutes, and print what came of it.
+campaign: $(STAMP) chromium  ## Kill, damage, flood and soak for 15 minutes, and print what came of it.
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest tests/campaigns -m campaign
 
 coverage: $(STAMP) chromium  ## Run every test and print what share of the lines they run; takes longer.

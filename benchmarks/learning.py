@@ -5,13 +5,13 @@ import numpy as np
 from benchmarks.measurement import Measurement, alternating, measured
 from benchmarks.unoptimized_training import UnoptimizedTrainer
 from ltvn_core.network.allocator import retain_freed_memory
-from ltvn_core.network.optimization.mixed_precision import choose_precision
+from ltvn_core.network.optimization.acceleration import choose_precision
 from ltvn_core.network.optimization.trainer import Hyperparameters, Trainer
+from ltvn_core.network.training_data.pose_sampling import DatasetScene
+from ltvn_core.network.training_data.shards import DatasetRecipe, make_shard
 from ltvn_core.network.training_examples import BatchSampler
 from ltvn_core.simulation.rendering.renderer_selection import open_renderer
 from ltvn_core.simulation.scene_registry import load_scene
-from ltvn_core.training_data.scene_protocols import DatasetScene
-from ltvn_core.training_data.shard_generation import DatasetRecipe, make_shard
 
 
 def learn() -> list[Measurement]:

@@ -10,7 +10,7 @@ import numpy as np
 from benchmarks.measurement import Measurement, measured
 from benchmarks.soak import running_app
 from ltvn_viz.app import RunningApp
-from ltvn_viz.session import commands as c
+from ltvn_viz.wishes import commands as c
 
 REPEATS = 20
 PATIENCE_S = 60.0

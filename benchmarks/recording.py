@@ -9,9 +9,9 @@ import numpy as np
 
 from benchmarks.measurement import Measurement, measured, seconds
 from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.data.recording.reader import Recording
+from ltvn_core.data.recording.writer import RecordingWriter
 from ltvn_core.preprocessing import ORIGINAL_SIZE, rectify_observation
-from ltvn_core.recording.reader import Recording
-from ltvn_core.recording.writer import RecordingWriter
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.types import Observation
 

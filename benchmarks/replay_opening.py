@@ -11,13 +11,15 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
 from websockets.sync.connection import Connection
 
 from benchmarks.drive_latency import EDGES, NODES, page_socket
 from benchmarks.measurement import Measurement, measured
 from benchmarks.recording import demo_observations
 from benchmarks.synthetic_run import EVENTS, synthetic_run
-from ltvn_core.recording.writer import RecordingWriter
+from ltvn_core.data.recording.writer import RecordingWriter
+from ltvn_viz.layers.edge_lines import EDGE_WIDTHS
 from ltvn_viz.layers.graph_layers import EdgesLayer, NodesLayer
 from ltvn_viz.server.guarded_server import GuardedServer
 from ltvn_viz.session.activities.playback import Playback, open_replay
@@ -83,9 +85,11 @@ class _HeadlessPage:
         return replay
 
     def recolour_bytes(self, replay: Playback) -> int:
-        """Return how much a page receives when beliefs change and nothing else does."""
+        """Return how much a page receives when all beliefs change, each so little that no edge changes its width."""
         moment = replay.moment()
-        moment = replace(moment, graph=replace(moment.graph, p=1.0 - moment.graph.p))
+        p = moment.graph.p
+        mirrored = (2 * np.floor(len(EDGE_WIDTHS) * p) + 1) / len(EDGE_WIDTHS) - p
+        moment = replace(moment, graph=replace(moment.graph, p=mirrored))
         with page_socket(self._server, "/", "viser-v1.1.1") as socket:
             _received(socket)
             self._show(Snapshot(moment=moment))

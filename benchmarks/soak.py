@@ -106,8 +106,8 @@ def _mean_rss_mb(samples: Sequence[SoakSample], first_min: float, last_min: floa
 
 def soak(folder: Path, minutes: float, seed: int) -> Iterator[SoakSample]:
     """Run the app, click a new goal whenever the robot is free, and yield a sample now and then."""
-    from ltvn_viz.session import commands as c
-    from ltvn_viz.session.modes import Mode
+    from ltvn_viz.wishes import commands as c
+    from ltvn_viz.wishes.commands import Mode
 
     rng, process, began = np.random.default_rng(seed), psutil.Process(), time.monotonic()
     due = 0.0
@@ -135,7 +135,7 @@ def soak(folder: Path, minutes: float, seed: int) -> Iterator[SoakSample]:
 def running_app(folder: Path) -> Iterator["RunningApp"]:
     """Open the app on the demo apartment, with its session in a thread, while the block runs."""
     from ltvn_viz.app import AppOptions, open_app
-    from ltvn_viz.session.commands import KeepGoing
+    from ltvn_viz.wishes.commands import KeepGoing
 
     with ExitStack() as stack:
         app = stack.enter_context(open_app(AppOptions(port=0, recordings=folder)))

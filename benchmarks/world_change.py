@@ -8,12 +8,12 @@ import numpy as np
 
 from benchmarks.camera import TRIANGLES, quartered
 from benchmarks.measurement import Measurement, measured
+from ltvn_core import worlds as w
 from ltvn_core.simulation.changes.world import World
 from ltvn_core.simulation.rendering.embree_renderer import EmbreeRenderer
 from ltvn_core.simulation.scene import Scene
 from ltvn_core.simulation.scene_registry import load_scene
 from ltvn_core.simulation.simulated_robot import SimulatedRobot
-from ltvn_core.worlds import world_change as w
 
 _ROUNDS = 10
 _BUDGET_MS = 300.0

@@ -11,10 +11,8 @@ from typing import Never
 from ltvn_core import palette
 from ltvn_viz.app import AppOptions, run_app
 from ltvn_viz.debugger.context import DebugContext
-from ltvn_viz.debugger.question import AnswerBuilder, Question
-from ltvn_viz.session.commands import PointAt
-from ltvn_viz.session.inspection import QuestionAnswer, Selection
-from ltvn_viz.session.overlay import Overlay, stroke
+from ltvn_viz.debugger.question import AnswerBuilder, Question, edge_link
+from ltvn_viz.session.inspection import Overlay, QuestionAnswer, Selection, stroke
 
 RECORDINGS = Path(__file__).parents[1] / "recordings"
 SHOWN = 5
@@ -33,8 +31,8 @@ class DoubtfulEdgesQuestion(Question[Never]):
         builder = AnswerBuilder()
         strokes = []
         for edge in edges:
-            link = builder.link(f"{edge.source} → {edge.target}", PointAt(edge.source, edge.target))
-            builder.add_html(f"<div>{link}: p = {edge.belief.p:.2f} after {edge.attempts} attempts</div>")
+            link = edge_link(edge.source, edge.target)
+            builder.add_line(link, f": p = {edge.belief.p:.2f} after {edge.attempts} attempts")
             start, end = context.pose(edge.source), context.pose(edge.target)
             if start is not None and end is not None:
                 strokes.append(stroke(start, end, palette.EDGE_REMOVED))

@@ -6,13 +6,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ltvn_core.cli import run_verb
-from ltvn_core.reports.docs_extra import require_docs_extra
+from ltvn_core.extras import require_libraries
 from ltvn_core.training.held_out_scenes import TEST_SCENES, drives
 from ltvn_core.training.simulated_scenes import open_dataset_scene
 from ltvn_core.verbs.verb import Summary, Verb
 
 if TYPE_CHECKING:
-    from ltvn_core.training_data.shards import Shard
+    from ltvn_core.network.training_data.shards import Shard
 
 
 @dataclass(frozen=True)
@@ -54,9 +54,9 @@ class FiguresVerb(Verb):
         from figures.baseline_tables import baseline_blocks
         from figures.network_comparisons import comparison_tables
         from figures.network_tables import network_blocks
+        from ltvn_core.evaluation.reports.evaluation_page import fill_blocks
         from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
         from ltvn_core.network.weights_file import read_card, weights_fingerprint
-        from ltvn_core.reports.evaluation_blocks import fill_blocks
         from ltvn_core.systems.registry import baseline_systems
 
         weights = self.weights or SHIPPED_WEIGHTS
@@ -69,10 +69,10 @@ class FiguresVerb(Verb):
 
     def _draw(self, weights: Path) -> tuple[tuple[Path, ...], int]:
         """Return the pictures and the number of labelled pairs behind them."""
-        require_docs_extra()
+        require_libraries("matplotlib", "jinja2")
         from figures.network_figures import draw_network_figures
+        from ltvn_core.evaluation.reports.figure_style import FIGURE_PALETTE
         from ltvn_core.network.predictor import load_predictor
-        from ltvn_core.reports.figure_style import FIGURE_PALETTE
 
         predictor, shards = load_predictor(weights), self._shards()
         pictures = draw_network_figures(
@@ -81,8 +81,7 @@ class FiguresVerb(Verb):
         return pictures, sum(len(shard.sources) for shard in shards)
 
     def _shards(self) -> "list[Shard]":
-        from ltvn_core.training_data.shard_generation import DatasetRecipe, generate_shards
-        from ltvn_core.training_data.shards import read_shard
+        from ltvn_core.network.training_data.shards import DatasetRecipe, generate_shards, read_shard
 
         recipe = DatasetRecipe(clusters=self.clusters)
         return [

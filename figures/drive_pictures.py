@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from tyro.conf import Positional
 
 from ltvn_core.cli import run_verb
-from ltvn_core.recording.map_file import load_map
-from ltvn_core.recording.reader import Recording
+from ltvn_core.data.recording.map_file import load_map
+from ltvn_core.data.recording.reader import Recording
 from ltvn_core.types import Observation
 from ltvn_core.verbs.verb import Summary, Verb
 

@@ -1,7 +1,7 @@
 """The curves: calibration of r, errors against distance and overlap, near against far pairs of drives.
 
 Owns their binning and drawing. The numbers written into them come from
-`ltvn_core.network.metrics.reachability_metrics`.
+`ltvn_core.network.metrics`.
 """
 
 from itertools import pairwise
@@ -14,8 +14,8 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
 from figures.network_predictions import DrivePredictions, PairPredictions
-from ltvn_core.network.metrics.reachability_metrics import calibration_error, drive_metrics
-from ltvn_core.reports.figure_style import Colour, FigurePalette
+from ltvn_core.evaluation.reports.figure_style import Colour, FigurePalette
+from ltvn_core.network.metrics import calibration_error, drive_metrics
 
 MIN_PAIRS_PER_BIN = 8
 """Bins with fewer pairs than this say nothing and are left out."""

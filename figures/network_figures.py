@@ -9,11 +9,11 @@ from figures.network_curves import calibration_figure, false_long_range_figure, 
 from figures.network_predictions import predict_drive_pairs, predict_labelled_pairs
 from figures.network_schematic import network_schematic
 from figures.pair_gallery import pair_gallery, reachable_rows, unreachable_rows
+from ltvn_core.evaluation.reports.figure_style import FigurePalette, documentation_style, save_png
 from ltvn_core.network.architecture import PairArchitecture
-from ltvn_core.network.metrics.pair_evaluation import LabelledDrive
+from ltvn_core.network.pair_evaluation import LabelledDrive
 from ltvn_core.network.predictor import NetworkPredictor
-from ltvn_core.reports.figure_style import FigurePalette, documentation_style, save_png
-from ltvn_core.training_data.shards import Shard
+from ltvn_core.network.training_data.shards import Shard
 
 
 def draw_network_figures(

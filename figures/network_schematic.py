@@ -9,8 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyArrowPatch, FancyBboxPatch
 
+from ltvn_core.evaluation.reports.figure_style import Colour, FigurePalette
 from ltvn_core.network.architecture import PairArchitecture
-from ltvn_core.reports.figure_style import Colour, FigurePalette
 
 _WIDTH = 1.75
 _HEIGHT = 0.95

@@ -13,8 +13,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from ltvn_core.reports.figure_style import Colour, FigurePalette
-from ltvn_core.training_data.pair_table import (
+from ltvn_core.evaluation.reports.figure_style import Colour, FigurePalette
+from ltvn_core.network.training_data.pair_table import (
     LabelledPair,
     PairTable,
     criterion_name,
@@ -23,8 +23,8 @@ from ltvn_core.training_data.pair_table import (
     single_criteria,
     waypoint_outline,
 )
-from ltvn_core.training_data.reachability_labels import FailedCriteria, ReachabilityLimits
-from ltvn_core.training_data.shards import Shard
+from ltvn_core.network.training_data.reachability_labels import FailedCriteria, ReachabilityLimits
+from ltvn_core.network.training_data.shards import Shard
 
 DISTANCES_M = (0.4, 0.9, 1.4, 2.0)
 """Reachable pairs about so far apart are shown."""

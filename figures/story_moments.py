@@ -7,16 +7,16 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ltvn_core.data.recording.reader import Recording
 from ltvn_core.graph.deltas import Cause, EdgeAdded, PresenceObserved
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.navigation.events import Event, GraphChanged, Planned, QueryEnded, QueryStarted, WorldChanged
-from ltvn_core.recording.reader import Recording
 from ltvn_core.simulation.changes.changed_scenes import ChangedScenes
 from ltvn_core.simulation.rooms import Doorway
 from ltvn_core.simulation.scene import Scene
 from ltvn_core.simulation.scene_registry import load_scene
 from ltvn_core.types import NodeId, Pose
-from ltvn_core.worlds.world_state import AS_MADE, WorldState
+from ltvn_core.worlds import AS_MADE, WorldState
 
 
 @dataclass(frozen=True, eq=False)

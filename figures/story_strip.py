@@ -16,9 +16,9 @@ from tyro.conf import Positional
 from figures.story_moments import StoryMoment, story_moments
 from ltvn_core import palette
 from ltvn_core.cli import run_verb
+from ltvn_core.data.recording.reader import Recording
 from ltvn_core.errors import RecordingError
-from ltvn_core.recording.reader import Recording
-from ltvn_core.reports.docs_extra import require_docs_extra
+from ltvn_core.extras import require_libraries
 from ltvn_core.types import NodeId
 from ltvn_core.verbs.verb import Summary, Verb
 
@@ -49,10 +49,10 @@ class StoryStripVerb(Verb):
 
     def run(self) -> Summary:
         """Draw it; raises RecordingError, SceneError and OptionError."""
-        require_docs_extra()
+        require_libraries("matplotlib", "jinja2")
         from matplotlib.figure import Figure
 
-        from ltvn_core.reports.figure_style import FIGURE_PALETTE, documentation_style, save_png
+        from ltvn_core.evaluation.reports.figure_style import FIGURE_PALETTE, documentation_style, save_png
 
         recording = Recording.open(self.recording)
         moments = story_moments(recording)

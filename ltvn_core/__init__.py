@@ -22,22 +22,22 @@ if TYPE_CHECKING:
     from ltvn_core.config import ROBUST as ROBUST
     from ltvn_core.config import Method as Method
     from ltvn_core.config import preset as preset
+    from ltvn_core.data.recording.reader import Recording as Recording
+    from ltvn_core.data.recording.writer import RecordingWriter as RecordingWriter
     from ltvn_core.errors import LtvnError as LtvnError
     from ltvn_core.graph.navigation_system import NavigationSystem as NavigationSystem
     from ltvn_core.graph.topological_graph import TopologicalGraph as TopologicalGraph
+    from ltvn_core.maps.topological_map import TopologicalMap as TopologicalMap
+    from ltvn_core.maps.topological_map import build_map as build_map
     from ltvn_core.navigation.events import Tick as Tick
     from ltvn_core.navigation.navigator import Navigator as Navigator
     from ltvn_core.network.predictor import load_predictor as load_predictor
     from ltvn_core.predictors.request import PredictorRequest as PredictorRequest
     from ltvn_core.preprocessing import preprocess_observation as preprocess_observation
-    from ltvn_core.recording.reader import Recording as Recording
-    from ltvn_core.recording.writer import RecordingWriter as RecordingWriter
     from ltvn_core.robots.robot import Robot as Robot
     from ltvn_core.robots.robot import WallClock as WallClock
     from ltvn_core.robots.robot_spec import RobotSpec as RobotSpec
     from ltvn_core.systems.registry import open_system as open_system
-    from ltvn_core.topological_map import TopologicalMap as TopologicalMap
-    from ltvn_core.topological_map import build_map as build_map
     from ltvn_core.types import Observation as Observation
     from ltvn_core.types import Prediction as Prediction
     from ltvn_core.types import Predictor as Predictor
@@ -58,8 +58,8 @@ _HOMES = {
     "Predictor": "types",
     "PredictorRequest": "predictors.request",
     "ROBUST": "config",
-    "Recording": "recording.reader",
-    "RecordingWriter": "recording.writer",
+    "Recording": "data.recording.reader",
+    "RecordingWriter": "data.recording.writer",
     "Robot": "robots.robot",
     "RobotSpec": "robots.robot_spec",
     "RobotState": "types",
@@ -67,10 +67,10 @@ _HOMES = {
     "Tick": "navigation.events",
     "Timeline": "analysis.timeline",
     "TopologicalGraph": "graph.topological_graph",
-    "TopologicalMap": "topological_map",
+    "TopologicalMap": "maps.topological_map",
     "Twist": "types",
     "WallClock": "robots.robot",
-    "build_map": "topological_map",
+    "build_map": "maps.topological_map",
     "load_predictor": "network.predictor",
     "open_system": "systems.registry",
     "preprocess_observation": "preprocessing",

@@ -75,7 +75,8 @@ def report(verb: "Verb") -> int:
     verb.check_options()
     summary = verb.run()
     if verb.json is None:
-        print(shown_plainly(to_text(summary)))
+        if text := to_text(summary):
+            print(shown_plainly(text))
     elif str(verb.json) == "-":
         print(to_json(summary))
     else:
@@ -87,8 +88,7 @@ def _main(given: Sequence[str]) -> int:
     from importlib.metadata import version
 
     from ltvn_core.plugins import VERBS
-    from ltvn_core.verbs.discovery import find_verbs, load_verb
-    from ltvn_core.verbs.overview import BEGINNING
+    from ltvn_core.verbs.discovery import BEGINNING, find_verbs, load_verb
 
     if given == ["--version"]:
         print(f"ltvn {version('ltvn')}")
@@ -105,7 +105,7 @@ def _main(given: Sequence[str]) -> int:
     if given[0].startswith("--tyro-"):
         _print_completion(verbs, given)
     if given[0] not in ("-h", "--help"):
-        from ltvn_core.close_names import which_name
+        from ltvn_core.terminal_text import which_name
 
         print(
             f"ltvn: there is no verb {given[0]!r}. {which_name(given[0], verbs)}; ltvn --help says what each does.",
@@ -120,8 +120,7 @@ def _show_all(verbs: "Mapping[str, Plugin]") -> None:
     """Show all verbs, and name those that are broken."""
     from ltvn_core.plugins import load_plugins
     from ltvn_core.terminal_text import shown_plainly
-    from ltvn_core.verbs.discovery import load_verb
-    from ltvn_core.verbs.overview import overview
+    from ltvn_core.verbs.discovery import load_verb, overview
 
     loaded = load_plugins(verbs, load_verb)
     for line in loaded.broken:

@@ -10,8 +10,8 @@ Distances d are Eq. 2, which mixes metres with sqrt(2) per radian. Owns no behav
 import math
 from dataclasses import dataclass, field
 
-from ltvn_core.close_names import which_name
 from ltvn_core.errors import OptionError
+from ltvn_core.terminal_text import which_name
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,6 +27,8 @@ class MatchingConfig:
     """Trust r only as far as the median with the frames before and after both images agrees (ours)."""
     support_gap: float = 0.8
     """d by odometry within which two frames of a recording count as neighbours in time (ours)."""
+    mend_slips: bool = True
+    """Put odometry right where two depth images in a row say that the wheels slipped (ours)."""
     closure_reach: int = 10
     """An edge between two passes of a drive must hold for so many images around its ends too; 0 = off (ours)."""
     closure_share: float = 0.5
@@ -61,8 +63,8 @@ class BuildingConfig:
     """Metres that odometry may drift per metre driven; what contradicts it by more is no edge. 0 = not used (ours)."""
     close_loops: bool = True
     """Correct the drive's odometry where it passes a place again, before anything is compared by it (ours)."""
-    turning_edges: bool = True
-    """Join nodes of one place that see nothing in common, where that makes a way much shorter (ours)."""
+    floor_edges: bool = True
+    """Join nodes with free floor between them that no image joins, where that makes a way much shorter (ours)."""
     keep_merged: bool = True
     """Keep merged images in the reserve T', which Algorithm 1 would otherwise leave nearly empty (ours)."""
     largest_piece: bool = True
@@ -273,7 +275,7 @@ ROBUST = Method()
 """The default: the paper's method with every departure that measurement showed to be needed."""
 
 PAPER = Method(
-    matching=MatchingConfig(reverse_within=2.5, temporal_support=False, closure_reach=0),
+    matching=MatchingConfig(reverse_within=2.5, temporal_support=False, mend_slips=False, closure_reach=0),
     building=BuildingConfig(
         merge_distance=0.55,
         connect_distance=1.5,
@@ -283,7 +285,7 @@ PAPER = Method(
         tie_goals=False,
         odometry_drift=0.0,
         close_loops=False,
-        turning_edges=False,
+        floor_edges=False,
         keep_merged=False,
         largest_piece=False,
     ),

@@ -27,6 +27,7 @@ EXTRAS = {
     "tensorboard": "train",
     "jinja2": "docs",
     "matplotlib": "docs",
+    "mcp": "agent",
 }
 """Top-level module -> extra."""
 

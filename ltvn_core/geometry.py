@@ -16,14 +16,16 @@ def wrap_angle(angle_rad: ArrayLike) -> NDArray[np.float64]:
 def compose(pose: Pose, waypoint: Waypoint) -> Pose:
     """Return the pose reached from `pose` (..., 3) by `waypoint` (..., 3) given in its frame."""
     (x, y, yaw), (ahead, left, turn) = _coordinates(pose), _coordinates(waypoint)
-    cos, sin = np.cos(yaw), np.sin(yaw)
+    cos = np.cos(yaw)
+    sin = np.sin(yaw)
     return _together(x + cos * ahead - sin * left, y + sin * ahead + cos * left, _wrapped(yaw + turn))
 
 
 def invert(waypoint: Waypoint) -> Waypoint:
     """Return the source in the frame of the target, (..., 3)."""
     ahead, left, turn = _coordinates(waypoint)
-    cos, sin = np.cos(turn), np.sin(turn)
+    cos = np.cos(turn)
+    sin = np.sin(turn)
     return _together(-cos * ahead - sin * left, sin * ahead - cos * left, _wrapped(-turn))
 
 
@@ -56,7 +58,8 @@ def tilt_distance(first: ArrayLike, second: ArrayLike) -> NDArray[np.float64]:
 
 def rotation(yaw_rad: float) -> NDArray[np.float64]:
     """Return the (2, 2) rotation matrix of a yaw."""
-    cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
+    cos = np.cos(yaw_rad)
+    sin = np.sin(yaw_rad)
     return np.array([[cos, -sin], [sin, cos]])
 
 

@@ -45,6 +45,7 @@ class Rgb8(NamedTuple):
 
 
 NODE = Rgb8(176, 196, 232)
+ROBOT = Rgb8(0, 240, 255)
 LOCALISED = Rgb8(250, 215, 60)
 GOAL = Rgb8(204, 121, 240)
 PLAN = Rgb8(250, 215, 60)

@@ -163,7 +163,8 @@ def recorded_observation(observation: Observation, camera: CameraModel, target: 
     rectified = rectify_observation(observation, camera, target)
     if observation.original is None or rectified is observation:
         return rectified
-    rgb, taken_by = decompress_original(observation.original), observation.original.camera
+    rgb = decompress_original(observation.original)
+    taken_by = observation.original.camera
     if observation.tilt is not None or not have_same_rays(taken_by, target):
         rgb = _way_of(taken_by, observation.tilt, target).rectify_rgb(rgb)
     return replace(rectified, rgb=rgb)

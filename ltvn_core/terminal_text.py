@@ -1,10 +1,36 @@
-"""What is printed never steers the terminal: texts of recordings and names of files may hold control characters.
+"""What a person types, and what is printed: unknown names, numbers, and text that never steers the terminal.
 
-An escape sequence can rename the window, write to the clipboard, or hide what stands before it.
+Texts of recordings and names of files may hold control characters. An escape sequence can rename the window, write to
+the clipboard, or hide what stands before it.
 """
 
 import logging
+import math
 import re
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+from ltvn_core.errors import OptionError
+
+
+def which_name(typed: str, names: Iterable[str]) -> str:
+    """Return `Did you mean demo? Choose one of: …`, or only the latter where nothing is close to what was typed."""
+    known = [*names]
+    close = get_close_matches(typed.lower(), known, n=1)
+    guess = f"Did you mean {close[0]}? " if close else ""
+    return f"{guess}Choose one of: {', '.join(known)}"
+
+
+def parse_number(word: str, text: str, what: str) -> float:
+    """Read one word of a typed text as a finite number. Raises OptionError, which says that the text is `what`."""
+    try:
+        number = float(word)
+    except ValueError:
+        number = math.nan
+    if not math.isfinite(number):
+        raise OptionError(f"{text[:60]!r} is {what}: {word[:20]!r} is not a number; write for instance 0.5.")
+    return number
+
 
 _UNSAFE = re.compile(
     "[\x00-\x08\x0b-\x1f\x7f-\x9f"  # Control characters but tabs and line ends.

@@ -11,15 +11,14 @@ from pathlib import Path
 from shlex import quote
 from typing import TYPE_CHECKING
 
+from ltvn_core.data.recording.metadata import SOURCE_SCENE, RecordingMetadata
+from ltvn_core.data.recording.reader import Recording
 from ltvn_core.errors import SceneError
 from ltvn_core.extras import require_libraries
 from ltvn_core.predictors.choice import AUTO, FOR_SIMULATED_IMAGES, ImageSource
-from ltvn_core.predictors.registry import COMPOSED, NETWORK
-from ltvn_core.recording.metadata import SOURCE_SCENE, RecordingMetadata
-from ltvn_core.recording.reader import Recording
+from ltvn_core.predictors.opening import COMPOSED, NETWORK
 from ltvn_viz.server.driver_seat import DriverSeat
-from ltvn_viz.server.guarded_server import GuardedServer
-from ltvn_viz.server.shutdown_signals import stop_on_signals
+from ltvn_viz.server.guarded_server import GuardedServer, stop_on_signals
 from ltvn_viz.session.options import AppOptions
 
 if TYPE_CHECKING:
@@ -134,10 +133,10 @@ def open_app(
 ) -> Iterator[RunningApp]:
     """Open everything an app needs and close it again; `on_served` is called when the page answers. Raises LtvnError.
 
-    Until all is open, the page says that it is loading.
+    Until all is open, the page says at what the app is.
     """
     with ExitStack() as stack:
-        server = stack.enter_context(GuardedServer(port=options.port, seat=seat, is_loading=True))
+        server = stack.enter_context(GuardedServer(port=options.port, seat=seat, loading="Loading the libraries…"))
         on_served(server)
         from ltvn_viz.app_opening import open_session
 

@@ -1,33 +1,298 @@
 """What is put behind a page that is served already: simulator, network, map, session, and all that draws.
 
-Owns what is opened in which order. Who drives in which world is `app_setup`. Takes seconds to import.
+Owns what is opened in which order for the options of the command line, who drives in which world, and which map is the
+first. Takes seconds to import.
 """
 
-from contextlib import ExitStack
+import logging
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, suppress
+from dataclasses import asdict, replace
+from pathlib import Path
 
 import numpy as np
 
-from ltvn_core.errors import RecordingError
+from ltvn_core.analysis.timeline import Timeline
+from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.data.importing.played_drive import open_robot
+from ltvn_core.data.recording.demo_files import DEMO_MAP, demo_file
+from ltvn_core.data.recording.map_file import LoadedMap, check_fingerprint, load_map
+from ltvn_core.data.recording.metadata import RecordingMetadata
+from ltvn_core.data.recording.reader import Recording
+from ltvn_core.data.recording.writer import RecordingWriter
+from ltvn_core.errors import OptionError, RecordingError, SceneError
+from ltvn_core.graph.navigation_system import NavigationSystem
+from ltvn_core.maps.recorded_map import BuildOptions
+from ltvn_core.maps.topological_map import TopologicalMap
+from ltvn_core.navigation.events import GraphChanged, Severity
+from ltvn_core.predictors.choice import AUTO, ImageSource
+from ltvn_core.predictors.opening import NETWORK, open_method, simulated_robot
+from ltvn_core.robots.link_report import link_of
+from ltvn_core.robots.robot import Robot, open_loop_word
 from ltvn_core.robots.robot_spec import LOCOBOT
+from ltvn_core.simulation.body_selection import choose_body
 from ltvn_core.simulation.locobot_model import locobot_glb
-from ltvn_core.types import Pose
-from ltvn_viz.app_setup import open_app_state
+from ltvn_core.systems.maintenance import recorded_maintenance, with_maintenance
+from ltvn_core.systems.registry import DEFAULT_SYSTEM, open_system, recorded_system
+from ltvn_core.types import Pose, Predictor
+from ltvn_viz.debugger.inspector import Inspector
+from ltvn_viz.debugger.question_registry import all_questions, watching_inspector
 from ltvn_viz.layers.first_view import Floor
-from ltvn_viz.layers.scene_assets import added_glb, floor_bounds, scene_glb
-from ltvn_viz.page_layout import PageAssets, build_layout
-from ltvn_viz.painter import Painter
+from ltvn_viz.layers.scene_assets import added_glb, floor_bounds, scene_glb, scene_picture
+from ltvn_viz.page_layout import PageAssets, Painter, build_layout
 from ltvn_viz.server.guarded_server import GuardedServer
-from ltvn_viz.server.thumbnails import ThumbnailStore
+from ltvn_viz.session.activities.playback import ReplayMethods, open_replay
+from ltvn_viz.session.activities.teleop import AbsentTeleop, Teleop
 from ltvn_viz.session.app_state import AppState
-from ltvn_viz.session.commands import OpenRecording
-from ltvn_viz.session.options import AppOptions
-from ltvn_viz.session.pages import SessionPages
+from ltvn_viz.session.backend import Backend, live_robot, open_backend, open_larger_feed, predictor_for
+from ltvn_viz.session.camera_feed import ObservationFeed
+from ltvn_viz.session.changeable_world import ChangeableWorld
+from ltvn_viz.session.fine_tuning import FineTuning
+from ltvn_viz.session.goals import Goals, ThumbnailStore
+from ltvn_viz.session.live_map import LiveMap
+from ltvn_viz.session.live_run import LiveRobot, LiveRun
+from ltvn_viz.session.options import DEMO_SCENE, AppOptions
+from ltvn_viz.session.recorder import Recorder
+from ltvn_viz.session.recording_library import RecordingLibrary, RerunViewers
+from ltvn_viz.session.robot_link import RobotLink
+from ltvn_viz.session.saved_files import SAVED_ENDING, SAVED_PREFIX
 from ltvn_viz.session.session_loop import Session
-from ltvn_viz.session.share_links import question_commands
+from ltvn_viz.session.share_links import latest_viewpoint, question_commands
 from ltvn_viz.session.snapshot import Snapshot
-from ltvn_viz.session.socket_handlers import drive_listener
-from ltvn_viz.session.viewpoint import latest_viewpoint
+from ltvn_viz.session.socket_handlers import SessionPages, drive_listener
+from ltvn_viz.session.worker import PatientWorker, Worker
 from ltvn_viz.timeline.run_moment import moment_of
+from ltvn_viz.wishes.commands import OpenRecording
+
+logger = logging.getLogger(__name__)
+
+
+def open_app_state(
+    options: AppOptions, stack: ExitStack, thumbnails: ThumbnailStore, say: Callable[[str], None] = lambda _: None
+) -> AppState:
+    """Open what the options name, to be closed by `stack`; `say` gets each slow step as it begins. Raises LtvnError.
+
+    What a person can get wrong is looked at first, and cheap things before dear ones.
+    """
+    library = RecordingLibrary(options.recordings)
+    if options.replay is not None:
+        library.path(options.replay)
+    if options.robot is not None:
+        say("Connecting to the robot…")
+    own_robot = _open_own_robot(options, stack)
+    named = options.scene
+    options = replace(options, scene=options.scene or (DEMO_SCENE if own_robot is None else own_robot.spec.name))
+    chosen = None if options.map is None else load_map(options.map)
+    if chosen is not None:
+        _check_same_scene(named, chosen, own_robot)
+        _check_same_system(options, chosen)
+        options = replace(options, scene=chosen.meta.scene, system=recorded_system(chosen.meta.config).name)
+    source = _image_source(options, library, own_robot, chosen)
+    choice = (source or ImageSource(camera=LOCOBOT.camera)).choose(options.predictor)
+    logger.info("Images are compared by %s.", choice)
+    asked, options = options, replace(options, predictor=choice.name)
+    camera = simulated_robot(choice.name).camera if source is None else source.camera
+    say("Opening the network that compares images…")
+    predictor = predictor_for(options, camera)
+    system = _open_system(options, predictor)
+    if chosen is not None:
+        check_fingerprint(chosen.meta, predictor.fingerprint)
+    say("Reading the map…")
+    known = chosen or _ready_made(options, predictor)
+    say("Starting the simulator…" if own_robot is None else "Preparing the robot…")
+    backend = open_backend(options, known, stack) if own_robot is None else Backend(robot=own_robot)
+    world_time = None if backend.world is None else lambda world=backend.world: world.time_s
+    live_map = LiveMap(TopologicalMap.of(predictor, system), np.random.default_rng(options.seed), world_time=world_time)
+    worker = Worker(ThreadPoolExecutor(1, "map and model"))
+    robot = live_robot(backend, predictor, known)
+    recorder = Recorder(
+        library,
+        lambda path: _new_recording(path, options, backend, robot, live_map),
+        take_map=lambda: (live_map.graph.copy(), live_map.map_observations()),
+        scene_glb=lambda: None if backend.scene is None else backend.scene.glb(),
+    )
+    live = LiveRun(robot, recorder, Timeline())
+    if known is not None:
+        logger.info("The map has %d nodes and %d edges.", len(known.graph.nodes), len(known.graph.edges))
+        say(f"Computing the descriptors of {len(known.graph.nodes):,} nodes…")
+        _take_map(live, live_map, known)
+    simulated = backend.world
+    carry = backend.carry
+    world = None if simulated is None or carry is None else ChangeableWorld(simulated, live, carry)
+    patient_worker = PatientWorker(worker)
+    choose_method = ReplayMethods(options, predictor).of if asked.predictor == AUTO else _as_the_robots
+    teleop = AbsentTeleop if backend.robot is None else Teleop
+    state = AppState(
+        scene=options.scene,
+        live=live,
+        live_map=live_map,
+        worker=worker,
+        library=library,
+        open_replay=lambda name: open_replay(library, name, choose_method),
+        feed=ObservationFeed(lambda: live.view, robot.clock),
+        larger_feed=open_larger_feed(backend, stack),
+        goals=Goals(live_map, worker, thumbnails),
+        teleop=teleop(live, worker, live_map.offer),
+        fine_tuning=_open_learning(options),
+        predictor_for=lambda weights: _reopen_with(options, weights, camera),
+        patient_worker=patient_worker,
+        new_own_debugger=lambda page: watching_inspector(page, live.breakpoint_monitor, patient_worker),
+        debugger=Inspector([*all_questions(live.breakpoint_monitor), *(make() for make in options.questions)], worker),
+        rerun=RerunViewers(stack).address,
+        world=world,
+        link=_link(backend),
+        open_loop=open_loop_word(backend.robot),
+        build_options=BuildOptions(
+            preset=options.preset,
+            system=options.system,
+            predictor=asked.predictor,
+            weights=options.weights,
+            seed=options.seed,
+        ),
+    )
+    if backend.scene is not None and backend.scene.doubts and options.replay is None:
+        state.say(" ".join(backend.scene.doubts), Severity.WARN)
+    return state
+
+
+def _link(backend: Backend) -> RobotLink | None:
+    ask = link_of(backend.robot)
+    return None if ask is None or backend.robot is None else RobotLink(backend.robot.spec.name, ask)
+
+
+def _check_same_scene(named: str, chosen: LoadedMap, own_robot: Robot | None) -> None:
+    """Raise OptionError where --scene names another scene than the map's; a robot of one's own is anywhere."""
+    if not named or own_robot is not None or named == chosen.meta.scene:
+        return
+    if _scene_address(named) != _scene_address(chosen.meta.scene):
+        raise OptionError(
+            f"--scene {named} contradicts --map, which was made in {chosen.meta.scene}; leave --scene out, or name a "
+            "map of that scene."
+        )
+
+
+def _check_same_system(options: AppOptions, chosen: LoadedMap) -> None:
+    """Raise OptionError where --system names another system than the one that built the map."""
+    own = recorded_system(chosen.meta.config).name
+    if options.system not in (DEFAULT_SYSTEM, own):
+        raise OptionError(
+            f"--system {options.system} contradicts --map, which {own} built; leave --system out, or build a map with "
+            f"`ltvn build RECORDING --system {options.system}`."
+        )
+
+
+def _scene_address(name: str) -> str:
+    """Return by what recordings know a scene; a name that no scene has stands for itself."""
+    from ltvn_core.simulation.scene_registry import load_scene, scene_names
+
+    try:
+        return name if name in scene_names() else load_scene(name).address
+    except SceneError:
+        return name
+
+
+def _open_own_robot(options: AppOptions, stack: ExitStack) -> Robot | None:
+    """Make the robot that was asked for, to be stopped and closed by `stack`. Raises PluginError, OptionError."""
+    if options.robot is None:
+        return None
+    if options.world is not None:
+        raise OptionError("--world changes a simulated scene; leave it out with a robot of your own.")
+    if options.predictor == "oracle":
+        raise OptionError("The oracle knows simulated scenes alone; drive a robot of your own with the network.")
+    robot = open_robot(options.robot)
+    stack.callback(getattr(robot, "close", robot.stop))
+    return robot
+
+
+def _open_learning(options: AppOptions) -> FineTuning:
+    tuner = replace(options.tuner, system=options.system) if options.predictor == NETWORK else None
+    executor = ThreadPoolExecutor(1, "learning")
+    return FineTuning(tuner, options.start_weights, executor)
+
+
+def _image_source(
+    options: AppOptions, library: RecordingLibrary, own_robot: Robot | None, chosen: LoadedMap | None
+) -> ImageSource | None:
+    """Return where images come from: the map's recording, a robot of one's own, or the recording to watch; None for
+    the simulator, whose camera is made to suit the predictor.
+    """
+    if chosen is not None:
+        return ImageSource.of(chosen.meta)
+    if own_robot is not None:
+        return ImageSource(camera=own_robot.spec.camera)
+    if options.replay is not None:
+        with suppress(RecordingError):  # Who opens it to be watched says what is wrong with it.
+            return ImageSource.of(Recording.open(library.path(options.replay)).meta)
+    return None
+
+
+def _as_the_robots(meta: RecordingMetadata) -> None:
+    """Compare a recording's images as the robot's are, because a person named the predictor."""
+
+
+def _open_system(options: AppOptions, predictor: Predictor) -> NavigationSystem:
+    """Return the navigation system of the options with the predictor's constants. Raises OptionError, WeightsError."""
+    system = open_system(options.system, open_method(options.preset, predictor))
+    return system if options.maintenance is None else with_maintenance(system, options.maintenance)
+
+
+def _reopen_with(options: AppOptions, weights: Path, camera: CameraModel) -> tuple[Predictor, NavigationSystem]:
+    """Open other weights just as a new start of the app with them would."""
+    changed = replace(options, weights=weights, replay=None)
+    predictor = predictor_for(changed, camera)
+    return predictor, _open_system(changed, predictor)
+
+
+def _ready_made(options: AppOptions, predictor: Predictor) -> LoadedMap | None:
+    """Return the demo scene's map, None elsewhere and where other weights are in use."""
+    if options.scene != DEMO_SCENE or options.replay is not None or options.robot is not None:
+        return None
+    own = options.recordings / DEMO_MAP
+    place = own if own.exists() else demo_file(DEMO_MAP)
+    if place is None:
+        return None
+    known = load_map(place)
+    if known.meta.fingerprint != predictor.fingerprint:
+        logger.info("The ready-made map belongs to other weights; beginning with an empty one.")
+        return None
+    if recorded_system(known.meta.config).name != options.system:
+        logger.info("The ready-made map is not of %s; beginning with an empty one.", options.system)
+        return None
+    return known
+
+
+def _new_recording(
+    path: Path, options: AppOptions, backend: Backend, robot: LiveRobot, live_map: LiveMap
+) -> RecordingWriter:
+    """Begin a recording; never waits for the disk, because the robot does not wait either."""
+    if backend.robot is None:
+        raise SceneError("There is no robot here whose driving could be recorded; open the app with a scene.")
+    scene = backend.scene
+    return RecordingWriter(
+        path,
+        scene=options.scene if scene is None else scene.address,
+        config={
+            "verb": "app",
+            "system": live_map.system.name,
+            "predictor": options.predictor,
+            "method": asdict(live_map.system.method),
+            "maintenance": recorded_maintenance(live_map.system),
+            **({} if scene is None else {"body": choose_body(options.body)}),
+        },
+        fingerprint=live_map.fingerprint,
+        camera=robot.spec.camera,
+        live_port=options.stream,
+        patience_s=0,
+    )
+
+
+def _take_map(live: LiveRun, live_map: LiveMap, known: LoadedMap) -> None:
+    for frame, seen in known.observations.items():
+        live.timeline.place_frame(frame, seen.odometry if seen.exact_pose is None else seen.exact_pose)
+    for delta in live_map.load(TopologicalMap.take(known, live_map.predictor, live_map.system)):
+        live.emit(GraphChanged(delta))
+
 
 UNKNOWN_FLOOR_M = 4.0
 """So much to each side of the robot is shown first where nobody knows the place."""
@@ -39,9 +304,11 @@ LEAST_FLOOR_M, ROUND_ABOUT_M = 1.0, 0.7
 def open_session(options: AppOptions, server: GuardedServer, stack: ExitStack) -> Session:
     """Open everything behind the page of a server, to be closed by `stack`, and draw it there. Raises LtvnError."""
     thumbnails = ThumbnailStore()
-    state = open_app_state(options, stack, thumbnails)
+    state = open_app_state(options, stack, thumbnails, server.say_loading)
+    server.say_loading("Building the panels…")
     server.add_route("/thumb/", thumbnails.get)
     server.add_route("/marks/", state.strips.rows_from, ending="json")
+    server.add_route(SAVED_PREFIX, state.saved_files.read, ending=SAVED_ENDING)
     robot = state.live.robot
     floor = floor_bounds(state.scene) or _driven_floor(state, options) or _floor_around(robot.drawn_pose)
     state.viewpoint = lambda: latest_viewpoint(server.viser.get_clients().values())
@@ -56,7 +323,13 @@ def open_session(options: AppOptions, server: GuardedServer, stack: ExitStack) -
     parts = build_layout(
         server.viser,
         SessionPages(server, session),
-        PageAssets(scene_glb, locobot_glb() if robot.spec.name == LOCOBOT.name else None, robot.spec, added_glb),
+        PageAssets(
+            scene_glb=scene_glb,
+            robot_glb=locobot_glb() if robot.spec.name == LOCOBOT.name else None,
+            robot=robot.spec,
+            scene_picture=scene_picture,
+            added_glb=added_glb,
+        ),
         Floor(*floor),
     )
     screen.painter = Painter(parts, server.viser.atomic)
@@ -80,7 +353,8 @@ def _driven_floor(state: AppState, options: AppOptions) -> tuple[Pose, Pose] | N
     places = np.concatenate([replay.course, moment_of(replay.timeline).graph.poses])[:, :2]
     if not len(places):
         return None
-    low, high = places.min(axis=0), places.max(axis=0)
+    low = places.min(axis=0)
+    high = places.max(axis=0)
     margin = max(0.0, LEAST_FLOOR_M - float((high - low).max())) / 2 + ROUND_ABOUT_M
     return low - margin, high + margin
 

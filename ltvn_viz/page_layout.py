@@ -1,10 +1,14 @@
-"""The page's composition: which layers and panels there are, and where they stand.
+"""The page's composition: which layers and panels there are, where they stand, and the thread that draws them.
 
-Owns the layout and the theme. What each shows is in `layers` and `panels`.
+Owns the layout and the theme. What each shows is in `layers` and `panels`. The newest snapshot wins, so a slow page, or
+a big map that has just changed, holds up neither the robot nor the person who drives it.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+import logging
+import threading
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Protocol
 
@@ -12,36 +16,142 @@ import viser
 
 from ltvn_core import palette
 from ltvn_core.robots.robot_spec import LOCOBOT, RobotSpec
-from ltvn_core.worlds.world_state import WorldState
-from ltvn_viz.layers.boxes_layer import BoxesLayer
-from ltvn_viz.layers.changes_layer import ChangesLayer
+from ltvn_core.worlds import WorldState
+from ltvn_viz.layers.close_layers import HeadingsLayer, RobotMarker
 from ltvn_viz.layers.debugger_layer import DebuggerLayer
-from ltvn_viz.layers.doors_layer import DoorsLayer
 from ltvn_viz.layers.first_view import FirstView, Floor
-from ltvn_viz.layers.graph_layers import BlockedEdgesLayer, EdgesLayer, NodesLayer
-from ltvn_viz.layers.lights import add_lights
+from ltvn_viz.layers.graph_layers import BlockedEdgesLayer, ChangesLayer, EdgesLayer, NodesLayer
 from ltvn_viz.layers.navigation_layers import GhostLayer, GoalLayer, PlanLayer
-from ltvn_viz.layers.robot_layer import RobotLayer
+from ltvn_viz.layers.robot_layers import CourseLayer, RobotLayer, TrajectoryLayer
+from ltvn_viz.layers.scene_assets import FloorPicture, add_lights
 from ltvn_viz.layers.scene_layer import AddedLayer, SceneLayer
-from ltvn_viz.layers.trajectory_layer import CourseLayer, TrajectoryLayer
-from ltvn_viz.painter import OwnParts, PagePart
+from ltvn_viz.layers.world_layers import BoxesLayer, DoorsLayer
 from ltvn_viz.panels.camera_panel import CameraPanel
+from ltvn_viz.panels.command_palette import CommandPalette
 from ltvn_viz.panels.debugger_panel import DebuggerPanel
-from ltvn_viz.panels.drive_panel import DrivePanel
-from ltvn_viz.panels.fine_tuning_panel import FineTuningPanel
-from ltvn_viz.panels.follow_camera import FollowCamera
+from ltvn_viz.panels.drive_panel import DrivePanel, FineTuningPanel, FollowCamera, PadPanel
 from ltvn_viz.panels.html_widgets import grey_for_watchers
 from ltvn_viz.panels.legend_panel import LegendPanel
 from ltvn_viz.panels.navigation_panel import NavigationPanel
-from ltvn_viz.panels.notifications import Notifications, OwnNotices
-from ltvn_viz.panels.pad_panel import PadPanel
-from ltvn_viz.panels.replay_panel import ReplayPanel
-from ltvn_viz.panels.status_panel import StatusPanel
-from ltvn_viz.panels.timeline_panel import TimelinePanel
+from ltvn_viz.panels.replay_panel import ReplayPanel, TimelinePanel
+from ltvn_viz.panels.status_panel import Notifications, OwnNotices, StatusPanel, StoryBar
 from ltvn_viz.panels.world_panel import WorldPanel
 from ltvn_viz.server.driver_seat import ClientId
-from ltvn_viz.server.page_elements import shared_elements
-from ltvn_viz.session.commands import AimBox, Command, PickNode, PutBox, ToggleDoor
+from ltvn_viz.server.page_messages import shared_elements
+from ltvn_viz.session.snapshot import Snapshot
+from ltvn_viz.wishes.commands import Command
+from ltvn_viz.wishes.wish_table import Action, Value
+
+logger = logging.getLogger(__name__)
+
+
+class PagePart(Protocol):
+    """A layer or a panel."""
+
+    def show(self, snapshot: Snapshot) -> None:
+        """Show `snapshot`."""
+        ...
+
+
+class OwnParts:
+    """Parts that each page has for itself: made when the page comes, and drawn for it alone."""
+
+    def __init__(
+        self,
+        clients: Callable[[], Iterable[viser.ClientHandle]],
+        make: Callable[[viser.ClientHandle], Sequence[PagePart]],
+        number_of: Callable[[int], ClientId | None],
+    ) -> None:
+        """Let `make` add the parts of a page; `number_of` returns our number of a page by viser's."""
+        self._clients = clients
+        self._make = make
+        self._number_of = number_of
+        self._parts: dict[int, Sequence[PagePart]] = {}
+
+    def show(self, snapshot: Snapshot) -> None:
+        """Show each page its own."""
+        clients = {client.client_id: client for client in self._clients()}
+        for gone in self._parts.keys() - clients.keys():
+            del self._parts[gone]
+        for number, client in clients.items():
+            if number not in self._parts and not self._welcome(client):
+                continue
+            own = self._own(snapshot, number)
+            for part in self._parts[number]:
+                part.show(own)
+
+    def _welcome(self, client: viser.ClientHandle) -> bool:
+        """Make the parts of a page; return whether it is still there."""
+        self._parts[client.client_id] = self._make(client)
+        if any(each.client_id == client.client_id for each in self._clients()):
+            return True
+        # viser forgets what a page had when it left, and not what it gets afterwards.
+        client.gui.reset()
+        return False
+
+    def _own(self, snapshot: Snapshot, client: int) -> Snapshot:
+        page = self._number_of(client)
+        inspection = None if page is None else snapshot.own_inspections.get(page)
+        return snapshot if inspection is None else replace(snapshot, inspection=inspection)
+
+
+class Painter:
+    """Hands the newest snapshot to all layers and panels."""
+
+    def __init__(self, parts: Sequence[PagePart], batch: "Batch") -> None:
+        """Draw `parts`, in this order, each time within `batch()` so that the page applies it as one."""
+        self._parts = parts
+        self._batch = batch
+        self._change = threading.Condition()
+        self._newest: Snapshot | None = None
+        self._closing = False
+        self._thread = threading.Thread(target=self._paint_forever, name="painter", daemon=True)
+
+    def start(self) -> None:
+        """Begin drawing."""
+        self._thread.start()
+
+    def publish(self, snapshot: Snapshot) -> None:
+        """Take a snapshot to draw, in place of one that is still waiting. Never blocks for long."""
+        with self._change:
+            self._newest = snapshot
+            self._change.notify()
+
+    def paint(self, snapshot: Snapshot) -> None:
+        """Draw one snapshot now; a part that fails is logged and does not keep the others from drawing."""
+        with self._batch():
+            for part in self._parts:
+                try:
+                    part.show(snapshot)
+                except Exception:
+                    logger.exception("%s could not be drawn", type(part).__name__)
+
+    def close(self) -> None:
+        """Stop drawing."""
+        with self._change:
+            self._closing = True
+            self._change.notify()
+        if self._thread.is_alive():
+            self._thread.join(timeout=5.0)
+
+    def _paint_forever(self) -> None:
+        while (snapshot := self._next()) is not None:
+            self.paint(snapshot)
+
+    def _next(self) -> Snapshot | None:
+        with self._change:
+            self._change.wait_for(lambda: self._closing or self._newest is not None)
+            snapshot, self._newest = self._newest, None
+            return None if self._closing else snapshot
+
+
+class Batch(Protocol):
+    """Groups what is sent to the page, such as `viser.ViserServer.atomic`."""
+
+    def __call__(self) -> AbstractContextManager[None]:
+        """Begin a group."""
+        ...
+
 
 TITLE = "Lifelong Topological Visual Navigation"
 
@@ -55,6 +165,8 @@ class PageAssets:
     robot_glb: bytes | None
     """The robot's body; None draws a plain one of its size."""
     robot: RobotSpec = LOCOBOT
+    scene_picture: Callable[[str, WorldState], FloorPicture | None] = lambda _name, _state: None
+    """Draws that scene from above, for pages that draw slowly; None where nobody can. Raises SceneError."""
     added_glb: Callable[[str, WorldState], bytes | None] = lambda _name, _state: None
     """Loads what stands in that scene for now; None where nothing does. Raises SceneError."""
 
@@ -62,11 +174,15 @@ class PageAssets:
 class Pages(Protocol):
     """Who the pages are, and what they ask for."""
 
-    def send(self, command: Command) -> None:
+    def send_upload(self, command: Command) -> None:
+        """Bring what came of an uploaded file; the page's guard has seen to it that it comes from the seat."""
+        ...
+
+    def ask(self, action: Action, value: Value = None) -> None:
         """Ask for something from the driver's seat; the page's guard has seen to it."""
         ...
 
-    def send_from(self, viser_client: int, command: Command) -> None:
+    def ask_from(self, viser_client: int, action: Action, value: Value = None) -> None:
         """Ask for something that a page without the seat may have in its own view."""
         ...
 
@@ -104,7 +220,7 @@ def build_layout(server: viser.ViserServer, pages: Pages, assets: PageAssets, fl
 
 
 def _panels(server: viser.ViserServer, pages: Pages, floor: Floor) -> list[PagePart]:
-    gui, send = server.gui, pages.send
+    gui = server.gui
 
     def clients() -> list[viser.ClientHandle]:
         return list(server.get_clients().values())
@@ -113,13 +229,14 @@ def _panels(server: viser.ViserServer, pages: Pages, floor: Floor) -> list[PageP
     tabs = gui.add_tab_group()
     drive_tab = tabs.add_tab("Drive", viser.Icon.STEERING_WHEEL)
     with drive_tab:
-        drive, learn = DrivePanel(gui), FineTuningPanel(gui)
+        drive = DrivePanel(gui)
+        learn = FineTuningPanel(gui)
     with tabs.add_tab("Go", viser.Icon.MAP_PIN):
-        go = NavigationPanel(gui, send, pages.file_address)
+        go = NavigationPanel(gui, pages.send_upload, pages.file_address)
     with tabs.add_tab("World", viser.Icon.DOOR):
         world = WorldPanel(gui)
     with tabs.add_tab("Replay", viser.Icon.HISTORY):
-        replay = ReplayPanel(gui, send)
+        replay = ReplayPanel(gui)
     why_tab = tabs.add_tab("Why", viser.Icon.ZOOM_QUESTION)
     gui.add_html(grey_for_watchers(shared_elements(gui)))
     camera = CameraPanel(gui, pages.show_picture)
@@ -129,9 +246,10 @@ def _panels(server: viser.ViserServer, pages: Pages, floor: Floor) -> list[PageP
         with drive_tab:
             follow = FollowCamera(client.gui, lambda: [client])
         with why_tab:
-            why = DebuggerPanel(client.gui, partial(pages.send_from, client.client_id))
+            why = DebuggerPanel(client.gui, partial(pages.ask_from, client.client_id))
         legend = LegendPanel(client.gui)
-        return [view, follow, why, legend, DebuggerLayer(client.scene), OwnNotices(client)]
+        drawn = (RobotMarker(client), HeadingsLayer(client), DebuggerLayer(client.scene))
+        return [view, follow, why, legend, *drawn, OwnNotices(client)]
 
     own = OwnParts(clients, own_parts, pages.number_of)
     return [
@@ -145,6 +263,8 @@ def _panels(server: viser.ViserServer, pages: Pages, floor: Floor) -> list[PageP
         own,
         TimelinePanel(pages.tell_moment),
         PadPanel(pages.tell_activity),
+        CommandPalette(gui, pages.ask),
+        StoryBar(gui),
         Notifications(clients),
     ]
 
@@ -153,15 +273,15 @@ def _layers(scene: viser.SceneApi, pages: Pages, assets: PageAssets) -> list[Pag
     add_lights(scene)
     return [
         RobotLayer(scene, assets.robot, assets.robot_glb),
-        SceneLayer(scene, assets.scene_glb),
+        SceneLayer(scene, assets.scene_glb, load_picture=assets.scene_picture),
         AddedLayer(scene, assets.added_glb),
-        DoorsLayer(scene, on_pick=lambda door, client: pages.send_from(client, ToggleDoor(door))),
+        DoorsLayer(scene, on_pick=lambda door, client: pages.ask_from(client, Action.DOOR, door)),
         BoxesLayer(
             scene,
-            on_pick=lambda box, client: pages.send_from(client, AimBox(box)),
-            on_floor=lambda place, client: pages.send_from(client, PutBox(place)),
+            on_pick=lambda box, client: pages.ask_from(client, Action.AIM_BOX, box),
+            on_floor=lambda place, client: pages.ask_from(client, Action.PUT_BOX, place),
         ),
-        NodesLayer(scene, on_pick=lambda node, client: pages.send_from(client, PickNode(node))),
+        NodesLayer(scene, on_pick=lambda node, client: pages.ask_from(client, Action.PICK, node)),
         BlockedEdgesLayer(scene),
         PlanLayer(scene),
         GoalLayer(scene),

@@ -19,7 +19,9 @@ from numpy.typing import NDArray
 from scipy.cluster.vq import kmeans2
 
 from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.data.recording.reader import Recording
 from ltvn_core.geometry import relative
+from ltvn_core.network.training_data.pose_sampling import ClusterSampling, cluster_poses
 from ltvn_core.predictors.geometric_adaptation import (
     PAIRS_FILE,
     Comparisons,
@@ -27,15 +29,15 @@ from ltvn_core.predictors.geometric_adaptation import (
     is_right,
     write_comparisons,
 )
-from ltvn_core.predictors.geometric_calibration import (
+from ltvn_core.predictors.geometric_evidence import (
     BOTH_DEPTHS,
     CALIBRATION_FILE,
     NO_DEPTH,
     ONE_DEPTH,
     Calibration,
+    Evidence,
     shipped_calibration,
 )
-from ltvn_core.predictors.geometric_evidence import Evidence
 from ltvn_core.predictors.geometric_features import (
     WORDS_FILE,
     FeatureExtractor,
@@ -46,10 +48,8 @@ from ltvn_core.predictors.geometric_features import (
     votes,
 )
 from ltvn_core.predictors.geometric_verification import verify, waypoint
-from ltvn_core.recording.reader import Recording
 from ltvn_core.simulation.rendering.renderer_selection import open_renderer
 from ltvn_core.simulation.scene_registry import load_scene
-from ltvn_core.training_data.pose_sampling import ClusterSampling, cluster_poses
 from ltvn_core.types import Observation, Pose, Renderer
 from tools.repeating_corridor import corridor_poses, repeating_corridor
 

@@ -15,7 +15,7 @@ from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 
-from ltvn_core.recording.reader import Recording
+from ltvn_core.data.recording.reader import Recording
 
 RIVALS = ("sptm", "ving", "meng", "sgm", "sorb", "htm", "brm", "placenav")
 VOLATILE = ("wall_s", "folder", "seconds", "cpu_s", "recording", "at")

@@ -16,11 +16,11 @@ import tyro
 from numpy.typing import NDArray
 from tyro.conf import Positional
 
+from ltvn_core.data.recording.map_file import load_map
 from ltvn_core.errors import MapError
+from ltvn_core.evaluation.reports.evaluation_tables import ReportTable
 from ltvn_core.geometry import compose, invert, relative
 from ltvn_core.graph.topological_graph import TopologicalGraph
-from ltvn_core.recording.map_file import load_map
-from ltvn_core.reports.evaluation_tables import ReportTable
 from ltvn_core.types import NodeId, Pose
 
 _HEAD = ("drive", "nodes", "joined at", "waypoints off by", "largest", "lies off by")

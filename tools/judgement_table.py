@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ltvn_core.reports.evaluation_tables import ReportTable
+from ltvn_core.evaluation.reports.evaluation_tables import ReportTable
 
 _COLUMNS = (
     ("AUC", "auc", "{:.3f}"),

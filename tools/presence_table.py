@@ -18,12 +18,16 @@ import tyro
 from tqdm import tqdm
 from tyro.conf import Positional, subcommand
 
-from ltvn_core.evaluation.presence.accuracy import FilterAccuracy, PresenceAccuracy, filter_accuracy
-from ltvn_core.evaluation.presence.filter_fit import fit_filters
-from ltvn_core.evaluation.presence.sequences import read_sequences
+from ltvn_core.evaluation.reports.evaluation_page import fill_blocks
+from ltvn_core.evaluation.reports.evaluation_tables import ReportTable
 from ltvn_core.graph.presence.persistent import SightErrors
-from ltvn_core.reports.evaluation_blocks import fill_blocks
-from ltvn_core.reports.evaluation_tables import ReportTable
+from tools.presence_accuracy import (
+    FilterAccuracy,
+    PresenceAccuracy,
+    filter_accuracy,
+    fit_filters,
+    read_sequences,
+)
 
 
 @dataclass(frozen=True)

@@ -14,9 +14,7 @@ from typing import Any
 
 import cattrs
 
-from ltvn_core.evaluation.gzipped_results import pack
-from ltvn_core.evaluation.map_drawings import drawing_path, save_drawing
-from ltvn_core.evaluation.results import MapDrawing
+from ltvn_core.evaluation.results import MapDrawing, drawing_path, pack, save_drawing
 
 _DRAWN = "*.trial.json", "*.lifelong.json"
 _OTHERS = ("*.world.json",)

@@ -8,8 +8,8 @@ import argparse
 import sys
 from pathlib import Path
 
+from ltvn_core.data.recording.map_file import load_map, save_map
 from ltvn_core.graph.deltas import Cause, FramesReleased
-from ltvn_core.recording.map_file import load_map, save_map
 
 
 def thin_reserve(path: Path, output: Path, keep_every: int) -> int:

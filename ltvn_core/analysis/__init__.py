@@ -8,8 +8,8 @@ from ltvn_core.analysis.edge_explanation import explain_edge_belief, explain_mis
 from ltvn_core.analysis.edge_history import edge_history
 from ltvn_core.analysis.failure_triage import failed_queries, group_by_failure_mode, group_by_place
 from ltvn_core.analysis.lifelong_success import lifelong_success
+from ltvn_core.analysis.localisation_confidence import find_perceptual_aliases
 from ltvn_core.analysis.map_comparison import compare_maps, map_metrics
-from ltvn_core.analysis.perceptual_aliases import find_perceptual_aliases
 from ltvn_core.analysis.timeline import Timeline
 
 __all__ = [

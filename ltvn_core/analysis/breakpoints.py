@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import NamedTuple, TypeAlias, assert_never
 
-from ltvn_core.analysis.number_parser import parse_number
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import Instant
 from ltvn_core.analysis.timeline_rows import is_other_plan
@@ -21,6 +20,7 @@ from ltvn_core.graph import deltas as d
 from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.navigation import events as e
 from ltvn_core.navigation.event_text import describe_event, edge_text
+from ltvn_core.terminal_text import parse_number
 from ltvn_core.types import NodeId
 
 _EDGE = r"(\d+)\s*(?:->|→)\s*(\d+)"

@@ -8,12 +8,19 @@ from collections.abc import Iterator
 from itertools import groupby, pairwise
 
 from ltvn_core.analysis.edge_history import EdgeAttempt, EdgeHistory, EdgeLifetime, TimedBelief, edge_history
-from ltvn_core.analysis.explanation_steps import CAUSE_TEXTS, ExplanationKind, ExplanationStep, belief_text, count_text
-from ltvn_core.analysis.plan_alternative import explain_planned_edge
+from ltvn_core.analysis.plan_alternative import (
+    CAUSE_TEXTS,
+    ExplanationKind,
+    ExplanationStep,
+    belief_text,
+    count_text,
+    explain_planned_edge,
+)
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import Instant, MapChange
 from ltvn_core.config import BeliefConfig
 from ltvn_core.graph.deltas import (
+    BULK_CAUSES,
     Cause,
     EdgeAdded,
     FramesReserved,
@@ -106,8 +113,8 @@ def _tied(timeline: Timeline, change: MapChange, node: NodeId) -> tuple[NodeId, 
     for number in range(timeline.change_count_before(change.event + 1), len(timeline.changes)):
         later = timeline.changes[number]
         delta = later.delta
-        if isinstance(delta, NodeAdded) and delta.cause is Cause.LOAD:
-            continue  # A file's map tells all its nodes before its edges.
+        if isinstance(delta, NodeAdded) and delta.cause in BULK_CAUSES:
+            continue  # A whole map comes in at once, the other nodes and their edges too.
         if later.instant != change.instant or not isinstance(delta, EdgeAdded):
             break
         if delta.edge.source == node:
@@ -166,7 +173,7 @@ def explain_edge_belief(
         won = last.successes - first.successes
         text = (
             f"{count_text(driven, 'attempt')} counted, {won} with success: p went from {first.belief.p:.2f} to "
-            f"{last.belief.p:.2f}, mu from {first.belief.mu:.2f} to {last.belief.mu:.2f}."
+            f"{last.belief.p:.2f}, length (mu) from {first.belief.mu:.2f} to {last.belief.mu:.2f}."
         )
     verdict = ExplanationStep(text, last.instant, ExplanationKind.BELIEF, (source, target))
     return (*_steps(history), verdict, *(() if history.alive else (_departure(history, None),)))
@@ -244,17 +251,19 @@ def _within(history: EdgeHistory, life: EdgeLifetime) -> list[EdgeAttempt]:
 def _attempt_steps(life: EdgeLifetime, rows: list[EdgeAttempt], ids: tuple[NodeId, ...]) -> Iterator[ExplanationStep]:
     changes = {after.attempt: (before, after) for before, after in pairwise(life.beliefs) if after.attempt is not None}
     for query, group in groupby(rows, key=lambda row: row.query):
+        counted = []
         silent = []
         for row in group:
             if row.attempt in changes and row.changed_belief:
+                counted.append(row)
                 yield _attempt_step(row, *changes[row.attempt], ids)
+            elif row.succeeded is None:
+                text = f"Attempt {row.attempt} in query {query} has not ended."
+                yield ExplanationStep(text, row.begin, ExplanationKind.ATTEMPT, ids)
             else:
                 silent.append(row)
         if silent:
-            failed = sum(row.succeeded is False for row in silent)
-            text = (
-                f"{count_text(len(silent), 'more attempt')} along it in query {query}, {failed} failed, taught nothing."
-            )
+            text = _silent_text(silent, counted, query)
             yield ExplanationStep(text, silent[0].begin, ExplanationKind.ATTEMPT, ids)
     for before, after in pairwise(life.beliefs):
         if after.attempt is None:
@@ -264,10 +273,21 @@ def _attempt_steps(life: EdgeLifetime, rows: list[EdgeAttempt], ids: tuple[NodeI
             yield ExplanationStep(text, after.instant, ExplanationKind.BELIEF, ids)
 
 
+def _silent_text(rows: list[EdgeAttempt], counted: list[EdgeAttempt], query: int) -> str:
+    """Say which attempts of a query did not change the belief, and why where a rule says so."""
+    failed = sum(not row.succeeded for row in rows)
+    how_many = count_text(len(rows), "more attempt" if counted else "attempt")
+    of_these = f" ({failed} failed)" if failed else ""
+    is_repeated = failed and any(row.succeeded is False for row in counted)
+    rule = ": of several failures in a query only the first counts" if is_repeated else ""
+    return f"{how_many} along it in query {query}{of_these} did not change its belief{rule}."
+
+
 def _attempt_step(
     row: EdgeAttempt, before: TimedBelief, after: TimedBelief, ids: tuple[NodeId, ...]
 ) -> ExplanationStep:
-    verdict = "succeeded" if row.succeeded else f"failed ({row.end.value if row.end else 'cut'})"
+    failure = "failed (cut)" if row.end is None else row.end.failure
+    verdict = "succeeded" if row.succeeded else failure
     change = f"p from {before.belief.p:.2f} to {after.belief.p:.2f}"
     text = f"Attempt {row.attempt} in query {row.query} {verdict}: {row.reason}; {change}."
     return ExplanationStep(text, row.ended or row.begin, ExplanationKind.ATTEMPT, ids)

@@ -1,37 +1,22 @@
 """The history of one edge: when it was in the map, what was believed of it, and every attempt to drive it.
 
-Owns putting this together. Says nothing in words (`analysis.edge_explanation`) and draws nothing
-(`analysis.waypoint_projection` says where in a picture a waypoint lies).
+Owns putting this together, and where in a picture a predicted waypoint lies. Pixels count from the picture's left upper
+corner; the first one's centre is (0.5, 0.5). Says nothing in words (`analysis.edge_explanation`) and draws nothing.
 """
 
 from collections.abc import Collection
 from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
 
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import AttemptRecord, Instant, MapChange
-from ltvn_core.graph.deltas import (
-    Belief,
-    BeliefUpdated,
-    Cause,
-    DriveBegun,
-    Edge,
-    EdgeAdded,
-    EdgeProtected,
-    EdgePruned,
-    FramesReleased,
-    FramesReserved,
-    NodeAdded,
-    NodeDropped,
-    NodeNamed,
-    PoseRow,
-    PresenceObserved,
-    ViewAdded,
-    ViewDropped,
-    ViewUsed,
-)
+from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.graph import deltas as d
 from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.navigation.events import AttemptEnd, Collided, Localised
-from ltvn_core.types import FrameId, NodeId
+from ltvn_core.types import FrameId, NodeId, Waypoint
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,10 +24,10 @@ class TimedBelief:
     """What was believed of an edge from an instant on."""
 
     instant: Instant
-    belief: Belief
+    belief: d.Belief
     attempts: int
     successes: int
-    cause: Cause
+    cause: d.Cause
     attempt: int | None
     """The attempt from which it was learned; None when the edge came in."""
 
@@ -52,7 +37,7 @@ class EdgeRemoval:
     """How an edge left the map."""
 
     instant: Instant
-    cause: Cause
+    cause: d.Cause
     node: NodeId | None
     """The node with which it went; None if the edge itself was pruned, or the whole map was replaced."""
     attempt: int | None
@@ -67,8 +52,8 @@ class EdgeLifetime:
 
     epoch: int
     added_at: Instant
-    cause: Cause
-    waypoint: PoseRow
+    cause: d.Cause
+    waypoint: d.PoseRow
     """The target in the source's frame, as predicted when it was made."""
     protected: bool
     by_odometry: bool
@@ -96,7 +81,7 @@ class EdgeAttempt:
     """Where the robot thought it was before it set off."""
     departure: FrameId
     """The image at departure."""
-    waypoint: PoseRow
+    waypoint: d.PoseRow
     """The target as seen from there."""
     departure_reachability: float
     arrival: FrameId | None
@@ -132,7 +117,7 @@ class EdgeHistory:
         return bool(self.lifetimes) and self.lifetimes[-1].end is None
 
     @property
-    def belief(self) -> Belief | None:
+    def belief(self) -> d.Belief | None:
         """What was believed of it last."""
         return self.lifetimes[-1].beliefs[-1].belief if self.lifetimes else None
 
@@ -144,7 +129,7 @@ def edge_history(timeline: Timeline, source: NodeId, target: NodeId, until: Inst
     """
     count = timeline.count_until(until)
     changes = [change for change in timeline.changes_of_edge(source, target) if change.event < count]
-    belief_changes = {(change.query, change.attempt) for change in changes if isinstance(change.delta, BeliefUpdated)}
+    belief_changes = {(change.query, change.attempt) for change in changes if isinstance(change.delta, d.BeliefUpdated)}
     begun = (attempt for attempt in timeline.attempts_of_edge(source, target) if attempt.event < count)
     attempts = [attempt if until is None else _known_at(timeline, attempt, until) for attempt in begun]
     rows = tuple(_row(attempt, (source, target), belief_changes) for attempt in attempts)
@@ -173,7 +158,7 @@ class _OpenLifetime:
     """A lifetime that may still go on."""
 
     addition: MapChange
-    edge: Edge
+    edge: d.Edge
     beliefs: list[TimedBelief]
     end: EdgeRemoval | None = None
 
@@ -204,7 +189,7 @@ def _lifetimes(timeline: Timeline, source: NodeId, target: NodeId, count: int) -
 def _concerning(timeline: Timeline, source: NodeId, target: NodeId) -> list[MapChange]:
     """Return what happened to an edge, and the departures of its nodes, in order."""
     ends = [*timeline.changes_of_node(source), *timeline.changes_of_node(target)]
-    dropped = [change for change in ends if isinstance(change.delta, NodeDropped)]
+    dropped = [change for change in ends if isinstance(change.delta, d.NodeDropped)]
     return sorted([*timeline.changes_of_edge(source, target), *dropped], key=lambda change: change.event)
 
 
@@ -212,7 +197,7 @@ def _take_change(lifetimes: list[_OpenLifetime], change: MapChange) -> None:
     last = next((life for life in lifetimes[-1:] if life.end is None), None)
     delta = change.delta
     match delta:
-        case EdgeAdded() if last is None:
+        case d.EdgeAdded() if last is None:
             edge = delta.edge
             first = TimedBelief(
                 instant=change.instant,
@@ -223,7 +208,7 @@ def _take_change(lifetimes: list[_OpenLifetime], change: MapChange) -> None:
                 attempt=None,
             )
             lifetimes.append(_OpenLifetime(addition=change, edge=edge, beliefs=[first]))
-        case BeliefUpdated() if last is not None:
+        case d.BeliefUpdated() if last is not None:
             last.beliefs.append(
                 TimedBelief(
                     instant=change.instant,
@@ -234,15 +219,22 @@ def _take_change(lifetimes: list[_OpenLifetime], change: MapChange) -> None:
                     attempt=change.attempt,
                 )
             )
-        case EdgePruned() if last is not None:
+        case d.EdgePruned() if last is not None:
             last.end = EdgeRemoval(instant=change.instant, cause=delta.cause, node=None, attempt=change.attempt)
-        case NodeDropped() if last is not None:
+        case d.NodeDropped() if last is not None:
             last.end = EdgeRemoval(instant=change.instant, cause=delta.cause, node=delta.node, attempt=None)
-        case EdgeAdded() | BeliefUpdated() | EdgePruned() | NodeDropped():
+        case d.EdgeAdded() | d.BeliefUpdated() | d.EdgePruned() | d.NodeDropped():
             return  # It does not fit: the recording is damaged, or its beginning is missing.
-        case NodeAdded() | EdgeProtected() | PresenceObserved() | NodeNamed() | FramesReserved() | FramesReleased():
+        case (
+            d.NodeAdded()
+            | d.EdgeProtected()
+            | d.PresenceObserved()
+            | d.NodeNamed()
+            | d.FramesReserved()
+            | d.FramesReleased()
+        ):
             return
-        case ViewAdded() | ViewUsed() | ViewDropped() | DriveBegun():
+        case d.ViewAdded() | d.ViewUsed() | d.ViewDropped() | d.DriveBegun():
             return
 
 
@@ -279,3 +271,50 @@ def _row(
         only_this_edge=(started.source, started.target) == edge,
         changed_belief=(started.query, started.attempt) in belief_changes,
     )
+
+
+_NEAREST_M = 0.05
+"""What is less far ahead of the lens has no picture."""
+
+
+class Pixel(NamedTuple):
+    """A place in a picture, in pixels; not rounded."""
+
+    u: float
+    """To the right."""
+    v: float
+    """Down."""
+
+
+def pole_in_image(waypoint: Waypoint, camera: CameraModel) -> tuple[Pixel, Pixel] | None:
+    """Return both ends of a pole as high as the camera that stands at a waypoint (3,), top first, cut at the border.
+
+    None if it stands aside or behind; an edge that is driven backwards is better drawn into its target's picture.
+    """
+    top, foot = (_projected(waypoint, camera, height) for height in (camera.height_m, 0.0))
+    if top is None or foot is None:
+        return None
+    ends = np.array([top, foot])
+    begin = 0.0
+    end = 1.0
+    for start, stop, size in zip(ends[0], ends[1], (camera.width, camera.height), strict=True):
+        slope = stop - start
+        if abs(slope) < 1e-9:
+            begin, end = (begin, end) if 0 <= start <= size else (1.0, 0.0)
+            continue
+        first, last = sorted(((0 - start) / slope, (size - start) / slope))
+        begin = max(begin, first)
+        end = min(end, last)
+    if begin > end:
+        return None
+    cut = [ends[0] + share * (ends[1] - ends[0]) for share in (begin, end)]
+    return Pixel(*map(float, cut[0])), Pixel(*map(float, cut[1]))
+
+
+def _projected(waypoint: Waypoint, camera: CameraModel, height_m: float) -> Pixel | None:
+    """Project a point on the plane of the picture, which has no border here; None behind the lens."""
+    point = np.array([waypoint[0], waypoint[1], height_m], np.float64)
+    if float((point - [0.0, 0.0, camera.height_m]) @ camera.rotation[:, 0]) < _NEAREST_M:
+        return None
+    u, v = camera.project(point) + 0.5
+    return Pixel(float(u), float(v))

@@ -14,6 +14,7 @@ from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import Instant, MapChange
 from ltvn_core.errors import OptionError
 from ltvn_core.graph.deltas import BULK_CAUSES, EdgeAdded, EdgePruned, NodeAdded, NodeDropped
+from ltvn_core.types import FrameId
 
 
 class SuccessDip(NamedTuple):
@@ -53,6 +54,22 @@ class LifelongSuccess:
     edges_added: NDArray[np.int64]
     """Since the row before, like the nodes; what came with a whole map does not count."""
     dips: tuple[SuccessDip, ...]
+
+    def until(self, step: FrameId) -> "LifelongSuccess":
+        """Return the rows of the queries that had ended at a step, and the dips that had reached their low."""
+        over = sum(end.step <= step for end in self.ends)
+        return LifelongSuccess(
+            queries=self.queries[:over],
+            ends=self.ends[:over],
+            succeeded=self.succeeded[:over],
+            success=self.success[:over],
+            nodes=self.nodes[:over],
+            edges=self.edges[:over],
+            pruned=self.pruned[:over],
+            nodes_added=self.nodes_added[:over],
+            edges_added=self.edges_added[:over],
+            dips=tuple(dip for dip in self.dips if dip.after.step <= step),
+        )
 
 
 def lifelong_success(timeline: Timeline, window: int = 10, *, threshold: float = 0.2) -> LifelongSuccess:

@@ -1,16 +1,25 @@
-"""Where the robot thinks it is, and how sure that is: the current view against every node, and the margin over time.
+"""Where the robot thinks it is, how sure that is, and which places look alike.
 
-Owns the numbers behind the heat map and the curve. Places that look alike are `analysis.perceptual_aliases`.
+Owns the numbers behind the heat map and the curve: the current view against every node, and the margin over time.
+
+Owns the search for such pairs, in a map and its odometry. Every false edge of a map joins one of them, and most wrong
+localisations confuse one.
 """
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
+import rustworkx
 from numpy.typing import NDArray
 
-from ltvn_core.config import LocalisingConfig
-from ltvn_core.graph.matching import Matcher
+from ltvn_core.config import BuildingConfig, LocalisingConfig, Method
+from ltvn_core.graph.builder import ProgressCallback
+from ltvn_core.graph.image_similarity import colour_descriptors
+from ltvn_core.graph.matching import Matcher, Matches
+from ltvn_core.graph.odometry_gate import OdometryGate
+from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.navigation.events import Localised, StampedEvent
 from ltvn_core.types import Features, NodeId, Observation, Predictor
 
@@ -97,3 +106,183 @@ def localisation_margins(events: Iterable[StampedEvent]) -> LocalisationMargins:
         distances=np.array([localised.distance for _, _, localised in found], np.float64),
         nodes=tuple(localised.node for _, _, localised in found),
     )
+
+
+_DRIFT = BuildingConfig().odometry_drift
+"""Allowed where the method itself does not use odometry."""
+_FAR_FACTOR = 4.0
+"""Nodes farther apart in the map than this many D_l are far."""
+_ROWS = 512
+
+
+@dataclass(frozen=True, slots=True)
+class PerceptualAlias:
+    """Two nodes that the network takes for near each other, though odometry or the map puts them far apart."""
+
+    first: NodeId
+    second: NodeId
+    reachability: float
+    """r of the better direction, as far as the frames before and after confirm it where the method asks them."""
+    distance: float
+    """d that the network claims, Eq. 2."""
+    odometry_m: float
+    """Straight distance by odometry."""
+    contradicted_by_odometry: bool
+    """Odometry rules the claimed waypoint out, its drift allowed for."""
+    path_length: float
+    """Length of the shortest way through the map, the better direction; infinite without one. Leaves out edges whose
+    ends odometry puts apart, so that a false edge does not vouch for itself.
+    """
+    has_edge: bool
+    """An edge joins them: a false one, unless odometry drifted away."""
+
+    @property
+    def sentence(self) -> str:
+        """What is odd about the pair, in one line."""
+        claim = f"{self.first} and {self.second} look {self.distance:.2f} apart (r {self.reachability:.2f})"
+        rest = "rest of the " if self.has_edge else ""
+        way = (
+            f"{self.path_length:.1f} through the {rest}map" if math.isfinite(self.path_length) else "no way in the map"
+        )
+        edge = ", and an edge joins them" if self.has_edge else ""
+        return f"{claim}, yet they are {self.odometry_m:.1f} m apart by odometry, {way}{edge}."
+
+
+def find_perceptual_aliases(
+    graph: TopologicalGraph,
+    matcher: Matcher,
+    method: Method,
+    *,
+    candidates: int | None = 16,
+    progress: ProgressCallback | None = None,
+) -> tuple[PerceptualAlias, ...]:
+    """Return the pairs that are near by r and d < D_l but far by odometry or map, false edges first, then by r.
+
+    Each node is compared with its neighbours in the map and with the `candidates` nodes whose pictures are most like
+    its own and that odometry does not put beside it; None compares all with all. Costs N (candidates + degree) pairs of
+    the network on cached features, N^2 products of small pictures, and one Dijkstra for each node in a pair found.
+    Raises MapError when an image of a node is missing.
+    """
+    nodes = tuple(graph.nodes)
+    if len(nodes) < 2:
+        return ()
+    odometry_gate = _odometry_gate(matcher, method)
+    found: dict[tuple[NodeId, NodeId], PerceptualAlias] = {}
+    for k, others in enumerate(_others(graph, matcher, method.localising.distance, candidates)):
+        for pair in _near(graph, matcher, odometry_gate, method, nodes[k], others):
+            key = pair.first, pair.second
+            if key not in found or pair.reachability > found[key].reachability:
+                found[key] = pair
+        if progress is not None:
+            progress(k + 1, len(nodes))
+    return _contradicted_aliases(graph, tuple(found.values()), _FAR_FACTOR * method.localising.distance)
+
+
+def _odometry_gate(matcher: Matcher, method: Method) -> OdometryGate:
+    """Return what odometry allows, also where the method does not ask it."""
+    drift = method.building.odometry_drift or _DRIFT
+    seen = [matcher.keyframes.observation(frame) for frame in matcher.keyframes.frames]
+    return OdometryGate(seen, replace(method.building, odometry_drift=drift))
+
+
+def _others(
+    graph: TopologicalGraph, matcher: Matcher, near: float, candidates: int | None
+) -> Iterator[tuple[NodeId, ...]]:
+    """Yield for each node, in order, which others to compare it with."""
+    nodes = tuple(graph.nodes)
+    if candidates is None:
+        yield from ((*nodes[:k], *nodes[k + 1 :]) for k in range(len(nodes)))
+        return
+    places = np.array([node.odometry[:2] for node in graph.nodes.values()])
+    descriptors = colour_descriptors(matcher.keyframes, nodes).astype(np.float32)
+    for first in range(0, len(nodes), _ROWS):
+        rows = slice(first, first + _ROWS)
+        beside = np.hypot(*(places[rows, None] - places[None]).transpose(2, 0, 1)) < 2 * near
+        for k, row in enumerate(np.where(beside, -np.inf, descriptors[rows] @ descriptors.T), start=first):
+            alike = (nodes[j] for j in _top(row, candidates))
+            yield tuple(dict.fromkeys([*graph.successors(nodes[k]), *alike]))
+
+
+def _top(row: NDArray[np.float32], count: int) -> NDArray[np.intp]:
+    """Return the indices of the `count` greatest finite values of (N,)."""
+    best = np.argpartition(-row, count)[:count] if count < len(row) else np.arange(len(row))
+    return best[np.isfinite(row[best])]
+
+
+def _near(
+    graph: TopologicalGraph,
+    matcher: Matcher,
+    odometry_gate: OdometryGate,
+    method: Method,
+    node: NodeId,
+    others: Sequence[NodeId],
+) -> Iterator[PerceptualAlias]:
+    """Yield the others that the network holds for near, supported in time where the method asks for that."""
+    claims = matcher.match(matcher.keyframes.features([node]), others)
+    claims = claims.take(_within(claims, method))
+    claims = matcher.with_mutual_support(claims, node)
+    claims = claims.take(_within(claims, method))
+    plausible = odometry_gate.plausible(node, claims)
+    here = np.array(graph.nodes[node].odometry[:2])
+    for k, other in enumerate(claims.nodes):
+        apart = float(np.hypot(*(here - graph.nodes[other].odometry[:2])))
+        has_edge = (node, other) in graph.edges or (other, node) in graph.edges
+        yield PerceptualAlias(
+            first=min(node, other),
+            second=max(node, other),
+            reachability=float(claims.reachability[k]),
+            distance=float(claims.distances[k]),
+            odometry_m=apart,
+            contradicted_by_odometry=not plausible[k],
+            path_length=math.inf,
+            has_edge=has_edge,
+        )
+
+
+def _within(claims: Matches, method: Method) -> NDArray[np.bool_]:
+    return (claims.distances < method.localising.distance) & (claims.reachability > method.localising.reachability)
+
+
+def _contradicted_aliases(
+    graph: TopologicalGraph, pairs: Sequence[PerceptualAlias], far: float
+) -> tuple[PerceptualAlias, ...]:
+    """Return the pairs that odometry contradicts or the map puts far apart, with their way through the map.
+
+    An edge is no witness for itself: where odometry puts its ends apart, the way is measured without it.
+    """
+    doubted = {_ends(pair) for pair in pairs if pair.has_edge and pair.odometry_m > far / 2}
+    odd = [pair for pair in pairs if pair.contradicted_by_odometry or not pair.has_edge or _ends(pair) in doubted]
+    lengths = _lengths(graph, {node for pair in odd for node in _ends(pair)}, doubted)
+    far_ones = []
+    for pair in odd:
+        first, second = _ends(pair)
+        length = min(lengths[first].get(second, math.inf), lengths[second].get(first, math.inf))
+        if pair.contradicted_by_odometry or length > far:
+            far_ones.append(replace(pair, path_length=length))
+    return tuple(
+        sorted(far_ones, key=lambda pair: (not pair.has_edge, not pair.contradicted_by_odometry, -pair.reachability))
+    )
+
+
+def _ends(pair: PerceptualAlias) -> EdgeKey:
+    return pair.first, pair.second
+
+
+def _lengths(graph: TopologicalGraph, sources: set[NodeId], doubted: set[EdgeKey]) -> dict[NodeId, dict[NodeId, float]]:
+    """Return the length by mu of the shortest ways from each source that lead through no doubted edge."""
+    mirror: rustworkx.PyDiGraph[NodeId, float] = rustworkx.PyDiGraph(multigraph=False)
+    index = dict(zip(graph.nodes, mirror.add_nodes_from(list(graph.nodes)), strict=True))
+    mirror.add_edges_from(
+        [
+            (index[a], index[b], edge.belief.mu)
+            for (a, b), edge in graph.edges.items()
+            if (min(a, b), max(a, b)) not in doubted
+        ]
+    )
+    return {
+        source: {
+            mirror[k]: length
+            for k, length in rustworkx.dijkstra_shortest_path_lengths(mirror, index[source], float).items()
+        }
+        for source in sources
+    }

@@ -15,27 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ltvn_core.analysis.growing_table import GrowingTable
 from ltvn_core.analysis.map_replay import MapEpochs, MapReplay
+from ltvn_core.analysis.recorded_frames import GrowingTable
 from ltvn_core.analysis.timeline_records import Instant, MapChange
 from ltvn_core.graph import deltas as d
-from ltvn_core.graph.deltas import (
-    Belief,
-    BeliefUpdated,
-    DriveBegun,
-    EdgeAdded,
-    EdgeProtected,
-    EdgePruned,
-    FramesReleased,
-    FramesReserved,
-    NodeAdded,
-    NodeDropped,
-    NodeNamed,
-    PresenceObserved,
-    ViewAdded,
-    ViewDropped,
-    ViewUsed,
-)
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.navigation.events import GraphChanged
 from ltvn_core.types import NodeId, Pose
@@ -290,23 +273,23 @@ class MapHistory:
         """Return all arrivals and departures of a node, and of its views, in order."""
         return self._known(self._by_node, node)
 
-    def belief_before(self, edge: EdgeKey, event: int) -> Belief | None:
+    def belief_before(self, edge: EdgeKey, event: int) -> d.Belief | None:
         """Return what was believed of an edge just before event number `event`; None while it is not in the map.
 
         Of a recording whose beginning is cut off, beliefs count from their first update. Logarithmic.
         """
         self._file()
-        last = _last_before(self._by_edge.get(edge, ()), event, passed_over=PresenceObserved)
+        last = _last_before(self._by_edge.get(edge, ()), event, passed_over=d.PresenceObserved)
         place = self.count_before(event)
         if last is None or last.epoch != self.changes[place - 1].epoch:
             return None
         for node in edge:
             moved = _last_before(self._by_node.get(node, ()), event)
-            if moved is not None and moved.event > last.event and isinstance(moved.delta, NodeDropped):
+            if moved is not None and moved.event > last.event and isinstance(moved.delta, d.NodeDropped):
                 return None
-        if isinstance(last.delta, EdgeAdded):
+        if isinstance(last.delta, d.EdgeAdded):
             return last.delta.edge.belief
-        return last.delta.belief if isinstance(last.delta, BeliefUpdated) else None
+        return last.delta.belief if isinstance(last.delta, d.BeliefUpdated) else None
 
     def _known(self, filed: Mapping, key: EdgeKey | NodeId) -> tuple[MapChange, ...]:
         """Leave out what came after this copy was made: the files by edge and node are shared with the original."""
@@ -322,19 +305,19 @@ class MapHistory:
 
     def _file_change(self, change: MapChange) -> None:
         match change.delta:
-            case EdgeAdded(edge=edge):
+            case d.EdgeAdded(edge=edge):
                 self._by_edge.setdefault((edge.source, edge.target), []).append(change)
             case (
-                BeliefUpdated(source=source, target=target)
-                | EdgePruned(source=source, target=target)
-                | PresenceObserved(source=source, target=target)
+                d.BeliefUpdated(source=source, target=target)
+                | d.EdgePruned(source=source, target=target)
+                | d.PresenceObserved(source=source, target=target)
             ):
                 self._by_edge.setdefault((source, target), []).append(change)
-            case NodeAdded(node=node):
+            case d.NodeAdded(node=node):
                 self._by_node.setdefault(node.id, []).append(change)
-            case NodeDropped(node=node) | ViewAdded(node=node) | ViewUsed(node=node) | ViewDropped(node=node):
+            case d.NodeDropped(node=node) | d.ViewAdded(node=node) | d.ViewUsed(node=node) | d.ViewDropped(node=node):
                 self._by_node.setdefault(node, []).append(change)
-            case EdgeProtected() | NodeNamed() | DriveBegun() | FramesReserved() | FramesReleased():
+            case d.EdgeProtected() | d.NodeNamed() | d.DriveBegun() | d.FramesReserved() | d.FramesReleased():
                 pass  # Nobody asks for these by edge or node.
 
     def _keep(self, place: int, replay: MapReplay) -> None:

@@ -195,7 +195,8 @@ def _at_one_place(places: Pose) -> Iterator[tuple[int, NDArray[np.intp]]]:
 
 def _reached(graph: TopologicalGraph, start: NodeId) -> set[NodeId]:
     """Return the nodes that a few edges, either way, lead to."""
-    reached, frontier = {start}, [start]
+    reached = {start}
+    frontier = [start]
     for _ in range(_HOPS):
         beside = {other for node in frontier for other in (*graph.successors(node), *graph.predecessors(node))}
         frontier = list(beside - reached)

@@ -13,7 +13,7 @@ from ltvn_core.graph import deltas
 from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.navigation import events as e
 from ltvn_core.types import NodeId
-from ltvn_core.worlds.world_state import AS_MADE, WorldState
+from ltvn_core.worlds import AS_MADE, WorldState
 
 
 class NavigationProgress(NamedTuple):
@@ -44,7 +44,7 @@ class NavigationProgress(NamedTuple):
     added: int = 0
     """Edges that came in one by one, while driving or navigating or by hand; those of a whole map are no news."""
     blocked: frozenset[EdgeKey] = frozenset()
-    """Edges that were seen blocked when they were seen last."""
+    """Edges of the map that were seen blocked when they were seen last; what left the map is forgotten with it."""
     seen_blocked: int = 0
     """How many observations told that an edge is blocked, those too that came with the map."""
     obstructions: int = 0
@@ -112,6 +112,7 @@ def _after_end(progress: NavigationProgress, event: e.QueryEnded) -> NavigationP
 def _after_change(progress: NavigationProgress, event: e.GraphChanged) -> NavigationProgress:
     if isinstance(event.delta, deltas.PresenceObserved):
         return _after_look(progress, event, event.delta)
+    progress = progress._replace(blocked=_still_there(progress.blocked, event.delta))
     if event.delta.cause in deltas.BULK_CAUSES:
         return progress
     if isinstance(event.delta, deltas.EdgePruned):
@@ -119,6 +120,16 @@ def _after_change(progress: NavigationProgress, event: e.GraphChanged) -> Naviga
     if isinstance(event.delta, deltas.EdgeAdded):
         return progress._replace(added=progress.added + 1)
     return progress
+
+
+def _still_there(blocked: frozenset[EdgeKey], delta: deltas.GraphDelta) -> frozenset[EdgeKey]:
+    match delta:
+        case deltas.EdgePruned(source, target):
+            return blocked - {(source, target)}
+        case deltas.NodeDropped(node):
+            return frozenset(edge for edge in blocked if node not in edge)
+        case _:
+            return blocked
 
 
 def _after_look(

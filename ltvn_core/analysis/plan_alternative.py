@@ -1,20 +1,78 @@
-"""A plan through an edge beside the best plan without it: what each of them costs.
+"""A plan through an edge beside the best plan without it: what each of them costs, told in steps.
 
-Owns the comparison. Plans again with `graph.planner` on the map as it was then; the recording stays as it is.
+Owns the comparison, and how one step of any explanation is said. Plans again with `graph.planner` on the map as it was
+then; the recording stays as it is.
 """
 
 import itertools
 from dataclasses import dataclass
+from enum import StrEnum
 from math import inf, isclose, isfinite
 
-from ltvn_core.analysis.explanation_steps import ExplanationKind, ExplanationStep, belief_text, count_text
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import Instant, PlanRecord
 from ltvn_core.config import PlanningConfig
-from ltvn_core.graph.deltas import Belief
+from ltvn_core.graph.deltas import Belief, Cause
 from ltvn_core.graph.planner import EdgeWeight, GraphPath, Planner, edge_cost
 from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.types import NodeId
+
+
+class ExplanationKind(StrEnum):
+    """What a sentence is about."""
+
+    BORN = "born"
+    """An edge or node came in."""
+    ATTEMPT = "attempt"
+    """An edge was driven."""
+    BELIEF = "belief"
+    """What all evidence together came to."""
+    GONE = "gone"
+    """An edge or node left."""
+    PLAN = "plan"
+    """A plan led that way."""
+    PENALTY = "penalty"
+    """An edge cost more in one query."""
+    ALTERNATIVE = "alternative"
+    """What another way would have cost."""
+    NEVER = "never"
+    """Something never happened."""
+
+
+@dataclass(frozen=True, slots=True)
+class ExplanationStep:
+    """A sentence with its links."""
+
+    text: str
+    instant: Instant | None
+    """Where to jump to; None where there is no one moment."""
+    kind: ExplanationKind
+    ids: tuple[NodeId, ...]
+    """The nodes it speaks of, to be shown; source and target of an edge."""
+
+
+CAUSE_TEXTS = {
+    Cause.BUILD: "when the map was built",
+    Cause.ONLINE: "while somebody drove",
+    Cause.ATTEMPT: "after it was driven",
+    Cause.NOVEL: "because the robot was lost and nobody recognised what it saw",
+    Cause.EXPAND: "because there was no path without it",
+    Cause.GOAL: "to tie in a goal",
+    Cause.LOAD: "with a map out of a file",
+    Cause.SIGHT: "because of what was seen",
+    Cause.HAND: "by hand",
+}
+"""How each cause is said."""
+
+
+def belief_text(belief: Belief) -> str:
+    """Say a belief."""
+    return f"p = {belief.p:.2f}, length (mu) = {belief.mu:.2f}"
+
+
+def count_text(count: int, thing: str, things: str = "") -> str:
+    """Say how many things there are, such as "3 edges"; `things` is the plural where it is not made with an s."""
+    return f"{count} {thing}" if count == 1 else f"{count} {things or f'{thing}s'}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,6 +85,7 @@ class PlanAlternative:
     belief: Belief
     """Of the edge, then."""
     edge_cost: float
+    """Without the penalty."""
     penalty: float
     """What the edge cost more in this query, because it had failed in it."""
     replanned: GraphPath
@@ -108,7 +167,7 @@ def explain_planned_edge(
         return (ExplanationStep(text, at, ExplanationKind.NEVER, (source, target)),)
     reasons = [_planned(made), _edge_cost_step(made)]
     if made.penalty:
-        text = f"It had failed in this query, so that it cost {made.penalty:.2f} more, and was still the best."
+        text = f"{made.penalty:.2f} of its cost is for having failed in this query, and it was still the best."
         reasons.append(ExplanationStep(text, made.plan.instant, ExplanationKind.PENALTY, made.edge))
     if not made.matches_recording:
         text = (
@@ -132,7 +191,8 @@ def _planned(made: PlanAlternative) -> ExplanationStep:
 
 def _edge_cost_step(made: PlanAlternative) -> ExplanationStep:
     source, target = made.edge
-    text = f"Edge {source} -> {target} cost {made.edge_cost:.2f} of that: {belief_text(made.belief)}."
+    cost = made.edge_cost + made.penalty
+    text = f"Edge {source} -> {target} cost {cost:.2f} of that: {belief_text(made.belief)}."
     return ExplanationStep(text, made.plan.instant, ExplanationKind.BELIEF, made.edge)
 
 

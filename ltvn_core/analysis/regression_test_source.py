@@ -8,22 +8,7 @@ import math
 import textwrap
 from collections.abc import Sequence
 
-from ltvn_core.graph.deltas import (
-    BeliefUpdated,
-    DriveBegun,
-    EdgeAdded,
-    EdgeProtected,
-    EdgePruned,
-    FramesReleased,
-    FramesReserved,
-    NodeAdded,
-    NodeDropped,
-    NodeNamed,
-    PresenceObserved,
-    ViewAdded,
-    ViewDropped,
-    ViewUsed,
-)
+from ltvn_core.graph import deltas as d
 from ltvn_core.navigation.events import AttemptEnded, GraphChanged, Planned, QueryEnded, StampedEvent
 from ltvn_core.types import NodeId
 
@@ -38,7 +23,7 @@ import pytest
 
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import {names}
-from ltvn_core.recording.reader import Recording
+from ltvn_core.data.recording.reader import Recording
 
 RECORDING = Path(__file__).parent / {file}
 
@@ -147,22 +132,22 @@ def _changes(events: Sequence[StampedEvent]) -> list[str]:
         if not isinstance(stamped.event, GraphChanged):
             continue
         match stamped.event.delta:
-            case NodeAdded(node=node):
+            case d.NodeAdded(node=node):
                 rows[node.id] = f"assert {node.id} in graph.nodes"
-            case NodeDropped(node=node):
+            case d.NodeDropped(node=node):
                 # Its edges went with it.
                 rows = {key: row for key, row in rows.items() if not (isinstance(key, tuple) and node in key)}
                 rows[node] = f"assert {node} not in graph.nodes"
-            case EdgeAdded(edge=edge):
+            case d.EdgeAdded(edge=edge):
                 rows[edge.source, edge.target] = f"assert ({edge.source}, {edge.target}) in graph.edges"
-            case EdgePruned(source=source, target=target):
+            case d.EdgePruned(source=source, target=target):
                 rows[source, target] = f"assert ({source}, {target}) not in graph.edges"
-            case BeliefUpdated(source=source, target=target, belief=belief):
+            case d.BeliefUpdated(source=source, target=target, belief=belief):
                 now = f"graph.edges[{source}, {target}].belief.p"
                 p = f"{belief.p:.6g}" if math.isfinite(belief.p) else f'float("{float(belief.p)}")'
                 rows[source, target] = f"assert {now} == pytest.approx({p}, abs=1e-6)"
-            case EdgeProtected() | PresenceObserved() | NodeNamed() | FramesReserved() | FramesReleased():
+            case d.EdgeProtected() | d.PresenceObserved() | d.NodeNamed() | d.FramesReserved() | d.FramesReleased():
                 pass  # It neither leads the robot nor tells what it believes.
-            case ViewAdded() | ViewUsed() | ViewDropped() | DriveBegun():
+            case d.ViewAdded() | d.ViewUsed() | d.ViewDropped() | d.DriveBegun():
                 pass
     return list(rows.values())

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ltvn_core.analysis.explanation_steps import count_text
+from ltvn_core.analysis.plan_alternative import count_text
 from ltvn_core.analysis.what_if_scenario import prunable_edges
 from ltvn_core.config import PAPER, BeliefConfig, Method
 from ltvn_core.graph.builder import build

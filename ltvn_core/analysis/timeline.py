@@ -288,7 +288,10 @@ class Timeline:
         if isinstance(event, GraphChanged):
             seen_from = self.frames.pose(event.delta.node.id) if isinstance(event.delta, NodeAdded) else None
             self._maps.append(number, instant, event, seen_from)
-        self._progress.append(apply_event(self.progress_before(number), event))
+        before = self.progress_before(number)
+        if number in self._maps.begun_by:
+            before = before._replace(blocked=frozenset())  # Of another map.
+        self._progress.append(apply_event(before, event))
         self._stamps.append(stamp)
         self._events.append(stamped)
 

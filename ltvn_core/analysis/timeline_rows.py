@@ -32,7 +32,7 @@ from ltvn_core.navigation.events import (
     WorldChanged,
 )
 from ltvn_core.types import NodeId
-from ltvn_core.worlds.world_change import DoorMoved, PersonLeft, PersonMoved
+from ltvn_core.worlds import DoorMoved, PersonLeft, PersonMoved
 
 _EXPANSION_CAUSES = (d.Cause.EXPAND, d.Cause.NOVEL)
 _STOPS = frozenset(MarkKind) - {
@@ -77,7 +77,9 @@ def event_mark(event: e.Event, last_plan: tuple[NodeId, ...] | None) -> EventMar
             return EventMark(MarkKind.QUERY_END, (goal,))
         case e.Collided():
             return EventMark(MarkKind.COLLISION)
-        case e.AttemptEnded(source=source, target=target, succeeded=False):
+        case e.AttemptEnded(source=source, target=target, succeeded=False, end=end) if (
+            end is not e.AttemptEnd.CANCELLED
+        ):
             return EventMark(MarkKind.FAILURE, (target,) if source is None else (source, target))
         case e.Planned(nodes=nodes) if last_plan is not None and is_other_plan(nodes, last_plan):
             return EventMark(MarkKind.REPLAN, (*nodes[:1], *nodes[-1:]))

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import TypeAlias, assert_never
 
-from ltvn_core.analysis.number_parser import parse_number
 from ltvn_core.analysis.world_clock import TIME_EXAMPLES, WorldTime, format_world_time, parse_world_time
 from ltvn_core.errors import OptionError
 from ltvn_core.graph.deltas import Belief
+from ltvn_core.terminal_text import parse_number
 from ltvn_core.types import NodeId
 
 _EDGE = r"(\d+)\s*(?:->|→)\s*(\d+)"

@@ -17,7 +17,8 @@ from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import GraphChanged, StampedEvent, WorldChanged
 
 DAY_S = 86400.0
-_HOUR_S, _MINUTE_S = 3600.0, 60.0
+_HOUR_S = 3600.0
+_MINUTE_S = 60.0
 _UNITS_S = {"s": 1.0, "min": _MINUTE_S, "h": _HOUR_S, "d": DAY_S}
 
 _TIME_OF_DAY = re.compile(r"(?:at\s+)?(?:day\s+(\d+),?\s+)?(\d{1,2}):(\d{2})", re.IGNORECASE)

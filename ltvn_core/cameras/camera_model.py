@@ -210,7 +210,8 @@ class CameraModel:
 
     def scaled(self, width: int, height: int) -> "CameraModel":
         """Return the same camera with its picture resized; its lens and mounting stay."""
-        across, down = width / self.width, height / self.height
+        across = width / self.width
+        down = height / self.height
         return replace(
             self,
             width=width,
@@ -236,7 +237,8 @@ class CameraModel:
         """Return the points (..., 3) in the robot's frame seen at pixels (..., 2), `depth_m` (...) along the axis."""
         right_down = self.pixels_to_rays(np.asarray(pixels, np.float64))
         ahead = np.asarray(depth_m, np.float64)
-        left, up = -right_down[..., 0] * ahead, -right_down[..., 1] * ahead
+        left = -right_down[..., 0] * ahead
+        up = -right_down[..., 1] * ahead
         if not (self.pitch_rad or self.roll_rad or self.quarter_turns):
             # Nothing to rotate; so that a level camera's points are exact.
             return np.stack([ahead, left, up + self.height_m], axis=-1)

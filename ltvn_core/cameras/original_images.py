@@ -40,7 +40,8 @@ def compress_original(
 
     scale = 1.0 if size is None else size.scale_of(rgb.shape[1], rgb.shape[0])
     if scale < 1:
-        width, height = max(round(camera.width * scale), 1), max(round(camera.height * scale), 1)
+        width = max(round(camera.width * scale), 1)
+        height = max(round(camera.height * scale), 1)
         rgb = cv2.resize(rgb, (width, height), interpolation=cv2.INTER_AREA).astype(np.uint8, copy=False)
         camera = camera.scaled(width, height)
     done, jpeg = cv2.imencode(".jpg", rgb[..., ::-1], (cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY))

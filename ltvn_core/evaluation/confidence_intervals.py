@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
-from ltvn_core.network.metrics.success_rate import SuccessRate
+from ltvn_core.network.metrics import SuccessRate
 
 CONFIDENCE_LEVEL = 0.95
 

@@ -1,20 +1,26 @@
-"""Precision and recall of a map's edges against the ground truth: which are spurious, and which are missing.
+"""The edges of a map against the ground truth: precision, recall, and the calibration of p over attempts.
 
-`ground_truth` decides which edges are drivable; `edge_calibration` measures the calibration of p.
+`ground_truth` decides which edges are drivable, and has the calibration of a whole map at one time.
 """
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import KDTree
 
+from ltvn_core.analysis.map_replay import MapReplay
+from ltvn_core.analysis.timeline import Timeline
+from ltvn_core.analysis.timeline_records import Instant
 from ltvn_core.evaluation.ground_truth import GroundTruth
+from ltvn_core.evaluation.query_run import judge_goal_reached
 from ltvn_core.geometry import distance, relative
 from ltvn_core.graph.connectivity import cost_matrix
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
+from ltvn_core.navigation.events import AttemptEnded, StampedEvent
 from ltvn_core.simulation.oracle_predictor import is_drivable
 from ltvn_core.types import NodeId, Pose
 
@@ -111,3 +117,87 @@ def _with_paths(graph: TopologicalGraph, pairs: Sequence[MissingEdge], limit: fl
                 yield MissingEdge(
                     source=source, target=pair.target, distance=pair.distance, path=float(lengths[k, row[pair.target]])
                 )
+
+
+class CalibrationAttempt(NamedTuple):
+    """One attempt at an edge: its p before, the outcome by the robot's own criterion, and the true outcome."""
+
+    instant: Instant
+    """Of its end."""
+    query: int
+    edge: EdgeKey
+    p: float
+    """Before the attempt."""
+    succeeded: bool
+    """By the robot's own judgement."""
+    arrived: bool | None
+    """By exact poses and the paper's criterion; None where the arrival image has no pose."""
+
+    @property
+    def drivable(self) -> bool:
+        """Whether the robot arrived: by exact poses where they are known, else by its own criterion."""
+        return self.succeeded if self.arrived is None else self.arrived
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AttemptCalibration:
+    """What p said before the attempts of some events, and what came of them."""
+
+    attempts: int
+    mean_p: float
+    """Mean p before the attempts."""
+    succeeded: float
+    """Share that succeeded by the robot's own judgement."""
+    arrived: float | None
+    """Share that truly arrived; None where it is unknown."""
+    brier: float
+    """Mean square of p minus true arrival (of the robot's judgement where that is unknown); 0 is best."""
+
+
+def calibration_attempts(
+    events: Sequence[StampedEvent], truth: GroundTruth | None = None
+) -> tuple[CalibrationAttempt, ...]:
+    """Return all attempts at edges that the map had then, in order; linear in events."""
+    return tuple(_attempts(events, truth))
+
+
+def attempt_calibration(attempts: Sequence[CalibrationAttempt]) -> AttemptCalibration | None:
+    """Return the calibration of p over attempts; None where there are none."""
+    count = len(attempts)
+    if not count:
+        return None
+    known = [each.arrived for each in attempts if each.arrived is not None]
+    return AttemptCalibration(
+        attempts=count,
+        mean_p=sum(each.p for each in attempts) / count,
+        succeeded=sum(each.succeeded for each in attempts) / count,
+        arrived=sum(known) / len(known) if known else None,
+        brier=sum((each.p - each.drivable) ** 2 for each in attempts) / count,
+    )
+
+
+def _attempts(events: Sequence[StampedEvent], truth: GroundTruth | None) -> Iterator[CalibrationAttempt]:
+    timeline = Timeline.of(events)
+    folding = MapReplay()
+    changes = {change.event: change for change in timeline.changes}
+    for index, stamped in enumerate(timeline.events):
+        event = stamped.event
+        if index in changes:
+            folding.take(changes[index])
+        elif isinstance(event, AttemptEnded) and event.source is not None:
+            edge = folding.graph.edges.get((event.source, event.target))
+            if edge is not None:
+                yield CalibrationAttempt(
+                    instant=Instant(stamped.step, stamped.stamp),
+                    query=event.query,
+                    edge=(event.source, event.target),
+                    p=edge.belief.p,
+                    succeeded=event.succeeded,
+                    arrived=_arrived(truth, event),
+                )
+
+
+def _arrived(truth: GroundTruth | None, attempt: AttemptEnded) -> bool | None:
+    if truth is None or not (truth.knows(attempt.frame) and truth.knows(attempt.target)):
+        return None
+    return judge_goal_reached(attempt.query, truth.pose(attempt.frame), truth.pose(attempt.target)).reached

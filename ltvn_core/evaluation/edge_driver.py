@@ -11,16 +11,16 @@ from typing import cast
 import numpy as np
 
 from ltvn_core.config import Method
-from ltvn_core.evaluation.edge_proposals import EdgeProposal
-from ltvn_core.evaluation.imaged_scene import ImagedScene
+from ltvn_core.evaluation.predicted_drive import EdgeProposal, ImagedScene
 from ltvn_core.evaluation.query_run import judge_goal_reached
 from ltvn_core.geometry import compose
 from ltvn_core.graph.beliefs import initial_belief
 from ltvn_core.graph.deltas import Cause, Edge, EdgeAdded, GraphDelta, NodeAdded, PoseRow
+from ltvn_core.graph.ltvn import ltvn_system
 from ltvn_core.graph.operators import node_from_observation, pose_row
 from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.maps.topological_map import TopologicalMap
 from ltvn_core.navigation.events import AttemptEnd, AttemptEnded, Event, Localised, Tick
-from ltvn_core.navigation.navigator import Navigator
 from ltvn_core.simulation.body_names import BodyName
 from ltvn_core.simulation.simulated_robot import SimulatedRobot
 from ltvn_core.simulation.wheel_odometry import OdometryNoise
@@ -90,10 +90,13 @@ class EdgeDriver:
         self._robot.teleport(self._start(edge.source))
         # A bad network may propose an edge to the farthest image of all, which cannot be the goal as well.
         goal = self._imaged_scene.farthest_from(edge.source, other_than=edge.target)
-        graph = TopologicalGraph(self._map(edge, goal))
-        navigator = Navigator(
-            self._robot, graph, self._imaged_scene.keyframes, self._predictor, self._method, self._rng
+        small = TopologicalMap(
+            graph=TopologicalGraph(self._map(edge, goal)),
+            keyframes=self._imaged_scene.keyframes,
+            predictor=self._predictor,
+            system=ltvn_system(self._method),
         )
+        navigator = small.navigator(self._robot, seed=self._rng)
         # Closing the generator ends the query, here after its first attempt.
         with closing(cast(Generator[Event | Tick, None, None], navigator.query(goal, 0))) as events:
             for event in events:

@@ -22,7 +22,7 @@ from ltvn_core.simulation.body import PERSON_RADIUS_M
 from ltvn_core.simulation.clearance_map import ClearanceMap
 from ltvn_core.simulation.simulated_robot import SimulatedRobot
 from ltvn_core.types import CONTROL_STEP_S, ZERO_TWIST, Pose, Twist
-from ltvn_core.worlds.world_change import PersonMoved
+from ltvn_core.worlds import PersonMoved
 
 BEGINS_M, ENDS_M = 1.5, 2.0
 """An encounter begins when a person is nearer than the first, and ends when farther than the second; from surface to

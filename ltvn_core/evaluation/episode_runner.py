@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 
 from ltvn_core.evaluation.failure_causes import FailureClassifier
 from ltvn_core.evaluation.ground_truth import GroundTruth, shortest_m
-from ltvn_core.evaluation.imaged_scene import ImagedScene
-from ltvn_core.evaluation.perturbations.perturbed_robot import PerturbedRobot
+from ltvn_core.evaluation.perturbations import PerturbedRobot
 from ltvn_core.evaluation.protocol import EpisodePlan, EvaluationProtocol
 from ltvn_core.evaluation.query_result import FailureCause, QueryResult
 from ltvn_core.evaluation.query_run import judge_goal_reached, run_query
 from ltvn_core.geometry import lengths_along, points_along
+from ltvn_core.maps.topological_map import TopologicalMap
 from ltvn_core.navigation.bystanders import Bystanders
 from ltvn_core.navigation.events import Event, Outcome
 from ltvn_core.robots.robot import Robot
@@ -31,7 +31,6 @@ from ltvn_core.simulation.rendering.renderer_selection import open_renderer
 from ltvn_core.simulation.scene import Scene
 from ltvn_core.simulation.simulated_robot import SimulatedRobot
 from ltvn_core.simulation.surfaces import PLAIN_LIGHT, Light
-from ltvn_core.topological_map import TopologicalMap
 from ltvn_core.types import CONTROL_STEP_S, FrameId, Pose
 
 SPACING_M = 1.0
@@ -112,19 +111,13 @@ class EpisodeRunner:
         self.scene = scene
         self.map = known
         self.truth = GroundTruth(scene.clearance, known.keyframes.observation)
-        self._camera = open_renderer(scene if light == PLAIN_LIGHT else replace(scene, light=light))
+        self.camera = open_renderer(scene if light == PLAIN_LIGHT else replace(scene, light=light))
         self.noise = protocol.odometry_noise
         self.body: BodyName = protocol.body
         self._perturbations = perturbations
-        self._world, self._bystanders = world, Bystanders()
+        self._world = world
+        self._bystanders = Bystanders()
         self._next_frame = max(known.keyframes.frames) + 1
-
-    @property
-    def imaged_scene(self) -> ImagedScene:
-        """The scene with the images of the map, for driving single edges."""
-        keyframes = self.map.keyframes
-        poses = {frame: self.truth.pose(frame) for frame in keyframes.frames}
-        return ImagedScene(scene=self.scene, camera=self._camera, keyframes=keyframes, poses=poses)
 
     def save_map(self, path: Path, settings: Mapping[str, Any], *, origin: Path) -> None:
         """Save the map as queries made it of the one at `origin`; `settings` say which."""
@@ -173,7 +166,7 @@ class EpisodeRunner:
     def _robot(self, plan: EpisodePlan, rng: np.random.Generator, first_frame: FrameId) -> SimulatedRobot:
         return SimulatedRobot(
             self.scene,
-            self._camera,
+            self.camera,
             start=np.array(plan.start_pose),
             rng=rng,
             odometry_noise=self.noise,
@@ -199,7 +192,6 @@ class EpisodeRunner:
     ) -> QueryResult:
         """Add what the ground truth says of a query."""
         cause = classifier.failure(result)
-        counts = classifier.statistics
         # The criterion asks for the robot's own decision: standing there by chance when time runs out does not count.
         reached = result.reached and result.outcome == Outcome.ARRIVED
         return replace(
@@ -207,12 +199,12 @@ class EpisodeRunner:
             start=plan.start,
             reached=reached,
             failure=None if reached else cause,
-            trigger=None if reached else counts.trigger,
+            trigger=None if reached else classifier.trigger,
             shortest_m=self._shortest(plan),
             checkpoints=checkpoints.count,
             crossed=checkpoints.crossed,
-            localised=counts.localised,
-            mislocalised=counts.mislocalised,
+            localised=classifier.localised,
+            mislocalised=classifier.mislocalised,
         )
 
     def _without_goal(self, query: int, plan: EpisodePlan) -> QueryResult:

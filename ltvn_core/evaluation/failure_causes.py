@@ -80,31 +80,6 @@ class FailureAttribution:
         )
 
 
-@dataclass(frozen=True, slots=True)
-class EpisodeStatistics:
-    """Counts of what happened in an episode."""
-
-    attempts: int = 0
-    """Attempts at edges."""
-    spurious_attempts: int = 0
-    """Attempts at edges that are not drivable."""
-    localised: int = 0
-    """Localisations that found a node,"""
-    mislocalised: int = 0
-    """and of those the ones at a node where the robot was not."""
-    unrecognised: int = 0
-    """Localisations that found no node although the robot was at one."""
-    off_the_map: int = 0
-    """Localisations that found no node where there was none."""
-    no_path: int = 0
-    """Plans that found no path."""
-    blocked_attempts: int = 0
-    """Attempts that ended at an obstacle, seen or hit."""
-    trigger: FailureCause | None = None
-    """The first cause since the last correct localisation: a spurious edge may lead to a place where the robot is then
-    mislocalised."""
-
-
 class FailureClassifier:
     """Follows the events of one episode; cheap enough for all episodes."""
 
@@ -113,18 +88,18 @@ class FailureClassifier:
         self._truth = truth
         self._graph = graph
         self._attribution = FailureAttribution()
-        self._counts: Counter[str] = Counter()
         self._segment: EpisodeSegment | None = None
         self._last: EpisodeSegment | None = None
         self._latest: FrameId = 0
-        self._trigger: FailureCause | None = None
+        self.trigger: FailureCause | None = None
+        """The first cause since the last correct localisation: a spurious edge may lead to a place where the robot is
+        then mislocalised."""
+        self.localised = 0
+        """Localisations that found a node,"""
+        self.mislocalised = 0
+        """and of those the ones at a node where the robot was not."""
         self._is_mislocalised = False
-        self._mislocalised_plans = 0
-
-    @property
-    def statistics(self) -> EpisodeStatistics:
-        """The counts so far."""
-        return EpisodeStatistics(**self._counts, trigger=self._trigger)
+        self._plans_without_path = self._mislocalised_plans = 0
 
     def consume(self, event: Event, exact_pose: Pose | None = None) -> None:
         """Add the next event and the exact pose (3,) of the robot at that time.
@@ -154,7 +129,7 @@ class FailureClassifier:
             case Outcome.ARRIVED:
                 return None if ended.reached else FailureCause.WRONG_ARRIVAL
             case Outcome.NO_PATH:
-                mislocalised = 2 * self._mislocalised_plans >= self._counts["no_path"] > 0
+                mislocalised = 2 * self._mislocalised_plans >= self._plans_without_path > 0
                 return FailureCause.MISLOCALISED if mislocalised else FailureCause.NO_PATH
             case Outcome.LOST:
                 return (self._last.cause if self._last else None) or FailureCause.NO_PATH
@@ -172,43 +147,32 @@ class FailureClassifier:
         """Check a localisation; a failed one away from all nodes is attributed to the segment before it."""
         if event.node is not None:
             self._is_mislocalised = exact_pose is not None and not self._truth.is_at(exact_pose, event.node)
-            self._counts["localised"] += 1
-            self._counts["mislocalised"] += self._is_mislocalised
+            self.localised += 1
+            self.mislocalised += self._is_mislocalised
             segment.causes |= {FailureCause.MISLOCALISED} if self._is_mislocalised else set()
         elif exact_pose is not None and self._truth.should_recognise_one(exact_pose, self._graph.nodes):
-            self._counts["unrecognised"] += 1
             segment.causes.add(FailureCause.MISLOCALISED)
         else:
-            self._counts["off_the_map"] += 1
             segment.causes |= (self._last.causes if self._last else set()) or {FailureCause.NO_PATH}
 
     def _in_segment(self, segment: EpisodeSegment, event: Event) -> None:
         if isinstance(event, Planned) and not event.nodes:
-            self._counts["no_path"] += 1
+            self._plans_without_path += 1
             self._mislocalised_plans += self._is_mislocalised
             segment.causes.add(FailureCause.NO_PATH)
         elif isinstance(event, AttemptStarted):
-            self._attempt_started(segment, event)
+            if event.source is not None and self._truth.is_spurious((event.source, event.target)):
+                segment.causes.add(FailureCause.SPURIOUS_EDGE)
         elif isinstance(event, AttemptEnded):
-            self._attempt_ended(segment, event)
+            self._latest = event.frame
+            if event.end in OBSTRUCTED_ENDS:
+                segment.causes.add(FailureCause.COLLISION)
         elif isinstance(event, Collided):
             segment.collisions += 1
-
-    def _attempt_started(self, segment: EpisodeSegment, event: AttemptStarted) -> None:
-        self._counts["attempts"] += 1
-        if event.source is not None and self._truth.is_spurious((event.source, event.target)):
-            self._counts["spurious_attempts"] += 1
-            segment.causes.add(FailureCause.SPURIOUS_EDGE)
-
-    def _attempt_ended(self, segment: EpisodeSegment, event: AttemptEnded) -> None:
-        self._latest = event.frame
-        if event.end in OBSTRUCTED_ENDS:
-            self._counts["blocked_attempts"] += 1
-            segment.causes.add(FailureCause.COLLISION)
 
     def _close(self, end: FrameId) -> None:
         if self._segment is not None:
             self._attribution.add(self._segment, end)
-            self._trigger = self._segment.cause and (self._trigger or self._segment.cause)
+            self.trigger = self._segment.cause and (self.trigger or self._segment.cause)
             self._last = self._segment
             self._segment = None

@@ -15,7 +15,7 @@ from ltvn_core.geometry import distance, relative
 from ltvn_core.graph.connectivity import count_strongly_connected_components
 from ltvn_core.graph.map_coverage import Standing, reached_from_most, standings
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
-from ltvn_core.network.metrics.binned_metrics import calibration_table
+from ltvn_core.network.metrics import calibration_table
 from ltvn_core.simulation.clearance_map import ClearanceMap
 from ltvn_core.simulation.oracle_predictor import MIN_CLEARANCE_M, is_drivable, is_line_free
 from ltvn_core.types import FrameId, NodeId, Observation, Pose

@@ -1,36 +1,182 @@
 """The lifelong evaluation: queries with maintenance, and at intervals the static test with the map of that time.
 
-The queries of one map run one after the other; those of different maps, and the static tests of existing maps, run in
-parallel.
+A query goes from a random image of the mapping drive to a random node. Edges that it prunes are driven afterwards to
+find out whether they were bad; the map does not use that. The queries of one map run one after the other; those of
+different maps, and the static tests of existing maps, run in parallel.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from contextlib import closing
+from dataclasses import dataclass, replace
 from functools import partial
 from importlib.metadata import version
 from itertools import pairwise
 from pathlib import Path
 
+import numpy as np
 from joblib import delayed
 
 from ltvn_core.errors import OptionError
+from ltvn_core.evaluation.edge_driver import EdgeDriver
+from ltvn_core.evaluation.episode_runner import EpisodeRunner
 from ltvn_core.evaluation.ground_truth import calibration_bins
-from ltvn_core.evaluation.gzipped_results import is_stored
-from ltvn_core.evaluation.lifelong_drive import LifelongDrive
-from ltvn_core.evaluation.parts import WHOLE, Part
+from ltvn_core.evaluation.predicted_drive import EdgeProposal, ImagedScene
+from ltvn_core.evaluation.preparation import prepare
 from ltvn_core.evaluation.preparation_progress import EvaluationProgress
-from ltvn_core.evaluation.results import LifelongPoint, LifelongResult, load_results, save_results
+from ltvn_core.evaluation.protocol import EpisodePlan
+from ltvn_core.evaluation.query_result import QueryResult
+from ltvn_core.evaluation.query_run import judge_goal_reached
+from ltvn_core.evaluation.results import LifelongPoint, LifelongResult, is_stored, load_results, save_results
 from ltvn_core.evaluation.segments import (
     Episodes,
     Queries,
     ScheduledTest,
     cached_runner,
     load_batches,
+    open_runner,
     run_segments,
 )
 from ltvn_core.evaluation.trial_plans import TrialFiles, TrialPlan
 from ltvn_core.evaluation.trials import finish_trial, keep_drawing, prepare_all
-from ltvn_core.evaluation.workers import Workers
+from ltvn_core.evaluation.workers import WHOLE, Part, Workers
+from ltvn_core.graph.deltas import Edge
+from ltvn_core.graph.operators import pose_row
+from ltvn_core.graph.topological_graph import EdgeKey
+from ltvn_core.types import FrameId
+
+
+class LifelongDrive:
+    """A map after some queries, which further ones change."""
+
+    def __init__(self, plan: TrialPlan, files: TrialFiles, first: int) -> None:
+        """Load the map after `first` queries, with its scene and network."""
+        self._plan = plan
+        self._files = files
+        self._first = first
+        self._runner = open_runner(plan, files, first, maintain=True)
+        self._drive_truth = prepare(plan, files)
+        self._pruned: dict[int, tuple[Edge, ...]] = {}
+        """The edges that each query pruned, as they were before it."""
+
+    def run(self, query: int) -> QueryResult:
+        """Drive a query."""
+        runner = self._runner
+        rng = np.random.default_rng([self._plan.seed, 5, query])
+        known = set(runner.map.graph.nodes)
+        before = dict(runner.map.graph.edges)
+        episode = self._draw(rng)
+        result = runner.run(query, episode, rng, first_frame=self._first_frame(query))
+        graph = runner.map.graph
+        spurious = runner.truth.spurious(runner.map.graph)
+        pruned = before.keys() - graph.edges.keys()
+        added = graph.edges.keys() - before.keys()
+        self._pruned[query] = tuple(before[edge] for edge in pruned)
+        return replace(
+            result,
+            pruned=len(pruned),
+            pruned_spurious=sum(runner.truth.is_spurious(edge) for edge in pruned),
+            added_nodes=len(graph.nodes.keys() - known),
+            added_edges=len(added),
+            added_spurious=len(added & spurious),
+            nodes=len(graph.nodes),
+            edges=len(graph.edges),
+            spurious_edges=len(spurious),
+        )
+
+    def save_map(self, queries: int) -> None:
+        """Save the map as it is after a number of queries."""
+        plan = self._plan
+        settings = {"seed": plan.seed, "queries": queries}
+        self._runner.save_map(self._files.map(queries), settings, origin=self._files.map(self._first))
+
+    def check(self, results: Sequence[QueryResult]) -> tuple[QueryResult, ...]:
+        """Check the pruned edges by driving them, and count the bad ones for the query that pruned them."""
+        pruned = [self._pruned[result.query] for result in results]
+        bad = bad_edges(self._runner, [edge for edges in pruned for edge in edges], self._plan.seed)
+        counts = (sum((edge.source, edge.target) in bad for edge in edges) for edges in pruned)
+        return tuple(replace(result, pruned_bad=count) for result, count in zip(results, counts, strict=True))
+
+    def _draw(self, rng: np.random.Generator) -> EpisodePlan:
+        """Draw a start and a goal that is not already reached at the start."""
+        drive_truth = self._drive_truth
+        nodes = sorted(self._runner.map.graph.nodes)
+        while True:
+            row = int(rng.integers(len(drive_truth.frames)))
+            goal = nodes[int(rng.integers(len(nodes)))]
+            start_pose = np.array(drive_truth.poses[row])
+            goal_pose = self._runner.truth.pose(goal)
+            if not judge_goal_reached(0, start_pose, goal_pose).reached:
+                return EpisodePlan(
+                    start=drive_truth.frames[row],
+                    goal=goal,
+                    start_pose=pose_row(start_pose),
+                    goal_pose=pose_row(goal_pose),
+                )
+
+    def _first_frame(self, query: int) -> FrameId:
+        """Return the number of a query's first image: no query takes more images than it has steps."""
+        steps = self._plan.protocol.steps_in(self._runner.scene)
+        return max(self._drive_truth.frames) + 1 + query * (steps + 1)
+
+
+ATTEMPTS_PER_EDGE = 4
+"""Attempts at each edge (ours)."""
+_MAX_STARTS = 3 * ATTEMPTS_PER_EDGE
+"""An attempt does not count if the robot does not localise at the source, so some more are allowed."""
+
+
+def bad_edges(runner: EpisodeRunner, pruned: Iterable[Edge], seed: int) -> set[EdgeKey]:
+    """Return the edges that are spurious, or at which fewer than half of the robot's attempts arrived.
+
+    Attempts start at the exact pose of the source with errors within the controller's tolerance. Each edge has a random
+    generator of its own, so that the result does not depend on the other edges.
+    """
+    bad = set[EdgeKey]()
+    for edge in pruned:
+        key = edge.source, edge.target
+        if key not in bad and (runner.truth.is_spurious(key) or _mostly_fails(runner, edge, seed)):
+            bad.add(key)
+    return bad
+
+
+def _mostly_fails(runner: EpisodeRunner, edge: Edge, seed: int) -> bool:
+    """Return whether fewer than half of the attempts arrive; False if no attempt could start."""
+    rng = np.random.default_rng([seed, 6, edge.source, edge.target])
+    proposal = EdgeProposal(
+        source=edge.source,
+        target=edge.target,
+        waypoint=np.array(edge.waypoint),
+        reachability=edge.belief.p,
+        true=True,
+        connected=True,
+    )
+    driven = 0
+    arrived = 0
+    with closing(
+        EdgeDriver(
+            _imaged_scene(runner),
+            runner.map.predictor,
+            runner.map.system.method,
+            np.zeros((1, 3)),
+            rng,
+            noise=runner.noise,
+            body=runner.body,
+        )
+    ) as attempts:
+        for _ in range(_MAX_STARTS):
+            attempted = attempts.drive(proposal)
+            driven += attempted is not None
+            arrived += attempted is not None and attempted.arrived
+            if driven == ATTEMPTS_PER_EDGE:
+                break
+    return 2 * arrived < driven
+
+
+def _imaged_scene(runner: EpisodeRunner) -> ImagedScene:
+    """Return the scene with the images of the map."""
+    keyframes = runner.map.keyframes
+    poses = {frame: runner.truth.pose(frame) for frame in keyframes.frames}
+    return ImagedScene(scene=runner.scene, camera=runner.camera, keyframes=keyframes, poses=poses)
 
 
 @dataclass(frozen=True, slots=True)

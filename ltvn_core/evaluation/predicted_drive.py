@@ -1,23 +1,54 @@
-"""A simulated mapping drive with labels and predictions for all ordered image pairs. No robot is driven."""
+"""A simulated mapping drive with labels and predictions for all ordered image pairs, and its edges for measuring Eq. 3.
 
+Such edges are those that the method would put into a map, true and false ones. An edge is true if the pair is reachable
+in the direction of the prediction, or, where the method predicts both directions and drives one in reverse, in either.
+It is false if the robot could not drive it. Pairs in between (drivable, but with too little overlap to be labelled
+reachable) are no evidence for Eq. 3. No robot is driven.
+"""
+
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ltvn_core.evaluation.imaged_scene import ImagedScene
-from ltvn_core.geometry import relative
+from ltvn_core.config import Method
+from ltvn_core.geometry import distance, invert, relative
 from ltvn_core.graph.keyframes import KeyframeStore
-from ltvn_core.network.metrics.pair_evaluation import predict_pairs
+from ltvn_core.graph.matching import Matcher, Matches
+from ltvn_core.graph.odometry_gate import OdometryGate
+from ltvn_core.graph.operators import OperatorThresholds, connectable, mergeable
+from ltvn_core.network.pair_evaluation import predict_pairs
+from ltvn_core.network.training_data.pose_sampling import DatasetScene
+from ltvn_core.network.training_data.reachability_labels import ReachabilityLimits
+from ltvn_core.network.training_data.shards import label_image_pairs
 from ltvn_core.robots.robot_spec import LOCOBOT, RobotSpec
-from ltvn_core.training_data.reachability_labels import ReachabilityLimits
-from ltvn_core.training_data.scene_protocols import DatasetScene
-from ltvn_core.training_data.shard_generation import label_image_pairs
-from ltvn_core.types import CONTROL_STEP_S, Observation, Pose, Prediction, Predictor, Renderer, Waypoint
+from ltvn_core.simulation.oracle_predictor import is_drivable
+from ltvn_core.types import CONTROL_STEP_S, FrameId, Observation, Pose, Prediction, Predictor, Renderer, Waypoint
 
 if TYPE_CHECKING:
-    from ltvn_core.simulation.scene_registry import Scene
+    from ltvn_core.simulation.scene import Scene
+
+
+@dataclass(frozen=True, eq=False)
+class ImagedScene:
+    """A scene with encoded images at exact poses."""
+
+    scene: "Scene"
+    camera: Renderer
+    keyframes: KeyframeStore
+    """The images, encoded."""
+    poses: Mapping[FrameId, Pose]
+    """(3,) exact pose of each image."""
+    spec: RobotSpec = LOCOBOT
+    """The robot that took the images."""
+
+    def farthest_from(self, source: FrameId, *, other_than: FrameId) -> FrameId:
+        """Return the image taken farthest from `source`, which is neither that one nor `other_than`."""
+        here = self.poses[source]
+        others = [frame for frame in self.poses if frame not in (source, other_than)]
+        return max(others, key=lambda frame: float(np.hypot(*(self.poses[frame] - here)[:2])))
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,3 +119,120 @@ def predict_drive(
 def _observe(renderer: Renderer, pose: Pose, frame: int, spec: RobotSpec) -> Observation:
     rgb, depth = renderer.render(pose, spec.camera)
     return Observation(rgb=rgb, depth=depth, odometry=pose, stamp=frame * CONTROL_STEP_S, step=frame, exact_pose=pose)
+
+
+_MIN_FRAME_GAP = 2
+"""Of pairs whose images are closer in time than this many frames, only one is used."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class EdgeProposal:
+    """An edge that may be driven."""
+
+    source: FrameId
+    target: FrameId
+    waypoint: Waypoint
+    """(3,) as the method would write it into the map."""
+    reachability: float
+    """The method's r, with temporal support where the method asks for it."""
+    true: bool
+    """Whether the edge is true."""
+    connected: bool
+    """Whether the method would put it into the map."""
+
+
+class EdgeProposals:
+    """The edges of one drive."""
+
+    def __init__(self, drive: PredictedDrive, predictor: Predictor, method: Method) -> None:
+        """Compare all pairs as the method would, but for temporal support, which is asked for one by one."""
+        self._drive = drive
+        self._method = method
+        self._matcher = Matcher(predictor, drive.keyframes, method.matching)
+        self._odometry_gate = OdometryGate(drive.observations, method.building)
+        self._thresholds = OperatorThresholds.building(method.building)
+        self._reachability, self._waypoints = _most_reachable_direction(drive, method)
+        both = drive.reachable.T if method.matching.both_directions else np.zeros_like(drive.reachable)
+        self._true = drive.reachable | both
+        np.fill_diagonal(self._true, False)
+        self._false = ~self._true & ~_drivable(drive)
+
+    def edges(self) -> NDArray[np.bool_]:
+        """Return which reachable pairs (N, N) become edges by r and d alone."""
+        return self._near() & (self._reachability > self._thresholds.connect_reachability) & self._drive.reachable
+
+    def errors(self) -> Waypoint:
+        """Return the errors (E, 3) of waypoints of true edges, in the frame of the true target."""
+        i, j = np.nonzero(self._true & self._near() & (self._reachability > self._thresholds.connect_reachability))
+        return relative(self._drive.waypoints[i, j], self._waypoints[i, j])
+
+    def true_edges(self, rng: np.random.Generator) -> Iterator[EdgeProposal]:
+        """Yield true edges that the method would make, in random order."""
+        pairs = np.argwhere(self._true & self._near() & (self._reachability > self._thresholds.connect_reachability))
+        found = (self._proposal(i, j) for i, j in _scattered(rng.permutation(pairs)))
+        return (proposal for proposal in found if proposal.connected)
+
+    def false_edges(self, rng: np.random.Generator) -> Iterator[EdgeProposal]:
+        """Yield false edges: first those that the method would add, then the others in order of r.
+
+        It ends at the r below which the method would stop an attempt: pairs with a lower r are nothing like an edge of
+        a map.
+        """
+        likely = self._near() & (self._reachability > self._method.driving.lost_reachability)
+        pairs = rng.permutation(np.argwhere(self._false & likely))
+        order = np.argsort(-self._reachability[tuple(pairs.T)], kind="stable")
+        certain = [self._proposal(i, j) for i, j in _scattered(pairs[order])]
+        yield from sorted(certain, key=lambda proposal: not proposal.connected)
+
+    def _near(self) -> NDArray[np.bool_]:
+        """Return which pairs (N, N) are predicted to be close enough for an edge; the diagonal is not."""
+        near = distance(self._waypoints) < self._thresholds.connect_distance
+        np.fill_diagonal(near, False)
+        return near
+
+    def _proposal(self, source: FrameId, target: FrameId) -> EdgeProposal:
+        found = self._matcher.match(self._drive.keyframes.features([source]), (target,))
+        found = self._matcher.with_mutual_support(found, source)
+        true = bool(self._true[source, target])
+        r = float(found.reachability[0])
+        return EdgeProposal(
+            source=source,
+            target=target,
+            waypoint=found.waypoints[0],
+            reachability=r,
+            true=true,
+            connected=self._connects(source, found),
+        )
+
+    def _connects(self, source: FrameId, found: Matches) -> bool:
+        apart = not mergeable(found, self._thresholds).any()
+        return apart and bool(
+            connectable(found, self._thresholds).all() and self._odometry_gate.plausible(source, found).all()
+        )
+
+
+def _drivable(drive: PredictedDrive) -> NDArray[np.bool_]:
+    """Return which pairs (N, N) a robot could drive, in either direction along the same line."""
+    count = len(drive.poses)
+    first, second = np.divmod(np.arange(count**2), count)
+    one_way = is_drivable(drive.scene.clearance, drive.poses[first], drive.poses[second]).reshape(count, count)
+    return one_way | one_way.T
+
+
+def _most_reachable_direction(drive: PredictedDrive, method: Method) -> tuple[NDArray[np.float64], Waypoint]:
+    """Return r (N, N) and waypoints (N, N, 3) of the more reachable direction, if the method asks for both."""
+    r, ahead = drive.predicted
+    if not method.matching.both_directions:
+        return r, ahead
+    backwards = (r < r.T) & (distance(ahead) < method.matching.reverse_within)
+    back = invert(np.swapaxes(ahead, 0, 1))
+    return np.where(backwards, r.T, r), np.where(backwards[..., None], back, ahead)
+
+
+def _scattered(pairs: NDArray[np.intp]) -> Iterator[tuple[int, int]]:
+    """Yield pairs (P, 2) without those that are nearly the same as an earlier one."""
+    seen: set[tuple[int, int]] = set()
+    for i, j in pairs.tolist():
+        if (i // _MIN_FRAME_GAP, j // _MIN_FRAME_GAP) not in seen:
+            seen.add((i // _MIN_FRAME_GAP, j // _MIN_FRAME_GAP))
+            yield i, j

@@ -3,36 +3,42 @@
 Each file is written once, complete or not at all, so that an interrupted evaluation continues where it stopped.
 """
 
+import json
 import logging
+import os
+import shutil
 from collections import deque
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
 
 from ltvn_core.atomic_files import atomic_output
+from ltvn_core.data.recording.map_file import save_map
+from ltvn_core.data.recording.reader import Recording
+from ltvn_core.data.recording.recorded_run import record_images
+from ltvn_core.data.recording.writer import RecordingWriter
 from ltvn_core.evaluation.preparation_progress import PreparationLog, PreparationPart
 from ltvn_core.evaluation.protocol import EpisodePlan, choose_goals, draw_episodes
 from ltvn_core.evaluation.results import load_results, save_results
 from ltvn_core.evaluation.trial_plans import TrialFiles, TrialPlan, open_planned_system
 from ltvn_core.graph.deltas import PoseRow
 from ltvn_core.graph.operators import pose_row
+from ltvn_core.maps.topological_map import TopologicalMap
 from ltvn_core.predictors.opening import open_predictor
-from ltvn_core.recording.map_file import save_map
-from ltvn_core.recording.reader import Recording
-from ltvn_core.recording.recorded_robot import record_images
-from ltvn_core.recording.writer import RecordingWriter
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.simulation.opening import open_simulation
 from ltvn_core.simulation.scene_registry import load_scene
 from ltvn_core.simulation.scripted_tour import drive_tour
 from ltvn_core.systems.registry import system_entry
-from ltvn_core.topological_map import TopologicalMap
-from ltvn_core.training.system_training import system_training
+from ltvn_core.training.fine_tuning_data import system_training
 from ltvn_core.types import FrameId, Observation, is_usable
 
 _LOG = logging.getLogger(__name__)
+
+_BUILDS_WITH = ("matching", "building", "planning", "believing")
+"""Groups of thresholds that a build reads; methods that differ in others alone share their map."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,13 +64,12 @@ def prepare(plan: TrialPlan, files: TrialFiles) -> DriveGroundTruth:
     log = PreparationLog(files.preparation)
     drive_truth = _drive(plan, files, log)
     if not files.map().exists():
-        observations = _observations(files.drive)
-        _build(plan, files, observations, drive_truth, _weights(plan, files, observations, log), log)
+        _build(plan, files, drive_truth, _weights(plan, files, log), log)
         log.close()
     return drive_truth
 
 
-def _weights(plan: TrialPlan, files: TrialFiles, observations: Sequence[Observation], log: PreparationLog) -> Path:
+def _weights(plan: TrialPlan, files: TrialFiles, log: PreparationLog) -> Path:
     """Return the weights of a plan, fine-tuned on its drive if it says so; weights of the same run are made once."""
     if not plan.finetuned:
         return plan.start_weights
@@ -76,7 +81,7 @@ def _weights(plan: TrialPlan, files: TrialFiles, observations: Sequence[Observat
     training = system_training(system_entry(plan.system))
     name = files.weights.stem
     fine_tune(
-        label_drive(observations, name, camera=LOCOBOT.camera, rule=training.label_rule()),
+        label_drive(_observations(files.drive), name, camera=LOCOBOT.camera, rule=training.label_rule()),
         training.rehearsal(),
         plan.start_weights,
         files.weights,
@@ -143,38 +148,58 @@ def _drive(plan: TrialPlan, files: TrialFiles, log: PreparationLog) -> DriveGrou
 def _build(
     plan: TrialPlan,
     files: TrialFiles,
-    observations: Sequence[Observation],
     drive_truth: DriveGroundTruth,
     weights: Path,
     log: PreparationLog,
 ) -> None:
+    """Build the map of a plan, or take it from another plan that builds the same one from the same drive."""
     scene = load_scene(plan.scene)
     predictor = open_predictor(plan.predictor, plan.scene, weights)
     system = open_planned_system(plan, predictor, scene, maintain=False)
-    built = TopologicalMap.of(predictor, system)
-    rng = np.random.default_rng([plan.seed, 4])
+    thresholds = {group: asdict(getattr(system.method, group)) for group in _BUILDS_WITH}
+    config = {"verb": "evaluate", "system": system.name, "predictor": plan.predictor, "method": thresholds}
+    built = files.built(sha256(json.dumps([config, predictor.fingerprint], sort_keys=True).encode()).hexdigest()[:12])
+    if not built.exists():
+        made = _built_map(plan, files, drive_truth, TopologicalMap.of(predictor, system), log)
+        save_map(
+            built,
+            made.graph,
+            made.images,
+            scene=scene.address,
+            fingerprint=predictor.fingerprint,
+            config=config,
+            scene_glb=scene.glb(),
+        )
+    _share(built, files.map())
+
+
+def _built_map(
+    plan: TrialPlan, files: TrialFiles, drive_truth: DriveGroundTruth, empty: TopologicalMap, log: PreparationLog
+) -> TopologicalMap:
+    observations = _observations(files.drive)
     # A drive of an earlier version may have a goal without depth, which then is no node: its episodes find no path.
-    usable = {seen.step for seen in observations if is_usable(seen, predictor)}
+    usable = {seen.step for seen in observations if is_usable(seen, empty.predictor)}
     goals = [goal for goal in drive_truth.goals if goal in usable]
-    built.build(
+    empty.build(
         observations,
-        rng=rng,
+        rng=np.random.default_rng([plan.seed, 4]),
         goals=goals,
         progress=lambda done, total: log.report(PreparationPart.MAP, done / max(total, 1)),
     )
-    for report in built.goal_reports(goals):
+    for report in empty.goal_reports(goals):
         if report.finding is not None:
-            _LOG.warning("%s, seed %d: %s", scene.name, plan.seed, report.finding)
-    config = {"verb": "evaluate", "system": system.name, "predictor": plan.predictor, "method": asdict(system.method)}
-    save_map(
-        files.map(),
-        built.graph,
-        built.images,
-        scene=scene.address,
-        fingerprint=predictor.fingerprint,
-        config=config,
-        scene_glb=scene.glb(),
-    )
+            _LOG.warning("%s, seed %d: %s", plan.scene, plan.seed, report.finding)
+    return empty
+
+
+def _share(built: Path, wanted: Path) -> None:
+    """Let a second path lead to a file that nobody changes, by a copy where the disk knows no links."""
+    wanted.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        os.link(built, wanted)
+    except OSError:
+        with atomic_output(wanted) as part:
+            shutil.copyfile(built, part)
 
 
 def _observations(drive: Path) -> list[Observation]:

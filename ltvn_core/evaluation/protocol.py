@@ -1,18 +1,21 @@
 """The evaluation protocol of the paper (section V): a mapping drive, ten goal images, and random episodes.
 
-Every method gets the same drive, goals and episodes. Drives no robot.
+Every method gets the same drive, goals and episodes, under the usual conditions or under harder ones, whose names are
+in `condition_names`. Drives no robot.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ltvn_core.errors import OptionError
+from ltvn_core.evaluation.condition_names import CONDITION_NAMES
 from ltvn_core.graph.deltas import PoseRow
 from ltvn_core.graph.operators import pose_row
 from ltvn_core.simulation.body_names import BodyName
+from ltvn_core.simulation.surfaces import PLAIN_LIGHT, Light
 from ltvn_core.simulation.wheel_odometry import OdometryNoise
 from ltvn_core.types import FrameId, Pose
 
@@ -128,7 +131,8 @@ def draw_episodes(
 
 def _images_by_room(scene: "Scene", poses: Pose) -> list[np.ndarray]:
     """Return the images taken in each room, the largest room first; all of them where no room has any."""
-    x, y = poses[:, 0], poses[:, 1]
+    x = poses[:, 0]
+    y = poses[:, 1]
     rooms = sorted(scene.rooms, key=lambda room: -room.area_m2)
     inside = [np.flatnonzero((x > r.x0) & (x < r.x1) & (y > r.y0) & (y < r.y1)) for r in rooms]
     return inside if any(map(len, inside)) else [np.arange(len(poses))]
@@ -140,3 +144,38 @@ def _apart(pool: np.ndarray, poses: Pose, chosen: Sequence[int], rng: np.random.
         gaps = np.linalg.norm(poses[pool, None, :2] - poses[None, list(chosen), :2], axis=-1).min(1)
         pool = pool[gaps >= min(_MIN_GOAL_GAP_M, gaps.max())]
     return int(rng.choice(pool))
+
+
+_OF_THE_DRIVE = ("slip", "one-loop")
+_SLIPPING = {"distance_noise": 0.05, "angle_noise": 0.03, "slips_per_m": 0.2}
+"""2.5 and 3 times the usual noise, and a slip every five metres or radians (ours)."""
+_HALF_LIGHT = Light.of(0.5, 0.0)
+
+
+def protocol_under(protocol: EvaluationProtocol, conditions: Collection[str]) -> EvaluationProtocol:
+    """Return the protocol as it is under some conditions."""
+    if "slip" in conditions:
+        protocol = replace(protocol, **_SLIPPING)
+    return replace(protocol, loops=1) if "one-loop" in conditions else protocol
+
+
+def light_under(conditions: Collection[str]) -> Light:
+    """Return the light in which the episodes are driven."""
+    return _HALF_LIGHT if "half-light" in conditions else PLAIN_LIGHT
+
+
+def drive_conditions(conditions: Collection[str]) -> tuple[str, ...]:
+    """Return those conditions under which the mapping drive is another one, in order."""
+    return tuple(name for name in _OF_THE_DRIVE if name in conditions)
+
+
+def episode_conditions(conditions: Collection[str]) -> tuple[str, ...]:
+    """Return those that change the episodes alone, in order."""
+    return tuple(name for name in CONDITION_NAMES if name in conditions and name not in _OF_THE_DRIVE)
+
+
+def told_conditions(protocol: EvaluationProtocol, conditions: Collection[str]) -> tuple[str, ...]:
+    """Return what tables name: the conditions in order, and another number of rounds than the usual one."""
+    named = tuple(name for name in CONDITION_NAMES if name in conditions)
+    usual = protocol.loops == USUAL_LOOPS or "one-loop" in named
+    return named if usual else (*named, f"{protocol.loops} mapping loop{'s' if protocol.loops > 1 else ''}")

@@ -1,21 +1,77 @@
-"""The results of evaluations as plain data: maps, trials, and tests with maintenance.
+"""The results of evaluations as plain data, maps, trials, and tests with maintenance, and the files that hold them.
 
-Field names are the keys of the JSON files, so they stay. `query_result` has the rows; `metrics`, `lifelong_metrics` and
-`world_metrics` compute the metrics over results.
+Field names are the keys of the JSON files, so they stay. A file may be kept gzipped: `NAME.json.gz` stands for
+`NAME.json` wherever results are read, and its bytes do not depend on when it was packed. The drawing of a map is a file
+of its own beside the results. `query_result` has the rows; `metrics` and `world_metrics` compute the metrics.
 """
 
+import gzip
 import json
+import zlib
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import cattrs
+import numpy as np
 
-from ltvn_core.atomic_files import write_text_atomically
+from ltvn_core.atomic_files import atomic_output, write_text_atomically
 from ltvn_core.errors import OptionError
-from ltvn_core.evaluation.gzipped_results import read_result_text
 from ltvn_core.evaluation.query_result import CONVERTER, QueryResult
 from ltvn_core.structured_text import parse_json
+
+SUFFIX = ".gz"
+MAX_BYTES = 256_000_000
+"""Of an unpacked file; 50 times the largest result that was ever written."""
+
+
+def packed_path(path: Path) -> Path:
+    """Return where a result lies that is kept gzipped."""
+    return path.with_name(path.name + SUFFIX)
+
+
+def is_stored(path: Path) -> bool:
+    """Tell whether there is a result of this name, packed or not."""
+    return path.exists() or packed_path(path).exists()
+
+
+def stored_results(folder: Path, pattern: str) -> Iterator[Path]:
+    """Yield the results below a folder whose names match, in order; a plain file goes before its packed twin."""
+    plain = set(folder.rglob(pattern))
+    packed = {path for path in folder.rglob(pattern + SUFFIX) if path.with_suffix("") not in plain}
+    yield from sorted(plain | packed)
+
+
+def read_result_text(path: Path) -> str:
+    """Return the text of a result, which may lie gzipped beside its name.
+
+    Raises OSError, OptionError for what is no gzip file or too large, and ValueError for what is no text.
+    """
+    if path.suffix != SUFFIX and not path.exists() and packed_path(path).exists():
+        path = packed_path(path)
+    return _unpacked(path) if path.suffix == SUFFIX else path.read_text(encoding="utf-8")
+
+
+def pack(path: Path) -> Path:
+    """Replace a result by its gzipped twin and return that. Raises RecordingError if there is one already."""
+    packed = packed_path(path)
+    with atomic_output(packed) as part:
+        part.write_bytes(gzip.compress(path.read_bytes(), compresslevel=9, mtime=0))
+    path.unlink()
+    return packed
+
+
+def _unpacked(path: Path) -> str:
+    try:
+        with gzip.open(path) as file:
+            content = file.read(MAX_BYTES + 1)
+    except (gzip.BadGzipFile, EOFError, zlib.error) as error:
+        raise OptionError(f"{path} is damaged, or not packed by gzip: {error}.") from error
+    if len(content) > MAX_BYTES:
+        raise OptionError(f"{path} unpacks to more than {MAX_BYTES // 1_000_000} MB, which is no result.")
+    return content.decode("utf-8")
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +131,7 @@ class TrialResult:
     """Of the weights in use."""
     map: MapTruthMetrics
     floorplan: MapDrawing | None
-    """None in a file: the drawing lies beside it, see `evaluation.map_drawings`. Older files hold it themselves."""
+    """None in a file: the drawing lies beside it, see `save_drawing`. Older files hold it themselves."""
     episodes: tuple[QueryResult, ...]
     wall_s: float
     """Time that the episodes took, over all processes."""
@@ -87,7 +143,7 @@ class TrialResult:
     perturbations: tuple[str, ...] = ()
     """What was wrong with the robot's camera in the episodes."""
     conditions: tuple[str, ...] = ()
-    """What was harder than usual, see `evaluation.conditions`."""
+    """What was harder than usual, see `evaluation.protocol`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,3 +239,73 @@ def load_results(path: Path, kind: type) -> Any:
         raise OptionError(f"{path} cannot be read: {error.strerror}.") from error
     except (ValueError, TypeError, AttributeError, cattrs.BaseValidationError) as error:
         raise OptionError(f"{path} holds no {kind.__name__} of this version: {error}.") from error
+
+
+_PER_METRE = 1000
+"""Poses are kept to the millimetre and the milliradian, p to the thousandth: more than any figure shows."""
+
+
+def drawing_path(folder: Path, label: str, queries: int) -> Path:
+    """Return where the drawing of a method's map lies after so many queries with maintenance."""
+    return folder / f"{label}-map-{queries:04d}.npz"
+
+
+def save_drawing(path: Path, drawing: MapDrawing) -> None:
+    """Write a drawing to a new file, whole or not at all. Raises RecordingError.
+
+    Nodes and edges are sorted and stored as differences, because those compress well.
+    """
+    nodes = sorted(drawing.nodes)
+    rows = {node: row for row, (node, *_) in enumerate(nodes)}
+    edges = sorted((rows[source], rows[target], p, spurious) for source, target, p, spurious in drawing.edges)
+    free = np.array([[cell == "." for cell in row] for row in drawing.free], bool)
+    with atomic_output(path) as part, part.open("wb") as file:
+        np.savez_compressed(
+            file,
+            origin=np.array(drawing.origin, np.float64),
+            resolution_m=np.float64(drawing.resolution_m),
+            shape=np.array(free.shape if free.size else (0, 0), np.int32),
+            free=np.packbits(free),
+            nodes=_differences([node for node, *_ in nodes]),
+            poses=np.diff(_thousandths([pose for _, *pose in nodes]).reshape(-1, 3), axis=0, prepend=0),
+            sources=_differences([source for source, *_ in edges]),
+            targets=_differences([target for _, target, *_ in edges]),
+            p=_thousandths([p for _, _, p, _ in edges]).astype(np.uint16),
+            spurious=np.packbits(np.array([spurious for *_, spurious in edges], bool)),
+        )
+
+
+def load_drawing(path: Path) -> MapDrawing:
+    """Read what `save_drawing` wrote. Raises OptionError for a file that is none."""
+    try:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
+            return _drawing({name: arrays[name] for name in arrays.files})
+    except (OSError, ValueError, KeyError, IndexError, EOFError, BadZipFile) as error:
+        raise OptionError(f"{path} holds no drawing of a map ({error}); remove it and evaluate again.") from error
+
+
+def _drawing(arrays: dict[str, np.ndarray]) -> MapDrawing:
+    height, width = arrays["shape"].tolist()
+    free = np.unpackbits(arrays["free"], count=height * width).reshape(height, width)
+    names = np.cumsum(arrays["nodes"])
+    poses = np.cumsum(arrays["poses"], axis=0) / _PER_METRE
+    sources = names[np.cumsum(arrays["sources"])]
+    targets = names[np.cumsum(arrays["targets"])]
+    spurious = np.unpackbits(arrays["spurious"], count=len(sources)).astype(bool)
+    p = arrays["p"] / _PER_METRE
+    x_m, y_m = arrays["origin"].tolist()
+    return MapDrawing(
+        origin=(x_m, y_m),
+        resolution_m=float(arrays["resolution_m"]),
+        free=tuple("".join(row) for row in np.where(free, ".", "#")),
+        nodes=tuple((node, *pose) for node, pose in zip(names.tolist(), poses.tolist(), strict=True)),
+        edges=tuple(zip(sources.tolist(), targets.tolist(), p.tolist(), spurious.tolist(), strict=True)),
+    )
+
+
+def _thousandths(values: list) -> np.ndarray:
+    return np.rint(np.array(values, np.float64) * _PER_METRE).astype(np.int32)
+
+
+def _differences(values: list[int]) -> np.ndarray:
+    return np.diff(np.array(values, np.int32), prepend=0)

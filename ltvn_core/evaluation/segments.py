@@ -17,19 +17,17 @@ from typing import Any, Protocol
 import numpy as np
 from joblib import delayed
 
-from ltvn_core.evaluation.conditions import light_under
 from ltvn_core.evaluation.episode_runner import EpisodeRunner
 from ltvn_core.evaluation.preparation import prepare
 from ltvn_core.evaluation.preparation_progress import EvaluationProgress, told_repeatedly
-from ltvn_core.evaluation.protocol import EpisodePlan
-from ltvn_core.evaluation.query_log import append_to_log, read_query_log
-from ltvn_core.evaluation.query_result import QueryBatch, QueryResult
+from ltvn_core.evaluation.protocol import EpisodePlan, light_under
+from ltvn_core.evaluation.query_result import QueryBatch, QueryResult, append_to_log, read_query_log
 from ltvn_core.evaluation.results import load_results, save_results
 from ltvn_core.evaluation.trial_plans import TrialFiles, TrialPlan, open_planned_system, planned_weights
 from ltvn_core.evaluation.workers import Workers
+from ltvn_core.maps.topological_map import TopologicalMap
 from ltvn_core.predictors.opening import open_predictor
 from ltvn_core.simulation.scene_registry import load_scene
-from ltvn_core.topological_map import TopologicalMap
 
 BATCH_SIZE = 25
 """Queries or episodes in a batch: few are lost by an interruption, the cores finish together, and maps are not loaded

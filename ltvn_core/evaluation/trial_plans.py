@@ -1,24 +1,23 @@
-"""Trial plans (one method in one scene with one map seed) and the paths of their files.
+"""Trial plans (one method in one scene with one map seed), the paths of their files, and methods without single parts.
 
-Guarantees that results of different plans are never mixed. Runs nothing.
+Guarantees that results of different plans are never mixed. Runs nothing. Parts of the method are switched off by
+thresholds; fine-tuning, which is a property of the weights, is a matter of the plan.
 """
 
 import json
-from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import asdict, dataclass, field, fields, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 from ltvn_core.atomic_files import write_text_atomically
+from ltvn_core.config import PAPER, ROBUST, Method
 from ltvn_core.errors import OptionError
-from ltvn_core.evaluation.ablation import PARTS, without_parts
-from ltvn_core.evaluation.conditions import drive_conditions, episode_conditions
-from ltvn_core.evaluation.map_drawings import drawing_path
-from ltvn_core.evaluation.protocol import EvaluationProtocol
+from ltvn_core.evaluation.protocol import EvaluationProtocol, drive_conditions, episode_conditions
+from ltvn_core.evaluation.results import drawing_path
 from ltvn_core.graph.navigation_system import NavigationSystem
-from ltvn_core.predictors.opening import open_method
-from ltvn_core.predictors.registry import NETWORK
+from ltvn_core.predictors.opening import NETWORK, open_method
 from ltvn_core.simulation.body_selection import choose_body
 from ltvn_core.simulation.scene import Scene
 from ltvn_core.structured_text import parse_json
@@ -26,6 +25,74 @@ from ltvn_core.systems.maintenance import with_maintenance
 from ltvn_core.systems.registry import DEFAULT_SYSTEM, network_owner, system_entry
 from ltvn_core.systems.registry import open_system as open_named_system
 from ltvn_core.types import Predictor
+
+
+def without_parts(method: Method, parts: Collection[str]) -> Method:
+    """Return the method without these parts; raise OptionError, listing the valid ones, for an unknown part."""
+    for part in sorted(parts):
+        change = PARTS.get(part) or RULES.get(part)
+        if change is None:
+            raise OptionError(
+                f"The method has no part {part!r} to leave out; choose from: {', '.join(PARTS)}; or one rule: "
+                f"{', '.join(RULES)}."
+            )
+        method = change(method)
+    return method
+
+
+def _without_merging(method: Method) -> Method:
+    """Make every image that can be connected a node: D_m = 0."""
+    return replace(method, building=replace(method.building, merge_distance=0.0))
+
+
+def _without_pruning(method: Method) -> Method:
+    """Remove no edge, however low its p: R_p = 0."""
+    return replace(method, believing=replace(method.believing, prune_below=0.0, hindered_prune_below=0.0))
+
+
+def _without_expansion(method: Method) -> Method:
+    """Add no nodes while navigating."""
+    return replace(method, expanding=replace(method.expanding, novel_after_looks=0, search_reserve=False))
+
+
+def _as_in_paper(group: str, names: Collection[str]) -> Callable[[Method], Method]:
+    """Return a change that sets some thresholds of a group to the paper's."""
+    paper = {name: getattr(getattr(PAPER, group), name) for name in names}
+
+    def plain(method: Method) -> Method:
+        return replace(method, **{group: replace(getattr(method, group), **paper)})
+
+    return plain
+
+
+_KEPT_FIELDS = frozenset(
+    {"step_limit", "collision_limit", "p_success_if_reachable", "p_success_if_not", "sigma2", "search_reserve"}
+)
+
+
+def _thresholds(group: str) -> list[str]:
+    """Return the names of a group's thresholds; limits and measured constants are none."""
+    return [each.name for each in fields(getattr(ROBUST, group)) if each.name not in _KEPT_FIELDS]
+
+
+def _departures(group: str) -> list[str]:
+    """Return those of which our value is not the paper's."""
+    ours, paper = getattr(ROBUST, group), getattr(PAPER, group)
+    return [name for name in _thresholds(group) if getattr(ours, name) != getattr(paper, name)]
+
+
+_GROUPS = tuple(field.name for field in fields(Method) if field.name != "maintain")
+
+PARTS: dict[str, Callable[[Method], Method]] = {
+    "merging": _without_merging,
+    "pruning": _without_pruning,
+    "expansion": _without_expansion,
+    **{f"our-{group}": _as_in_paper(group, _thresholds(group)) for group in _GROUPS},
+}
+"""What can be left out, by the names the command line knows; `our-driving` leaves out our departures in driving."""
+RULES = {f"{group}.{name}": _as_in_paper(group, [name]) for group in _GROUPS for name in _departures(group)}
+"""Each of our departures alone, as `driving.swerve`; the command line knows these names as well."""
+
 
 _FINE_TUNING = "fine-tuning"
 
@@ -48,7 +115,7 @@ class TrialPlan:
     perturbations: tuple[str, ...] = ()
     """What is wrong with the robot's camera in the episodes, but not in the mapping drive."""
     conditions: tuple[str, ...] = ()
-    """What is harder than usual, see `evaluation.conditions`; the protocol is already as it is under them."""
+    """What is harder than usual, see `evaluation.protocol`; the protocol is already as it is under them."""
     weights: Path | None = None
     """Weights to start from instead of the shipped ones of the system."""
     finetune_steps: int = 40
@@ -90,7 +157,7 @@ class TrialPlan:
 
 def method_parts() -> tuple[str, ...]:
     """Return the names of the parts that can be switched off."""
-    return (*PARTS, _FINE_TUNING)
+    return (*PARTS, _FINE_TUNING, *RULES)
 
 
 def open_planned_system(plan: TrialPlan, predictor: Predictor, scene: Scene, *, maintain: bool) -> NavigationSystem:
@@ -136,6 +203,10 @@ class TrialFiles:
     def map(self, queries: int = 0) -> Path:
         """Return the map after so many queries."""
         return self.folder / self.label / f"map-{queries:04d}.rrd"
+
+    def built(self, digest: str) -> Path:
+        """Return a map that all methods share which build it with the same settings."""
+        return self.folder / f"built-{digest}.rrd"
 
     @property
     def preparation(self) -> Path:

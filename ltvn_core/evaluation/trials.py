@@ -1,25 +1,41 @@
-"""Runs trials (many episodes with one map each), in parallel on any number of processes or machines."""
+"""Runs trials (many episodes with one map each), in parallel on any number of processes or machines.
+
+Failed episodes can be driven once more, exactly as before, and recorded; such a recording begins with the map, so
+`ltvn replay` needs no other file.
+"""
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
 
 from joblib import delayed
 
-from ltvn_core.evaluation.conditions import told_conditions
+from ltvn_core.atomic_files import atomic_output
+from ltvn_core.data.recording.recorded_run import RecordedRobot, RunDescription
+from ltvn_core.errors import RecordingError
+from ltvn_core.evaluation.episode_runner import EpisodeRunner
 from ltvn_core.evaluation.ground_truth import floorplan, map_truth_metrics
-from ltvn_core.evaluation.gzipped_results import is_stored
-from ltvn_core.evaluation.map_drawings import save_drawing
-from ltvn_core.evaluation.parts import WHOLE, Part
 from ltvn_core.evaluation.preparation import prepare
 from ltvn_core.evaluation.preparation_progress import EvaluationProgress, read_share, told_repeatedly
+from ltvn_core.evaluation.protocol import EpisodePlan, told_conditions
 from ltvn_core.evaluation.query_result import QueryBatch
-from ltvn_core.evaluation.results import TrialResult, load_results, save_results
-from ltvn_core.evaluation.segments import Episodes, ScheduledTest, batch_ranges, cached_runner, run_segments
+from ltvn_core.evaluation.results import TrialResult, is_stored, load_results, save_drawing, save_results
+from ltvn_core.evaluation.segments import (
+    Episodes,
+    ScheduledTest,
+    batch_ranges,
+    cached_runner,
+    episode_rng,
+    open_runner,
+    run_segments,
+)
 from ltvn_core.evaluation.trial_plans import TrialFiles, TrialPlan, claim_files
-from ltvn_core.evaluation.workers import Workers
+from ltvn_core.evaluation.workers import WHOLE, Part, Workers
+from ltvn_core.navigation.events import Event, StampedEvent
+from ltvn_core.simulation.simulated_robot import SimulatedRobot
 from ltvn_core.systems.registry import system_entry
-from ltvn_core.training.system_training import system_training
+from ltvn_core.training.fine_tuning_data import system_training
 
 
 def run_trials(
@@ -134,3 +150,53 @@ def finish_trial(plan: TrialPlan, files: TrialFiles, queries: int, episodes: int
         perturbations=plan.perturbations,
         conditions=told_conditions(plan.protocol, plan.conditions),
     )
+
+
+def record_failures(plan: TrialPlan, files: TrialFiles, trial: TrialResult, count: int) -> int:
+    """Record the first failed episodes of a trial; return the number of recordings.
+
+    Raises RecordingError if an episode differs from its first run.
+    """
+    failed = [episode.query for episode in trial.episodes if not episode.reached][:count]
+    missing = [number for number in failed if not files.failure(number).exists()]
+    if missing:
+        runner = open_runner(plan, files, trial.queries)
+        drawn = prepare(plan, files).episodes(max(missing) + 1, plan.seed)
+        for number in missing:
+            _record(plan, files, runner, trial, drawn[number], number)
+    return len(failed)
+
+
+def _record(
+    plan: TrialPlan, files: TrialFiles, runner: EpisodeRunner, trial: TrialResult, episode: EpisodePlan, number: int
+) -> None:
+    system = runner.map.system
+    settings = {"verb": "evaluate", "system": system.name, "episode": number, "seed": plan.seed}
+    settings["method"] = asdict(system.method)
+    described = RunDescription(
+        scene=runner.scene.address,
+        config=settings,
+        fingerprint=runner.map.predictor.fingerprint,
+        scene_glb=runner.scene.glb(),
+    )
+    with atomic_output(files.failure(number)) as part, described.open_writer(part) as writer:
+        writer.write_map(runner.map.graph, runner.map.images)
+
+        def write(event: Event, robot: SimulatedRobot) -> None:
+            state = robot.state()
+            writer.write_event(StampedEvent(state.step, state.stamp, event))
+
+        again = runner.run(
+            number,
+            episode,
+            episode_rng(plan.seed, number),
+            on_event=write,
+            wrap_robot=lambda robot: RecordedRobot(robot, writer),
+        )
+        before = trial.episodes[number]
+        if (again.steps, again.outcome) != (before.steps, before.outcome):
+            raise RecordingError(
+                f"Episode {number} of {files.folder} took {again.steps} steps ({again.outcome}) when it was recorded, "
+                f"and {before.steps} ({before.outcome}) before. The results were made by another version; evaluate "
+                "anew."
+            )

@@ -1,11 +1,12 @@
 """Workers of an evaluation: the cores of this machine, or a Ray or Dask cluster, through joblib.
 
 Jobs share nothing but files, so on a cluster the folder of the evaluation must have the same path on all machines. A
-worker of another version, with other weights or without that folder refuses its job.
+worker of another version, with other weights or without that folder refuses its job. Where no engine joins the
+machines, each command may do a part of the work.
 """
 
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import cache
@@ -13,12 +14,53 @@ from importlib import import_module
 from importlib.metadata import version
 from itertools import islice
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeVar
 from uuid import uuid4
 
 from joblib import Parallel, cpu_count, delayed, parallel_config
 
 from ltvn_core.errors import EngineError, OptionError
+
+Work = TypeVar("Work")
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """One of several shares of nearly the same size; together they are everything, and no two have anything in common.
+
+    What follows on another in the list of work is mostly in the same share, because it needs the same maps.
+    """
+
+    number: int = 1
+    """From 1 to `count`."""
+    count: int = 1
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.number <= self.count:
+            raise OptionError(f"--part is I/N with I from 1 to N, got {self}.")
+
+    def __str__(self) -> str:
+        """Return it as the option has it."""
+        return f"{self.number}/{self.count}"
+
+    @classmethod
+    def parse(cls, text: str) -> "Part":
+        """Read `I/N`; nothing is the whole. Raises OptionError."""
+        if not text:
+            return WHOLE
+        if not (found := re.fullmatch(r"(\d{1,6})/(\d{1,6})", text.strip())):
+            raise OptionError(f"--part is I/N, as in 3/16 for the third of sixteen, got {text!r:.40}.")
+        return cls(int(found[1]), int(found[2]))
+
+    def of(self, work: Sequence[Work]) -> list[Work]:
+        """Return the share of a list, in its order."""
+        first, until = ((number * len(work)) // self.count for number in (self.number - 1, self.number))
+        return list(work[first:until])
+
+
+WHOLE = Part()
+"""Everything."""
+
 
 Workers: TypeAlias = Callable[[Iterable[Any]], Iterable[Any]]
 """Runs joblib's delayed calls and yields their results in any order."""

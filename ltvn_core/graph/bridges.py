@@ -47,7 +47,9 @@ class BridgeSearch:
         """Join images that are connectable by `thresholds`, those of the last pass."""
         self._frames = sorted(seen.step for seen in observations)
         self._row = {frame: row for row, frame in enumerate(self._frames)}
-        self._matcher, self._odometry_gate, self._loop_closures = matcher, odometry_gate, loop_closures
+        self._matcher = matcher
+        self._odometry_gate = odometry_gate
+        self._loop_closures = loop_closures
         self._thresholds = thresholds
         self._asked: dict[FrameId, set[FrameId]] = {}
 

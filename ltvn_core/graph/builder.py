@@ -15,6 +15,8 @@ from ltvn_core.graph.bridges import Bridge, BridgeSearch
 from ltvn_core.graph.connectivity import strongly_connected_components
 from ltvn_core.graph.deltas import Cause, EdgeAdded, FramesReserved, GraphDelta, NodeAdded
 from ltvn_core.graph.drive_closures import with_closed_loops
+from ltvn_core.graph.floor_edges import floor_edges
+from ltvn_core.graph.free_floor import FreeFloor
 from ltvn_core.graph.goal_ties import GoalTies
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.loop_closures import LoopClosureVerifier
@@ -23,7 +25,7 @@ from ltvn_core.graph.odometry_gate import OdometryGate
 from ltvn_core.graph.operators import OperatorThresholds, connectable, mergeable, node_from_observation, node_with_edges
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.graph.trajectory import usable_trajectory
-from ltvn_core.graph.turning_edges import turning_edges
+from ltvn_core.graph.wheel_slips import without_slips
 from ltvn_core.types import FrameId, NodeId, Observation, Predictor
 
 _MERGE_CANDIDATES = 3
@@ -55,9 +57,13 @@ def build(
     """
     observations = usable_trajectory(observations, predictor, goals)
     keyframes.add(observations)
+    if method.matching.mend_slips:
+        observations = list(without_slips(observations, predictor.camera, keyframes.odometry_starts))
+        keyframes.correct(observations)
     matcher = Matcher(predictor, keyframes, method.matching)
     loop_closures = LoopClosureVerifier(matcher)
-    count, tell = len(observations), progress or _no_progress
+    count = len(observations)
+    tell = progress or _no_progress
     observations, odometry_gate = with_closed_loops(
         observations, matcher, loop_closures, method, lambda share: tell(round(_CLOSING_SHARE * share * count), count)
     )
@@ -69,9 +75,10 @@ def build(
         run.tie_goals()
     keyframes.keep_only([*run.nodes, *run.reserve])
     deltas = run.finish()
-    if not method.building.turning_edges:
+    if not method.building.floor_edges:
         return deltas
-    return (*deltas, *turning_edges(TopologicalGraph(deltas), odometry_gate, method))
+    floor = FreeFloor([keyframes.observation(node) for node in run.nodes], predictor.camera, odometry_gate)
+    return (*deltas, *floor_edges(TopologicalGraph(deltas), odometry_gate, floor, method))
 
 
 def _no_progress(done: int, total: int) -> None:
@@ -102,7 +109,8 @@ class _BuildRun:
         goals: Collection[FrameId],
     ) -> None:
         self._observations = observations
-        self._matcher, self._loop_closures = matcher, loop_closures
+        self._matcher = matcher
+        self._loop_closures = loop_closures
         self._odometry_gate = odometry_gate
         self._method = method
         self._thresholds = OperatorThresholds.building(method.building)
@@ -256,7 +264,8 @@ class _BuildRun:
     def _cross(self, bridge: Bridge, cause: Cause = Cause.BUILD) -> None:
         """Make a left-over image a node, and the one that it hangs on as well if that merged."""
         (other,) = bridge.matches.nodes
-        keyframes, config = self._matcher.keyframes, self._method.believing
+        keyframes = self._matcher.keyframes
+        config = self._method.believing
         if other in self._merged:
             merging = self._merged.pop(other)
             self._enter(node_with_edges(keyframes.observation(other), merging, config, cause))

@@ -3,6 +3,7 @@
 Owns these two views of a graph. The cheapest path between two nodes is `graph.planner`.
 """
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -10,7 +11,7 @@ import rustworkx
 from scipy.sparse import csr_array
 
 from ltvn_core.graph.planner import EdgeWeight
-from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.types import NodeId
 
 _LEAST_COST = 1e-9
@@ -35,14 +36,22 @@ def cost_matrix(graph: TopologicalGraph, weight: EdgeWeight) -> CostMatrix:
     return CostMatrix(nodes, csr_array((costs, (ends[:, 0], ends[:, 1])), (len(nodes), len(nodes))))
 
 
+def mirrored(
+    graph: TopologicalGraph, edges: Iterable[EdgeKey]
+) -> "tuple[rustworkx.PyDiGraph[NodeId, None], dict[NodeId, int]]":
+    """Return all nodes of a map and some of its edges as a graph of rustworkx, and the index of each node in it."""
+    mirror: rustworkx.PyDiGraph[NodeId, None] = rustworkx.PyDiGraph(multigraph=False)
+    index = dict(zip(graph.nodes, mirror.add_nodes_from(list(graph.nodes)), strict=True))
+    mirror.add_edges_from_no_data([(index[source], index[target]) for source, target in edges])
+    return mirror, index
+
+
 def strongly_connected_components(graph: TopologicalGraph) -> tuple[tuple[NodeId, ...], ...]:
     """Return the strongly connected components of a map, the largest first, the nodes of each in order.
 
     Within one, a path leads from every node to every other. Linear in nodes and edges.
     """
-    mirror: rustworkx.PyDiGraph[NodeId, None] = rustworkx.PyDiGraph(multigraph=False)
-    index = dict(zip(graph.nodes, mirror.add_nodes_from(list(graph.nodes)), strict=True))
-    mirror.add_edges_from_no_data([(index[source], index[target]) for source, target in graph.edges])
+    mirror, _ = mirrored(graph, graph.edges)
     parts = [tuple(sorted(mirror[k] for k in part)) for part in rustworkx.strongly_connected_components(mirror)]
     return tuple(sorted(parts, key=lambda part: (-len(part), part)))
 

@@ -6,6 +6,8 @@ that the others contradict are perceptual aliases (`graph.pose_graph`), and by t
 decimetres everywhere. Owns which images are asked about, and the correction of their odometry (ours).
 """
 
+import logging
+from bisect import bisect_left
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -17,11 +19,45 @@ from ltvn_core.config import BuildingConfig, Method
 from ltvn_core.geometry import compose, distance, relative
 from ltvn_core.graph.drive_links import DriveLinkSearch, surest_links
 from ltvn_core.graph.loop_closures import LoopClosureVerifier
-from ltvn_core.graph.matching import Matcher
-from ltvn_core.graph.odometry_gate import DriveLink, OdometryGate
+from ltvn_core.graph.matching import Matcher, Matches
+from ltvn_core.graph.odometry_gate import PAUSE_S, DriveLink, OdometryGate
 from ltvn_core.graph.pose_graph import RelativePoses, optimise
-from ltvn_core.graph.resumed_odometry import separate_contradicted_drives
 from ltvn_core.types import FrameId, Observation
+
+log = logging.getLogger(__name__)
+
+
+def separate_contradicted_drives(
+    observations: Sequence[Observation], matcher: Matcher, loop_closures: LoopClosureVerifier, config: BuildingConfig
+) -> None:
+    """Let odometry begin anew, in the matcher's keyframes, at drives whose images say that it does.
+
+    Costs a few thousand comparisons for each drive that goes on after a pause of more than `PAUSE_S`.
+    """
+    ordered = sorted(observations, key=lambda seen: seen.step)
+    keyframes = matcher.keyframes
+    frames = [seen.step for seen in ordered]
+    for first in keyframes.resumed_starts:
+        row = bisect_left(frames, first)
+        if not 0 < row < len(frames) or ordered[row].stamp - ordered[row - 1].stamp <= PAUSE_S:
+            continue
+        own = [seen for seen in ordered if keyframes.drive_of(seen.step) == keyframes.drive_of(first)]
+        before = [seen for seen in ordered if keyframes.drive_of(seen.step) == keyframes.drive_of(first) - 1]
+        links = DriveLinkSearch([*before, *own], [first], matcher, loop_closures, config).links()
+        if _contradict(links, OdometryGate([*before, *own], config)):
+            log.warning("Images contradict that odometry goes on at image %d; only images join that drive.", first)
+            keyframes.restart_odometry(first)
+
+
+def _contradict(links: Sequence[DriveLink], gate: OdometryGate) -> bool:
+    """Tell whether odometry allows fewer than half of the links."""
+    allowed = [_is_allowed(link, gate) for link in links]
+    return bool(links) and 2 * sum(allowed) < len(links)
+
+
+def _is_allowed(link: DriveLink, gate: OdometryGate) -> bool:
+    return bool(gate.plausible(link.frame, Matches.of_one(link.other, 1.0, link.waypoint)).all())
+
 
 _KEY_GAP = 0.5
 """Images of a drive nearer than this d are asked about once."""
@@ -31,6 +67,8 @@ _BATCH = 200
 """After so many images what was found is put to use."""
 _CLOSURE_DEVIATIONS = (0.12, 0.12, 0.1)
 """Standard deviations of the network's waypoint over an edge, in m, m and rad."""
+_SAME_STRETCH_M, _MOST_IN_STRETCH = 2.0, 3.0
+"""Closures found within so much of a drive count as so many at most."""
 _LEAST_DEVIATIONS = (0.01, 0.01, 0.005)
 _DRIFT_M_PER_M, _DRIFT_RAD_PER_M, _DRIFT_PER_RAD = 0.03, 0.02, 0.01
 """Standard deviations of odometry: of the way and the heading per metre driven, and of the angle turned."""
@@ -47,10 +85,12 @@ def with_closed_loops(
 
     The images in the matcher's keyframes are corrected, too. `progress` is called with the share that is done.
     """
-    config, keyframes = method.building, matcher.keyframes
+    config = method.building
+    keyframes = matcher.keyframes
     if config.odometry_drift:
         separate_contradicted_drives(observations, matcher, loop_closures, config)
-    starts, resumed = keyframes.odometry_starts, keyframes.resumed_starts
+    starts = keyframes.odometry_starts
+    resumed = keyframes.resumed_starts
     gate = OdometryGate(observations, config, drive_starts=starts, resumed=resumed)
     if not config.odometry_drift:
         return observations, gate
@@ -88,7 +128,8 @@ class ClosureSearch:
 
     def closed(self) -> ClosedDrives:
         """Return the images with corrected odometry; where odometry breaks off, each stretch is corrected by itself."""
-        corrected, closures = dict[FrameId, Observation](), list[DriveLink]()
+        corrected = dict[FrameId, Observation]()
+        closures = list[DriveLink]()
         for stretch in self._stretches():
             seen, agreed = self._closed_stretch(stretch)
             corrected |= {each.step: each for each in seen}
@@ -109,8 +150,11 @@ class ClosureSearch:
         """Correct a stretch as it goes on, so that what comes later is compared with what is near alone."""
         odometry = np.array([seen.odometry for seen in stretch])
         rows = _key_rows(odometry)
-        keys, driven_m = [stretch[row].step for row in rows], _driven_m(odometry)[rows]
-        closed, gate, found = ClosedDrives(stretch, ()), self.gate, list[DriveLink]()
+        keys = [stretch[row].step for row in rows]
+        driven_m = _driven_m(odometry)[rows]
+        closed = ClosedDrives(stretch, ())
+        gate = self.gate
+        found = list[DriveLink]()
         for first in range(0, len(keys), _BATCH):
             fresh = [
                 link
@@ -148,11 +192,21 @@ def _corrected(
         second=np.array([place[link.other] for link in found]),
         poses=np.array([link.waypoint for link in found]),
         deviations=np.tile(_CLOSURE_DEVIATIONS, (len(found), 1)),
+        shares=_shares(_driven_m(odometry)[rows][[place[link.frame] for link in found]]),
     )
     result = optimise(odometry[rows], _odometry_between(odometry[rows]), closures)
     moved = _carried(odometry, rows, result.poses)
     observations = [replace(seen, odometry=pose) for seen, pose in zip(stretch, moved, strict=True)]
     return ClosedDrives(observations, tuple(link for link, kept in zip(found, result.kept, strict=True) if kept))
+
+
+def _shares(driven_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return what each of K closures counts, found so far along the drive (K,).
+
+    Where one image mistakes a place for another, so do those just before and after it: together they count as a few.
+    """
+    near = np.abs(driven_m[:, None] - driven_m) < _SAME_STRETCH_M
+    return np.minimum(1.0, _MOST_IN_STRETCH / near.sum(axis=1))
 
 
 def _key_rows(odometry: NDArray[np.float64]) -> NDArray[np.intp]:
@@ -171,7 +225,8 @@ def _driven_m(odometry: NDArray[np.float64]) -> NDArray[np.float64]:
 def _odometry_between(poses: NDArray[np.float64]) -> RelativePoses:
     """Return what odometry measured between poses in a row (N, 3)."""
     steps = relative(poses[:-1], poses[1:])
-    driven, turned = np.hypot(steps[:, 0], steps[:, 1]), np.abs(steps[:, 2])
+    driven = np.hypot(steps[:, 0], steps[:, 1])
+    turned = np.abs(steps[:, 2])
     drift = np.stack(
         [_DRIFT_M_PER_M * driven, _DRIFT_M_PER_M * driven, _DRIFT_RAD_PER_M * driven + _DRIFT_PER_RAD * turned], axis=1
     )

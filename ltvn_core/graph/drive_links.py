@@ -49,11 +49,13 @@ class DriveLinkSearch:
         return tuple(link for pair in combinations(drives.values(), 2) for link in self._between(*pair))
 
     def _between(self, earlier: Sequence[Observation], later: Sequence[Observation]) -> list[DriveLink]:
-        met, asked = _spread(earlier, _MOST_MET), _spread(later, _MOST_ASKED)
+        met = _spread(earlier, _MOST_MET)
+        asked = _spread(later, _MOST_ASKED)
         search = self.matcher, self.loop_closures, self.config
         found = [link for frame in asked for link in surest_links(frame, met, *search)]
         rows = np.unique(np.linspace(0, len(found) - 1, min(len(found), _MOST_MATCHES)).astype(int)).tolist()
-        left, agreed = [found[row] for row in rows], list[DriveLink]()
+        left = [found[row] for row in rows]
+        agreed = list[DriveLink]()
         while left:
             supporters = [self._agreeing(link, left) for link in left]
             best = max(supporters, key=len)

@@ -39,7 +39,9 @@ class GoalTies:
         """Tie within the distance of `thresholds`, those of the last pass."""
         self._frames = sorted(seen.step for seen in observations)
         self._row = {frame: row for row, frame in enumerate(self._frames)}
-        self._matcher, self._odometry_gate, self._thresholds = matcher, odometry_gate, thresholds
+        self._matcher = matcher
+        self._odometry_gate = odometry_gate
+        self._thresholds = thresholds
 
     def ties(self, goal: FrameId, placed: Collection[FrameId]) -> tuple[Bridge, ...]:
         """Return bridges that lead from the images `placed` in the map to a goal, in the order in which to cross them.
@@ -54,7 +56,8 @@ class GoalTies:
 
     def _chain(self, goal: FrameId, placed: Container[FrameId], step: int) -> tuple[Bridge, ...]:
         """Follow odometry from the goal on to the next placed image, by hops as long as an edge may be."""
-        bridges, here = list[Bridge](), goal
+        bridges = list[Bridge]()
+        here = goal
         while here not in placed and len(bridges) < _MAX_HOPS:
             hops = list(self._hops(here, step))
             hop = next((hop for hop in hops if hop.matches.nodes[0] in placed), hops[-1] if hops else None)

@@ -30,7 +30,8 @@ def most_similar_nodes(
     """
     if not nodes:
         return ()
-    descriptors, own = colour_descriptors(keyframes, nodes), _colour_descriptor(rgb)
+    descriptors = colour_descriptors(keyframes, nodes)
+    own = _colour_descriptor(rgb)
     # Of an image of one colour nothing is left but that, and another of one colour is as much like it as any can be.
     likeness: NDArray[np.float64] = np.where(descriptors.any(axis=1), 0.0, 1.0)
     if own.any():
@@ -49,7 +50,8 @@ def colour_descriptors(keyframes: KeyframeStore, nodes: Sequence[NodeId]) -> NDA
 def _colour_descriptor(rgb: Rgb) -> NDArray[np.float64]:
     """Return a unit vector of the image's coarse colours, without its brightness and contrast."""
     rows, columns = _GRID
-    high, wide = rgb.shape[0] // rows, rgb.shape[1] // columns
+    high = rgb.shape[0] // rows
+    wide = rgb.shape[1] // columns
     blocks = rgb[: rows * high, : columns * wide].reshape(rows, high, columns, wide, 3).astype(np.float64)
     coarse = blocks.mean(axis=(1, 3))
     centred = (coarse - coarse.mean(axis=(0, 1))).ravel()

@@ -64,7 +64,7 @@ class KeyframeStore:
 
         Args:
             frames: First frames of drives.
-            resumed: Those of them at which odometry goes on from the drive before, which `drives.continued_drives`
+            resumed: Those of them at which odometry goes on from the drive before, which `maps.joined_drives`
                 decides.
         """
         self._drive_starts = sorted({*self._drive_starts, *frames})

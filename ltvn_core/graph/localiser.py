@@ -18,7 +18,8 @@ from ltvn_core.graph.place_belief import BelievedPlace, is_where_expected
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.types import Features, FrameId, NodeId, Waypoint
 
-LOCAL, GLOBAL = "local", "global"
+LOCAL = "local"
+GLOBAL = "global"
 _MIN_REACHABILITY = 1e-6
 _MIN_OBSERVATIONS, _MIN_OBSERVATIONS_TO_BLAME = 3, 5
 """So many observations must bear on a place before it is passed over, and before an edge that led there is blamed."""
@@ -201,7 +202,8 @@ def best_localisation(
     if not len(matches):
         return Localisation(None, np.inf, 0.0, np.zeros(3), None, np.inf, scope)
     order = np.lexsort((scores, ~passing))
-    best, second = order[0], order[1] if len(order) > 1 else None
+    best = order[0]
+    second = order[1] if len(order) > 1 else None
     # Where no match has a waypoint both scores are infinite, and nothing is ahead of anything.
     margin = np.inf if second is None or np.isinf(scores[best]) else float(scores[second] - scores[best])
     return Localisation(

@@ -53,7 +53,8 @@ class LoopClosureVerifier:
 
     def __init__(self, matcher: Matcher) -> None:
         """Ask through `matcher`, whose views hold the drives."""
-        self._matcher, self._keyframes = matcher, matcher.keyframes
+        self._matcher = matcher
+        self._keyframes = matcher.keyframes
         self._edges = AgreementCriterion(matcher.config.closure_reach, matcher.config.closure_share, min_pairs=3)
 
     def connections(self, frame: FrameId, matches: Matches, thresholds: OperatorThresholds) -> Matches:
@@ -78,7 +79,8 @@ class LoopClosureVerifier:
         reach = self._edges.reach
         if not reach or not asked.any():
             return matches
-        trusted, here = matches.reachability.copy(), None
+        trusted = matches.reachability.copy()
+        here = None
         near = set(self._keyframes.temporal_window(frame, reach))
         for k in np.flatnonzero(asked):
             if matches.nodes[k] not in near:
@@ -135,9 +137,12 @@ def _tilt_distances(here: ObservationSequence, there: ObservationSequence) -> ND
 
 def _disjoint_pairs(first: NDArray[np.intp], second: NDArray[np.intp], order: NDArray[np.intp]) -> NDArray[np.intp]:
     """Return the first few pairs in order in which no image takes part twice."""
-    chosen, used_first, used_second = list[int](), set[int](), set[int]()
+    chosen = list[int]()
+    used_first = set[int]()
+    used_second = set[int]()
     for k in order.tolist():
-        a, b = int(first[k]), int(second[k])
+        a = int(first[k])
+        b = int(second[k])
         if a not in used_first and b not in used_second and len(chosen) < _PAIRS:
             chosen.append(k)
             used_first.add(a)

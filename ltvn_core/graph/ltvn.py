@@ -1,24 +1,274 @@
 """The paper's own system: Algorithm 1, Dijkstra on d, the first node of the path, and lifelong maintenance.
 
-Owns how these parts are put together; each lives in its own module.
+Owns how these parts are put together, growing the map while somebody drives (the operators of Algorithm 1, one image
+at a time), and expanding it where no path exists (a search through the reserve T'). Building is `graph.builder`,
+planning `graph.planner`, and what driving teaches an edge `graph.maintenance`.
 """
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import assert_never
 
 import numpy as np
 
 from ltvn_core.config import LocalisingConfig, Method
 from ltvn_core.graph.builder import build
-from ltvn_core.graph.expansion import expand
+from ltvn_core.graph.deltas import (
+    BeliefUpdated,
+    Cause,
+    DriveBegun,
+    EdgeAdded,
+    EdgeProtected,
+    EdgePruned,
+    FramesReleased,
+    FramesReserved,
+    GraphDelta,
+    NodeAdded,
+    NodeDropped,
+    NodeNamed,
+    PresenceObserved,
+    ViewAdded,
+    ViewDropped,
+    ViewUsed,
+)
+from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.localiser import Localisation, LocalisationPrior, Localiser
+from ltvn_core.graph.loop_closures import LoopClosureVerifier
 from ltvn_core.graph.maintenance import AttemptEvidence, UnrecognisedObservation, novel_node, update_edge
-from ltvn_core.graph.matching import Matcher
+from ltvn_core.graph.matching import Matcher, Matches
 from ltvn_core.graph.navigation_system import Deltas, NavigationSystem, NoMaintenance, choose_first_node
-from ltvn_core.graph.online_builder import OnlineBuilder
-from ltvn_core.graph.planner import edge_cost
+from ltvn_core.graph.operators import OperatorThresholds, connectable, mergeable, node_from_observation, node_with_edges
+from ltvn_core.graph.planner import GraphPath, Planner, edge_cost
 from ltvn_core.graph.topological_graph import TopologicalGraph
-from ltvn_core.types import Features, NodeId
+from ltvn_core.types import Features, FrameId, NodeId, Observation, Predictor, is_usable
+
+MAX_RETRIES_PER_NODE = 4
+"""Images kept for later that are tried again with each new node."""
+BRIDGES_TRIED = 12
+"""An image without a neighbour is compared with so many images that merged last: it may hang on one of them."""
+
+
+class OnlineBuilder:
+    """Merges, connects or keeps each image; apply the deltas of one image before offering the next."""
+
+    def __init__(
+        self,
+        graph: TopologicalGraph,
+        keyframes: KeyframeStore,
+        predictor: Predictor,
+        method: Method,
+        *,
+        reserve_limit: int = 2000,
+    ) -> None:
+        """Grow `graph`; the reserve never holds more than `reserve_limit` images."""
+        self._graph = graph
+        self._keyframes = keyframes
+        self._predictor = predictor
+        self._matcher = Matcher(predictor, keyframes, method.matching)
+        self._loop_closures = LoopClosureVerifier(self._matcher)
+        self._method = method
+        self._thresholds = OperatorThresholds.building(method.building)
+        self._reserve_limit = reserve_limit
+        self._pending: dict[FrameId, None] = {}
+        self._merged: dict[FrameId, Matches] = {}
+        """The images that merged last, each with the node that it adds nothing to."""
+
+    def offer(self, observation: Observation) -> tuple[GraphDelta, ...]:
+        """Return what an image changes: a node with its edges, or its place in the reserve, or nothing.
+
+        An image whose frame is known already changes nothing, nor one without the depth that the predictor needs.
+        Images that had no neighbour before are tried again when a node comes in.
+        """
+        frame = observation.step
+        if frame in self._keyframes or frame in self._graph.nodes or not is_usable(observation, self._predictor):
+            return ()
+        self._keyframes.add([observation])
+        if not self._graph.nodes:
+            return (NodeAdded(node_from_observation(observation), Cause.ONLINE),)
+        deltas = self._place(frame)
+        if deltas:
+            return (*deltas, *self._try_pending(frame))
+        return tuple(self._keep(frame))
+
+    def _place(self, frame: FrameId) -> list[GraphDelta]:
+        """Return the deltas of connecting a frame, none if it merges or finds no neighbour."""
+        found = self._matcher.match(self._keyframes.features([frame]), tuple(self._graph.nodes))
+        likely = mergeable(found, self._thresholds) | connectable(found, self._thresholds)
+        found = self._matcher.with_mutual_support(found.take(likely), frame)
+        merging = found.take(mergeable(found, self._thresholds))
+        if len(merging):
+            self._remember_merged(frame, merging.take(np.array([merging.distances.argmin()])))
+            return []
+        chosen = self._loop_closures.verified(frame, found, connectable(found, self._thresholds))
+        chosen = chosen.take(connectable(chosen, self._thresholds))
+        if not len(chosen):
+            return self._bridged(frame)
+        return node_with_edges(self._keyframes.observation(frame), chosen, self._method.believing, Cause.ONLINE)
+
+    def _remember_merged(self, frame: FrameId, merging: Matches) -> None:
+        self._merged[frame] = merging
+        if len(self._merged) > BRIDGES_TRIED:
+            del self._merged[next(iter(self._merged))]
+
+    def _bridged(self, frame: FrameId) -> list[GraphDelta]:
+        """Return the deltas that join a frame by way of a merged image, see `graph.bridges`; without any it waits."""
+        graph = self._graph
+        config = self._method
+        known = [other for other, merging in self._merged.items() if merging.nodes[0] in graph.nodes]
+        known = [other for other in known if other in graph.reserve and config.building.bridges]
+        found = self._matcher.match(self._keyframes.features([frame]), known)
+        chosen = self._loop_closures.connections(frame, found, self._thresholds)
+        if not len(chosen):
+            self._pending[frame] = None
+            return []
+        chosen = chosen.take(np.array([chosen.reachability.argmax()]))
+        (other,) = chosen.nodes
+        return [
+            FramesReleased((other,), Cause.ONLINE),
+            *node_with_edges(
+                self._keyframes.observation(other), self._merged.pop(other), config.believing, Cause.ONLINE
+            ),
+            *node_with_edges(self._keyframes.observation(frame), chosen, config.believing, Cause.ONLINE),
+        ]
+
+    def _try_pending(self, fresh: FrameId) -> Iterator[GraphDelta]:
+        """Tie the latest left-over images to the node that just came in, where they fit."""
+        for frame in [*reversed(self._pending)][:MAX_RETRIES_PER_NODE]:
+            if frame not in self._graph.reserve:  # Something else made a node of it, or let it go.
+                del self._pending[frame]
+                continue
+            found = self._matcher.match(self._keyframes.features([frame]), (fresh,))
+            chosen = self._loop_closures.connections(frame, found, self._thresholds)
+            if len(chosen):
+                del self._pending[frame]
+                yield FramesReleased((frame,), Cause.ONLINE)
+                seen = self._keyframes.observation(frame)
+                yield from node_with_edges(seen, chosen, self._method.believing, Cause.ONLINE)
+
+    def _keep(self, frame: FrameId) -> Iterator[GraphDelta]:
+        """Put an image in the reserve, letting the oldest go when that is full; merged ones only if they are kept."""
+        if frame not in self._pending and not self._method.building.keep_merged:
+            self._keyframes.drop([frame])
+            return
+        reserve = self._graph.reserve
+        if reserve and len(reserve) >= self._reserve_limit:
+            oldest = next(iter(reserve))
+            self._pending.pop(oldest, None)
+            self._keyframes.drop([oldest])
+            yield FramesReleased((oldest,), Cause.ONLINE)
+        yield FramesReserved((frame,), Cause.ONLINE)
+
+
+def expand(
+    graph: TopologicalGraph,
+    source: NodeId,
+    goal: NodeId,
+    matcher: Matcher,
+    method: Method,
+    rng: np.random.Generator,
+) -> tuple[GraphDelta, ...]:
+    """Return the deltas that join `source` to `goal` through images of the reserve; none if that fails."""
+    if not graph.reserve or source not in graph.nodes or goal not in graph.nodes:
+        return ()
+    trial = graph.copy()
+    planner = Planner(trial, method.planning)
+    added: list[tuple[GraphDelta, ...]] = []
+    for frame in _candidates(graph, source, goal, method, rng):
+        deltas = _connecting_deltas(trial, frame, matcher, method)
+        for delta in deltas:
+            trial.apply(delta)
+        added += [deltas] if deltas else []
+        path = planner.plan(source, goal) if deltas else GraphPath((), np.inf)
+        if path.nodes:
+            return _restricted_to_path(path, added, graph)
+    return ()
+
+
+def reachable_nodes(graph: TopologicalGraph, start: NodeId, *, backwards: bool = False) -> set[NodeId]:
+    """Return all nodes that can be reached from `start`, or that can reach it; it is one of them."""
+    step = graph.predecessors if backwards else graph.successors
+    seen = {start}
+    frontier = [start]
+    while frontier:
+        fresh = set(step(frontier.pop())) - seen
+        seen |= fresh
+        frontier.extend(fresh)
+    return seen
+
+
+def _candidates(
+    graph: TopologicalGraph, source: NodeId, goal: NodeId, method: Method, rng: np.random.Generator
+) -> list[FrameId]:
+    """Order the reserve: at random, or those first that lie in time between what is reached and what is not."""
+    frames = np.array(sorted(graph.reserve))
+    limit = method.expanding.sample_limit
+    if not limit:
+        return [int(frame) for frame in rng.permutation(frames)]
+    gap = _steps_to_nearest_node(frames, reachable_nodes(graph, source)) + _steps_to_nearest_node(
+        frames, reachable_nodes(graph, goal, backwards=True)
+    )
+    return [int(frame) for frame in frames[np.argsort(gap, kind="stable")[:limit]]]
+
+
+def _steps_to_nearest_node(frames: np.ndarray, nodes: set[NodeId]) -> np.ndarray:
+    """Return (N,) steps from each frame to the node nearest in time."""
+    ordered = np.array(sorted(nodes))
+    after = np.searchsorted(ordered, frames)
+    before = ordered[np.maximum(after - 1, 0)]
+    return np.minimum(np.abs(frames - before), np.abs(frames - ordered[np.minimum(after, len(ordered) - 1)]))
+
+
+def _connecting_deltas(
+    trial: TopologicalGraph, frame: FrameId, matcher: Matcher, method: Method
+) -> tuple[GraphDelta, ...]:
+    """Return the deltas that make a frame a node of the trial map, none if it adds nothing or is not trusted."""
+    nodes = _near_in_time(trial, frame, method.expanding.neighbour_limit)
+    matches = matcher.match(matcher.keyframes.features([frame]), nodes)
+    chosen = _connected(matches, frame, matcher, method)
+    if not len(chosen):
+        return ()
+    seen = matcher.keyframes.observation(frame)
+    released = FramesReleased((frame,), Cause.EXPAND)
+    return released, *node_with_edges(seen, chosen, method.believing, Cause.EXPAND)
+
+
+def _near_in_time(trial: TopologicalGraph, frame: FrameId, limit: int) -> Sequence[NodeId]:
+    nodes = sorted(trial.nodes, key=lambda node: abs(node - frame))
+    return nodes[:limit] if limit else nodes
+
+
+def _connected(matches: Matches, frame: FrameId, matcher: Matcher, method: Method) -> Matches:
+    thresholds = OperatorThresholds.building(method.building).for_novel_nodes(method.expanding)
+    if not method.expanding.strict:
+        merges = mergeable(matches, thresholds).any()
+        return matches.take(connectable(matches, thresholds) & ~merges)
+    # Merged images are welcome here: they are in the reserve because they look like a node, and so bridge gaps.
+    chosen = LoopClosureVerifier(matcher).connections(frame, matches, thresholds)
+    return chosen if len(chosen) >= 2 else chosen.take(np.zeros(len(chosen), bool))
+
+
+def _restricted_to_path(
+    path: GraphPath, added: Sequence[tuple[GraphDelta, ...]], graph: TopologicalGraph
+) -> tuple[GraphDelta, ...]:
+    """Keep new nodes on the path, and their edges to nodes that stay."""
+    staying = set(path.nodes) | set(graph.nodes)
+    return tuple(delta for deltas in added for delta in deltas if _is_kept(delta, staying))
+
+
+def _is_kept(delta: GraphDelta, staying: set[NodeId]) -> bool:
+    match delta:
+        case FramesReleased():
+            return delta.frames[0] in staying
+        case NodeAdded():
+            return delta.node.id in staying
+        case EdgeAdded():
+            return {delta.edge.source, delta.edge.target} <= staying
+        case NodeDropped() | BeliefUpdated() | EdgePruned() | EdgeProtected() | NodeNamed() | FramesReserved():
+            return True
+        case PresenceObserved() | ViewAdded() | ViewUsed() | ViewDropped() | DriveBegun():
+            return True
+    assert_never(delta)
 
 
 def ltvn_system(method: Method) -> NavigationSystem:

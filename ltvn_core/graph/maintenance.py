@@ -1,7 +1,7 @@
 """What driving does to the map, as pure functions (graph, evidence) -> deltas.
 
 Owns the updates after an attempt, pruning, and novel nodes. Does not judge an attempt (`navigation.judgement`) nor
-search for new paths (`graph.expansion`).
+search for new paths (`graph.ltvn`).
 """
 
 from dataclasses import dataclass, replace
@@ -67,7 +67,8 @@ def update_edge(graph: TopologicalGraph, attempt: AttemptEvidence, config: Belie
         return ()
     weight = config.hindered_weight if attempt.hindered and not attempt.succeeded else 1.0
     belief = update_belief(edge.belief, attempt.distance, config, succeeded=attempt.succeeded, weight=weight)
-    attempts, successes = edge.attempts + 1, edge.successes + attempt.succeeded
+    attempts = edge.attempts + 1
+    successes = edge.successes + attempt.succeeded
     updated = BeliefUpdated(edge.source, edge.target, belief, attempts, successes, Cause.ATTEMPT)
     least_p = config.hindered_prune_below if attempt.hindered else config.prune_below
     after = replace(edge, belief=belief, attempts=attempts, successes=successes)
@@ -91,10 +92,8 @@ def novel_node(
     D_c is looser and D_m smaller than in building. What must not be where the robot is, after all that it saw on its
     way, is not tied to it either.
     """
-    thresholds, observation = (
-        OperatorThresholds.building(method.building).for_novel_nodes(method.expanding),
-        unrecognised.observation,
-    )
+    thresholds = OperatorThresholds.building(method.building).for_novel_nodes(method.expanding)
+    observation = unrecognised.observation
     if observation.step in graph.nodes or observation.step in graph.reserve:
         return ()
     matches = matcher.match(unrecognised.features, tuple(graph.nodes))

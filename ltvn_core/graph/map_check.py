@@ -204,7 +204,8 @@ def _key_points(drive: MappedDrive) -> Iterator[Finding]:
 
 def _view(drive: MappedDrive) -> Iterator[Finding]:
     """Ask how much of what the predictor expects to see the camera showed at all."""
-    camera, target = drive.camera, drive.predictor.camera
+    camera = drive.camera
+    target = drive.predictor.camera
     if camera is None or have_same_rays(camera, target):
         return
     tilts = [seen.tilt for seen in drive.observations if seen.tilt is not None]
@@ -225,7 +226,8 @@ def _places(drive: MappedDrive) -> Iterator[Finding]:
     """Ask whether the drive shows more than one place."""
     poses = np.array([seen.odometry for seen in drive.observations])
     way = relative(poses[0], poses)
-    moved_m, turned_rad = np.hypot(way[:, 0], way[:, 1]).max(), np.abs(way[:, 2]).max()
+    moved_m = np.hypot(way[:, 0], way[:, 1]).max()
+    turned_rad = np.abs(way[:, 2]).max()
     if _has_odometry(drive) and moved_m < NO_WAY_M and turned_rad < NO_TURN_RAD:
         yield _cause(
             f"by its odometry the robot stayed within {NO_WAY_M} m and hardly turned.",
@@ -330,7 +332,8 @@ def _recognised_one_way(drive: MappedDrive, lost: Sequence[FrameId]) -> tuple[in
         return 0, 0
     after = np.searchsorted(nodes, asked)
     beside = nodes[np.clip([after - 1, after], 0, len(nodes) - 1)].ravel().tolist()
-    images, targets = drive.keyframes.features([*asked, *asked]), drive.keyframes.features(beside)
+    images = drive.keyframes.features([*asked, *asked])
+    targets = drive.keyframes.features(beside)
     there = drive.predictor.predict(images, targets).reachability.reshape(2, -1) > RECOGNISED
     back = drive.predictor.predict(targets, images).reachability.reshape(2, -1) > RECOGNISED
     return int(((there | back).any(axis=0) & ~(there & back).any(axis=0)).sum()), len(asked)
@@ -340,7 +343,8 @@ def _far_apart(drive: MappedDrive) -> float:
     """Return the share of the images in a row that by odometry can hardly overlap."""
     poses = np.array([seen.odometry for seen in drive.observations])
     steps = relative(poses[:-1], poses[1:])
-    moved_m, turned_rad = np.hypot(steps[:, 0], steps[:, 1]), np.abs(steps[:, 2])
+    moved_m = np.hypot(steps[:, 0], steps[:, 1])
+    turned_rad = np.abs(steps[:, 2])
     camera = drive.camera or drive.predictor.camera
     return float(((moved_m > 1.0) | (turned_rad > camera.horizontal_fov_rad / 2)).mean())
 
@@ -358,5 +362,6 @@ def _recognised_in_a_row(drive: MappedDrive) -> NDArray[np.bool_] | None:
     places = evenly(range(len(frames) - 1), PAIRS)
     first = drive.keyframes.features([frames[place] for place in places])
     second = drive.keyframes.features([frames[place + 1] for place in places])
-    there, back = drive.predictor.predict(first, second), drive.predictor.predict(second, first)
+    there = drive.predictor.predict(first, second)
+    back = drive.predictor.predict(second, first)
     return np.maximum(there.reachability, back.reachability) > RECOGNISED

@@ -14,7 +14,7 @@ import numpy as np
 import rustworkx
 
 from ltvn_core.findings import Finding
-from ltvn_core.graph.connectivity import strongly_connected_components
+from ltvn_core.graph.connectivity import mirrored, strongly_connected_components
 from ltvn_core.graph.deltas import Edge
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.localiser import NO_PRIOR, Localiser
@@ -91,7 +91,8 @@ def _known(
     observations: Sequence[Observation], answers: Mapping[FrameId, bool], in_reserve: set[FrameId], predictor: Predictor
 ) -> list[bool]:
     """Tell for each image whether its place is known; one of the reserve that was not asked is where the last was."""
-    known, last = list[bool](), True
+    known = list[bool]()
+    last = True
     for seen in observations:
         if seen.step in in_reserve:
             last = answers.get(seen.step, last)
@@ -103,7 +104,8 @@ def _known(
 
 def _longest_gap(observations: Sequence[Observation], known: Sequence[bool], graph: TopologicalGraph) -> Stretch | None:
     """Return the longest part of one drive that is not known; between two drives lies no part of either."""
-    gaps, begun_s = list[Stretch](), dict[int, float]()
+    gaps = list[Stretch]()
+    begun_s = dict[int, float]()
     names = dict(enumerate(graph.drives.values(), 1)) if len(graph.drives) > 1 else {}
     drives = [graph.drive_of(seen.step) for seen in observations]
     for seen, drive in zip(observations, drives, strict=True):
@@ -206,9 +208,6 @@ def reached_from_most(
     graph: TopologicalGraph, goals: Sequence[FrameId], over: Callable[[Edge], bool] = lambda edge: True
 ) -> list[bool]:
     """Tell for each goal whether it is a node to which ways lead from half of the others, `over` such edges."""
-    mirror: rustworkx.PyDiGraph[NodeId, None] = rustworkx.PyDiGraph(multigraph=False)
-    index = dict(zip(graph.nodes, mirror.add_nodes_from(list(graph.nodes)), strict=True))
-    ends = (key for key, edge in graph.edges.items() if over(edge))
-    mirror.add_edges_from_no_data([(index[source], index[target]) for source, target in ends])
+    mirror, index = mirrored(graph, (key for key, edge in graph.edges.items() if over(edge)))
     enough = _MOST * (len(index) - 1)
     return [goal in index and len(rustworkx.ancestors(mirror, index[goal])) >= enough for goal in goals]

@@ -167,7 +167,8 @@ class Matcher:
             return Matches((), np.empty(0), np.empty((0, 3)), np.empty(0), np.empty(0, bool))
         targets = self._keyframes.features(nodes)
         forward, backward = self._answers(features, targets)
-        reachability, waypoints = np.array(forward.reachability), np.array(forward.waypoints)
+        reachability = np.array(forward.reachability)
+        waypoints = np.array(forward.waypoints)
         distances = np.where(_has_no_waypoint(reachability, waypoints), np.inf, distance(waypoints))
         found = Matches(tuple(nodes), reachability, waypoints, distances, np.ones(len(nodes), bool))
         return self._both_ways(features, targets, found, backward) if self._config.both_directions else found

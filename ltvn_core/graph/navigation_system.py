@@ -34,7 +34,7 @@ from ltvn_core.graph.maintenance import AttemptEvidence, UnrecognisedObservation
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.node_views import ViewConfig
 from ltvn_core.graph.planner import EdgeWeight
-from ltvn_core.graph.presence.edge_presence import EdgePresence
+from ltvn_core.graph.presence.edge_presence import ALWAYS_OPEN, AlwaysOpen, EdgePresence
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.types import Features, FrameId, NodeId, Observation, Predictor
 
@@ -158,9 +158,14 @@ class NavigationSystem:
     maintenance: MaintenanceStrategy
     online: OnlineStrategyFactory | None = None
     """Lets a map grow image by image; None where a system only builds whole maps."""
-    presence: EdgePresence | None = None
-    """Tells which edges may not be open now; None where every edge that exists is."""
+    presence: EdgePresence = ALWAYS_OPEN
+    """Tells which edges may not be open now."""
     follows_places: bool = False
     """It localises by the places that all images on the way speak for, and drives and judges by them."""
     views: ViewConfig | None = None
     """When nodes get views beside their own image; None where they have none, and those of the map are not used."""
+
+    @property
+    def follows_presence(self) -> bool:
+        """Whether the system tells an edge that is closed now from one that does not exist."""
+        return not isinstance(self.presence, AlwaysOpen)

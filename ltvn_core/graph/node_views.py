@@ -108,7 +108,8 @@ class NodeViews:
     def copy(self) -> Self:
         """Return an independent copy."""
         clone = type(self)()
-        clone._by_node, clone._owners = self._by_node.copy(), self._owners.copy()
+        clone._by_node = self._by_node.copy()
+        clone._owners = self._owners.copy()
         return clone
 
     def _require(self, node: NodeId, frame: FrameId) -> None:

@@ -3,7 +3,7 @@
 Owns the allowance. It is evidence against false edges between perceptual aliases, and saves comparing what cannot be
 near; it places a node only where images in a row show nothing in common (`graph.bridges`). Where odometry jumps, as
 after a restart, and between two drives it knows only what links say, unless one drive goes on in the odometry of the
-other (`drives.continued_drives`). It knows nothing where it stands still for the whole
+other (`maps.joined_drives`). It knows nothing where it stands still for the whole
 drive, which is how a drive without odometry is recorded.
 """
 
@@ -86,7 +86,8 @@ class OdometryGate:
         """Return the nodes that could be within D_c or D_m of a frame, all of them if odometry is not used."""
         if not nodes or not self._config.odometry_drift:
             return tuple(nodes)
-        here, there = self._row[frame], self._rows(nodes)
+        here = self._row[frame]
+        there = self._rows(nodes)
         driven, path_m = self._way(here, there)
         reach = max(self._config.connect_distance, self._config.merge_distance)
         near = np.hypot(driven[:, 0], driven[:, 1]) <= reach + self._allowance_m(path_m)
@@ -98,7 +99,8 @@ class OdometryGate:
         """Tell for each match (N,) whether odometry allows its waypoint."""
         if not len(matches) or not self._config.odometry_drift:
             return np.ones(len(matches), bool)
-        here, there = self._row[frame], self._rows(matches.nodes)
+        here = self._row[frame]
+        there = self._rows(matches.nodes)
         driven, path_m = self._way(here, there)
         gap_m = np.hypot(*(driven - matches.waypoints)[:, :2].T)
         gap_rad = np.abs(wrap_angle(driven[:, 2] - matches.waypoints[:, 2]))
@@ -109,7 +111,8 @@ class OdometryGate:
 
         None where odometry is not used, jumps between the two, or cannot know because there is a pause between them.
         """
-        here, there = self._row[frame], self._row[other]
+        here = self._row[frame]
+        there = self._row[other]
         between = slice(min(here, there), max(here, there))
         if not self._config.odometry_drift or self._segment[here] != self._segment[there]:
             return None
@@ -177,7 +180,8 @@ class _ShortestWays:
             return
         pairs = np.searchsorted(self._ends, np.array(closures))
         chain = np.arange(len(self._ends) - 1)
-        first, second = np.concatenate([chain, pairs[:, 0]]), np.concatenate([chain + 1, pairs[:, 1]])
+        first = np.concatenate([chain, pairs[:, 0]])
+        second = np.concatenate([chain + 1, pairs[:, 1]])
         lengths = np.concatenate([np.diff(path_m[self._ends]), np.zeros(len(pairs))])
         lengths = np.maximum(lengths, _STEP_M)  # A length of zero would be no way at all.
         self._steps = csr_array(coo_array((lengths, (first, second)), shape=(len(self._ends), len(self._ends))))

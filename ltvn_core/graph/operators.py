@@ -96,6 +96,7 @@ def bidirectional_edges(
     """
     for k, target in enumerate(matches.nodes):
         belief = initial_belief(matches.reachability[k], matches.distances[k], config)
-        ahead, back = pose_row(matches.waypoints[k]), pose_row(invert(matches.waypoints[k]))
+        ahead = pose_row(matches.waypoints[k])
+        back = pose_row(invert(matches.waypoints[k]))
         yield EdgeAdded(Edge(source, target, ahead, belief, by_odometry=by_odometry), cause)
         yield EdgeAdded(Edge(target, source, back, belief, by_odometry=by_odometry), cause)

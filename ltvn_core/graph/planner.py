@@ -101,7 +101,8 @@ class Planner:
                 self._set_cost(key, self._weight(self._graph.edges[key].belief))
 
     def _dijkstra(self, source: NodeId, goal: NodeId) -> GraphPath:
-        start, end = self._index[source], self._index[goal]
+        start = self._index[source]
+        end = self._index[goal]
         found = rustworkx.dijkstra_shortest_paths(self._mirror, start, end, weight_fn=float)
         if end not in found:
             return NO_PATH

@@ -19,7 +19,9 @@ from ltvn_core.types import Pose, Waypoint
 _TRUNCATED_ABOVE = 11.34
 """Squared error, in standard deviations, above which a closure is false: 99 % of the true ones are below."""
 _GROWTH = 1.4
-_MOST_ROUNDS, _STEPS_PER_ROUND, _LAST_STEPS = 60, 3, 10
+_MOST_ROUNDS = 60
+_STEPS_PER_ROUND = 3
+_LAST_STEPS = 10
 _CONVERGED = 1e-4
 
 
@@ -35,6 +37,8 @@ class RelativePoses:
     """(M, 3): the second, seen from the first."""
     deviations: NDArray[np.float64]
     """(M, 3): standard deviations in m, m and rad."""
+    shares: NDArray[np.float64] | float = 1.0
+    """(M,): what each counts, below 1 where several say the same because they saw the same."""
 
     def errors(self, poses: Pose) -> NDArray[np.float64]:
         """Return how far poses (N, 3) are off, (M, 3) in standard deviations."""
@@ -73,7 +77,8 @@ def optimise(poses: Pose, odometry: RelativePoses, closures: RelativePoses) -> O
 def _truncated_weights(squared: NDArray[np.float64], control: float) -> NDArray[np.float64]:
     """Return the weights (K,) of closures with these squared errors: 1 for the small ones, 0 for the large."""
     between = np.sqrt(_TRUNCATED_ABOVE * control * (control + 1) / np.maximum(squared, 1e-12)) - control
-    sure, lost = _TRUNCATED_ABOVE * control / (control + 1), _TRUNCATED_ABOVE * (control + 1) / control
+    sure = _TRUNCATED_ABOVE * control / (control + 1)
+    lost = _TRUNCATED_ABOVE * (control + 1) / control
     return np.where(squared <= sure, 1.0, np.where(squared >= lost, 0.0, between))
 
 
@@ -102,9 +107,14 @@ class _Linearised(NamedTuple):
 
 def _linearised(poses: Pose, measured: RelativePoses, weights: NDArray[np.float64]) -> _Linearised:
     """Return the weighted errors of M measurements and how they change with the poses (N, 3)."""
-    count, scale = len(measured.first), np.sqrt(weights)[:, None] / measured.deviations
-    here, there = poses[measured.first], poses[measured.second]
-    cos, sin, zero = np.cos(here[:, 2]), np.sin(here[:, 2]), np.zeros(count)
+    count = len(measured.first)
+    counting = np.sqrt(weights * measured.shares)[:, None]
+    scale = counting / measured.deviations
+    here = poses[measured.first]
+    there = poses[measured.second]
+    cos = np.cos(here[:, 2])
+    sin = np.sin(here[:, 2])
+    zero = np.zeros(count)
     dx, dy = (there - here)[:, :2].T
     by_first = np.array([[-cos, -sin, cos * dy - sin * dx], [sin, -cos, -cos * dx - sin * dy], [zero, zero, zero - 1]])
     by_second = np.array([[cos, sin, zero], [-sin, cos, zero], [zero, zero, zero + 1]])
@@ -114,7 +124,7 @@ def _linearised(poses: Pose, measured: RelativePoses, weights: NDArray[np.float6
     columns = np.broadcast_to(3 * ends + np.arange(3), (2 * count, 3, 3))
     places = np.concatenate([rows, rows]).ravel(), columns.ravel()
     jacobian = csc_array((values.ravel(), places), shape=(3 * count, 3 * len(poses)))
-    return _Linearised(jacobian, (measured.errors(poses) * np.sqrt(weights)[:, None]).ravel())
+    return _Linearised(jacobian, (measured.errors(poses) * counting).ravel())
 
 
 def _squared(errors: NDArray[np.float64]) -> NDArray[np.float64]:

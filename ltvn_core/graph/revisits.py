@@ -38,6 +38,7 @@ def revisits(pairs: NDArray[np.intp], poses: Pose, stamps: NDArray[np.float64]) 
     """
     steps_m = np.hypot(*np.diff(poses[:, :2], axis=0).T) if len(poses) > 1 else np.zeros(0)
     way_m = np.concatenate([[0.0], np.cumsum(steps_m)])
-    first, last = pairs.min(axis=1), pairs.max(axis=1)
+    first = pairs.min(axis=1)
+    last = pairs.max(axis=1)
     again = (way_m[last] - way_m[first] >= _REVISIT_PATH_M) | (stamps[last] - stamps[first] >= _REVISIT_S)
     return np.column_stack([first, last])[again]

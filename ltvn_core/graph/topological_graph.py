@@ -14,6 +14,7 @@ from typing import Self, TypeAlias, assert_never
 
 from ltvn_core.errors import MapError
 from ltvn_core.graph.deltas import (
+    Belief,
     BeliefUpdated,
     Cause,
     DriveBegun,
@@ -33,10 +34,33 @@ from ltvn_core.graph.deltas import (
     ViewDropped,
     ViewUsed,
 )
-from ltvn_core.graph.edge_check import check_edge, edge_name, require
 from ltvn_core.graph.node_views import NodeViews, Views
-from ltvn_core.graph.presence.observation import PresenceObservation
+from ltvn_core.graph.presence.presence_filter import PresenceObservation
 from ltvn_core.types import FrameId, NodeId
+
+
+def check_edge(edge: Edge) -> None:
+    """Raise MapError for an edge that cannot be; the words are only made then, for maps are folded from many edges."""
+    belief: Belief = edge.belief
+    counts = 0 <= edge.successes <= edge.attempts
+    if counts and 0 <= belief.p <= 1 and 0 <= belief.mu < math.inf and 0 < belief.sigma2 < math.inf:
+        return
+    require(0 <= belief.p <= 1, f"{edge_name(edge)} has p = {belief.p}; it must lie in [0, 1].")
+    require(0 <= belief.mu < math.inf, f"{edge_name(edge)} has mu = {belief.mu}; it must be finite and not negative.")
+    require(0 < belief.sigma2 < math.inf, f"{edge_name(edge)} has sigma2 = {belief.sigma2}; it must be positive.")
+    require(counts, f"{edge_name(edge)} counts {edge.successes} successes in {edge.attempts} attempts.")
+
+
+def edge_name(edge: Edge) -> str:
+    """Name an edge in an error."""
+    return f"Edge {edge.source} -> {edge.target}"
+
+
+def require(holds: bool, otherwise: str) -> None:
+    """Raise MapError with these words unless something holds."""
+    if not holds:
+        raise MapError(otherwise)
+
 
 EdgeKey: TypeAlias = tuple[NodeId, NodeId]
 """An edge is named by its source and its target."""
@@ -170,7 +194,9 @@ class TopologicalGraph:
         """Return an independent graph with the same content and version; much faster than a fold."""
         clone = type(self)()
         # Nodes and edges never change, so both graphs may hold the same ones.
-        clone._nodes, clone._edges, clone._reserve = self._nodes.copy(), self._edges.copy(), self._reserve.copy()
+        clone._nodes = self._nodes.copy()
+        clone._edges = self._edges.copy()
+        clone._reserve = self._reserve.copy()
         clone._presence = self._presence.copy()
         clone._views = self._views.copy()
         clone._drives = self._drives

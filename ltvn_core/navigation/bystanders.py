@@ -1,7 +1,7 @@
 """The people around the robot: who was seen to move, and where they were last, also when the camera looks elsewhere.
 
 Somebody is remembered until an image sees through the place, or for some seconds where none shows it. Told by movement
-alone (`navigation.moving_obstacles`); a person who never moved is an obstacle like others. Decides nothing.
+alone (`navigation.obstacle_memory`); a person who never moved is an obstacle like others. Decides nothing.
 """
 
 import math
@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
+from ltvn_core.cameras.depth_scan import DepthScan
 from ltvn_core.geometry import relative
-from ltvn_core.navigation.depth_scan import DepthScan
 
 BODY_M = 0.25
 """Radius of somebody seen from above."""
@@ -126,7 +126,8 @@ def _centred(place: NDArray[np.float64], scan: DepthScan) -> NDArray[np.float64]
     here &= ranges_m < np.min(ranges_m, where=here, initial=np.inf) + BODY_M
     if not here.any():
         return place
-    nearest_m, turn = float(ranges_m[here].min()), math.atan2(gap[1], gap[0])
+    nearest_m = float(ranges_m[here].min())
+    turn = math.atan2(gap[1], gap[0])
     across = np.angle(np.exp(1j * (bearings[here] - turn)))
     if not BODY_M < nearest_m * np.ptp(across) < 2.4 * BODY_M:
         return place

@@ -10,13 +10,13 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from ltvn_core.cameras.depth_points import map_points, obstacle_points, transform_points
 from ltvn_core.geometry import compose, distance, invert, relative
 from ltvn_core.graph.localiser import LOCAL, Localisation
 from ltvn_core.graph.presence.obstruction import nearby_poses
 from ltvn_core.graph.presence.presence_maintenance import was_driven
 from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.navigation.context import NavigationContext
-from ltvn_core.navigation.depth_points import map_points, obstacle_points, transform_points
 from ltvn_core.navigation.motion import MotionExecutor
 from ltvn_core.navigation.perception import Perception
 from ltvn_core.types import NodeId, Pose, Waypoint
@@ -38,7 +38,9 @@ class DeadReckoning:
 
     def __init__(self, context: NavigationContext, motion: MotionExecutor, perception: Perception) -> None:
         """Know nothing yet."""
-        self._context, self._motion, self._perception = context, motion, perception
+        self._context = context
+        self._motion = motion
+        self._perception = perception
         self._seen: tuple[NodeId, Waypoint, Pose] | None = None
         self._arrival: tuple[NodeId, Waypoint, Pose] | None = None
 
@@ -65,7 +67,9 @@ class DeadReckoning:
         where they lead: at the end of a false one, too, every place looks different. There `fits_depth` must say that
         what stands around is what stood around the node, at a waypoint (3,).
         """
-        graph, target, here = self._context.graph, segment[-1], self._motion.odometry
+        graph = self._context.graph
+        target = segment[-1]
+        here = self._motion.odometry
         edges = [edge for edge in pairwise(segment) if edge in graph.edges]
         place = self.places(without=[edge for edge in edges if not was_driven(graph, graph.edges[edge])]).get(target)
         if place is not None and self._stands_at(place) and (is_recognised or self._looks_different(target, place)):
@@ -109,7 +113,7 @@ class DeadReckoning:
         `without`: edges that are not believed here.
         """
         if (
-            self._context.system.presence is None
+            not self._context.system.follows_presence
             or self._seen is None
             or self._seen[0] not in self._context.graph.nodes
         ):
@@ -121,7 +125,8 @@ class DeadReckoning:
 
     def _looks_different(self, node: NodeId, waypoint: Waypoint) -> bool:
         """Compare how far it is to the next thing in each direction, now and when the node's image was taken."""
-        camera, seen = self._context.spec.camera, self._perception.observation
+        camera = self._context.spec.camera
+        seen = self._perception.observation
         image, _ = next(self._perception.observations_around(node, 0))
         if not (seen.has_depth and image.has_depth):
             return False

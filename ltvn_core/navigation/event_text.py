@@ -14,7 +14,7 @@ from ltvn_core.graph import deltas as d
 from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.navigation import events as e
 from ltvn_core.types import NodeId
-from ltvn_core.worlds.world_change import change_text
+from ltvn_core.worlds import change_text
 
 _MAX_NODES = 8
 """A longer path is described by its first and last nodes."""
@@ -53,8 +53,9 @@ def describe_event(event: e.Event) -> EventDescription:
             text = f"{_attempt(event)} started, reachability {event.reachability:.2f}"
             return EventDescription(text, edge=_driven_edge(event), node=event.target)
         case e.AttemptEnded():
-            verdict, severity = ("succeeded", e.Severity.INFO) if event.succeeded else ("failed", e.Severity.WARN)
-            text = f"{_attempt(event)} {verdict} ({event.end})" + (f": {event.reason}" if event.reason else "")
+            verdict = f"succeeded ({event.end})" if event.succeeded else event.end.failure
+            severity = e.Severity.INFO if event.succeeded else e.Severity.WARN
+            text = f"{_attempt(event)} {verdict}" + (f": {event.reason}" if event.reason else "")
             return EventDescription(text, severity, edge=_driven_edge(event))
         case e.Collided(query, count):
             return EventDescription(f"collision {count} of query {query}", e.Severity.WARN)
@@ -95,10 +96,12 @@ def describe_delta(delta: d.GraphDelta) -> EventDescription:
             ends = source, target
             return EventDescription(f"{edge_text(ends)} pruned ({cause})", e.Severity.WARN, edge=ends)
         case d.EdgeProtected(source, target, protected, cause):
-            ends, change = (source, target), "protected" if protected else "no longer protected"
+            ends = (source, target)
+            change = "protected" if protected else "no longer protected"
             return EventDescription(f"{edge_text(ends)} {change} ({cause})", edge=ends)
         case d.PresenceObserved(source, target, present, _, cause):
-            ends, severity = (source, target), e.Severity.INFO if present else e.Severity.WARN
+            ends = (source, target)
+            severity = e.Severity.INFO if present else e.Severity.WARN
             return EventDescription(
                 f"{edge_text(ends)} seen {'open' if present else 'blocked'} ({cause})", severity, ends
             )

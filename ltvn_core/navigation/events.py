@@ -12,7 +12,7 @@ from typing import NamedTuple, TypeAlias
 from ltvn_core.findings import Severity
 from ltvn_core.graph.deltas import GraphDelta, PoseRow
 from ltvn_core.types import FrameId, NodeId
-from ltvn_core.worlds.world_change import Outline, WorldChange
+from ltvn_core.worlds import Outline, WorldChange
 
 
 class NavigatorState(StrEnum):
@@ -41,6 +41,11 @@ class AttemptEnd(StrEnum):
     """The subgoal stopped looking reachable on the way."""
     CANCELLED = "cancelled"
     """A person took over."""
+
+    @property
+    def failure(self) -> str:
+        """What an attempt is called that ended so and was judged a failure."""
+        return "failed, though it got there" if self is AttemptEnd.REACHED else f"failed ({self})"
 
 
 OBSTRUCTED_ENDS = (AttemptEnd.COLLISION, AttemptEnd.BLOCKED)

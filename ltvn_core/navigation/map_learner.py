@@ -42,8 +42,11 @@ class MapLearner:
         goal: NodeId,
     ) -> None:
         """Learn for the map of `context` on the way to `goal`."""
-        self._context, self._perception = context, perception
-        self._memory, self._query, self._goal = memory, query, goal
+        self._context = context
+        self._perception = perception
+        self._memory = memory
+        self._query = query
+        self._goal = goal
         self._obstructions = ObstructionFinder(context, motion, perception, driver)
 
     @property
@@ -66,9 +69,8 @@ class MapLearner:
         """Look around before an attempt; tell whether something new closes the way ahead, so that it is not tried."""
         context = self._context
         presence = context.system.presence
-        if presence is None:
-            return False
-        now_s, in_sight = self._now_s, path.nodes[: _EDGES_IN_SIGHT + 1]
+        now_s = self._now_s
+        in_sight = path.nodes[: _EDGES_IN_SIGHT + 1]
         obstruction = self._obstructions.look(in_sight)
         if obstruction is None or not (across := edges_obstructed(context.graph, obstruction)):
             seen = [edge for edge in self._obstructions.open_ways() if edge not in self._memory.felt_closed]
@@ -95,7 +97,8 @@ class MapLearner:
         result: AttemptResult,
     ) -> Iterator[Event]:
         """Remember a failure for this query, and let the system update the map."""
-        context, memory = self._context, self._memory
+        context = self._context
+        memory = self._memory
         failed_before = any(memory.has_failed(edge) for edge in itertools.pairwise(segment))
         obstruction = None
         if not verdict.succeeded:

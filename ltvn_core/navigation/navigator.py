@@ -15,6 +15,7 @@ from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.ltvn import ltvn_system
 from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.graph.wheel_slips import SlipTracker
 from ltvn_core.navigation.bystanders import Bystanders
 from ltvn_core.navigation.context import NavigationContext
 from ltvn_core.navigation.events import Event, NavigatorState, QueryEnded, QueryStarted, StateChanged, Tick
@@ -47,7 +48,9 @@ class Navigator:
         `bystanders` are the people that the robot met before, under another navigator.
         `world_time` tells the time in seconds where the world has another clock than the robot.
         """
+        method = system.method if system is not None else method
         self._robot = robot
+        self._slips = SlipTracker(robot.spec.camera) if method.matching.mend_slips else None
         self._context = NavigationContext.create(
             graph,
             keyframes,
@@ -79,7 +82,7 @@ class Navigator:
             self._motion.cancelled = True
 
     def _query(self, goal: NodeId, query: int) -> Iterator[Event | Tick]:
-        motion = self._motion = MotionExecutor(self._robot, query, self._context.method.recovering)
+        motion = self._motion = MotionExecutor(self._robot, query, self._context.method.recovering, slips=self._slips)
         perception = Perception(motion, self._context.predictor, self._context.matcher, self._saw)
         try:
             yield QueryStarted(query, goal)

@@ -10,19 +10,82 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ltvn_core.geometry import relative, rotation
-from ltvn_core.navigation.bystanders import BODY_M, Bystanders
-from ltvn_core.navigation.depth_points import (
+from ltvn_core.cameras.depth_points import (
     RELEVANT_RANGE_M,
     are_solid,
     depths_within,
     points_within,
     transform_points,
 )
-from ltvn_core.navigation.depth_scan import RANGE_M, DepthScan
-from ltvn_core.navigation.moving_obstacles import MOVING_POINTS, MovingObstacles
+from ltvn_core.cameras.depth_scan import FREE_BEYOND_M, RANGE_M, DepthScan, bearing_bins
+from ltvn_core.geometry import relative, rotation
+from ltvn_core.navigation.bystanders import BODY_M, Bystanders
 from ltvn_core.robots.robot_spec import RobotSpec
 from ltvn_core.types import FrameId, Observation, Pose
+
+_YOUNGEST_S, _OLDEST_S = 0.3, 3.0
+"""An image is compared with those taken so much earlier."""
+_SAME_PLACE_M = 0.2
+"""A thing that an earlier image saw so near stands still."""
+MOVING_POINTS = 8
+"""So many moving points close by are somebody."""
+_SOMEBODY_POINTS, _SOMEBODY_BEARINGS = 16, 4
+"""Farther away so many, in so many bearings, are somebody and no pole that fell between two pixels."""
+_PLACED_M = 2.5
+"""Who moves farther away is noticed, but not placed."""
+
+
+class MovingObstacles:
+    """Remembers the depth images of the last seconds."""
+
+    def __init__(self, bystanders: Bystanders) -> None:
+        """Remember nothing yet; `bystanders` are told who moves."""
+        self._bystanders = bystanders
+        self._scans: deque[DepthScan] = deque(maxlen=24)
+
+    def moving(self, scan: DepthScan, things: NDArray[np.float64], nearby: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Return which of the solid points (M, 2) of an image, in the odometry frame, have moved (M,); remember it.
+
+        Where nobody as large as a person moves, only points that are `nearby` (M,) can be somebody.
+        """
+        moved = self._moved(scan.stamp, things)
+        if _are_somebody(things[moved], scan):
+            self._bystanders.noticed(scan.stamp)
+            placed = np.hypot(*(things - scan.pose[:2]).T) < _PLACED_M
+            self._bystanders.look(scan, things[moved & placed])
+        else:
+            self._bystanders.look(scan, things[moved & nearby])
+        self._scans.append(scan)
+        return moved
+
+    def _moved(self, stamp: float, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        free = np.zeros(len(points), bool)
+        asked = np.arange(len(points))
+        for scan in reversed(self._scans):
+            if not len(asked):
+                break
+            if _YOUNGEST_S <= stamp - scan.stamp <= _OLDEST_S:
+                was_free, was_there = _votes(scan, points[asked])
+                free[asked] |= was_free
+                free[asked[was_there]] = False
+                asked = asked[~was_there]  # What stood still is not moving, whatever older images saw.
+        return free
+
+
+def _are_somebody(moving: NDArray[np.float64], scan: DepthScan) -> bool:
+    """Tell whether moving things (M, 2) in the odometry frame are as wide as a person."""
+    bearings = bearing_bins(scan.polar(moving)[1], scan.half_rad)
+    return len(bearings) >= _SOMEBODY_POINTS and len(np.unique(bearings)) >= _SOMEBODY_BEARINGS
+
+
+def _votes(scan: DepthScan, points: NDArray[np.float64]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return where (M,) an earlier image saw free floor, and where it saw a thing."""
+    away_m, bearing = scan.polar(points)
+    inside = scan.inside(bearing)
+    beside = scan.beside(bearing)
+    free = inside & (beside > away_m + FREE_BEYOND_M).all(axis=0)
+    return free, inside & (np.abs(beside - away_m) < _SAME_PLACE_M).any(axis=0)
+
 
 _REMEMBERED_IMAGES = 40
 """So many cover what the robot passed in the last metres, and a whole turn."""
@@ -69,7 +132,8 @@ class ObstacleMemory:
 
     def __init__(self, spec: RobotSpec, *, bystanders: Bystanders | None = None) -> None:
         """Know nothing yet; one that is given `bystanders` keeps apart what moves, and tells them of it."""
-        self._camera, self._height_m = spec.camera, spec.height_m
+        self._camera = spec.camera
+        self._height_m = spec.height_m
         self._bumper_m = round(spec.clear_radius_m + _BUMPER_MARGIN_M, 3)
         self._seen: deque[NDArray[np.float64]] = deque(maxlen=_REMEMBERED_IMAGES)
         self._collisions: deque[_Collision] = deque()
@@ -77,7 +141,8 @@ class ObstacleMemory:
         self._movement = None if bystanders is None else MovingObstacles(bystanders)
         self._moving = np.empty((0, 2))
         """(M, 2) what moves, where the newest image saw it, in the odometry frame."""
-        self._last_step, self._last_stamp = -1, -np.inf
+        self._last_step = -1
+        self._last_stamp = -np.inf
         self._last_pose: Pose | None = None
 
     def is_outdated(self, odometry: Pose, stamp: float) -> bool:
@@ -98,7 +163,9 @@ class ObstacleMemory:
             return
         while self._collisions and observation.step - self._collisions[0].step > _COLLISION_MEMORY_STEPS:
             self._collisions.popleft()
-        self._last_step, self._last_stamp, self._last_pose = observation.step, observation.stamp, observation.odometry
+        self._last_step = observation.step
+        self._last_stamp = observation.stamp
+        self._last_pose = observation.odometry
         if not observation.has_depth:
             return
         scan, things, nearby = self._read(observation)
@@ -109,7 +176,8 @@ class ObstacleMemory:
             self._seen.append(things[nearby])
             return
         moves = self._movement.moving(scan, things, nearby)
-        points, self._moving = things[nearby & ~moves], things[nearby & moves]
+        points = things[nearby & ~moves]
+        self._moving = things[nearby & moves]
         # People are remembered by themselves: their points would stay when they have gone.
         for place in self.people(observation.stamp):
             points = points[np.hypot(*(points - place).T) > BODY_M + _NEXT_TO_M]
@@ -118,7 +186,8 @@ class ObstacleMemory:
     def _read(self, observation: Observation) -> tuple[DepthScan, NDArray[np.float64], NDArray[np.bool_]]:
         """Return an image from above, its solid points (M, 2) in the odometry frame, and which are nearby (M,)."""
         depth = observation.require_depth("obstacle avoidance")
-        seen, depths_m = points_within(depth, self._camera, RANGE_M), depths_within(depth, RANGE_M)
+        seen = points_within(depth, self._camera, RANGE_M)
+        depths_m = depths_within(depth, RANGE_M)
         solid = are_solid(seen, self._height_m)
         scan = DepthScan.of(self._camera, observation.stamp, observation.odometry, seen, solid)
         things = transform_points(seen[solid, :2], observation.odometry)

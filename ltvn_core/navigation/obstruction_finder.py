@@ -1,16 +1,19 @@
 """Sees what stands around the robot that was not there when the map was made.
 
 Owns telling new things from those that the images of the map show, and things on the way from those beside it. What
-they close is `graph.presence.obstruction`.
+they close is `graph.presence.obstruction`. `FreeView` says how far the floor is free in each direction.
 """
 
 import itertools
+import math
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
+from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.cameras.depth_points import are_solid, map_points, obstacle_points, points_within, transform_points
 from ltvn_core.geometry import compose, invert, relative
 from ltvn_core.graph.localiser import Localisation
 from ltvn_core.graph.presence.obstruction import (
@@ -25,11 +28,64 @@ from ltvn_core.graph.presence.presence_observations import is_open
 from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.navigation.attempt_driver import AttemptDriver
 from ltvn_core.navigation.context import NavigationContext
-from ltvn_core.navigation.depth_points import map_points, obstacle_points, transform_points
-from ltvn_core.navigation.free_view import FreeView
 from ltvn_core.navigation.motion import MotionExecutor
 from ltvn_core.navigation.perception import Perception
-from ltvn_core.types import NodeId, Pose, Waypoint
+from ltvn_core.types import Depth, NodeId, Pose, Waypoint
+
+_BEARING_STEP_RAD = math.radians(2.2)
+"""Wider than a pair of pixels, so that every direction has some."""
+_EDGE_RAD = math.radians(3.0)
+"""So near to the edge of an image nothing is known."""
+_FREE_RANGE_M = 3.5
+"""Farther away a leaf that is seen aslant may be taken for a gap."""
+_BEHIND_M = 0.15
+"""A place is free if nothing is seen until so far behind it."""
+_BEYOND_M = 0.25
+"""So far before and behind a way must be free, too."""
+_UNDERFOOT_M = 0.3
+"""What is so near is where the robot stands."""
+_STEP_M = 0.08
+"""A way is looked at in places so far apart."""
+
+
+class FreeView:
+    """What one image shows of the floor."""
+
+    def __init__(self, depth: Depth | None, camera: CameraModel) -> None:
+        """Look at a depth image; without one nothing is seen."""
+        self._half_rad = camera.horizontal_fov_rad / 2
+        self._ranges_m = np.zeros(int(2 * self._half_rad / _BEARING_STEP_RAD) + 1)
+        """To the nearest solid thing per bearing; `_FREE_RANGE_M` where there is none, 0 where nothing is known."""
+        if depth is not None:
+            seen = points_within(depth, camera, 2 * _FREE_RANGE_M)
+            columns = self._columns(np.arctan2(seen[:, 1], seen[:, 0]))
+            self._ranges_m[columns] = _FREE_RANGE_M + _BEHIND_M
+            solid = are_solid(seen)
+            np.minimum.at(self._ranges_m, columns[solid], np.hypot(seen[solid, 0], seen[solid, 1]))
+
+    def shows_free(self, way: NDArray[np.float64]) -> bool:
+        """Tell whether all of a straight way (2, 2), start and end in the robot's frame, is seen to be free.
+
+        The robot has room at its ends, too: what closes a way may stand just behind them.
+        """
+        along = (way[1] - way[0]) / max(float(np.hypot(*(way[1] - way[0]))), 1e-9)
+        start = way[0] - _BEYOND_M * along
+        end = way[1] + _BEYOND_M * along
+        count = max(2, math.ceil(float(np.hypot(*(end - start))) / _STEP_M) + 1)
+        places = np.linspace(start, end, count)
+        away_m = np.hypot(places[:, 0], places[:, 1])
+        places, away_m = places[away_m > _UNDERFOOT_M], away_m[away_m > _UNDERFOOT_M]
+        bearings = np.arctan2(places[:, 1], places[:, 0])
+        if not len(places) or np.abs(bearings).max() > self._half_rad - _EDGE_RAD or away_m.max() > _FREE_RANGE_M:
+            return False
+        columns = np.clip(self._columns(bearings), 1, len(self._ranges_m) - 2)
+        beside_m = self._ranges_m[np.stack([columns - 1, columns, columns + 1])]
+        return bool((beside_m >= away_m + _BEHIND_M).all())
+
+    def _columns(self, bearings: NDArray[np.float64]) -> NDArray[np.intp]:
+        columns = np.floor((bearings + self._half_rad) / _BEARING_STEP_RAD).astype(np.intp)
+        return np.clip(columns, 0, len(self._ranges_m) - 1)
+
 
 _RANGE_M = 2.5
 """Things farther away are not placed well enough."""
@@ -60,25 +116,29 @@ class ObstructionFinder:
         self, context: NavigationContext, motion: MotionExecutor, perception: Perception, driver: AttemptDriver
     ) -> None:
         """Look through `perception`; what was seen on the way is what `driver` remembers."""
-        self._context, self._motion = context, motion
-        self._perception, self._driver = perception, driver
+        self._context = context
+        self._motion = motion
+        self._perception = perception
+        self._driver = driver
         self._departure: tuple[Waypoint, Pose] | None = None
         self._node: NodeId | None = None
         self._needed_share = _KNOWN_SHARE
 
     def depart(self, localisation: Localisation) -> None:
-        """Remember from where the robot sets off, if that is sure."""
+        """Remember from where the robot sets off, if that is sure and what closes a way is of use to the system."""
         unsure = localisation.reachability < _SURE_REACHABILITY
         self._needed_share = _KNOWN_SHARE_IF_UNSURE if unsure else _KNOWN_SHARE
         believed = localisation.reachability > self._context.method.localising.reachability
+        is_of_use = believed and self._context.system.follows_presence
         self._node = localisation.node
-        self._departure = (localisation.waypoint, self._motion.odometry) if believed else None
+        self._departure = (localisation.waypoint, self._motion.odometry) if is_of_use else None
 
     def open_ways(self) -> list[EdgeKey]:
         """Return the edges that were closed when they were last seen and whose ways are seen to be free now."""
         if self._departure is None or self._node is None:
             return []
-        graph, node = self._context.graph, self._node
+        graph = self._context.graph
+        node = self._node
         closed = {key for key in graph.presence if not is_open(graph, key)}
         if not closed:
             return []
@@ -89,7 +149,7 @@ class ObstructionFinder:
 
     def look(self, segment: Sequence[NodeId]) -> Obstruction | None:
         """Return the same as `find` if anything at all lies across the way of an edge nearby, which costs little."""
-        if self._context.system.presence is None or self._departure is None or len(segment) < 2:
+        if self._departure is None or len(segment) < 2:
             return None
         solid = self._solid_points(self._here())
         anything = Obstruction(node=segment[0], points=solid, known=solid[:0], stopped=False)
@@ -97,7 +157,7 @@ class ObstructionFinder:
 
     def knows_surroundings(self, source: NodeId) -> bool:
         """Tell whether enough of what stands around is known for a robot that set off from `source`."""
-        if self._context.system.presence is None or self._departure is None or self._node != source:
+        if self._departure is None or self._node != source:
             return False
         here = self._here()
         solid = self._solid_points(here)
@@ -115,7 +175,7 @@ class ObstructionFinder:
         A robot that does not know well where it is says nothing. `blocked`: something made it stop; `again`: and not
         for the first time, so that it is in the way, even if no image shows it there.
         """
-        if self._context.system.presence is None or self._departure is None or len(segment) < 2:
+        if self._departure is None or len(segment) < 2:
             return None
         here = self._here()
         solid = self._solid_points(here)

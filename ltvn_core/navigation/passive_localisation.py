@@ -17,7 +17,9 @@ class PassiveLocaliser:
         self, graph: TopologicalGraph, keyframes: KeyframeStore, predictor: Predictor, system: NavigationSystem
     ) -> None:
         """Localise in `graph`, which stays as it is."""
-        self._graph, self._predictor, self._system = graph, predictor, system
+        self._graph = graph
+        self._predictor = predictor
+        self._system = system
         self._matcher = Matcher(predictor, keyframes, system.method.matching)
         self._trail = ObservationTrail()
         self._places = PlaceTracker(graph, self._matcher, system)

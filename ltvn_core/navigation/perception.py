@@ -56,8 +56,10 @@ class Perception:
     def observation(self) -> Observation:
         """The current observation, a new one if the robot has moved since the last."""
         if self._observation is None or self._at_step != self._motion.steps:
-            self._observation, self._at_step = self._motion.observe(), self._motion.steps
-            self._features, self._matches = None, {}
+            self._observation = self._motion.observe()
+            self._at_step = self._motion.steps
+            self._features = None
+            self._matches = {}
             self._on_look(self._observation)
         return self._observation
 

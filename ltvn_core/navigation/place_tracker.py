@@ -19,7 +19,8 @@ class PlaceTracker:
 
     def __init__(self, graph: TopologicalGraph, matcher: Matcher, system: NavigationSystem) -> None:
         """Know nothing yet."""
-        self._matcher, self._config = matcher, system.method.localising
+        self._matcher = matcher
+        self._config = system.method.localising
         self._belief = PlaceBelief(graph) if system.follows_places else None
         self._seen = self._beginnings = 0
 
@@ -32,5 +33,6 @@ class PlaceTracker:
         for pose, features in trail.since(self._seen):
             matches = self._matcher.match(features, self._belief.nodes_to_ask(pose))
             self._belief.see(pose, matches, near_enough(matches, self._config))
-        self._seen, self._beginnings = trail.count, trail.beginnings
+        self._seen = trail.count
+        self._beginnings = trail.beginnings
         return self._belief.best(odometry, doubted)

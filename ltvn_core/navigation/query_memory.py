@@ -36,7 +36,8 @@ class QueryMemory:
 
     def __init__(self, config: PlanningConfig, localising: LocalisingConfig) -> None:
         """Remember nothing yet."""
-        self._config, self._patience = config, localising.doubt_after_failures
+        self._config = config
+        self._patience = localising.doubt_after_failures
         self._driven: Counter[EdgeKey] = Counter()
         self._failed: set[EdgeKey] = set()
         self._stopped: set[EdgeKey] = set()
@@ -120,7 +121,8 @@ class QueryMemory:
         if self.consecutive_failures == 0 or why is Outcome.NO_PATH:
             self.give_up_outcome = why
         self.consecutive_failures += 1
-        self.plan, self.expected_goal = (), None
+        self.plan = ()
+        self.expected_goal = None
 
     def take_assumed_node(self) -> NodeId | None:
         """Return where the robot is held to be, once."""

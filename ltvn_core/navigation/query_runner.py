@@ -29,8 +29,7 @@ from ltvn_core.navigation.events import (
     Planned,
     StateChanged,
 )
-from ltvn_core.navigation.goal_check import GoalCheck
-from ltvn_core.navigation.judgement import AttemptVerdict, judge_attempt
+from ltvn_core.navigation.judgement import AttemptVerdict, GoalCheck, judge_attempt
 from ltvn_core.navigation.map_learner import MapLearner
 from ltvn_core.navigation.motion import EventGenerator, MotionExecutor, QueryAborted
 from ltvn_core.navigation.perception import NodeMatch, Perception
@@ -58,9 +57,12 @@ class QueryRunner:
         self, context: NavigationContext, motion: MotionExecutor, perception: Perception, goal: NodeId, query: int
     ) -> None:
         """Begin a query that nothing is known of yet."""
-        self._context, self._method = context, context.method
-        self._motion, self._perception = motion, perception
-        self._goal, self._query = goal, query
+        self._context = context
+        self._method = context.method
+        self._motion = motion
+        self._perception = perception
+        self._goal = goal
+        self._query = query
         self._memory = QueryMemory(context.method.planning, context.method.localising)
         self._attempt_driver = AttemptDriver(
             motion, perception, context.method.driving, context.spec, bystanders=context.bystanders
@@ -183,7 +185,8 @@ class QueryRunner:
     def _departure(self, localisation: Localisation, segment: tuple[NodeId, ...]) -> NodeMatch | None:
         """Return the target as seen from here; None if the robot had better go to the node it is at first."""
         source, target = _ends(segment)
-        node_match, driving = self._perception.node_match(target), self._method.driving
+        node_match = self._perception.node_match(target)
+        driving = self._method.driving
         if source is None:
             return node_match
         known = self._known_waypoint(target, _LIKELY)
@@ -213,12 +216,15 @@ class QueryRunner:
         """Make one attempt and learn from it."""
         source, target = _ends(segment)
         yield from self._enter(NavigatorState.DRIVING)
-        attempt, frame = next(self._context.attempt_numbers), self._perception.observation.step
+        attempt = next(self._context.attempt_numbers)
+        frame = self._perception.observation.step
         yield AttemptStarted(
             self._query, attempt, source, target, frame, pose_row(node_match.waypoint), node_match.reachability
         )
         try:
-            is_known = source is not None and self._known_waypoint(target, _LIKELY) is not None
+            is_known = self._is_by_odometry(segment) or (
+                source is not None and self._known_waypoint(target, _LIKELY) is not None
+            )
             result = yield from self._attempt_driver.drive(target, node_match.waypoint, is_known=is_known)
         except QueryAborted as over:
             end = AttemptEnd.CANCELLED if over.outcome is Outcome.CANCELLED else AttemptEnd.TIMEOUT
@@ -228,22 +234,27 @@ class QueryRunner:
         verdict = self._judge(segment, result)
         yield self._ended(attempt, source, target, result.end, verdict)
         usable = yield from self._perception.can_compare()
-        if verdict.succeeded and not result.steps and self._context.system.presence is not None:
+        if verdict.succeeded and not result.steps and self._context.system.follows_presence:
             return result  # Who has not moved has not found out what is open.
         if source is not None and usable:
             yield from self._map_learner.learn(attempt, segment, node_match, verdict, result)
         elif source is not None:
             self._memory.record_failures(segment)  # So that it is not driven for ever; the map learns nothing.
-        elif self._context.system.presence is not None and result.end in OBSTRUCTED_ENDS:
+        elif self._context.system.follows_presence and result.end in OBSTRUCTED_ENDS:
             self._memory.doubted.add(target)  # What it sees may be beyond something that was not there.
         return result
+
+    def _is_by_odometry(self, segment: Sequence[NodeId]) -> bool:
+        """Tell whether an edge of a segment joins images that need not show the same."""
+        return any(self._context.graph.edges[edge].by_odometry for edge in itertools.pairwise(segment))
 
     def _judge(self, segment: Sequence[NodeId], result: AttemptResult) -> AttemptVerdict:
         source, target = _ends(segment)
         driven_too_often = source is not None and self._memory.count_drive((source, target))
         if not self._perception.is_usable:
             return AttemptVerdict(False, "the image at the end has no depth, so nothing can be said", hindered=True)
-        seen, left = self._perception.node_match(target), relative(self._motion.odometry, result.goal)
+        seen = self._perception.node_match(target)
+        left = relative(self._motion.odometry, result.goal)
         verdict = judge_attempt(
             seen.reachability,
             seen.distance,
@@ -282,7 +293,8 @@ class QueryRunner:
     def _ended(
         self, attempt: int, source: NodeId | None, target: NodeId, end: AttemptEnd, verdict: AttemptVerdict
     ) -> AttemptEnded:
-        seen, frame = self._perception.node_match(target), self._perception.observation.step
+        seen = self._perception.node_match(target)
+        frame = self._perception.observation.step
         return AttemptEnded(
             query=self._query,
             attempt=attempt,

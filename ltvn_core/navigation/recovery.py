@@ -27,9 +27,13 @@ class Recovery:
         query: int,
     ) -> None:
         """Recover with `driver`, by what `memory` knows of the query."""
-        self._context, self._config = context, context.method.recovering
-        self._motion, self._perception, self._driver = motion, perception, driver
-        self._memory, self._query = memory, query
+        self._context = context
+        self._config = context.method.recovering
+        self._motion = motion
+        self._perception = perception
+        self._driver = driver
+        self._memory = memory
+        self._query = query
 
     def recover(self, why: Outcome) -> EventGenerator[None]:
         """Turn on the spot to look again; after a full turn move on a little; in the end give up.
@@ -37,7 +41,8 @@ class Recovery:
         Raises:
             QueryAborted: If the robot has looked around often enough.
         """
-        memory, usable = self._memory, self._perception.is_usable
+        memory = self._memory
+        usable = self._perception.is_usable
         memory.record_localisation_failure(why)
         if why is Outcome.LOST and usable:
             yield from self._remember_novel()
@@ -65,7 +70,8 @@ class Recovery:
 
     def _remember_novel(self) -> Iterator[Event]:
         """Let the system make a node of what nobody recognised."""
-        context, seen = self._context, self._perception.observation
+        context = self._context
+        seen = self._perception.observation
         unrecognised = UnrecognisedObservation(
             seen, self._perception.features, self._memory.consecutive_failures, self._perception.trail_from_here
         )

@@ -61,8 +61,12 @@ class ViewLearner:
         query: int,
     ) -> None:
         """Know of no candidate yet; `reckoning` knows where the robot is by odometry."""
-        self._context, self._config, self._query = context, context.system.views, query
-        self._motion, self._perception, self._reckoning = motion, perception, reckoning
+        self._context = context
+        self._config = context.system.views
+        self._query = query
+        self._motion = motion
+        self._perception = perception
+        self._reckoning = reckoning
         self._candidates: dict[NodeId, _Candidate] = {}
         self._used: set[FrameId] = set()
         self._recognised_at_m = -np.inf
@@ -110,7 +114,9 @@ class ViewLearner:
                 yield from self._add(self._candidates.pop(candidate.node), config)
 
     def _add(self, candidate: _Candidate, config: ViewConfig) -> Iterator[Event]:
-        graph, keyframes, frame = self._context.graph, self._context.keyframes, candidate.observation.step
+        graph = self._context.graph
+        keyframes = self._context.keyframes
+        frame = candidate.observation.step
         if candidate.node not in graph.nodes or frame in graph.frames:
             return
         keyframes.add([candidate.observation], candidate.features)

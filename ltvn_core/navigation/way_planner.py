@@ -21,16 +21,18 @@ class WayPlanner:
 
     def __init__(self, context: NavigationContext, memory: QueryMemory, goal: NodeId) -> None:
         """Plan ways to `goal` in the map of `context`, by what `memory` knows of the query."""
-        self._context, self._memory, self._goal = context, memory, goal
+        self._context = context
+        self._memory = memory
+        self._goal = goal
 
     def plan(self, start: NodeId, stamp: float) -> GraphPath:
         """Return the way to take from a node at a moment on the robot's clock.
 
         A way that ends at the goal is never given up: what stands beside the goal may seem to close it.
         """
-        context, penalties = self._context, self._memory.penalties
-        presence = context.system.presence
-        open_now = {} if presence is None else presence.probabilities(context.graph, context.world_time_s(stamp))
+        context = self._context
+        penalties = self._memory.penalties
+        open_now = context.system.presence.probabilities(context.graph, context.world_time_s(stamp))
         open_now = {edge: p if edge[1] != self._goal else max(p, OPEN_ABOVE) for edge, p in open_now.items()}
         if not open_now:
             return context.planner.plan(start, self._goal, penalties)
@@ -47,10 +49,12 @@ class WayPlanner:
 
     def _hope(self, start: NodeId, open_now: EdgeProbabilities) -> GraphPath:
         """Return the way through what is most probably open after all, a few times a query; somebody may have erred."""
-        context, memory = self._context, self._memory
+        context = self._context
+        memory = self._memory
         if memory.obstructions >= MOST_OBSTRUCTIONS:
             return NO_PATH
-        costs, belief_weight = dict(memory.penalties), context.method.planning.belief_weight
+        costs = dict(memory.penalties)
+        belief_weight = context.method.planning.belief_weight
         for edge, p in open_now.items():
             costs[edge] = costs.get(edge, 0.0) - belief_weight * math.log(max(p, _LEAST_P))
         return context.planner.plan(start, self._goal, costs)

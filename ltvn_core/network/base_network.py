@@ -11,10 +11,9 @@ import torch
 from torch import Tensor, nn
 
 from ltvn_core.network.architecture import AnyArchitecture
-from ltvn_core.network.image_features import FeaturesT
+from ltvn_core.network.image_features import FeaturesT, PrefilterScores
 from ltvn_core.network.loss import cross_entropy
 from ltvn_core.network.pair_head import PairOutput
-from ltvn_core.network.prefilter import PrefilterScores
 
 
 class ComparedBatch(NamedTuple, Generic[FeaturesT]):

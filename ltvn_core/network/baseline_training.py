@@ -14,14 +14,13 @@ from numpy.typing import NDArray
 
 from ltvn_core.geometry import relative
 from ltvn_core.network.architecture import PairArchitecture
-from ltvn_core.network.metrics.pair_evaluation import encode_images, predict_pairs
-from ltvn_core.network.metrics.reachability_metrics import pair_metrics, share
+from ltvn_core.network.metrics import pair_metrics, share
 from ltvn_core.network.model_card import TrainingDataSummary
 from ltvn_core.network.optimization.fine_tuning_loop import FineTuningPlan
-from ltvn_core.network.optimization.hard_negative_mining import FarCriterion
 from ltvn_core.network.optimization.trainer import Hyperparameters
 from ltvn_core.network.optimization.training_loop import TrainingPlan
-from ltvn_core.network.training_examples import SceneExamples
+from ltvn_core.network.pair_evaluation import encode_images, predict_pairs
+from ltvn_core.network.training_examples import FarCriterion, SceneExamples
 from ltvn_core.types import Predictor
 
 _ONLY_OTHER_SCENES = FarCriterion(distance_m=1e6, yaw_rad=4.0)

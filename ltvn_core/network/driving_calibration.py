@@ -12,8 +12,7 @@ import cattrs
 
 from ltvn_core.config import BeliefConfig, Likelihoods
 from ltvn_core.errors import WeightsError
-from ltvn_core.network.metrics.binned_metrics import CalibrationBin, ErrorBin
-from ltvn_core.network.metrics.success_rate import SuccessRate
+from ltvn_core.network.metrics import CalibrationBin, ErrorBin, SuccessRate
 from ltvn_core.network.weights_file import matching_card
 
 MIN_SIGMA_M = 0.01

@@ -10,9 +10,8 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from ltvn_core.network.alignment import PlanarMotion
 from ltvn_core.network.image_features import ImageFeatures
-from ltvn_core.network.pair_head import TokenMatching
+from ltvn_core.network.pair_head import PlanarMotion, TokenMatching
 
 _OPPOSITE_COS = -0.17
 """Images turned by more than about 100 degrees share no surface: close points are on opposite sides of a wall."""
@@ -45,7 +44,8 @@ def contrastive_loss(logit: Tensor, reachable: Tensor, *, negatives: int) -> Ten
     pairs is the mean over those that are reachable.
     """
     positive = reachable > 0.5
-    count, others = int(positive.sum()), logit[~positive]
+    count = int(positive.sum())
+    others = logit[~positive]
     if not count or not len(others):
         return logit * 0
     against = torch.logsumexp(others, 0) + math.log(negatives / len(others))
@@ -75,7 +75,8 @@ def true_correspondence(
 
     Tokens in between (near, but not the nearest) are neither matched nor unmatched.
     """
-    cos, sin = torch.cos(waypoints[:, 2]), torch.sin(waypoints[:, 2])
+    cos = torch.cos(waypoints[:, 2])
+    sin = torch.sin(waypoints[:, 2])
     there = PlanarMotion(waypoints[:, :2], torch.stack([cos, sin], dim=-1)).apply(target.points)
     apart = torch.cdist(source.points, there)
     no_depth = (source.points[..., 0] <= 0)[..., None] | (target.points[..., 0] <= 0)[:, None]
@@ -100,7 +101,8 @@ def true_correspondence(
 def matching_loss(matching: TokenMatching, true: TokenCorrespondence) -> Tensor:
     """Return the mean negative log-likelihood of matches and of "no match" (auxiliary, ours)."""
     at = (true.pair, true.source, true.target)
-    rows, columns = matching.row_total[at[0], at[1]], matching.column_total[at[0], at[2]]
+    rows = matching.row_total[at[0], at[1]]
+    columns = matching.column_total[at[0], at[2]]
     matched = (rows.log() + columns.log()) / 2 - matching.strength[at].clamp(min=1e-30).log()
     unmatched = torch.cat(
         [

@@ -13,7 +13,7 @@ import numpy as np
 from ltvn_core.network.architecture import NETWORK_CAMERA
 from ltvn_core.network.base_network import AnyNetwork
 from ltvn_core.network.driving_calibration import DrivingMeasurements
-from ltvn_core.network.metrics.reachability_metrics import DriveMetrics, PairMetrics
+from ltvn_core.network.metrics import DriveMetrics, PairMetrics
 from ltvn_core.network.optimization.training_loop import TrainingPlan
 from ltvn_core.network.predictor import NetworkPredictor
 from ltvn_core.types import Observation

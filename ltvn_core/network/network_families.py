@@ -29,10 +29,17 @@ from ltvn_core.network.architecture import (
 )
 from ltvn_core.network.base_network import AnyNetwork, BaseNetwork, ComparedBatch
 from ltvn_core.network.encoder import FARTHEST_DEPTH_M, Encoder, ResidualBlock, conv_block
-from ltvn_core.network.image_features import ImageFeatures, place_columns, row_length, unpack
+from ltvn_core.network.image_features import (
+    ImageFeatures,
+    PrefilterScores,
+    coarse_descriptors,
+    place_columns,
+    row_length,
+    similarity,
+    unpack,
+)
 from ltvn_core.network.loss import contrastive_loss, matching_loss, place_loss, true_correspondence
 from ltvn_core.network.pair_head import PairHead, PairOutput, summary_length
-from ltvn_core.network.prefilter import PrefilterScores, coarse_descriptors, similarity
 
 
 class PairNetwork(BaseNetwork[ImageFeatures]):
@@ -217,7 +224,8 @@ class ContrastiveNetwork(EnsembleNetwork):
 
 def _last_layers(size: EnsembleArchitecture) -> nn.Sequential:
     """Return layers from a summary to a logit."""
-    wide, narrow = size.member_hidden, size.member_hidden // 2
+    wide = size.member_hidden
+    narrow = size.member_hidden // 2
     return nn.Sequential(
         nn.Linear(summary_length(size), wide), nn.ReLU(), nn.Linear(wide, narrow), nn.ReLU(), nn.Linear(narrow, 1)
     )

@@ -12,10 +12,72 @@ from typing import NamedTuple
 import torch
 from torch import Tensor, nn
 
-from ltvn_core.network.alignment import PlanarMotion, align
 from ltvn_core.network.architecture import DEPTH_STRIDE, NETWORK_CAMERA, PairArchitecture
 from ltvn_core.network.encoder import pixel_rays
 from ltvn_core.network.image_features import ImageFeatures
+
+
+class PlanarMotion(NamedTuple):
+    """A rigid motion in the floor plane for each of P pairs: the pose of the target in the source's frame."""
+
+    shift: Tensor
+    """(P, 2) metres."""
+    turn: Tensor
+    """(P, 2): cosine and sine."""
+
+    def apply(self, points: Tensor) -> Tensor:
+        """Transform points (P, N, 3) from the target's frame to the source's."""
+        return torch.baddbmm(lifted(self.shift)[:, None], points, rotation(self.turn))
+
+    def inverse(self) -> "PlanarMotion":
+        """Return the inverse motion: the pose of the source in the target's frame."""
+        back = self.turn * self.turn.new_tensor([1.0, -1.0])
+        return PlanarMotion(-turned(self.shift, back), back)
+
+    def detach(self) -> "PlanarMotion":
+        """Return the same motion without gradient."""
+        return PlanarMotion(self.shift.detach(), self.turn.detach())
+
+    def numbers(self) -> Tensor:
+        """Return (P, 4): dx, dy, sin, cos."""
+        return torch.cat([self.shift, self.turn.flip(1)], dim=1)
+
+
+def rotation(turn: Tensor) -> Tensor:
+    """Return the matrices (P, 3, 3) by which rows of points are multiplied, from cosines and sines (P, 2)."""
+    cos = turn[:, :1]
+    sin = turn[:, 1:]
+    zero = torch.zeros_like(cos)
+    return torch.cat([cos, sin, zero, -sin, cos, zero, zero, zero, torch.ones_like(cos)], dim=1).view(-1, 3, 3)
+
+
+def lifted(shift: Tensor) -> Tensor:
+    """Return shifts (P, 3) from those in the floor plane (P, 2)."""
+    return torch.nn.functional.pad(shift, (0, 1))
+
+
+def turned(vectors: Tensor, turn: Tensor) -> Tensor:
+    """Return vectors (P, 2), each turned by its cosine and sine (P, 2)."""
+    return torch.view_as_real(torch.view_as_complex(vectors) * torch.view_as_complex(turn))
+
+
+def align(source: Tensor, target: Tensor, weights: Tensor) -> PlanarMotion:
+    """Return the motion that maps target points (P, N, 3) to source points (P, N, 3) with the least squared error.
+
+    Heights are ignored: camera and robot stay level. Weights (P, N) are not negative; where they all vanish the
+    motion is the identity.
+    """
+    share = weights / (weights.sum(-1, keepdim=True) + 1e-6)
+    both = torch.cat([source[..., :2], target[..., :2]], dim=-1)
+    mean = share[:, None] @ both
+    both = both - mean
+    # Row i, column j: how coordinate i of the source goes with coordinate j of the target.
+    spread = both[..., :2].transpose(1, 2) @ (both[..., 2:] * share[..., None])
+    (xx, xy), (yx, yy) = (row.unbind(-1) for row in spread.unbind(1))
+    turn = torch.stack([xx + yy + 1e-4, yx - xy], dim=-1)
+    turn = turn / torch.sqrt(turn.square().sum(-1, keepdim=True) + 1e-12)
+    return PlanarMotion(mean[:, 0, :2] - turned(mean[:, 0, 2:].contiguous(), turn), turn)
+
 
 MEASURE_COUNT = 12
 """Numbers that `GeometricVerification` returns per pair."""
@@ -50,7 +112,8 @@ class GeometricVerification(nn.Module):
         half = DEPTH_STRIDE // 2
         rays = pixel_rays(self.camera)[:, half::DEPTH_STRIDE, half::DEPTH_STRIDE].reshape(3, -1)
         zero = torch.zeros_like(rays[0])
-        by_cos, by_sin = [rays[0], rays[1], zero], [-rays[1], rays[0], zero]
+        by_cos = [rays[0], rays[1], zero]
+        by_sin = [-rays[1], rays[0], zero]
         turned = torch.stack([torch.cat(by_cos), torch.cat(by_sin), torch.cat([zero, zero, rays[2]])])
         ends = torch.tensor([[self.columns], [self.rows]], dtype=torch.float32)
         self.register_buffer("turned_rays", turned, persistent=False)
@@ -109,7 +172,8 @@ class GeometricVerification(nn.Module):
 
     def clearance(self, points: Tensor, valid: Tensor, shift: Tensor) -> Tensor:
         """Return the metres (2, P), at most 0.6, between the line and the nearest obstacle of points (2, P, 3, G)."""
-        floor, height = points[:, :, :2], points[:, :, 2] + self.camera.height_m
+        floor = points[:, :, :2]
+        height = points[:, :, 2] + self.camera.height_m
         solid = valid & (height > ROBOT_LOW_M) & (height < ROBOT_HIGH_M)
         line = shift / (shift.square().sum(-1, keepdim=True) + 1e-3)
         along = (line[:, None] @ floor).clamp(0, 1)
@@ -195,7 +259,8 @@ class PairHead(nn.Module):
 
     def summarise(self, source: ImageFeatures, target: ImageFeatures) -> PairSummary:
         """Match P sources with P targets and align what matched."""
-        known, trust = what_matches_tell(target), token_trust(source)
+        known = what_matches_tell(target)
+        trust = token_trust(source)
         first = self.match(source, target)
         matched, mass = first.gather(known)
         rough = align(source.points, matched[..., :3], mass * trust)
@@ -265,7 +330,8 @@ class PairHead(nn.Module):
 
 def normalize_matching(strength: Tensor, row_unmatched: Tensor, column_unmatched: Tensor) -> TokenMatching:
     """Return the matching of strengths (P, T, T) normalised with the "no match" (P, T) of each side."""
-    rows, columns = strength.sum(2) + row_unmatched, strength.sum(1) + column_unmatched
+    rows = strength.sum(2) + row_unmatched
+    columns = strength.sum(1) + column_unmatched
     return TokenMatching(
         strength=strength,
         row_total=rows,

@@ -23,8 +23,8 @@ from ltvn_core.network.architecture import NETWORK_CAMERA, AnyArchitecture
 from ltvn_core.network.base_network import AnyNetwork
 from ltvn_core.network.device import CPU, device_of, limit_threads, to_tensor
 from ltvn_core.network.driving_calibration import measured_likelihoods
+from ltvn_core.network.image_features import PrefilterScores
 from ltvn_core.network.image_features import pack as pack_features
-from ltvn_core.network.prefilter import PrefilterScores
 from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
 from ltvn_core.network.weights_file import load_weights, weights_fingerprint
 from ltvn_core.types import Features, Observation, Prediction
@@ -60,7 +60,8 @@ class _ComparisonSteps(nn.Module):
 
     def forward(self, sources: Tensor, targets: Tensor) -> tuple[Tensor, Tensor]:
         """Return reachability (P,) and poses (P, 4) for rows (P, F) or (1, F) and (P, F)."""
-        here, there = self.network.unpack(sources), self.network.unpack(targets)
+        here = self.network.unpack(sources)
+        there = self.network.unpack(targets)
         here = here._make([part.expand(targets.shape[0], *part.shape[1:]) for part in here])
         output = self.network.compare(here, there)
         return self.network.reachability(output.logit), output.pose

@@ -74,7 +74,8 @@ def load_weights(path: Path) -> "AnyNetwork":
     try:
         with safe_open(path, framework="pt") as file:
             described = _description(file.metadata() or {}, path)
-        size, state = _architecture(described, path), load_file(path)
+        size = _architecture(described, path)
+        state = load_file(path)
         if "added_to" in described:
             state = {**load_file(_weights_below(described["added_to"], path)), **state}
     except (OSError, SafetensorError) as error:

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple, Self
 
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.cameras.rectification import have_same_rays
-from ltvn_core.predictors.registry import GEOMETRIC, NETWORK, ORACLE, predictor_names, require_predictor
-from ltvn_core.recording.metadata import RecordingMetadata
+from ltvn_core.data.recording.metadata import RecordingMetadata
+from ltvn_core.predictors.opening import GEOMETRIC, NETWORK, ORACLE, predictor_names, require_predictor
 from ltvn_core.robots.robot_spec import LOCOBOT
 
 AUTO = "auto"

@@ -27,7 +27,7 @@ from ltvn_core.config import Likelihoods
 from ltvn_core.errors import WeightsError
 from ltvn_core.geometry import invert
 from ltvn_core.network.driving_calibration import DRIVING_SECTION, DrivingMeasurements, likelihoods, read_driving
-from ltvn_core.predictors.geometric_calibration import (
+from ltvn_core.predictors.geometric_evidence import (
     CALIBRATION_FILE,
     DEPTHS,
     Calibration,

@@ -19,8 +19,7 @@ from scipy.optimize import minimize
 
 from ltvn_core.config import ROBUST
 from ltvn_core.geometry import relative, wrap_angle
-from ltvn_core.predictors.geometric_calibration import DEPTHS, Calibration, Logistic
-from ltvn_core.predictors.geometric_evidence import Evidence
+from ltvn_core.predictors.geometric_evidence import DEPTHS, Calibration, Evidence, Logistic
 from ltvn_core.types import Waypoint
 
 PAIRS_FILE = Path(__file__).with_name("geometric_pairs.npz")
@@ -93,7 +92,8 @@ def fit_logistic(found: Comparisons, parent: Logistic | None = None, ridge: floa
     A ridge on standardised evidence holds its weights at zero; where there is a parent it holds weights and bias at
     the parent's, so that few pairs change little.
     """
-    mean, spread = found.evidence.mean(0), found.evidence.std(0) + 1e-6
+    mean = found.evidence.mean(0)
+    spread = found.evidence.std(0) + 1e-6
     inputs = np.column_stack([(found.evidence - mean) / spread, np.ones(len(found.right))])
     signs = np.where(found.right, 1.0, -1.0)
     start = np.zeros(inputs.shape[1])
@@ -340,7 +340,8 @@ def _acceptance(
 
 
 def _shipped_fpr(logistics: Mapping[str, Logistic], shipped: Mapping[str, Comparisons]) -> float:
-    accepted, total = 0.0, 0.0
+    accepted = 0.0
+    total = 0.0
     for name, part in shipped.items():
         wrong = ~part.right
         sure = probabilities(logistics[name], part.evidence[wrong]) > ROBUST.building.connect_reachability

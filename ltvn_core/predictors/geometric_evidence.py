@@ -1,19 +1,32 @@
-"""What speaks for a pose between two images and what against it, as numbers.
+"""What speaks for a pose between two images and what against it, as numbers, and how sure the pose is after all of it.
 
 Owns the evidence of key points (how many agree, how they are spread, and whether they would agree elsewhere as well)
 and that of surfaces: whether the coarse depth images and their colours show the same thing in the same place.
-`geometric_calibration` weighs all of it.
+
+Logistic regressions weigh the evidence, those that come with the package or a drive's own. Owns their weights, one set
+for pairs with depth in both images, in one, and in none, and the file they are in. `tools/fit_geometric.py` fitted what
+comes with the package; `geometric_adaptation` adapts it to a drive.
 """
 
-from typing import NamedTuple
+import hashlib
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.data.importing.foreign_files import read_foreign
+from ltvn_core.errors import DriveError, WeightsError
 from ltvn_core.predictors.geometric_features import GRID_STEP_PX, ImageFeatures, ImageGrid
-from ltvn_core.predictors.geometric_pose import CameraMotion, PointPairs, points
+from ltvn_core.predictors.geometric_pose import ROOM_DEPTH_M, CameraMotion, PointPairs, points
+from ltvn_core.structured_text import parse_json
 
 DEPTH_TOLERANCE, DEPTH_TOLERANCE_M = 0.05, 0.04
 """Depths agree within this share and so many metres."""
@@ -204,7 +217,8 @@ def rival_support(
     value = np.take_along_axis(likely, best, axis=1)
     good = (value > value.max(1, keepdims=True) - _RIVAL_MARGIN) & (value > _RIVAL_MIN)
     rows, picks = np.nonzero(good)
-    a, b = known[rows], others[best[rows, picks]]
+    a = known[rows]
+    b = others[best[rows, picks]]
     shifts = points(second.rays[b], second.depth[b]) - points(first.rays[a], first.depth[a]) @ motion.rotation.T
     shifts = shifts[:_RIVAL_PAIRS]
     squares = (shifts**2).sum(1)
@@ -213,3 +227,89 @@ def rival_support(
     own = np.count_nonzero(off < _RIVAL_REACH_M)
     rivals = near.sum(1)[off > 3 * _RIVAL_REACH_M]
     return float(min(rivals.max(initial=0) / max(own, 1), 2.0))
+
+
+CALIBRATION_FILE = Path(__file__).with_name("geometric_calibration.json")
+"""The fitted weights, and what they were fitted on."""
+
+
+NO_DEPTH, ONE_DEPTH, BOTH_DEPTHS = "none", "one", "both"
+"""How many of the two images have depth."""
+DEPTHS = (NO_DEPTH, ONE_DEPTH, BOTH_DEPTHS)
+
+MAX_DEPTH_M = 100.0
+_MOST_BYTES = 1_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class Logistic:
+    """Weights of the evidence by its names."""
+
+    weights: Mapping[str, float]
+    bias: float
+
+    def probability(self, evidence: Mapping[str, float]) -> float:
+        """Return how likely a pose is right, in [0, 1]."""
+        total = self.bias + sum(weight * evidence[name] for name, weight in self.weights.items())
+        return float(1 / (1 + np.exp(-np.clip(total, -30, 30))))
+
+
+@dataclass(frozen=True, slots=True)
+class Calibration:
+    """What the evidence of a pair is worth."""
+
+    logistics: Mapping[str, Logistic]
+    """By how many of the two images have depth, see `DEPTHS`."""
+    room_depth_m: float = ROOM_DEPTH_M
+    """How far away things usually are: what distances are guessed by where no image has depth."""
+    card: Mapping[str, Any] = field(default_factory=dict)
+    """What it was fitted on, as JSON has it."""
+
+    @property
+    def fingerprint(self) -> str:
+        """Name its numbers, in 12 hexadecimal digits."""
+        numbers = {name: [dict(part.weights), part.bias] for name, part in self.logistics.items()}
+        text = json.dumps([numbers, self.room_depth_m], sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()[:12]
+
+    def text(self) -> str:
+        """Write it as `read_calibration` reads it."""
+        logistics = {name: {"weights": dict(part.weights), "bias": part.bias} for name, part in self.logistics.items()}
+        held = {"logistics": logistics, "room_depth_m": self.room_depth_m, "card": dict(self.card)}
+        return json.dumps(held, indent=1) + "\n"
+
+
+@lru_cache(maxsize=1)
+def shipped_calibration() -> Calibration:
+    """Return the calibration that comes with the package."""
+    return read_calibration(CALIBRATION_FILE)
+
+
+def read_calibration(path: Path) -> Calibration:
+    """Read a calibration. Raises WeightsError for a file that is missing, cut or something else."""
+    try:
+        held = parse_json(read_foreign(path, most_bytes=_MOST_BYTES, what="calibration"))
+        logistics = {name: _logistic(held["logistics"][name]) for name in DEPTHS}
+        depth = _finite(held.get("room_depth_m", ROOM_DEPTH_M))
+        if not 0 < depth < MAX_DEPTH_M:
+            raise ValueError(f"room_depth_m is {depth:g}")
+        return Calibration(logistics, depth, dict(held.get("card", {})))
+    except (DriveError, OSError, ValueError, LookupError, TypeError, AttributeError) as error:
+        reason = getattr(error, "strerror", None) or f"{type(error).__name__}: {error}"
+        raise WeightsError(
+            f"{path}: no calibration of the geometric predictor ({reason}); `ltvn finetune DRIVE.rrd --predictor "
+            "geometric --output NAME.json` writes one, and without --weights the one of the package is used."
+        ) from error
+
+
+def _logistic(part: Mapping[str, Any]) -> Logistic:
+    weights = {str(name): _finite(weight) for name, weight in part["weights"].items()}
+    if weights.keys() != set(Evidence._fields):
+        raise ValueError(f"weights are of {', '.join(weights) or 'nothing'}, not of {', '.join(Evidence._fields)}")
+    return Logistic(weights, _finite(part["bias"]))
+
+
+def _finite(number: object) -> float:
+    if isinstance(number, bool) or not isinstance(number, int | float) or not math.isfinite(number):
+        raise ValueError(f"{number!r:.40} is no number")
+    return float(number)

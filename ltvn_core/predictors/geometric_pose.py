@@ -97,9 +97,11 @@ def find_motion(pairs: PointPairs) -> CameraMotion | None:
 def _search_by_depth(pairs: PointPairs) -> CameraMotion | None:
     """Return the motion by triangles of three points, which must have equal sides in both images."""
     known = pairs.take((pairs.first_depth > 0) & (pairs.second_depth > 0))
-    first, second = points(known.first_rays, known.first_depth), points(known.second_rays, known.second_depth)
+    first = points(known.first_rays, known.first_depth)
+    second = points(known.second_rays, known.second_depth)
     drawn = np.random.default_rng(len(first)).integers(0, len(first), (_TRIANGLES, 3))
-    corners_first, corners_second = first[drawn], second[drawn]
+    corners_first = first[drawn]
+    corners_second = second[drawn]
     alike = _alike_triangles(corners_first, corners_second)
     if not len(alike):
         return None
@@ -188,7 +190,8 @@ def refine_motion(motion: CameraMotion, pairs: PointPairs) -> tuple[CameraMotion
     Gauss-Newton over the rays in both images and the depths, each weighed by how exactly it is known (Cauchy).
     """
     pairs = pairs.take(slice(_MAX_REFINED))
-    there, back = _sighting(pairs), _sighting(pairs.swapped())
+    there = _sighting(pairs)
+    back = _sighting(pairs.swapped())
     by_back = _by_turn_and_shift(back.points)
     normal = np.eye(6)
     for _ in range(_ITERATIONS):
@@ -295,7 +298,8 @@ def epipolar_motion(
     if len(first_rays) < MIN_PAIRS:
         return None
     coarse = max(1.0, pixel_ray / _EXACT_PIXEL_RAY)
-    first, second = first_rays * _FOCAL, second_rays * _FOCAL
+    first = first_rays * _FOCAL
+    second = second_rays * _FOCAL
     camera = np.diag([_FOCAL, _FOCAL, 1.0])
     try:
         essential, inliers = cv2.findEssentialMat(
@@ -322,9 +326,11 @@ def _turn_on_the_spot(
 
     A camera that only turned has no direction of motion, and the epipolar geometry may mirror it.
     """
-    before, after = _directions(first), _directions(second)
+    before = _directions(first)
+    after = _directions(second)
     weights = np.ones(len(before))
-    rotation, gaps = np.eye(3), np.ones(len(before))
+    rotation = np.eye(3)
+    gaps = np.ones(len(before))
     for _ in range(5):
         u, _, v = np.linalg.svd((after * weights[:, None]).T @ before)
         rotation = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ v))]) @ v

@@ -95,7 +95,8 @@ def ray_gaps(motion: CameraMotion, first: ImageFeatures, second: ImageFeatures) 
         return _squared_gaps(projected(motion, first.rays, first.depth), second.rays)
     gaps = np.full((len(first.rays), len(second.rays)), np.inf, np.float32)
     gaps[known] = _squared_gaps(projected(motion, first.rays[known], first.depth[known]), second.rays)
-    unknown, other = np.flatnonzero(first.depth == 0), np.flatnonzero(second.depth)
+    unknown = np.flatnonzero(first.depth == 0)
+    other = np.flatnonzero(second.depth)
     if len(unknown) and len(other):
         back = projected(motion.inverse(), second.rays[other], second.depth[other])
         gaps[np.ix_(unknown, other)] = _squared_gaps(back, first.rays[unknown]).T

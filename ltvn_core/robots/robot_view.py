@@ -6,15 +6,19 @@ of its images, the keeping of the originals, and steps and stamps that go on fro
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+
+import numpy as np
 
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.cameras.original_images import OriginalSize
 from ltvn_core.cameras.rectification import have_same_rays, rectified_camera
+from ltvn_core.geometry import relative
 from ltvn_core.preprocessing import ORIGINAL_SIZE, admit_observation, continued_observation
 from ltvn_core.robots.robot import Clock, Robot
 from ltvn_core.robots.robot_spec import RobotSpec
-from ltvn_core.types import CONTROL_STEP_S, FrameId, Observation, RobotState, Twist
+from ltvn_core.types import CONTROL_STEP_S, FrameId, Observation, Pose, RobotState, Twist
 
 
 class RobotView(ABC):
@@ -136,3 +140,26 @@ class RectifiedRobot(RobotView):
     def _changed(self, taken: Observation) -> Observation:
         camera = self._robot.spec.camera
         return admit_observation(taken, camera, self._target, original_size=self._original_size, source=self._spec.name)
+
+
+IMAGE_EVERY_M = 0.12
+"""On a mapping drive an image is taken after this distance,"""
+IMAGE_EVERY_RAD = math.radians(10)
+"""or after this change of heading (both ours)."""
+
+
+def watch_drive(robot: Robot, is_over: Callable[[], bool]) -> Iterator[Observation]:
+    """Yield the first image, and one after every 12 cm or 10 degrees by odometry, until it is over."""
+    last: Observation | None = None
+    while not is_over():
+        seen = robot.observe()
+        if last is None or has_moved(last.odometry, seen.odometry, by_m=IMAGE_EVERY_M, by_rad=IMAGE_EVERY_RAD):
+            last = seen
+            yield seen
+        robot.clock.advance(CONTROL_STEP_S)
+
+
+def has_moved(before: Pose, now: Pose, *, by_m: float, by_rad: float) -> bool:
+    """Tell whether a pose (3,) is so far from another one, or turned by so much."""
+    ahead, aside, turned = relative(before, now)
+    return bool(np.hypot(ahead, aside) >= by_m or abs(turned) >= by_rad)

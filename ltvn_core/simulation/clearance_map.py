@@ -2,19 +2,46 @@
 
 A 2-D grid of the floor. Knows obstacles only as blocked cells. Physics meets these cells, extruded to blocks, and not
 the visible surfaces, so that it agrees with planning about every cell.
+Also wraps what `scipy.ndimage` does with boolean grids, with types.
 """
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy import ndimage
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from ltvn_core.robots.robot_spec import LOCOBOT
-from ltvn_core.simulation.boolean_grid import connected_components, distance_transform, nearest_true
 from ltvn_core.types import Pose
+
+Mask = NDArray[np.bool_]
+"""(rows, columns) cells of a grid that are true or false."""
+
+
+def distance_transform(cells: Mask) -> NDArray[np.float64]:
+    """Return the distance (rows, columns) in cells to the nearest false cell; 0 in false cells."""
+    return cast(NDArray[np.float64], ndimage.distance_transform_edt(cells))
+
+
+def nearest_true(cells: Mask) -> NDArray[np.intp]:
+    """Return row and column (2, rows, columns) of the true cell nearest to each cell."""
+    nearest = ndimage.distance_transform_edt(~cells, return_distances=False, return_indices=True)
+    return cast(NDArray[np.int32], nearest).astype(np.intp)
+
+
+def connected_components(cells: Mask) -> tuple[NDArray[np.int32], int]:
+    """Label the connected components of true cells (4 neighbours).
+
+    Returns:
+        The number of each cell's component (rows, columns), from 1 on and 0 in false cells, and how many there are.
+    """
+    numbers, count = cast(Any, ndimage.label(cells))
+    return numbers, int(count)
+
 
 PLANNING_MARGIN_M = 0.04
 OBSTACLE_HEIGHT_M = 0.9
@@ -75,7 +102,8 @@ class ClearanceMap:
         Interpolates linearly between the centres of cells.
         """
         x, y = self._grid_coordinates(xy)
-        column, row = np.floor(x).astype(np.intp), np.floor(y).astype(np.intp)
+        column = np.floor(x).astype(np.intp)
+        row = np.floor(y).astype(np.intp)
         right = x - column
         up = y - row
         grid = self.grid
@@ -150,7 +178,8 @@ class ClearanceMap:
         return np.where(lengths <= limit_m, lengths, np.inf)
 
     def _grid_lengths(self, start: NDArray, goals: NDArray, limit_m: float) -> NDArray[np.float64]:
-        first, last = int(self._nodes(start)[0]), self._nodes(goals)
+        first = int(self._nodes(start)[0])
+        last = self._nodes(goals)
         if first < 0:
             return np.full(len(goals), np.inf)
         lengths = dijkstra(self._graph, indices=first, limit=limit_m)
@@ -171,7 +200,8 @@ class ClearanceMap:
         """Return the graph nodes (N,) nearest to points (N, 2), -1 where none is within `_SNAP_LIMIT_M`."""
         points = np.asarray(xy, np.float64).reshape(-1, np.shape(xy)[-1])[:, :2]
         x, y = self._grid_coordinates(points)
-        row, column = np.rint(y).astype(np.intp), np.rint(x).astype(np.intp)
+        row = np.rint(y).astype(np.intp)
+        column = np.rint(x).astype(np.intp)
         near_row, near_column = self._nearest_navigable
         node = self._numbers[near_row[row, column], near_column[row, column]]
         away = np.sqrt(((self._centres[node] - points) ** 2).sum(1)) if len(self._centres) else np.inf

@@ -61,7 +61,8 @@ class TriangleGrid:
 
     def near(self, x_m: float, y_m: float) -> NDArray[np.float64]:
         """Return the triangles (N, 3, 2) that reach into the cell of a point or one of its eight neighbours."""
-        column, row = int(np.floor(x_m / self._cell_m)), int(np.floor(y_m / self._cell_m))
+        column = int(np.floor(x_m / self._cell_m))
+        row = int(np.floor(y_m / self._cell_m))
         edges = [(column + step) * _STRIDE + row + side for step in (-1, 0, 1) for side in (-1, 2)]
         found = np.searchsorted(self._keys, edges)
         rows = np.concatenate([self._rows[found[k] : found[k + 1]] for k in (0, 2, 4)])
@@ -85,17 +86,21 @@ class Outlines:
 
     def __init__(self, edges: NDArray[np.float64], areas: NDArray[np.float64]) -> None:
         """Take edges (E, 4), each x0, y0, x1 and y1, and triangles with an area (A, 3, 2)."""
-        self._x, self._y = edges[:, 0], edges[:, 1]
-        self._dx, self._dy = edges[:, 2] - edges[:, 0], edges[:, 3] - edges[:, 1]
+        self._x = edges[:, 0]
+        self._y = edges[:, 1]
+        self._dx = edges[:, 2] - edges[:, 0]
+        self._dy = edges[:, 3] - edges[:, 1]
         length2 = np.maximum(self._dx**2 + self._dy**2, 1e-18)
-        self._sx, self._sy = self._dx / length2, self._dy / length2
+        self._sx = self._dx / length2
+        self._sy = self._dy / length2
         self._areas = areas
 
     def nearest(self, x_m: float, y_m: float) -> tuple[float, float, float]:
         """Return the distance from a point to the nearest of them and its nearest point; 0 within an area."""
         if len(self._areas) and _contains(self._areas, np.array([x_m, y_m])).any():
             return 0.0, x_m, y_m
-        to_x, to_y = x_m - self._x, y_m - self._y
+        to_x = x_m - self._x
+        to_y = y_m - self._y
         share = to_x * self._sx
         share += to_y * self._sy
         np.minimum(np.maximum(share, 0.0, out=share), 1.0, out=share)
@@ -113,7 +118,8 @@ def near_outlines(
     """Return the outlines of triangles (N, 3, 2) within a distance of a point; None if none is so near."""
     point = np.array([x_m, y_m])
     all_triangles = np.concatenate([*triangles, np.zeros((0, 3, 2))])
-    starts, ends = all_triangles, all_triangles[:, (1, 2, 0)]
+    starts = all_triangles
+    ends = all_triangles[:, (1, 2, 0)]
     along = ends - starts
     share = ((point - starts) * along).sum(2) / np.maximum((along**2).sum(2), 1e-18)
     to_edge = point - starts - np.clip(share, 0, 1)[..., None] * along
@@ -151,13 +157,15 @@ def _cut_above(triangles: NDArray[np.float64], height_m: float) -> NDArray[np.fl
 
 def _contains(triangles: NDArray[np.float64], point: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Return (T,): in which triangles (T, 3, 2) a point lies."""
-    along, to_point = np.roll(triangles, -1, axis=1) - triangles, point - triangles
+    along = np.roll(triangles, -1, axis=1) - triangles
+    to_point = point - triangles
     sides = along[..., 0] * to_point[..., 1] - along[..., 1] * to_point[..., 0]
     return np.logical_or((sides > 0).all(axis=1), (sides < 0).all(axis=1))
 
 
 def _doubled_areas(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
-    first, second = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
+    first = triangles[:, 1] - triangles[:, 0]
+    second = triangles[:, 2] - triangles[:, 0]
     return first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
 
 
@@ -228,13 +236,16 @@ class PlanarBody:
 
     def tick(self, linear_m_s: float, angular_rad_s: float) -> None:
         """Move the body with the given speeds for one tick of 1/240 s, as far as obstacles allow."""
-        turn, ahead = angular_rad_s * TICK_S, linear_m_s * TICK_S
+        turn = angular_rad_s * TICK_S
+        ahead = linear_m_s * TICK_S
         heading = self.yaw_rad + turn / 2
-        x_m, y_m = self.x_m + ahead * math.cos(heading), self.y_m + ahead * math.sin(heading)
+        x_m = self.x_m + ahead * math.cos(heading)
+        y_m = self.y_m + ahead * math.sin(heading)
         self.yaw_rad += turn  # Nothing stops a round body from turning on the spot.
         if not self._is_free(x_m, y_m, 0.0):
             x_m, y_m = self._resolved(x_m, y_m)
-        self.x_m, self.y_m = x_m, y_m
+        self.x_m = x_m
+        self.y_m = y_m
 
     def close(self) -> None:
         """Free the memory; closing twice is allowed."""
@@ -248,7 +259,8 @@ class PlanarBody:
             return self._way_out()
         # An overlap, which only an obstacle that moves can cause, ends gradually. A motion never makes it larger.
         allowed_m = self._radius_m - max(overlap_m, 0.0) * _OVERLAP_KEPT
-        from_x, from_y = self.x_m, self.y_m
+        from_x = self.x_m
+        from_y = self.y_m
         for _ in range(_CORRECTIONS):
             distance_m, nearest_x, nearest_y, friction = self._nearest(x_m, y_m)
             depth_m = allowed_m - distance_m
@@ -256,7 +268,8 @@ class PlanarBody:
                 return x_m, y_m
             if distance_m == 0:
                 break
-            normal_x, normal_y = (x_m - nearest_x) / distance_m, (y_m - nearest_y) / distance_m
+            normal_x = (x_m - nearest_x) / distance_m
+            normal_y = (y_m - nearest_y) / distance_m
             along = (x_m - from_x) * -normal_y + (y_m - from_y) * normal_x
             # Coulomb friction: the wall takes away the motion along it, up to a share of what it takes away across.
             held = math.copysign(min(abs(along), friction * depth_m), along)
@@ -280,7 +293,8 @@ class PlanarBody:
         left_m = self._free_m - gap_m
         if left_m <= 0:
             return False
-        dx, dy = x_m - self._free_x, y_m - self._free_y
+        dx = x_m - self._free_x
+        dy = y_m - self._free_y
         return dx * dx + dy * dy < left_m * left_m
 
     def _nearest(self, x_m: float, y_m: float) -> _Obstacle:
@@ -299,21 +313,28 @@ class PlanarBody:
                 share = PERSON_RADIUS_M / max(between_m, 1e-9)
                 nearest = person_x + share * (x_m - person_x), person_y + share * (y_m - person_y)
                 best = _Obstacle(max(between_m - PERSON_RADIUS_M, 0.0), *nearest, _PERSON_FRICTION)
-        self._last, self._free_x, self._free_y, self._free_m = best, x_m, y_m, best.distance_m - self._radius_m
+        self._last = best
+        self._free_x = x_m
+        self._free_y = y_m
+        self._free_m = best.distance_m - self._radius_m
         return best
 
     def _collect(self, x_m: float, y_m: float) -> None:
         """Collect the outlines near a point."""
-        self._anchor_x, self._anchor_y = x_m, y_m
+        self._anchor_x = x_m
+        self._anchor_y = y_m
         near = [grid.near(x_m, y_m) for grid in self._grids.values()]
         self._outlines = near_outlines(near, x_m, y_m, within_m=self._radius_m + _REACH_M)
 
     def _forget(self) -> None:
         """Forget what was near, after the body or an obstacle was put elsewhere."""
-        self._anchor_x, self._anchor_y = math.inf, math.inf
+        self._anchor_x = math.inf
+        self._anchor_y = math.inf
         self._outlines = None
         self._forget_distance()
 
     def _forget_distance(self) -> None:
         self._last = _Obstacle(0.0, 0.0, 0.0)
-        self._free_x, self._free_y, self._free_m = math.inf, math.inf, 0.0
+        self._free_x = math.inf
+        self._free_y = math.inf
+        self._free_m = 0.0

@@ -1,7 +1,14 @@
-"""The rooms of a scene, their purposes, and the doorways between them, whoever made the scene."""
+"""The rooms of a scene, the doorways between them, and the parts that a changing world may move or exchange.
+
+These parts are doors, furniture, pictures and rugs. A scene from a mesh has none: nobody says which of its triangles
+belong together.
+"""
 
 from dataclasses import dataclass
 from enum import Enum
+from typing import Any
+
+import numpy as np
 
 
 class RoomKind(Enum):
@@ -20,6 +27,8 @@ class RoomKind(Enum):
     LIBRARY = "library"
     BATH = "bathroom"
     UNNAMED = "part of a mesh scene"
+    AISLE = "aisle"
+    MEETING = "meeting room"
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,3 +73,92 @@ class Doorway:
         """x and y of its middle."""
         along = (self.low + self.high) / 2
         return (self.wall, along) if self.axis == 0 else (along, self.wall)
+
+
+WIDEST_DOOR_M = 2.05
+"""A wider gap is an open passage, which has no door."""
+
+
+@dataclass(frozen=True, slots=True)
+class FurniturePiece:
+    """A piece of furniture where it stood at first; lengths in metres."""
+
+    name: str
+    """Its name in this scene, such as `sofa-0`."""
+    x: float
+    y: float
+    turn: tuple[float, float]
+    """(cos, sin) of its rotation about the vertical axis."""
+    width: float
+    depth: float
+    first_face: int
+    """Its faces are those of the scene's surfaces from this one on,"""
+    end_face: int
+    """and before this one."""
+
+    @property
+    def yaw_rad(self) -> float:
+        """Its heading: from its back to its front is y."""
+        return float(np.arctan2(self.turn[1], self.turn[0]))
+
+
+@dataclass(frozen=True, slots=True)
+class SceneParts:
+    """What can be moved, taken away or exchanged in a scene."""
+
+    doorways: tuple[Doorway, ...] = ()
+    furniture: tuple[FurniturePiece, ...] = ()
+    paintings: tuple[int, ...] = ()
+    """Indices of textures that show a painting on a wall."""
+    rugs: tuple[int, ...] = ()
+    """Indices of textures that show a rug."""
+
+    @property
+    def doors(self) -> tuple[Doorway, ...]:
+        """The doorways that have a door; a door's number is its place here."""
+        return tuple(doorway for doorway in self.doorways if doorway.width_m <= WIDEST_DOOR_M)
+
+    def arrays(self) -> dict[str, Any]:
+        """Return the parts as named arrays, for the cache of scenes."""
+        doors = [[*door.rooms, door.axis, door.wall, door.low, door.high] for door in self.doorways]
+        pieces = [
+            [piece.x, piece.y, *piece.turn, piece.width, piece.depth, piece.first_face, piece.end_face]
+            for piece in self.furniture
+        ]
+        return {
+            "doorways": np.array(doors, np.float64).reshape(-1, 6),
+            "furniture": np.array(pieces, np.float64).reshape(-1, 8),
+            "furniture_names": np.array([piece.name for piece in self.furniture], "U32"),
+            "paintings": np.array(self.paintings, np.int64),
+            "rugs": np.array(self.rugs, np.int64),
+        }
+
+    @classmethod
+    def from_arrays(cls, arrays: Any) -> "SceneParts":
+        """Return the parts that `arrays` wrote. Raises KeyError or ValueError where something is missing."""
+        names = arrays["furniture_names"].tolist()
+        return cls(
+            doorways=tuple(_doorway(row) for row in arrays["doorways"].tolist()),
+            furniture=tuple(_piece(*each) for each in zip(names, arrays["furniture"].tolist(), strict=True)),
+            paintings=tuple(arrays["paintings"].tolist()),
+            rugs=tuple(arrays["rugs"].tolist()),
+        )
+
+
+def _doorway(row: list[float]) -> Doorway:
+    first, second, axis, wall, low, high = row
+    return Doorway(rooms=(int(first), int(second)), axis=int(axis), wall=wall, low=low, high=high)
+
+
+def _piece(name: str, row: list[float]) -> FurniturePiece:
+    x, y, cos, sin, width, depth, first_face, end_face = row
+    return FurniturePiece(
+        name=name,
+        x=x,
+        y=y,
+        turn=(cos, sin),
+        width=width,
+        depth=depth,
+        first_face=int(first_face),
+        end_face=int(end_face),
+    )

@@ -1,20 +1,72 @@
-"""The type of a scene, whether generated or read from a mesh, and what a person calls its doors.
+"""The type of a scene, whether generated or read from a mesh, what a person calls its doors, and its export.
 
-`scene_registry` finds scenes by name or by path.
+`scene_registry` finds scenes by name or by path. Viewers such as the page and Rerun take its surfaces as binary glTF.
 """
 
+import io
 from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import cast
 
 import numpy as np
+import trimesh
 from numpy.typing import NDArray
+from PIL import Image
+from trimesh.visual.material import PBRMaterial
+from trimesh.visual.texture import TextureVisuals
 
 from ltvn_core.simulation.clearance_map import OBSTACLE_HEIGHT_M, ClearanceMap, extrude_blocked_cells
-from ltvn_core.simulation.gltf_export import to_glb
-from ltvn_core.simulation.rooms import Room
-from ltvn_core.simulation.scene_parts import SceneParts
-from ltvn_core.simulation.surfaces import PLAIN_LIGHT, Light, Surfaces, joined
+from ltvn_core.simulation.rooms import Room, SceneParts
+from ltvn_core.simulation.surfaces import PLAIN_LIGHT, Light, Surfaces, joined, shrink_to_budget
+from ltvn_core.types import Rgb
+
+MAX_EXPORTED_TEXELS = 8_000_000
+"""Limit for all textures of a file together. A mesh scene with more is shown more coarsely than it is rendered."""
+
+
+CORNER_LIGHT = "_LIGHT"
+"""Attribute of corners (3,) that says how much light of each colour they send back."""
+
+
+def to_glb(
+    surfaces: Surfaces, face_light: NDArray[np.floating] | None = None, *, most_texels: int = MAX_EXPORTED_TEXELS
+) -> bytes:
+    """Return a GLB file with one mesh per texture, in metres, z up, textures as JPEG.
+
+    Textures are made smaller until all together have at most `most_texels`.
+    Where the light of faces is given, (F,) in [0, 1], corners have the attribute `CORNER_LIGHT`.
+    """
+    scene = trimesh.Scene()
+    used = np.unique(surfaces.face_texture)
+    for texture, image in zip(used, shrink_to_budget([surfaces.textures[k] for k in used], most_texels), strict=True):
+        chosen = surfaces.face_texture == texture
+        part = _part(surfaces.only(chosen), image)
+        if face_light is not None:
+            light = np.repeat(face_light[chosen], 3)[:, None]
+            part.vertex_attributes[CORNER_LIGHT] = np.repeat(light, 3, axis=1).astype(np.float32)
+        scene.add_geometry(part, geom_name=f"part{texture}")
+    return cast(bytes, scene.export(file_type="glb"))
+
+
+def _part(surfaces: Surfaces, image: Rgb) -> trimesh.Trimesh:
+    corners = surfaces.vertices[surfaces.faces].reshape(-1, 3)
+    material = PBRMaterial(
+        baseColorTexture=_compressed(image),
+        metallicFactor=0.0,
+        roughnessFactor=1.0,
+        doubleSided=True,
+    )
+    visual = TextureVisuals(uv=surfaces.corner_uv.reshape(-1, 2), material=material)
+    return trimesh.Trimesh(corners, np.arange(len(corners)).reshape(-1, 3), visual=visual, process=False)
+
+
+def _compressed(texture: Rgb) -> Image.Image:
+    """Encode the texture as JPEG, because trimesh embeds an image in its own format and PNG is several times larger."""
+    buffer = io.BytesIO()
+    Image.fromarray(texture).save(buffer, "JPEG", quality=85)
+    return Image.open(buffer)
+
 
 RECORDED_TEXELS = 300_000
 """Limit for the textures of a scene in a recording: each recording carries its scene, as the ground of its map."""

@@ -2,8 +2,8 @@
 
 Other packages offer scenes in the entry-point group `ltvn.scenes`: `name = "package.module:function"`.
 
-Holds the names, seeds and the cache. `apartments.generation` makes an apartment, `apartments.office` an office,
-`apartments.plain_building` a building with nothing in it, `meshes.mesh_scene` reads a mesh.
+Holds the names, seeds and the cache. `apartments.generation` makes an apartment, the modules beside it make other
+buildings, `meshes.mesh_scene` reads a mesh.
 """
 
 import logging
@@ -19,18 +19,20 @@ from typing import Any
 import numpy as np
 from platformdirs import user_cache_path
 
-from ltvn_core.close_names import which_name
 from ltvn_core.errors import LtvnError, PluginError, SceneError
 from ltvn_core.plugins import SCENES, Plugin, find_plugins
 from ltvn_core.simulation.apartments.generation import Building, generate_apartment
+from ltvn_core.simulation.apartments.hall import generate_hall
 from ltvn_core.simulation.apartments.office import generate_office
 from ltvn_core.simulation.apartments.plain_building import generate_plain_building
+from ltvn_core.simulation.apartments.shop import generate_shop
+from ltvn_core.simulation.apartments.wings import generate_wings
 from ltvn_core.simulation.clearance_map import ClearanceMap
 from ltvn_core.simulation.meshes.mesh_scene import load_mesh_scene
-from ltvn_core.simulation.rooms import Room, RoomKind
+from ltvn_core.simulation.rooms import Room, RoomKind, SceneParts
 from ltvn_core.simulation.scene import Scene
-from ltvn_core.simulation.scene_parts import SceneParts
 from ltvn_core.simulation.surfaces import Surfaces
+from ltvn_core.terminal_text import which_name
 
 log = logging.getLogger(__name__)
 
@@ -51,6 +53,12 @@ _SEEDS_WITH_ALIASES = (6014, 6025, 6035, 6047)
 """Large apartments in which two or three kinds of room occur twice, so that they have perceptual aliases."""
 _SEEDS_WITH_NARROW_PASSAGES = (6104, 6157)
 """Large apartments with many passages hardly wider than the robot."""
+_SHOPS_M2 = (220.0, 300.0, 380.0, 560.0)
+"""Floor areas of the shops; the last one has two halls."""
+_HALLS_M2 = (340.0, 420.0, 500.0, 600.0)
+"""Floor areas of the buildings that are mostly one hall, with the small rooms beside it."""
+_WINGS_M2 = (620.0, 760.0, 1000.0, 1400.0)
+"""Floor areas of the office buildings that repeat themselves; the last two have two corridors."""
 
 
 def _recipes() -> dict[str, _Recipe]:
@@ -68,6 +76,12 @@ def _recipes() -> dict[str, _Recipe]:
     recipes |= {f"tune-office-{k}": _Recipe(8500 + k, 500.0, generate_office) for k in range(4)}
     recipes |= {f"plain-{k}": _Recipe(8200 + k, 200.0, generate_plain_building) for k in range(4)}
     recipes |= {f"tune-plain-{k}": _Recipe(8700 + k, 200.0, generate_plain_building) for k in range(4)}
+    recipes |= {f"shop-{k}": _Recipe(11000 + k, area, generate_shop) for k, area in enumerate(_SHOPS_M2)}
+    recipes |= {f"tune-shop-{k}": _Recipe(11500 + k, area, generate_shop) for k, area in enumerate(_SHOPS_M2)}
+    recipes |= {f"hall-{k}": _Recipe(12000 + k, area, generate_hall) for k, area in enumerate(_HALLS_M2)}
+    recipes |= {f"tune-hall-{k}": _Recipe(12500 + k, area, generate_hall) for k, area in enumerate(_HALLS_M2)}
+    recipes |= {f"wings-{k}": _Recipe(13000 + k, area, generate_wings) for k, area in enumerate(_WINGS_M2)}
+    recipes |= {f"tune-wings-{k}": _Recipe(13500 + k, area, generate_wings) for k, area in enumerate(_WINGS_M2)}
     return recipes
 
 

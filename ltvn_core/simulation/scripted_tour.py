@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.geometry import wrap_angle
-from ltvn_core.robots.watched_drive import IMAGE_EVERY_M, IMAGE_EVERY_RAD, has_moved
+from ltvn_core.robots.robot_view import IMAGE_EVERY_M, IMAGE_EVERY_RAD, has_moved
 from ltvn_core.simulation.clearance_map import ClearanceMap
 from ltvn_core.simulation.scene import Scene
 from ltvn_core.simulation.simulated_robot import SimulatedRobot
@@ -160,7 +160,9 @@ class _Driver:
 
     def capture(self) -> Iterator[Observation]:
         """Take an image if the robot has moved enough since the last one."""
-        odometry, last, settings = self._robot.state().odometry, self._last_capture_odometry, self.settings
+        odometry = self._robot.state().odometry
+        last = self._last_capture_odometry
+        settings = self.settings
         if last is None or has_moved(last, odometry, by_m=settings.image_every_m, by_rad=settings.image_every_rad):
             self._last_capture_odometry = odometry
             yield self._robot.observe()

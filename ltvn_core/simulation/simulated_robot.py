@@ -20,7 +20,7 @@ from ltvn_core.robots.robot_spec import LOCOBOT, RobotSpec
 from ltvn_core.simulation.body import TICK_S, TICKS_PER_SECOND
 from ltvn_core.simulation.body_names import BodyName
 from ltvn_core.simulation.body_selection import open_body
-from ltvn_core.simulation.changes.world_follower import WorldFollower
+from ltvn_core.simulation.changes.world import WorldFollower
 from ltvn_core.simulation.clearance_map import ClearanceMap
 from ltvn_core.simulation.wheel_odometry import Drivetrain, Odometer, OdometryNoise
 from ltvn_core.types import (
@@ -34,7 +34,7 @@ from ltvn_core.types import (
     RobotState,
     Twist,
 )
-from ltvn_core.worlds.world_change import WorldChange
+from ltvn_core.worlds import WorldChange
 
 if TYPE_CHECKING:
     from ltvn_core.simulation.changes.world import World
@@ -293,10 +293,14 @@ class SimulatedRobot:
 
     def _tick(self) -> None:
         body = self._body
-        x_m, y_m, yaw_rad = body.x_m, body.y_m, body.yaw_rad
+        x_m = body.x_m
+        y_m = body.y_m
+        yaw_rad = body.yaw_rad
         body.tick(*self._drivetrain.follow(self._lease.command(), TICK_S))
-        dx, dy = body.x_m - x_m, body.y_m - y_m
-        cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
+        dx = body.x_m - x_m
+        dy = body.y_m - y_m
+        cos = math.cos(yaw_rad)
+        sin = math.sin(yaw_rad)
         self._odometer.move(cos * dx + sin * dy, cos * dy - sin * dx, body.yaw_rad - yaw_rad)
         self._collision_counter.update(body.in_contact)
         self._count_tick()

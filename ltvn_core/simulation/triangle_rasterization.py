@@ -7,7 +7,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from ltvn_core.simulation.boolean_grid import Mask
+from ltvn_core.simulation.clearance_map import Mask
 
 Triangles = NDArray[np.floating]
 """(F, 3, 3) corners in metres."""

@@ -117,7 +117,8 @@ class Odometer:
         turn = turn_rad * (1 + self._angle_error) + driven * self._drift
         heading = self._yaw + turn / 2  # The chord of an arc has the heading at half of the turn.
         offset = -turn_rad / 2  # The true motion is given in the frame at its beginning, not at half of its turn.
-        cos, sin = math.cos(heading + offset), math.sin(heading + offset)
+        cos = math.cos(heading + offset)
+        sin = math.sin(heading + offset)
         self._x += scale * (cos * forward_m - sin * left_m)
         self._y += scale * (sin * forward_m + cos * left_m)
         self._yaw += turn

@@ -14,7 +14,7 @@ if TYPE_CHECKING:  # The command line reads the names of systems and must not wa
     from ltvn_core.config import Method
     from ltvn_core.graph.navigation_system import NavigationSystem
     from ltvn_core.network.architecture import EnsembleArchitecture
-    from ltvn_core.training_data.temporal_rules import TemporalLabelRule
+    from ltvn_core.network.training_data.temporal_rules import TemporalLabelRule
 
 
 SystemFactory: TypeAlias = "Callable[[Method], NavigationSystem]"
@@ -55,6 +55,6 @@ class SystemEntry:
 
         Those of the system are of its network; other predictors bring theirs (None).
         """
-        from ltvn_core.predictors.registry import NETWORK
+        from ltvn_core.predictors.opening import NETWORK
 
         return wanted or (self.weights if predictor == NETWORK else None)

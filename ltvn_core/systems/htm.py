@@ -27,6 +27,7 @@ from ltvn_core.graph.navigation_system import Deltas, NavigationSystem, NoMainte
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.network.architecture import ContrastiveArchitecture
 from ltvn_core.network.shipped_weights import shipped_weights
+from ltvn_core.network.training_data.temporal_rules import TemporalClosenessRule
 from ltvn_core.systems.all_image_map import (
     AllPairs,
     all_image_deltas,
@@ -34,12 +35,12 @@ from ltvn_core.systems.all_image_map import (
     encode_trajectory,
 )
 from ltvn_core.systems.entry import SystemEntry, TemporalLearning
-from ltvn_core.training_data.temporal_rules import TemporalClosenessRule
 from ltvn_core.types import Features, FrameId, Observation, Predictor
 
 EDGES_PER_NODE = 50
 """A node keeps so many edges that lead from it, the cheapest ones."""
-_LEAST_REACHABILITY, _LEAST_SHARE = 1e-6, 1e-9
+_LEAST_REACHABILITY = 1e-6
+_LEAST_SHARE = 1e-9
 
 
 def htm_system(method: Method) -> NavigationSystem:
@@ -88,7 +89,8 @@ def _build(
 ) -> Deltas:
     """Return a map of all images; nothing is drawn with `rng`, and `goals` are nodes as every image is."""
     ordered, features = encode_trajectory(observations, keyframes, predictor, goals)
-    pairs, may_reverse = AllPairs.predict(features, predictor, progress), method.matching.both_directions
+    pairs = AllPairs.predict(features, predictor, progress)
+    may_reverse = method.matching.both_directions
     reachability = pairs.reachability
     share = shares(np.maximum(reachability, reachability.T) if may_reverse else reachability)
     links = (pairs.link(a, b, float(share[a, b]), may_reverse=may_reverse) for a, b in cheapest_edges(share))

@@ -6,18 +6,18 @@ Owns what the names stand for. Any navigation system can have any of them; witho
 from dataclasses import replace
 from typing import TypeVar
 
-from ltvn_core.close_names import which_name
 from ltvn_core.config import PAPER, ROBUST, BeliefConfig
 from ltvn_core.errors import OptionError
 from ltvn_core.graph.ltvn import LifelongMaintenance
 from ltvn_core.graph.navigation_system import NavigationSystem, NoMaintenance
 from ltvn_core.graph.node_views import ViewConfig
-from ltvn_core.graph.presence.edge_presence import EdgePresence, FilteredPresence
+from ltvn_core.graph.presence.edge_presence import ALWAYS_OPEN, EdgePresence, FilteredPresence
 from ltvn_core.graph.presence.persistent import PERSISTENT
 from ltvn_core.graph.presence.presence_filter import PresenceFilter
 from ltvn_core.graph.presence.presence_maintenance import PresenceMaintenance
 from ltvn_core.systems.brm import BayesianEdges, RoomOf
 from ltvn_core.systems.maintenance_names import MAINTENANCE_NAMES
+from ltvn_core.terminal_text import which_name
 
 _Told = TypeVar("_Told")
 
@@ -37,14 +37,14 @@ def with_maintenance(
         OptionError: There is no such name, or nobody knows the truth.
     """
     if name == "static":
-        return replace(system, maintenance=NoMaintenance(), presence=None, views=None)
+        return replace(system, maintenance=NoMaintenance(), presence=ALWAYS_OPEN, views=None)
     if name in ("paper", "robust"):
         preset = PAPER if name == "paper" else ROBUST
         method = replace(system.method, believing=_believing(preset.believing, system.method.believing))
-        return replace(system, maintenance=LifelongMaintenance(method), presence=None, views=None)
+        return replace(system, maintenance=LifelongMaintenance(method), presence=ALWAYS_OPEN, views=None)
     if name in ("brm", "brm-rooms"):
         rooms = _known(room_of, name, "which rooms its nodes lie in") if name == "brm-rooms" else None
-        return replace(system, maintenance=BayesianEdges(rooms), presence=None, views=None)
+        return replace(system, maintenance=BayesianEdges(rooms), presence=ALWAYS_OPEN, views=None)
     maintenance = PresenceMaintenance(system.method)
     return replace(system, maintenance=maintenance, presence=_presence(name, truth), views=ViewConfig())
 

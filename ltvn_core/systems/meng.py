@@ -7,13 +7,14 @@ what stands in for theirs is marked "ours". A tour counts as several trajectorie
 """
 
 import itertools
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.config import Method
+from ltvn_core.geometry import invert
 from ltvn_core.graph.builder import ProgressCallback
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.localiser import GLOBAL, LOCAL, Localisation, LocalisationPrior, best_localisation
@@ -23,8 +24,43 @@ from ltvn_core.graph.planner import surprise_cost
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.systems.all_image_map import EdgeCandidate, all_image_deltas, encode_trajectory
 from ltvn_core.systems.entry import SystemEntry
-from ltvn_core.systems.remembered_reach import Reach, RememberedReach
 from ltvn_core.types import Features, FrameId, Observation, Predictor, Waypoint
+
+Reach = Callable[[Sequence[int], Sequence[int]], tuple[NDArray[np.float64], Waypoint]]
+"""Returns r (P,) and waypoints (P, 3) from P images of the tour to P others, all by their place in it."""
+_PAIRS_AT_ONCE = 512
+"""So many pairs are compared at once."""
+
+
+class RememberedReach:
+    """Asks about no pair twice, nor about its way back where the answer holds for both; the answers are the same."""
+
+    def __init__(self, reach: Reach, *, both_directions: bool) -> None:
+        """Remember what `reach` says; `both_directions` means that it says the same of a way and the way back."""
+        self._reach = reach
+        self._both = both_directions
+        self._known: dict[tuple[int, int], tuple[float, NDArray[np.float64]]] = {}
+
+    def __call__(self, sources: Sequence[int], targets: Sequence[int]) -> tuple[NDArray[np.float64], Waypoint]:
+        """Return r (P,) and waypoints (P, 3) of P pairs."""
+        pairs = list(zip(sources, targets, strict=True))
+        new: dict[tuple[int, int], None] = {}
+        for source, target in pairs:
+            if (source, target) not in self._known and not (self._both and (target, source) in new):
+                new[source, target] = None
+        self._ask(list(new))
+        answers = [self._known[pair] for pair in pairs]
+        return np.array([r for r, _ in answers]), np.array([waypoint for _, waypoint in answers]).reshape(-1, 3)
+
+    def _ask(self, pairs: Sequence[tuple[int, int]]) -> None:
+        for first in range(0, len(pairs), _PAIRS_AT_ONCE):
+            asked = pairs[first : first + _PAIRS_AT_ONCE]
+            reachability, waypoints = self._reach(*zip(*asked, strict=True))
+            for pair, r, waypoint, back in zip(asked, reachability, waypoints, invert(waypoints), strict=True):
+                self._known[pair] = float(r), waypoint
+                if self._both:
+                    self._known.setdefault((pair[1], pair[0]), (float(r), back))
+
 
 SURE_REACHABILITY = 0.9
 """Least r of a pair of anchors (ours: theirs is 0.99, of a network that saturates; some predictors here say 0.95 at
@@ -82,10 +118,12 @@ def _build(
 ) -> Deltas:
     """Return a map of anchors, the goals among them; `rng` draws the older nodes that are compared."""
     ordered, features = encode_trajectory(observations, keyframes, predictor, goals)
-    matcher, both = Matcher(predictor, keyframes, method.matching), method.matching.both_directions
+    matcher = Matcher(predictor, keyframes, method.matching)
+    both = method.matching.both_directions
 
     def reach(sources: Sequence[int], targets: Sequence[int]) -> tuple[NDArray[np.float64], Waypoint]:
-        first, second = features[list(sources)], features[list(targets)]
+        first = features[list(sources)]
+        second = features[list(targets)]
         if both:
             return matcher.match_pairs(first, second)
         answer = predictor.predict(first, second)
@@ -134,7 +172,10 @@ class AnchorMap:
         self, reach: Reach, goals: Collection[int], rng: np.random.Generator, *, both_directions: bool
     ) -> None:
         """Begin without any; where a robot may reverse, what it drove is an edge `both_directions`."""
-        self._reach, self._goals, self._rng, self._both = reach, goals, rng, both_directions
+        self._reach = reach
+        self._goals = goals
+        self._rng = rng
+        self._both = both_directions
         self._window_of: dict[int, list[int]] = {}
         """For each node the anchors around it in its own trajectory, (2 * WINDOW + 1)."""
         self.edges: dict[tuple[int, int], EdgeCandidate] = {}
@@ -158,7 +199,8 @@ class AnchorMap:
 
     def _replace(self, anchors: Sequence[int], old: Sequence[int]) -> list[int]:
         """Return the anchors, with older nodes in place of those that they can stand for; goals and ends stay."""
-        replaced, latest = list(anchors), -1
+        replaced = list(anchors)
+        latest = -1
         for place in range(1, len(anchors) - 1):
             free = [node for node in old if node > latest]  # Else the trajectory would go back along an older one.
             if anchors[place] in self._goals or not free:

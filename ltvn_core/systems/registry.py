@@ -9,11 +9,11 @@ listing the names costs nothing.
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any, cast
 
-from ltvn_core.close_names import which_name
 from ltvn_core.errors import OptionError
 from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS, shipped_weights
 from ltvn_core.plugins import SYSTEMS, Plugin, find_plugins, require_own
 from ltvn_core.systems.entry import SystemEntry, SystemFactory
+from ltvn_core.terminal_text import which_name
 
 if TYPE_CHECKING:  # The command line reads the names of systems and must not wait for numpy.
     from ltvn_core.config import Method

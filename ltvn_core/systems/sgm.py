@@ -22,6 +22,7 @@ from ltvn_core.graph.navigation_system import Deltas, NavigationSystem, NoMainte
 from ltvn_core.graph.planner import hop_cost
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.network.shipped_weights import shipped_weights
+from ltvn_core.network.training_data.temporal_rules import TemporalDistanceRule
 from ltvn_core.systems.all_image_map import (
     AllPairs,
     all_image_deltas,
@@ -36,7 +37,6 @@ from ltvn_core.systems.temporal_distance import (
     temporal_distances,
     with_step_thresholds,
 )
-from ltvn_core.training_data.temporal_rules import TemporalDistanceRule
 from ltvn_core.types import FrameId, Observation, Predictor
 
 MERGE_STEPS = 2.0
@@ -97,7 +97,8 @@ def _build(
     nodes = merge_consistent(steps, {k for k, seen in enumerate(ordered) if seen.step in goals})
     joined = []
     for a, b in nearest_edges(steps[np.ix_(nodes, nodes)]):
-        source, target = nodes[a], nodes[b]
+        source = nodes[a]
+        target = nodes[b]
         link = pairs.link(source, target, reachability_of_steps(steps[source, target]), may_reverse=may_reverse)
         joined.append(link._replace(source=a, target=b))
     keyframes.keep_only([ordered[k].step for k in nodes])
@@ -120,7 +121,8 @@ def _are_consistent(steps: Steps, image: int, node: int, nodes: Sequence[int]) -
     A node without edges has nothing to compare with, and stands for no other image.
     """
     others = np.array([other for other in nodes if other != node], np.intp)
-    before, after = others[steps[others, node] < EDGE_STEPS], others[steps[node, others] < EDGE_STEPS]
+    before = others[steps[others, node] < EDGE_STEPS]
+    after = others[steps[node, others] < EDGE_STEPS]
     if not len(before) and not len(after):
         return False
     coming = np.abs(steps[before, image] - steps[before, node])

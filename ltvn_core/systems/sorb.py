@@ -22,6 +22,7 @@ from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.navigation_system import Deltas, NavigationSystem, NoMaintenance
 from ltvn_core.network.architecture import EnsembleArchitecture
 from ltvn_core.network.shipped_weights import shipped_weights
+from ltvn_core.network.training_data.temporal_rules import TemporalDistanceRule
 from ltvn_core.systems.all_image_map import (
     EdgeCandidate,
     all_image_deltas,
@@ -38,7 +39,6 @@ from ltvn_core.systems.temporal_distance import (
     temporal_cost,
     with_step_thresholds,
 )
-from ltvn_core.training_data.temporal_rules import TemporalDistanceRule
 from ltvn_core.types import Features, FrameId, NodeId, Observation, Predictor
 
 MAX_STEPS = 6.0 * EDGE_STEPS / 10.0

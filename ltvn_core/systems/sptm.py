@@ -20,6 +20,7 @@ from ltvn_core.graph.navigation_system import Deltas, NavigationSystem, NoMainte
 from ltvn_core.graph.planner import hop_cost
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.network.shipped_weights import shipped_weights
+from ltvn_core.network.training_data.temporal_rules import TemporalClosenessRule
 from ltvn_core.systems.all_image_map import (
     EdgeCandidate,
     all_image_deltas,
@@ -28,7 +29,6 @@ from ltvn_core.systems.all_image_map import (
     predict_all_pairs,
 )
 from ltvn_core.systems.entry import SystemEntry, TemporalLearning
-from ltvn_core.training_data.temporal_rules import TemporalClosenessRule
 from ltvn_core.types import Features, FrameId, NodeId, Observation, Predictor
 
 MAX_SHORTCUTS = 2000
@@ -121,10 +121,8 @@ def _both_ways(pairs: Sequence[tuple[int, int]], features: Features, predictor: 
     if not pairs:
         return
     first, second = np.array(pairs).T
-    ahead, back = (
-        predictor.predict(features[first], features[second]),
-        predictor.predict(features[second], features[first]),
-    )
+    ahead = predictor.predict(features[first], features[second])
+    back = predictor.predict(features[second], features[first])
     for k, (a, b) in enumerate(pairs):
         surer = ahead.reachability[k] >= back.reachability[k]
         there = EdgeCandidate(a, b, ahead.reachability[k], ahead.waypoints[k])

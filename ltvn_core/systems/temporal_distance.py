@@ -15,7 +15,7 @@ from ltvn_core.graph.deltas import Belief
 from ltvn_core.graph.localiser import GLOBAL, Localisation, LocalisationPrior, best_localisation, doubt
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.topological_graph import TopologicalGraph
-from ltvn_core.training_data.temporal_rules import TAU_STEPS
+from ltvn_core.network.training_data.temporal_rules import TAU_STEPS
 from ltvn_core.types import Features
 
 EDGE_STEPS = 8.0

@@ -15,6 +15,7 @@ from ltvn_core.graph.builder import ProgressCallback
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.navigation_system import Deltas, NavigationSystem, NoMaintenance, choose_first_node
 from ltvn_core.network.shipped_weights import shipped_weights
+from ltvn_core.network.training_data.temporal_rules import TemporalDistanceRule
 from ltvn_core.systems.all_image_map import (
     EdgeCandidate,
     all_image_deltas,
@@ -32,7 +33,6 @@ from ltvn_core.systems.temporal_distance import (
     temporal_cost,
     with_step_thresholds,
 )
-from ltvn_core.training_data.temporal_rules import TemporalDistanceRule
 from ltvn_core.types import Features, FrameId, Observation, Prediction, Predictor
 
 

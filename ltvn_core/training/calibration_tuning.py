@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 
 from ltvn_core.atomic_files import require_new_path, write_text_atomically
 from ltvn_core.config import ROBUST
+from ltvn_core.data.recording.drive_part import WHOLE_DRIVE, DrivePart
+from ltvn_core.data.recording.reader import Recording
 from ltvn_core.errors import RecordingError
 from ltvn_core.geometry import wrap_angle
 from ltvn_core.predictors.geometric import GeometricPredictor, SurePose, drivable_share
@@ -31,17 +33,15 @@ from ltvn_core.predictors.geometric_features import ImageFeatures, ImageGrid, im
 from ltvn_core.predictors.geometric_pose import ROOM_DEPTH_M
 from ltvn_core.predictors.geometric_verification import verify, waypoint
 from ltvn_core.preprocessing import recorded_observation
-from ltvn_core.recording.drive_part import WHOLE_DRIVE, DrivePart
-from ltvn_core.recording.reader import Recording
-from ltvn_core.training.drive_path import DrivePath, drive_path
-from ltvn_core.training_data.truth_limits import LIMITS
+from ltvn_core.training.drive_path import LIMITS, DrivePath, drive_path
 from ltvn_core.types import Observation
 
 MOST_CLOSE = 1000
 """Pairs near each other that are compared at most,"""
 MOST_LOOKING = 200
 """and images that look for others among the far ones."""
-CLOSE_M, CLOSE_RAD = 2.0, np.deg2rad(60)
+CLOSE_M = 2.0
+CLOSE_RAD = np.deg2rad(60)
 
 _SAME_WAY_RAD = np.deg2rad(25)
 _SAME_TURN_RAD = np.deg2rad(8)

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
         FineTuningProgress,
         FineTuningResult,
     )
-    from ltvn_core.training_data.trajectory_pairs import TrajectoryPairs
+    from ltvn_core.network.training_data.trajectory_pairs import TrajectoryPairs
 
 _REHEARSAL_LOADED = 0.18
 """Share of the work at which the rehearsal data are there,"""

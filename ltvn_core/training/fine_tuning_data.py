@@ -1,6 +1,7 @@
 """What weights are fine-tuned on: a drive that labels itself, and rehearsal data that keep them from forgetting.
 
-Owns where both come from. Label rules are in `ltvn_core.training_data`; learning is `ltvn_core.training.fine_tuning`.
+Owns where both come from, and which of two ways the network of a navigation system learns by: odometry, or time alone.
+Label rules are in `network.training_data`; learning is `training.fine_tuning`.
 """
 
 from collections.abc import Callable, Sequence
@@ -9,17 +10,17 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, TypeAlias
 
-from ltvn_core.recording.drive_part import WHOLE_DRIVE, DrivePart
+from ltvn_core.data.recording.drive_part import WHOLE_DRIVE, DrivePart
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.types import Observation
 
 if TYPE_CHECKING:
     from ltvn_core.cameras.camera_model import CameraModel
-    from ltvn_core.network.metrics.pair_evaluation import LabelledDrive
-    from ltvn_core.network.optimization.fine_tuning_loop import FineTuningData
-    from ltvn_core.training_data.temporal_rules import TemporalLabelRule
-    from ltvn_core.training_data.trajectory_pairs import LabelRule, TrajectoryPairs
-
+    from ltvn_core.network.optimization.fine_tuning_loop import FineTuningData, FineTuningPlan
+    from ltvn_core.network.pair_evaluation import LabelledDrive
+    from ltvn_core.network.training_data.temporal_rules import TemporalLabelRule
+    from ltvn_core.network.training_data.trajectory_pairs import LabelRule, TrajectoryPairs
+    from ltvn_core.systems.entry import SystemEntry, TemporalLearning
 
 ProgressReporter: TypeAlias = Callable[[float, str], None]
 """Takes the share that is done, in [0, 1], and what is being done, for a person."""
@@ -39,9 +40,9 @@ def ignore_progress(share: float, doing: str) -> None:
 def read_labelled_drive(path: Path, rule: "LabelRule", part: DrivePart = WHOLE_DRIVE) -> "TrajectoryPairs":
     """Read a part of a recording, as the network sees it, and label its pairs of images. Raises RecordingError."""
     from ltvn_core.cameras.rectification import rectified_camera
+    from ltvn_core.data.recording.reader import Recording
     from ltvn_core.network.architecture import NETWORK_CAMERA
     from ltvn_core.preprocessing import recorded_observation
-    from ltvn_core.recording.reader import Recording
 
     recording = Recording.open(path)
     camera = recording.meta.camera
@@ -58,8 +59,7 @@ def label_drive(
     """Label the pairs of images at hand by a rule. Raises RecordingError if they are no drive."""
     import numpy as np
 
-    from ltvn_core.training_data.trajectory import select_keyframes
-    from ltvn_core.training_data.trajectory_pairs import label_trajectory
+    from ltvn_core.network.training_data.trajectory_pairs import label_trajectory, select_keyframes
 
     drive = select_keyframes(observations, name, camera=camera)
     return label_trajectory(drive, rule, np.random.default_rng(0))
@@ -108,7 +108,7 @@ class SimulatedPairs:
     @property
     def scenes(self) -> Sequence[str]:
         """Scenes to learn from. Raises DatasetError if the folder holds none."""
-        from ltvn_core.training_data.shards import shard_scene
+        from ltvn_core.network.training_data.shards import shard_scene
 
         if self.folder is None:
             return REHEARSAL_SCENES
@@ -125,7 +125,7 @@ class SimulatedPairs:
     ) -> "FineTuningData":
         """Put the pairs beside a drive. Raises DatasetError."""
         from ltvn_core.network.optimization.fine_tuning_loop import FineTuningData
-        from ltvn_core.training_data.shards import read_shard
+        from ltvn_core.network.training_data.shards import read_shard
 
         learned, validation = _render_scenes(on_progress) if self.folder is None else _select_shards(self.folder)
         drives = []
@@ -160,7 +160,7 @@ class LabelledWalks:
 
     def prepare(self, on_progress: ProgressReporter = ignore_progress) -> None:
         """Walk where nobody has walked yet. Raises DatasetError and SceneError."""
-        from ltvn_core.training.labelled_walks import make_walks
+        from ltvn_core.training.simulated_scenes import make_walks
 
         make_walks((*REHEARSAL_SCENES, *CALIBRATION_SCENES), self._walks, on_progress=_count_scenes(on_progress))
 
@@ -169,7 +169,7 @@ class LabelledWalks:
     ) -> "FineTuningData":
         """Put the walks beside a drive; there are no drives to judge by. Raises DatasetError and SceneError."""
         from ltvn_core.network.optimization.fine_tuning_loop import FineTuningData
-        from ltvn_core.training.labelled_walks import labelled_walks
+        from ltvn_core.training.simulated_scenes import labelled_walks
 
         self.prepare(on_progress)
         return FineTuningData(
@@ -196,8 +196,8 @@ def _render_scenes(on_progress: ProgressReporter) -> tuple[list[Path], list[Path
     """Return shards of a few scenes in the user's cache to learn from and to check by, made there at the first call."""
     from platformdirs import user_cache_path
 
+    from ltvn_core.network.training_data.shards import DatasetRecipe, generate_shards
     from ltvn_core.training.simulated_scenes import open_dataset_scene
-    from ltvn_core.training_data.shard_generation import DatasetRecipe, generate_shards
 
     paths = generate_shards(
         (*REHEARSAL_SCENES, *CALIBRATION_SCENES),
@@ -222,7 +222,7 @@ def _count_scenes(on_progress: ProgressReporter) -> Callable[[int, int], None]:
 def _select_shards(folder: Path) -> tuple[list[Path], list[Path]]:
     """Return some shards of a dataset, evenly over its scenes. Raises DatasetError if there are none of a kind."""
     from ltvn_core.errors import DatasetError
-    from ltvn_core.training_data.shards import dataset_shards, shard_scene
+    from ltvn_core.network.training_data.shards import dataset_shards, shard_scene
 
     shards = dataset_shards(folder)
     validation = [path for path in shards if shard_scene(path) in CALIBRATION_SCENES]
@@ -249,3 +249,64 @@ class DriveSource:
         if isinstance(self.source, Path):
             return read_labelled_drive(self.source, rule)
         return label_drive(self.source, self.name, camera=LOCOBOT.camera, rule=rule)
+
+
+class SystemTraining(Protocol):
+    """What a system's network learns from its own drives."""
+
+    def label_rule(self) -> "LabelRule":
+        """Return the rule that labels the pairs of a drive."""
+        ...
+
+    def rehearsal(self, folder: Path | None = None) -> RehearsalData:
+        """Return what is shown beside the drive; `folder` names data at hand, else they are made once and kept."""
+        ...
+
+    def adapt_plan(self, plan: "FineTuningPlan") -> "FineTuningPlan":
+        """Return a plan of fine-tuning without what this system cannot know."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class OdometryTraining:
+    """Learning where one can drive: odometry and depth label the drive, exact poses the simulated pairs beside it."""
+
+    def label_rule(self) -> "LabelRule":
+        """Return the rule of odometry."""
+        from ltvn_core.network.training_data.trajectory_pairs import OdometryLabelRule
+
+        return OdometryLabelRule()
+
+    def rehearsal(self, folder: Path | None = None) -> RehearsalData:
+        """Return simulated pairs."""
+        return SimulatedPairs(folder)
+
+    def adapt_plan(self, plan: "FineTuningPlan") -> "FineTuningPlan":
+        """Return the plan as it is."""
+        return plan
+
+
+@dataclass(frozen=True, slots=True)
+class TemporalTraining:
+    """Learning by the steps between two images alone, of the drive and of random walks; no poses are known."""
+
+    learning: "TemporalLearning"
+
+    def label_rule(self) -> "LabelRule":
+        """Return the rule of time."""
+        return self.learning.rule
+
+    def rehearsal(self, folder: Path | None = None) -> RehearsalData:
+        """Return random walks with the same labels."""
+        return LabelledWalks(self.learning.rule, folder)
+
+    def adapt_plan(self, plan: "FineTuningPlan") -> "FineTuningPlan":
+        """Return the plan without hard negatives, which only poses can tell."""
+        from ltvn_core.network.baseline_training import baseline_fine_tuning_plan
+
+        return baseline_fine_tuning_plan(plan, even_distances=self.learning.even_distances)
+
+
+def system_training(entry: "SystemEntry") -> SystemTraining:
+    """Return how the network of a navigation system learns."""
+    return OdometryTraining() if entry.learning is None else TemporalTraining(entry.learning)

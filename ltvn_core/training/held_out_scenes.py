@@ -1,7 +1,7 @@
 """The scenes by which networks are chosen and judged, and the figures that come of it.
 
 Owns which scenes these are and how much is looked at there. The figures are defined in
-`ltvn_core.network.metrics.reachability_metrics`.
+`ltvn_core.network.metrics`.
 """
 
 from collections.abc import Sequence
@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING
 from ltvn_core.training.simulated_scenes import open_dataset_scene
 
 if TYPE_CHECKING:
-    from ltvn_core.network.metrics.pair_evaluation import LabelledDrive
-    from ltvn_core.network.model_card import HeldOutMetrics
+    from ltvn_core.network.model_card import HeldOutMetrics, TrainingDataSummary
+    from ltvn_core.network.pair_evaluation import LabelledDrive
+    from ltvn_core.network.training_data.shards import Shard
 
 VALIDATION_SCENES = ("tune-0", "tune-1", "tune-2")
 """Scenes by which the best weights are chosen."""
@@ -59,10 +60,10 @@ def drives(names: Sequence[str], *, images: int) -> "list[LabelledDrive]":
     """Look along a drive through each of the named scenes. Raises SceneError."""
     import numpy as np
 
-    from ltvn_core.network.metrics.pair_evaluation import LabelledDrive
-    from ltvn_core.training_data.reachability_labels import ReachabilityLimits
-    from ltvn_core.training_data.shard_generation import label_image_pairs, render_poses
-    from ltvn_core.training_data.simulated_drives import classify_near_far, sample_drive_poses
+    from ltvn_core.network.pair_evaluation import LabelledDrive
+    from ltvn_core.network.training_data.pose_sampling import classify_near_far, sample_drive_poses
+    from ltvn_core.network.training_data.reachability_labels import ReachabilityLimits
+    from ltvn_core.network.training_data.shards import label_image_pairs, render_poses
 
     found = []
     for name in names:
@@ -90,13 +91,13 @@ def measure_network(
     import numpy as np
 
     from ltvn_core.network.architecture import StackedArchitecture
-    from ltvn_core.network.metrics.pair_evaluation import evaluate_all_pairs, evaluate_pairs, subsample_drive
     from ltvn_core.network.model_card import HeldOutMetrics
+    from ltvn_core.network.pair_evaluation import evaluate_all_pairs, evaluate_pairs, subsample_drive
     from ltvn_core.network.predictor import load_predictor
-    from ltvn_core.training_data.shard_generation import DatasetRecipe, generate_shards
-    from ltvn_core.training_data.shards import read_shard
+    from ltvn_core.network.training_data.shards import DatasetRecipe, generate_shards, read_shard
 
-    predictor, rng = load_predictor(weights), np.random.default_rng(0)
+    predictor = load_predictor(weights)
+    rng = np.random.default_rng(0)
     paths = generate_shards(scenes, open_dataset_scene, folder, DatasetRecipe(clusters=clusters), processes=2)
     seen = drives(scenes, images=images)
     if isinstance(predictor.architecture, StackedArchitecture):
@@ -110,7 +111,8 @@ def figures(weights: Path, measured: "HeldOutMetrics") -> NetworkMetrics:
     """Return the figures that matter most. Raises WeightsError."""
     from ltvn_core.network.weights_file import load_weights, weights_fingerprint
 
-    pairs, drives_ = measured.pairs, measured.drives
+    pairs = measured.pairs
+    drives_ = measured.drives
     return NetworkMetrics(
         load_weights(weights).size.name,
         weights_fingerprint(weights),
@@ -124,4 +126,17 @@ def figures(weights: Path, measured: "HeldOutMetrics") -> NetworkMetrics:
         pairs.yaw_median_deg,
         pairs.ece,
         pairs.pairs,
+    )
+
+
+def training_data_summary(learned: Sequence["Shard"]) -> "TrainingDataSummary":
+    """Return what a card says of the shards that were learned from, with weights chosen by the validation scenes."""
+    from ltvn_core.network.model_card import TrainingDataSummary
+
+    return TrainingDataSummary(
+        scenes=tuple(shard.name for shard in learned),
+        validation_scenes=VALIDATION_SCENES,
+        images=sum(len(shard.rgb) for shard in learned),
+        pairs=sum(len(shard.sources) for shard in learned),
+        recipe=learned[0].recipe,
     )

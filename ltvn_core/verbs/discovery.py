@@ -1,9 +1,12 @@
-"""Which verbs there are: the plug-ins `name = "package.module:VerbClass"` of the entry-point group `ltvn.verbs`.
+"""Which verbs there are, and what `ltvn` and `ltvn --help` print of them: where to begin, and all verbs in groups.
 
-Ours are found the same way as other people's, so the core needs no import of the page to offer its verbs. Owns the
-groups and the order in which they are shown.
+Verbs are the plug-ins `name = "package.module:VerbClass"` of the entry-point group `ltvn.verbs`. Ours are found the
+same way as other people's, so the core needs no import of the page to offer its verbs. Owns the groups and the order in
+which they are shown.
 """
 
+import shutil
+import textwrap
 from collections.abc import Mapping
 
 from ltvn_core.plugins import VERBS, Plugin, find_plugins
@@ -11,7 +14,7 @@ from ltvn_core.verbs.verb import Verb
 
 GROUPS: Mapping[str, tuple[str, ...]] = {
     "Drive and map": ("app", "demo", "build", "navigate", "collect", "robot", "guard", "serve"),
-    "Look and ask": ("replay", "view", "info", "verify", "report", "pairs"),
+    "Look and ask": ("replay", "why", "view", "info", "verify", "report", "pairs", "mcp"),
     "Bring in and out": ("import", "export", "repair", "plugins"),
     "Learn and measure": (
         "evaluate",
@@ -47,3 +50,43 @@ def load_verb(plugin: Plugin) -> type[Verb]:
     if not (isinstance(verb, type) and issubclass(verb, Verb)):
         raise plugin.refusal("is no subclass of ltvn_core.verbs.verb.Verb")
     return verb
+
+
+DESCRIPTION = "See what a robot's topological map believes: collect, build, navigate, replay."
+
+BEGINNING = f"""{DESCRIPTION}
+
+Four commands to begin with:
+
+  ltvn app                                     the page on the demo apartment: click a goal, and watch
+  ltvn import DRIVE --output drive.rrd         your own drive: a bag, a data set, a folder of pictures
+  ltvn build drive.rrd --output map.rrd        a map of it, which ltvn app --map opens
+  ltvn replay drive.rrd                        what was recorded, with a slider over its time
+
+ltvn --help lists all verbs, and ltvn VERB --help the options of one."""
+
+_OTHERS = "From other packages"
+_WIDEST = 100
+_INDENT = 18
+
+
+def overview(verbs: Mapping[str, type[Verb]]) -> str:
+    """Return the help of all verbs, in groups; verbs of other packages have the last one."""
+    known = {name for names in GROUPS.values() for name in names}
+    groups = {**GROUPS, _OTHERS: tuple(name for name in verbs if name not in known)}
+    parts = ["usage: ltvn [-h] [--version] VERB [OPTIONS]", DESCRIPTION]
+    for heading, names in groups.items():
+        rows = [_row(name, verbs[name]) for name in names if name in verbs]
+        if rows:
+            parts.append("\n".join([f"{heading}:", *rows]))
+    parts.append("ltvn VERB --help lists the options of a verb.")
+    return "\n\n".join(parts)
+
+
+def _row(name: str, verb: type[Verb]) -> str:
+    """Return a verb's name and the first paragraph of what it says of itself."""
+    first = (verb.__doc__ or "").strip().partition("\n\n")[0]
+    width = min(shutil.get_terminal_size().columns, _WIDEST)
+    return textwrap.fill(
+        " ".join(first.split()), width, initial_indent=f"  {name:<{_INDENT - 2}}", subsequent_indent=" " * _INDENT
+    )

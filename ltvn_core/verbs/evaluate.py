@@ -27,7 +27,7 @@ class ProtocolOptions(Verb):
     without: tuple[str, ...] = ()
     """Parts to switch off: merging, pruning, expansion, fine-tuning; or our departures from the paper in one respect:
     our-matching, our-building, our-localising, our-planning, our-driving, our-judging, our-believing, our-expanding,
-    our-recovering."""
+    our-recovering; or one departure by its name in config.py, for instance driving.swerve."""
     predictor: PredictorName = AUTO
     """What compares images: the trained network, which auto takes, or another by name."""
     weights: Path | None = None

@@ -1,8 +1,144 @@
 """`ltvn navigate`: drive by a saved map."""
 
-from dataclasses import dataclass
+import logging
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
 
-from ltvn_core.verbs.navigate_options import NavigateOptions
+from tyro.conf import Positional
+
+from ltvn_core.errors import MapError
+from ltvn_core.systems.maintenance_names import MaintenanceName
+from ltvn_core.verbs.body_option import BodyOption
+from ltvn_core.verbs.option_types import AUTO, PredictorName
+from ltvn_core.verbs.verb import Verb
+
+if TYPE_CHECKING:
+    from ltvn_core.data.recording.recorded_run import RunDescription
+    from ltvn_core.graph.topological_graph import TopologicalGraph
+    from ltvn_core.maps.topological_map import TopologicalMap
+    from ltvn_core.verbs.jobs.headless_runner import QueriesSummary
+
+
+_LOG = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class NavigateSummary:
+    """What the queries came to."""
+
+    recording: Path
+    predictor: str
+    """What compared the images."""
+    map: Path | None
+    """The map after all queries, if it was asked for."""
+    nodes: int
+    """In the map at the end."""
+    edges: int
+    outcome: "QueriesSummary"
+    wall_s: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class NavigateOptions(Verb):
+    """Drive to one goal or to several by a saved map, with the navigation system that built it and as it maintains."""
+
+    map: Positional[Path]
+    """The map to drive by; it is read, never changed."""
+    recording: Path
+    """The recording to write; it begins with the map, so it stands alone. Must not exist yet."""
+    output: Path | None = None
+    """The map after all queries, with what it learned; must not exist yet."""
+    goal: int | None = None
+    """The node to go to, by its number; a random one if not given."""
+    queries: int = 1
+    """How many random goals to drive to, one after the other."""
+    preset: Literal["robust", "paper"] = "robust"
+    """The method's settings: robust is ours, paper is the literal method."""
+    maintenance: MaintenanceName | None = None
+    """What driving teaches the map; by default what its system does. static: nothing; paper, robust: beliefs and
+    pruning as in that preset; brm: BRM's posterior, which prunes nothing; brm-rooms: the same of ways between rooms;
+    persistent: also what is open at which time; truth: what the simulator knows."""
+    world: str | None = None
+    """Drive in a world that changes: static, doors, daily, telegraph, moving, light, people, all, several of them
+    (doors+moving), or a JSON file with a script. A goal may be out of reach then."""
+    predictor: PredictorName = AUTO
+    """What compares images; must be the one that built the map, which auto finds."""
+    weights: Path | None = None
+    """Weights to use instead of those that come with the map's system; must be those that built the map."""
+    seed: int = 0
+    """Draws the start, the noise and the goals."""
+    body: BodyOption = "auto"
+    robot: str | None = None
+    """Drive a robot of your own, from where it stands: an installed robot's name, path/to/file.py:factory, or
+    PROFILE@ADDRESS (ROS 2)."""
+    stream: int | None = None
+    """Port on 127.0.0.1 at which a Rerun viewer can watch while the recording is written: `ltvn view` the address."""
+
+    def open_map(self) -> "TopologicalMap":
+        """Open the map and say, before any drive, what it knows of the goal.
+
+        Raises MapError, OptionError, RecordingError and WeightsError.
+        """
+        from ltvn_core.data.recording.map_file import load_map
+        from ltvn_core.maps.topological_map import TopologicalMap
+
+        loaded = load_map(self.map)
+        self._check(loaded.graph)
+        known = TopologicalMap.open(loaded, preset=self.preset, predictor=self.predictor, weights=self.weights)
+        self._tell_goal(known)
+        return known
+
+    def finish(
+        self, known: "TopologicalMap", run: "RunDescription", outcome: "QueriesSummary", wall_s: float
+    ) -> NavigateSummary:
+        """Save the map as driving has changed it, if asked to, and sum up."""
+        graph = known.graph
+        if self.output is not None:
+            run.save_map(self.output, graph, known.observations, origin=self.map)
+        return NavigateSummary(
+            recording=self.recording,
+            predictor=known.predictor_name,
+            map=self.output,
+            nodes=len(graph.nodes),
+            edges=len(graph.edges),
+            outcome=outcome,
+            wall_s=wall_s,
+        )
+
+    def _check(self, graph: "TopologicalGraph") -> None:
+        """Raise MapError if the map lacks the goal and RecordingError if the output exists, before any drive."""
+        from ltvn_core.atomic_files import require_new_path
+
+        if self.goal is not None and self.goal not in graph.nodes and self.goal not in graph.reserve:
+            nodes = sorted(graph.nodes)
+            raise MapError(f"{self.map} has no node {self.goal}; its {len(nodes)} nodes are {nodes[0]} to {nodes[-1]}.")
+        if self.output is not None:
+            require_new_path(self.output)
+        if len(graph.nodes) == 1:
+            _LOG.warning("%s has one node, so the robot goes nowhere; build a map of a longer drive.", self.map)
+
+    def _tell_goal(self, known: "TopologicalMap") -> None:
+        """Say before any drive what the map knows of the goal. Raises MapError where that is no node."""
+        if self.goal is None:
+            return
+        (report,) = known.goal_reports([self.goal])
+        if self.goal not in known.graph.nodes:
+            raise MapError(str(report.finding))
+        if report.finding is not None:
+            _LOG.warning(report.finding)
+
+    def settings(self, known: "TopologicalMap") -> dict[str, Any]:
+        """Say how the run was made, for the recording."""
+        return {
+            "verb": "navigate",
+            "system": known.system.name,
+            "maintenance": self.maintenance,
+            "world": self.world,
+            "predictor": known.predictor_name,
+            "seed": self.seed,
+            "method": asdict(known.system.method),
+        }
 
 
 @dataclass(frozen=True, kw_only=True)

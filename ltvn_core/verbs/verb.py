@@ -1,6 +1,7 @@
 """What all verbs share: the options of every verb and the shape of a summary. Owns no job."""
 
 import json
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, is_dataclass
 from enum import Enum
@@ -25,6 +26,18 @@ class Summary(Protocol):
     """The result of a verb: a frozen dataclass of plain values, readable by a person and by a program."""
 
     __dataclass_fields__: ClassVar[dict[str, Any]]
+
+
+class OwnWords(ABC):
+    """A summary that is read in another form than name by name, such as an answer."""
+
+    @abstractmethod
+    def as_text(self) -> str:
+        """Return it for a person; empty where there is nothing to print."""
+
+    @abstractmethod
+    def as_json(self) -> dict[str, Any]:
+        """Return it for a program."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,6 +100,8 @@ def _check_number(name: str, number: int) -> None:
 
 def to_json(summary: Summary) -> str:
     """Write a summary as JSON; paths and enums become text, and findings stand there as `doubts` too, in one piece."""
+    if isinstance(summary, OwnWords):
+        return json.dumps(summary.as_json(), default=_plain, indent=2)
     doubts = getattr(summary, "doubts", None)
     told = {} if doubts is None else {"doubts": doubts}
     return json.dumps(asdict(summary) | told, default=_plain, indent=2)
@@ -94,6 +109,8 @@ def to_json(summary: Summary) -> str:
 
 def to_text(summary: Summary) -> str:
     """Write a summary as aligned lines for a person."""
+    if isinstance(summary, OwnWords):
+        return summary.as_text()
     rows = {_LABELS.get(field.name, field.name): getattr(summary, field.name) for field in fields(summary)}
     width = max(map(len, rows), default=0)
     return "\n".join(f"{label.replace('_', ' '):<{width}}  {_shown(value)}" for label, value in rows.items())

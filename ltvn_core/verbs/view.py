@@ -11,7 +11,7 @@ from ltvn_core.verbs.verb import Verb
 class ViewVerb(Verb):
     """Open a recording in the Rerun web viewer, served to this machine only."""
 
-    job = "ltvn_core.verbs.jobs.view:view_recording"
+    job = "ltvn_core.verbs.jobs.recording_files:view_recording"
 
     recording: Positional[str]
     """The .rrd file, or the address that a run with --stream says."""

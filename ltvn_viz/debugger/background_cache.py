@@ -22,7 +22,8 @@ class BackgroundCache:
 
     def __init__(self, worker: JobQueue, on_answer: Callable[[], None]) -> None:
         """Compute in `worker`; `on_answer` is called in the session's thread whenever there is something new."""
-        self._worker, self._on_answer = worker, on_answer
+        self._worker = worker
+        self._on_answer = on_answer
         self._known: OrderedDict[Hashable, Any] = OrderedDict()
         self._asked: set[Hashable] = set()
         self._left: set[Hashable] = set()

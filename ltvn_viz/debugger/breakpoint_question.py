@@ -3,10 +3,10 @@
 from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
-from html import escape
 from typing import TypeAlias, assert_never
 
 from ltvn_core import palette
+from ltvn_core.analysis.answer import Link, Strong, joined
 from ltvn_core.analysis.breakpoints import (
     Breakpoint,
     BreakpointQuantity,
@@ -22,11 +22,10 @@ from ltvn_core.analysis.breakpoints import (
 )
 from ltvn_core.errors import OptionError
 from ltvn_viz.debugger.context import DebugContext
-from ltvn_viz.debugger.question import AnswerBuilder, Question
-from ltvn_viz.session.commands import QuestionRequest, Seek
-from ltvn_viz.session.inspection import QuestionAnswer, QuestionName, Selection
-from ltvn_viz.session.overlay import EMPTY_OVERLAY, Overlay, stroke
+from ltvn_viz.debugger.question import AnswerBuilder, Question, request_link, time_link
+from ltvn_viz.session.inspection import EMPTY_OVERLAY, Overlay, QuestionAnswer, QuestionName, Selection, stroke
 from ltvn_viz.timeline.breakpoint_monitor import BreakpointMonitor, BreakpointStop
+from ltvn_viz.wishes.commands import QuestionRequest
 
 _ROWS = 12
 _OFFERED_TRIGGERS = (
@@ -38,7 +37,8 @@ _OFFERED_TRIGGERS = (
     BreakpointTrigger.LOST,
 )
 _SMALL_MARGIN = LocalisationBreakpoint(BreakpointQuantity.MARGIN, less=True, value=0.2)
-_REMOVE, _ALL = "remove ", "all"
+_REMOVE = "remove "
+_ALL = "all"
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,34 +113,32 @@ class BreakpointQuestion(Question[BreakpointRequest]):
 
     def _breakpoints(self, builder: AnswerBuilder) -> None:
         for each in self._monitor.breakpoints:
-            remove = builder.request_link("remove", RemoveBreakpoint(each))
-            builder.add_html(f"<div><b>{escape(format_breakpoint(each))}</b> · {remove}</div>")
+            builder.add_line(Strong(format_breakpoint(each)), " · ", request_link("remove", RemoveBreakpoint(each)))
         if len(self._monitor.breakpoints) > 1:
-            builder.add_html(f"<div>{builder.request_link('remove all', RemoveAllBreakpoints())}</div>")
+            builder.add_line(request_link("remove all", RemoveAllBreakpoints()))
 
     def _found(self, context: DebugContext, stops: Sequence[BreakpointStop], builder: AnswerBuilder) -> None:
         before = bisect_left(stops, context.step, key=lambda stop: stop.hit.moment.step) - 1
         after = bisect_right(stops, context.step, key=lambda stop: stop.hit.moment.step)
-        ways = [_jump(builder, "◀ previous", stops[before])] if before >= 0 else []
-        ways += [_jump(builder, "next ▶", stops[after])] if after < len(stops) else []
+        ways = [_jump(stops[before], "◀ previous")] if before >= 0 else []
+        ways += [_jump(stops[after], "next ▶")] if after < len(stops) else []
         times = "once" if len(stops) == 1 else f"{len(stops)} times" if stops else "nowhere yet"
-        builder.add_html(f"<div>Met <b>{times}</b>{' · ' if ways else ''}{' · '.join(ways)}</div>")
+        builder.add_line("Met ", joined([Strong(times), *ways]))
         shown = stops[max(0, after - _ROWS // 2) :][:_ROWS] if not context.is_live else stops[-_ROWS:][::-1]
         if shown:
-            builder.add_table(
-                ("when", "what"), [(_jump(builder, f"{each.time_s:.1f} s", each), _why(each)) for each in shown]
-            )
+            builder.add_table(("when", "what"), [(_jump(each), each.hit.why) for each in shown])
 
     def _offers(self, context: DebugContext, selection: Selection, builder: AnswerBuilder) -> None:
         offers = [*_about(selection), *map(EventBreakpoint, _OFFERED_TRIGGERS)]
         offers += [prune_threshold_breakpoint(context.method.believing), _SMALL_MARGIN]
         fresh = [each for each in offers if each not in self._monitor.breakpoints]
-        links = " · ".join(builder.request_link(format_breakpoint(each), AddBreakpoint(each)) for each in fresh)
-        builder.add_html(f"<div>Stop at: {links}</div>")
+        links = [request_link(format_breakpoint(each), AddBreakpoint(each)) for each in fresh]
+        builder.add_line("Stop at: ", joined(links))
 
 
 def _typed_request(text: str, context: DebugContext) -> BreakpointRequest:
-    words, believing = " ".join(text.split()), context.method.believing
+    words = " ".join(text.split())
+    believing = context.method.believing
     if not words.startswith(_REMOVE):
         return AddBreakpoint(parse_breakpoint(words, believing))
     named = words.removeprefix(_REMOVE)
@@ -161,12 +159,8 @@ def _about(selection: Selection) -> tuple[Breakpoint, ...]:
     return () if selection.node is None else (NodeBreakpoint(selection.node),)
 
 
-def _why(stop: BreakpointStop) -> str:
-    return escape(stop.hit.why)
-
-
-def _jump(builder: AnswerBuilder, label: str, stop: BreakpointStop) -> str:
-    return builder.link(label, Seek(stop.time_s))
+def _jump(stop: BreakpointStop, label: str = "") -> Link:
+    return time_link(stop.time_s, label)
 
 
 def _overlay(context: DebugContext, breakpoints: Sequence[Breakpoint]) -> Overlay:

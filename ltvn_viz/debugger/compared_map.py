@@ -19,13 +19,12 @@ from ltvn_core.analysis.world_clock import (
     time_behind,
     world_time_before,
 )
+from ltvn_core.data.recording.reader import Recording
 from ltvn_core.graph.presence.presence_filter import PresenceFilter
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import StampedEvent, WorldChanged
-from ltvn_core.recording.reader import Recording
 from ltvn_core.types import NodeId, Pose
-from ltvn_core.worlds.world_change import PersonLeft, PersonMoved, WorldChange
-from ltvn_core.worlds.world_state import AS_MADE, WorldState
+from ltvn_core.worlds import AS_MADE, PersonLeft, PersonMoved, WorldChange, WorldState
 from ltvn_viz.debugger.context import DebugContext
 
 BEFORE_FIRST_QUERY = "before its first query"
@@ -82,8 +81,8 @@ def map_of_moment(context: DebugContext) -> ComparedMap:
 
 
 def map_before_first_query(context: DebugContext) -> ComparedMap:
-    """Return the map as it was before the run's first query."""
-    return _map_before(context, first_query_event(context.timeline), BEFORE_FIRST_QUERY)
+    """Return the map as it was before the run's first query; until that begins, the map on show."""
+    return _map_before(context, first_query_event(context), BEFORE_FIRST_QUERY)
 
 
 def map_at_time(context: DebugContext, time: WorldTime) -> ComparedMap:
@@ -96,7 +95,7 @@ def map_at_time(context: DebugContext, time: WorldTime) -> ComparedMap:
     named = f"{format_world_time(time)}, {clock_text(at_s)}"
     if not context.timeline.graph_before(count).nodes:
         named = f"when the run began, later than {clock_text(at_s)}"
-        return _map_before(context, first_query_event(context.timeline), named)
+        return _map_before(context, first_query_event(context), named)
     return _map_before(context, count, named, at_s)
 
 
@@ -114,9 +113,11 @@ def _map_before(context: DebugContext, count: int, name: str, at_s: float | None
     )
 
 
-def first_query_event(timeline: Timeline) -> int:
-    """Return the number of the event with which the first query begins, or of the next event to come."""
-    return timeline.queries[0].first if timeline.queries else len(timeline.events)
+def first_query_event(context: DebugContext) -> int:
+    """Return the number of the event with which the first query begins, or of the next event after the moment."""
+    timeline = context.timeline
+    known = timeline.count_until(context.instant)
+    return min(timeline.queries[0].first, known) if timeline.queries else known
 
 
 def opened_map(path: Path) -> ComparedMap:

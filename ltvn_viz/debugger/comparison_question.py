@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TypeAlias, assert_never
 
 from ltvn_core import palette
+from ltvn_core.analysis.answer import Inline, Key
 from ltvn_core.analysis.edge_presence_history import PresenceChange, PresenceState, presence_state
 from ltvn_core.analysis.map_comparison import EdgeDifference, MapDifference, MatchedBy
 from ltvn_core.analysis.timeline import Timeline
@@ -24,10 +25,10 @@ from ltvn_core.analysis.world_clock import (
 from ltvn_core.errors import LtvnError
 from ltvn_core.graph.deltas import Edge
 from ltvn_core.graph.topological_graph import EdgeKey
-from ltvn_core.navigation.events import Judged, QueryEnded, WorldChanged
+from ltvn_core.navigation.events import Collided, Judged, QueryEnded, WorldChanged
 from ltvn_core.palette import Rgb8
 from ltvn_core.types import NodeId
-from ltvn_core.worlds.world_change import TimePassed, change_text
+from ltvn_core.worlds import TimePassed, change_text
 from ltvn_viz.debugger.background_cache import LatestAnswer
 from ltvn_viz.debugger.compared_map import (
     BEFORE_FIRST_QUERY,
@@ -41,11 +42,9 @@ from ltvn_viz.debugger.compared_map import (
     opened_map,
 )
 from ltvn_viz.debugger.context import DebugContext
-from ltvn_viz.debugger.question import AnswerBuilder, Question
-from ltvn_viz.debugger.svg_figures import legend_item
-from ltvn_viz.session.commands import PointAt, QuestionRequest
-from ltvn_viz.session.inspection import QuestionAnswer, QuestionName, Selection
-from ltvn_viz.session.overlay import Overlay, Stroke, stroke
+from ltvn_viz.debugger.question import AnswerBuilder, Question, edge_link, request_link
+from ltvn_viz.session.inspection import Overlay, QuestionAnswer, QuestionName, Selection, Stroke, stroke
+from ltvn_viz.wishes.commands import QuestionRequest
 
 CHOOSE_ANOTHER = "choose another"
 _NAMES = 10
@@ -55,7 +54,8 @@ _STROKES = 4000
 _ASKS = "Name of a recording, or a time (1 h ago, at 18:00)"
 _TIMES = (TimeAway(-600.0), TimeAway(-3600.0), TimeAway(-DAY_S))
 _NAMED_TIMES = ("ten minutes ago", "an hour ago", "yesterday at this time")
-CLOSED, RETURNED = palette.TARGET, palette.SOURCE
+CLOSED = palette.TARGET
+RETURNED = palette.SOURCE
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,17 +105,18 @@ class ComparisonQuestion(Question[ComparisonRequest]):
         builder = AnswerBuilder()
         if self._other is None:
             return _offer(context, builder)
-        builder.add_html(f"<div>{builder.request_link(CHOOSE_ANOTHER, ChooseAnother())}</div>")
+        builder.add_line(request_link(CHOOSE_ANOTHER, ChooseAnother()))
         try:
             there = self._there(context, self._other)
         except LtvnError as error:
-            builder.add_text(str(error))
+            builder.add_line(str(error))
             return builder.build()
         if there is None:
             builder.add_pending(f"Opening {_title(self._other)}")
             return builder.build()
-        question = "compare", context.name, context.revision(QueryEnded, Judged, WorldChanged), there.name
-        here, judge = map_of_moment(context), context.known_filter
+        question = "compare", context.name, context.revision(Collided, QueryEnded, Judged, WorldChanged), there.name
+        here = map_of_moment(context)
+        judge = context.known_filter
         found = self._latest(context.in_background, question, lambda: compare(here, there, judge))
         if found is None:
             builder.add_pending("Comparing")
@@ -152,7 +153,7 @@ class ComparisonQuestion(Question[ComparisonRequest]):
             return context.in_background(("open", other.name, path.stat().st_mtime_ns), lambda: opened_map(path))
         # A time ago moves on with the moment; a minute more or less makes no other comparison.
         moment = round(context.world_s / 60) if isinstance(other, CompareWithTime) else 0
-        key = other, first_query_event(context.timeline), moment
+        key = other, first_query_event(context), moment
         if self._earlier is None or self._earlier[:2] != (key, context.timeline):
             made = (
                 map_at_time(context, other.time)
@@ -168,33 +169,32 @@ def _title(other: _Other) -> str:
 
 
 def _offer(context: DebugContext, builder: AnswerBuilder) -> QuestionAnswer:
-    builder.add_text("Compare with:")
+    builder.add_line("Compare with:")
     names = [name for name in context.library.names() if name != context.name]
-    offered = (
-        [f"this run, {builder.request_link(BEFORE_FIRST_QUERY, CompareWithStart())}"]
-        if context.timeline.queries
-        else []
-    )
-    offered += _offered_times(context, builder)
-    offered += [builder.request_link(name, CompareWithRecording(name)) for name in names[:_NAMES]]
+    offered: list[list[Inline]] = []
+    if context.timeline.queries:
+        offered.append(["this run, ", request_link(BEFORE_FIRST_QUERY, CompareWithStart())])
+    offered += _offered_times(context)
+    for name in names[:_NAMES]:
+        offered.append([request_link(name, CompareWithRecording(name))])
     for each in offered:
-        builder.add_html(f"<div>{each}</div>")
+        builder.add_line(each)
     if not offered:
-        builder.add_text(
+        builder.add_line(
             "There is nothing yet: copy a recording or a map into the recordings folder, or drive to a goal."
         )
     if len(names) > _NAMES:
-        builder.add_text(f"… and {len(names) - _NAMES} more: type the name.")
+        builder.add_line(f"… and {len(names) - _NAMES} more: type the name.")
     return builder.build(input_hint=_ASKS)
 
 
-def _offered_times(context: DebugContext, builder: AnswerBuilder) -> list[str]:
+def _offered_times(context: DebugContext) -> list[list[Inline]]:
     """Offer the times that lie within the run."""
     if not context.timeline.events:
         return []
     began_s = world_time_at(context.timeline, context.timeline.instant(0))
     return [
-        f"this run, {builder.request_link(name, CompareWithTime(time))}"
+        ["this run, ", request_link(name, CompareWithTime(time))]
         for name, time in zip(_NAMED_TIMES, _TIMES, strict=True)
         if context.world_s + time.seconds > began_s
     ]
@@ -220,15 +220,15 @@ def _metrics_table(builder: AnswerBuilder, found: MapComparison) -> None:
 def _difference(builder: AnswerBuilder, found: MapComparison, selection: Selection) -> QuestionAnswer:
     difference = found.difference
     if difference is None:
-        builder.add_text("They were made in different scenes, so no edge of one is an edge of the other.")
+        builder.add_line("They were made in different scenes, so no edge of one is an edge of the other.")
         return builder.build()
     believed = sum(each.a is not None and each.b is not None for each in difference.differing)
-    builder.add_html(
-        f"<div>{legend_item(palette.EDGE_ADDED, f'only here: {len(difference.edges_only_a)}')} "
-        f"{legend_item(palette.EDGE_REMOVED, f'only there: {len(difference.edges_only_b)}')} "
-        f"{legend_item(palette.PLAN, f'believed differently: {believed}')}</div>"
+    builder.add_line(
+        Key(palette.EDGE_ADDED, f"only here: {len(difference.edges_only_a)}"),
+        Key(palette.EDGE_REMOVED, f"only there: {len(difference.edges_only_b)}"),
+        Key(palette.PLAN, f"believed differently: {believed}"),
     )
-    builder.add_text(
+    builder.add_line(
         f"{len(difference.nodes)} nodes are in both, known by their {difference.matched_by}; "
         f"{len(difference.nodes_only_a)} only here, {len(difference.nodes_only_b)} only there."
     )
@@ -237,10 +237,10 @@ def _difference(builder: AnswerBuilder, found: MapComparison, selection: Selecti
     nodes = builder.add_selected_edge(selection)
     if difference.differing:
         back = {other: node for node, other in difference.nodes.items()}
-        rows = [_row(builder, each, back) for each in difference.differing[:_ROWS]]
+        rows = [_row(each, back) for each in difference.differing[:_ROWS]]
         builder.add_table(("edge", "p here", "p there", "of all ways"), rows)
         if len(difference.differing) > _ROWS:
-            builder.add_text(f"… and {len(difference.differing) - _ROWS} more that matter less.")
+            builder.add_line(f"… and {len(difference.differing) - _ROWS} more that matter less.")
     strokes = *_strokes(found, difference), *presence_strokes(found)
     return builder.build(Overlay(strokes=strokes, nodes={**_new_nodes(difference), **nodes}))
 
@@ -251,12 +251,12 @@ def _new_nodes(difference: MapDifference) -> dict[NodeId, Rgb8]:
     return dict.fromkeys(difference.nodes_only_a[:_STROKES], palette.EDGE_ADDED)
 
 
-def _row(builder: AnswerBuilder, each: EdgeDifference, back: Mapping[NodeId, NodeId]) -> tuple[str, ...]:
+def _row(each: EdgeDifference, back: Mapping[NodeId, NodeId]) -> tuple[Inline, ...]:
     shares = "–" if each.betweenness < 5e-4 else f"{each.betweenness:.1%}"
-    return _name(builder, each, back), _p(each.a), _p(each.b), shares
+    return _name(each, back), _p(each.a), _p(each.b), shares
 
 
-def _name(builder: AnswerBuilder, each: EdgeDifference, back: Mapping[NodeId, NodeId]) -> str:
+def _name(each: EdgeDifference, back: Mapping[NodeId, NodeId]) -> Inline:
     """Return a link to the edge, or plain numbers of the other map where this one has no such nodes."""
     if each.a is not None:
         key: EdgeKey = each.a.source, each.a.target
@@ -265,7 +265,7 @@ def _name(builder: AnswerBuilder, each: EdgeDifference, back: Mapping[NodeId, No
         if each.b.source not in back or each.b.target not in back:
             return f"{each.b.source} → {each.b.target} there"
         key = back[each.b.source], back[each.b.target]
-    return builder.link(f"{key[0]} → {key[1]}", PointAt(*key))
+    return edge_link(*key)
 
 
 def _p(edge: Edge | None) -> str:
@@ -287,15 +287,15 @@ def add_presence_changes(found: MapComparison, builder: AnswerBuilder) -> None:
     """Say which edges are taken for closed here and were not there, and which have come back."""
     if not (found.here.graph.presence or found.there.graph.presence):
         return
-    closed, returned = closed_since(found.presence), returned_since(found.presence)
-    builder.add_text(f"It is {clock_text(found.here.world_s)} here, and {clock_text(found.there.world_s)} there.")
-    builder.add_html(
-        f"<div>{legend_item(CLOSED, f'closed here, not there: {len(closed)}')}"
-        f"{legend_item(RETURNED, f'open again here: {len(returned)}')}</div>"
+    closed = closed_since(found.presence)
+    returned = returned_since(found.presence)
+    builder.add_line(f"It is {clock_text(found.here.world_s)} here, and {clock_text(found.there.world_s)} there.")
+    builder.add_line(
+        Key(CLOSED, f"closed here, not there: {len(closed)}"), Key(RETURNED, f"open again here: {len(returned)}")
     )
     rows = [
         (
-            builder.link(f"{each.edge[0]} → {each.edge[1]}", PointAt(*each.edge)),
+            edge_link(*each.edge),
             f"{each.before:.2f} {presence_state(each.before)}",
             f"{each.now:.2f} {presence_state(each.now)}",
         )
@@ -304,7 +304,7 @@ def add_presence_changes(found: MapComparison, builder: AnswerBuilder) -> None:
     if rows:
         builder.add_table(("edge", "p open there", "p open here"), rows)
     if len(found.presence) > _PRESENCE_ROWS:
-        builder.add_text(f"… and {len(found.presence) - _PRESENCE_ROWS} more.")
+        builder.add_line(f"… and {len(found.presence) - _PRESENCE_ROWS} more.")
 
 
 def add_world_changes(found: MapComparison, builder: AnswerBuilder) -> None:
@@ -312,7 +312,7 @@ def add_world_changes(found: MapComparison, builder: AnswerBuilder) -> None:
     texts = [change_text(each) for each in found.world if not isinstance(each, TimePassed)]
     if texts:
         more = f", and {len(texts) - _PRESENCE_ROWS} more" if len(texts) > _PRESENCE_ROWS else ""
-        builder.add_text(f"In the world: {', '.join(texts[:_PRESENCE_ROWS])}{more}.")
+        builder.add_line(f"In the world: {', '.join(texts[:_PRESENCE_ROWS])}{more}.")
 
 
 def presence_strokes(found: MapComparison) -> tuple[Stroke, ...]:

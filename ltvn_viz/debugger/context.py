@@ -22,7 +22,8 @@ from ltvn_core.types import FrameId, NodeId, Observation, Pose, Predictor, is_us
 from ltvn_viz.debugger.background_cache import BackgroundCache
 from ltvn_viz.session.live_map import LiveMap
 from ltvn_viz.session.recording_library import RecordingLibrary
-from ltvn_viz.session.viewpoint import Viewpoint
+from ltvn_viz.session.saved_files import SavedFile
+from ltvn_viz.session.share_links import Viewpoint
 from ltvn_viz.timeline.breakpoint_monitor import STAMP_EPSILON_S
 from ltvn_viz.timeline.run_moment import RunMoment
 
@@ -84,6 +85,8 @@ class DebugContext:
     """The other recordings."""
     rerun: Callable[[Path], str]
     """Serves a recording in Rerun's web viewer and returns its address; slow, and raises ServerError."""
+    offer_file: Callable[[Path], SavedFile]
+    """Lets the page hand out a file that was just written; may be called in any thread."""
     viewpoint: Viewpoint | None = None
     """From where the person looks, for the tool that hands it on; None for all others, which need not look again."""
 

@@ -1,148 +1,232 @@
-"""The edge microscope: both images, the predicted waypoint, what was believed when, and every attempt."""
+"""The edge microscope: images, prediction, belief and attempts of an edge, then why it is so, and when it is open.
 
-from html import escape
+Owns the order of the parts, and the first of them; the others are `edge_reasons`, `edge_presence` and `edge_decisions`.
+"""
+
+import re
+from collections.abc import Sequence
 from typing import Never
 
 import numpy as np
 
 from ltvn_core import palette
-from ltvn_core.analysis.edge_history import EdgeAttempt, EdgeHistory, edge_history
-from ltvn_core.analysis.timeline_records import Instant
+from ltvn_core.analysis.answer import (
+    PROBABILITY,
+    Axis,
+    Hint,
+    Inline,
+    Link,
+    Picture,
+    StepChart,
+    Strong,
+    Term,
+)
+from ltvn_core.analysis.edge_history import EdgeAttempt, EdgeHistory, EdgeRemoval, TimedBelief, edge_history
+from ltvn_core.analysis.plan_alternative import CAUSE_TEXTS, count_text
+from ltvn_core.errors import OptionError
 from ltvn_core.geometry import compose
-from ltvn_core.types import Waypoint
-from ltvn_viz.debugger.charts import PROBABILITY, Axis, step_chart_svg
+from ltvn_core.graph.topological_graph import EdgeKey
+from ltvn_core.types import NodeId, Waypoint
 from ltvn_viz.debugger.context import DebugContext
-from ltvn_viz.debugger.later_changes import add_later_changes
-from ltvn_viz.debugger.question import AnswerBuilder, Question
-from ltvn_viz.debugger.svg_figures import image_figure
-from ltvn_viz.server.glossary import explained
-from ltvn_viz.session.commands import PointAt
-from ltvn_viz.session.inspection import QuestionAnswer, QuestionName, Selection
-from ltvn_viz.session.overlay import EMPTY_OVERLAY, Overlay, stroke
+from ltvn_viz.debugger.edge_decisions import EdgeDecisionsPart
+from ltvn_viz.debugger.edge_presence import EdgePresencePart, add_all_edges
+from ltvn_viz.debugger.edge_reasons import add_edge_reasons, add_node_reasons
+from ltvn_viz.debugger.question import AnswerBuilder, Question, edge_link, time_link
+from ltvn_viz.session.inspection import (
+    EMPTY_OVERLAY,
+    NOTHING_SELECTED,
+    Overlay,
+    QuestionAnswer,
+    QuestionName,
+    Selection,
+    Stroke,
+    stroke,
+)
+from ltvn_viz.wishes.commands import PointAt
+
+
+def add_later_changes(context: DebugContext, story: EdgeHistory, builder: AnswerBuilder) -> None:
+    """Say when an edge, told up to the moment, leaves the map or comes in later; nothing where neither happens."""
+    later = edge_history(context.timeline, story.source, story.target)
+    if story.alive and later.lifetimes and (end := later.lifetimes[len(story.lifetimes) - 1].end) is not None:
+        builder.add_line("Later it leaves the map, at ", time_link(context.seconds(end.instant)), ".")
+    elif not story.alive and len(later.lifetimes) > len(story.lifetimes):
+        added_at = later.lifetimes[len(story.lifetimes)].added_at
+        again = "back " if story.lifetimes else ""
+        builder.add_line(f"Later it comes {again}in, at ", time_link(context.seconds(added_at)), ".")
+
 
 _ATTEMPTS = 40
 
 
 class EdgeQuestion(Question[Never]):
-    """Shows one edge."""
+    """Shows one edge, or what there is at a node."""
 
     name = QuestionName.EDGE
     word = QuestionName.EDGE.word
+    earlier_words = QuestionName.EDGE.earlier_words
     is_for_watchers = True
     about = (
-        "Both images of an edge, what was believed of it up to now, and each attempt. Click a node, then its neighbour."
+        "Images, belief and attempts of an edge, why it is as it is, and when it is open. Click a node, then its "
+        "neighbour, or type two numbers."
     )
+
+    def __init__(self) -> None:
+        """Begin with nothing typed."""
+        self._typed: EdgeKey | None = None
+        self._under = NOTHING_SELECTED
+        self._presence = EdgePresencePart()
+        self._decisions = EdgeDecisionsPart()
 
     def is_offered(self, context: DebugContext) -> bool:
         """Tell whether there ever was a map."""
         return len(context.timeline.changes) > 0
 
     def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
-        """Show the edge that was pointed at, or those of the node."""
+        """Show the edge that was typed or pointed at; else the node, and all edges that were seen blocked."""
+        if selection != self._under:
+            self._under = selection
+            self._typed = None
         builder = AnswerBuilder()
-        if selection.edge is not None:
-            return self._edge(context, edge_history(context.timeline, *selection.edge, context.instant), builder)
-        if selection.node is None:
-            builder.add_text("Click a node in the scene.")
-            return builder.build()
-        return self._edges_of(context, selection.node, builder)
+        edge = self._typed or selection.edge
+        overlay = self._no_edge(context, selection, builder) if edge is None else self._edge(context, edge, builder)
+        return builder.build(overlay, "From node, to node")
 
-    def _edges_of(self, context: DebugContext, node: int, builder: AnswerBuilder) -> QuestionAnswer:
-        builder.add_text(f"Node {node}. Choose one of its edges:")
-        rows = []
-        for target in sorted(context.graph.successors(node)) if node in context.graph.nodes else ():
-            belief = context.graph.edges[node, target].belief
-            rows.append(
-                (builder.link(f"{node} → {target}", PointAt(node, target)), f"{belief.p:.2f}", f"{belief.mu:.2f}")
-            )
-        builder.add_table(("edge", "p", "length"), rows)
-        return builder.build(Overlay(nodes={node: palette.SOURCE}))
+    def handle_text(self, context: DebugContext, text: str) -> None:
+        """Ask about the edge between two nodes."""
+        numbers = [int(number) for number in re.findall(r"\d+", text)]
+        if len(numbers) != 2 or numbers[0] == numbers[1]:
+            raise OptionError("Type the numbers of two different nodes, from and to, for instance: 12 40.")
+        self._typed = numbers[0], numbers[1]
 
-    def _edge(self, context: DebugContext, story: EdgeHistory, builder: AnswerBuilder) -> QuestionAnswer:
-        source, target = story.source, story.target
-        back = builder.link("the way back", PointAt(target, source))
-        builder.add_html(f"<div>Edge <b>{source} → {target}</b> · {back}</div>")
-        if not story.lifetimes:
-            builder.add_text("The map does not have this edge and had it at no time before.")
-            add_later_changes(context, story, builder)
-            return builder.build(self._overlay(context, story))
-        life = story.lifetimes[-1]
-        waypoint = np.array(life.waypoint)
-        pair = image_figure(context.observation(source), f"from {source}", context.camera, waypoint) + image_figure(
-            context.observation(target), f"to {target}", context.camera
-        )
-        builder.add_html(f'<div class="lt-pair">{pair}</div>')
-        foretold = f"{explained('r')}&nbsp;{_number(life.initial_reachability)}"
-        builder.add_html(f"<div>Predicted: {_where(waypoint)}; {foretold}.</div>")
-        self._beliefs(context, story, builder)
-        self._attempts(context, story, builder)
-        return builder.build(self._overlay(context, story))
-
-    def _beliefs(self, context: DebugContext, story: EdgeHistory, builder: AnswerBuilder) -> None:
-        beliefs = [each for life in story.lifetimes for each in life.beliefs]
-        now = beliefs[-1].belief
-        added_at = story.lifetimes[-1].added_at
-        builder.add_html(
-            f"<div>{explained('p')} <b>{now.p:.2f}</b> · "
-            f"{explained('length')} <b>{now.mu:.2f}</b> ± {now.sigma2**0.5:.2f} · "
-            f"{'in the map since' if story.alive else 'came at'} {self._jump(context, builder, added_at)} · "
-            f"in {len(story.planned_at)} plans</div>"
-        )
-        points = [(context.seconds(each.instant), each.belief.p) for each in beliefs]
-        now_s = context.seconds(context.instant)
-        last_s = max(now_s, points[0][0] + 1.0)
-        chart = step_chart_svg(
-            points,
-            Axis("time, s", min(points[0][0], last_s - 1.0), last_s),
-            Axis("p", *PROBABILITY),
-            lines=((context.method.believing.prune_below, "R_p"),),
-            colour=palette.SOURCE,
-            now=now_s,
-        )
-        builder.add_html(chart)
-        if (end := story.lifetimes[-1].end) is not None:
-            builder.add_html(
-                f"<div>It left the map at {self._jump(context, builder, end.instant)}, {end.cause.value}.</div>"
-            )
-        add_later_changes(context, story, builder)
-
-    def _attempts(self, context: DebugContext, story: EdgeHistory, builder: AnswerBuilder) -> None:
-        if not story.attempts:
-            builder.add_text("Nobody drove it up to now.")
-            return
-        rows = [self._attempt(context, each, builder) for each in story.attempts[-_ATTEMPTS:]]
-        builder.add_table(("when", "from", "result", "d", "r"), rows)
-
-    def _attempt(self, context: DebugContext, row: EdgeAttempt, builder: AnswerBuilder) -> tuple[str, ...]:
-        at = "–" if row.localised is None or row.localised.node is None else str(row.localised.node)
-        result = "under way" if row.succeeded is None else "success" if row.succeeded else f"failed ({row.end})"
-        numbers = map(_number, (row.distance, row.reachability))
-        return (
-            self._jump(context, builder, row.begin),
-            at,
-            f'<span title="{escape(row.reason)}">{result}</span>',
-            *numbers,
-        )
-
-    @staticmethod
-    def _jump(context: DebugContext, builder: AnswerBuilder, instant: Instant) -> str:
-        return builder.time_link(context.seconds(instant))
-
-    @staticmethod
-    def _overlay(context: DebugContext, story: EdgeHistory) -> Overlay:
-        start, end = context.pose(story.source), context.pose(story.target)
-        if start is None or end is None:
+    def _no_edge(self, context: DebugContext, selection: Selection, builder: AnswerBuilder) -> Overlay:
+        node = selection.node
+        if node is None:
+            builder.add_line("Click a node in the scene, then its neighbour; or type two numbers to ask about an edge.")
+        else:
+            _edges_of(context, node, builder)
+            add_node_reasons(context, node, selection.before, builder)
+        strokes = add_all_edges(context, builder) + self._decisions.add(context, None, builder)
+        if node is None and not strokes:
             return EMPTY_OVERLAY
-        ghost = tuple(compose(start, np.array(story.lifetimes[-1].waypoint)).tolist()) if story.lifetimes else None
-        return Overlay(
-            strokes=(stroke(start, end, palette.TARGET),),
-            nodes={story.source: palette.SOURCE, story.target: palette.TARGET},
-            ghosts=() if ghost is None else (ghost,),
-        )
+        return Overlay(strokes, {} if node is None else {node: palette.SOURCE})
+
+    def _edge(self, context: DebugContext, edge: EdgeKey, builder: AnswerBuilder) -> Overlay:
+        source, target = edge
+        story = edge_history(context.timeline, source, target, context.instant)
+        builder.add_line("Edge ", Strong(f"{source} → {target}"), " · ", Link("the way back", PointAt(target, source)))
+        if story.lifetimes:
+            _add_prediction(context, story, builder)
+            _add_beliefs(context, story, builder)
+        add_later_changes(context, story, builder)
+        if story.lifetimes:
+            _add_attempts(context, story, builder)
+        add_edge_reasons(context, story, builder)
+        self._presence.add_edge(context, story, builder)
+        return _overlay(context, story, self._decisions.add(context, edge, builder))
+
+
+def _edges_of(context: DebugContext, node: NodeId, builder: AnswerBuilder) -> None:
+    builder.add_line(f"Node {node}. Choose one of its edges:")
+    rows = []
+    for target in sorted(context.graph.successors(node)) if node in context.graph.nodes else ():
+        belief = context.graph.edges[node, target].belief
+        rows.append((edge_link(node, target), f"{belief.p:.2f}", f"{belief.mu:.2f}"))
+    builder.add_table(("edge", "p", "length (mu)"), rows)
+
+
+def _add_prediction(context: DebugContext, story: EdgeHistory, builder: AnswerBuilder) -> None:
+    life = story.lifetimes[-1]
+    waypoint = np.array(life.waypoint)
+    builder.add_pictures(
+        Picture(context.observation(story.source), f"from {story.source}", context.camera, waypoint),
+        Picture(context.observation(story.target), f"to {story.target}", context.camera),
+    )
+    foretold = _number(life.initial_reachability)
+    builder.add_line(f"Predicted: {_where(waypoint)}; ", Term("r"), f"\u00a0{foretold}.")
+
+
+def _add_beliefs(context: DebugContext, story: EdgeHistory, builder: AnswerBuilder) -> None:
+    beliefs = [each for life in story.lifetimes for each in life.beliefs]
+    now = beliefs[-1].belief
+    added_at = story.lifetimes[-1].added_at
+    builder.add_line(
+        *(Term("p"), " ", Strong(f"{now.p:.2f}"), " · "),
+        *(Term("length (mu)"), " ", Strong(f"{now.mu:.2f}"), f" ± {now.sigma2**0.5:.2f} · "),
+        *("in the map since " if story.alive else "came at ", time_link(context.seconds(added_at)), " · "),
+        f"in {count_text(len(story.planned_at), 'plan')}",
+    )
+    builder.add_chart(_belief_chart(context, beliefs))
+    if (end := story.lifetimes[-1].end) is not None:
+        builder.add_line("It left the map at ", time_link(context.seconds(end.instant)), f" {_departed(end)}.")
+
+
+def _belief_chart(context: DebugContext, beliefs: Sequence[TimedBelief]) -> StepChart:
+    points = tuple((context.seconds(each.instant), each.belief.p) for each in beliefs)
+    now_s = context.seconds(context.instant)
+    last_s = max(now_s, points[0][0] + 1.0)
+    return StepChart(
+        points,
+        Axis("time, s", min(points[0][0], last_s - 1.0), last_s),
+        Axis("p", *PROBABILITY),
+        colour=palette.SOURCE,
+        limits=((context.method.believing.prune_below, "R_p"),),
+        now=now_s,
+    )
+
+
+def _departed(end: EdgeRemoval) -> str:
+    """Say why an edge left the map."""
+    if end.whole_map:
+        return f"because another map came in {CAUSE_TEXTS[end.cause]}"
+    if end.node is not None:
+        return f"together with node {end.node}, {CAUSE_TEXTS[end.cause]}"
+    if end.attempt is not None:
+        return f"because attempt {end.attempt} failed"
+    return CAUSE_TEXTS[end.cause]
+
+
+def _add_attempts(context: DebugContext, story: EdgeHistory, builder: AnswerBuilder) -> None:
+    if not story.attempts:
+        before = story.lifetimes[-1].beliefs[0].attempts
+        earlier = f"; {count_text(before, 'attempt')} came with the map" if before else ""
+        builder.add_line(Strong("Attempts"), f" Nobody drove it up to now in this run{earlier}.")
+        return
+    builder.add_line(Strong("Attempts"))
+    rows = [_attempt(context, each) for each in story.attempts[-_ATTEMPTS:]]
+    builder.add_table(("when", "from", "result", "d", "r"), rows)
+
+
+def _overlay(context: DebugContext, story: EdgeHistory, decided: tuple[Stroke, ...]) -> Overlay:
+    ends = {story.source: palette.SOURCE, story.target: palette.TARGET}
+    start = context.pose(story.source)
+    end = context.pose(story.target)
+    if start is None or end is None:
+        return Overlay(decided, ends)
+    ghost = tuple(compose(start, np.array(story.lifetimes[-1].waypoint)).tolist()) if story.lifetimes else None
+    return Overlay(
+        strokes=decided or (stroke(start, end, palette.TARGET),),
+        nodes=ends,
+        ghosts=() if ghost is None else (ghost,),
+    )
+
+
+def _attempt(context: DebugContext, row: EdgeAttempt) -> tuple[Inline, ...]:
+    at = "–" if row.localised is None or row.localised.node is None else str(row.localised.node)
+    numbers = map(_number, (row.distance, row.reachability))
+    return (time_link(context.seconds(row.begin)), at, Hint(_result(row), row.reason), *numbers)
+
+
+def _result(row: EdgeAttempt) -> str:
+    if row.succeeded is None or row.end is None:
+        return "under way"
+    return "success" if row.succeeded else row.end.failure
 
 
 def _where(waypoint: Waypoint) -> str:
-    dx, dy, turn = float(waypoint[0]), float(waypoint[1]), float(np.degrees(waypoint[2]))
+    dx = float(waypoint[0])
+    dy = float(waypoint[1])
+    turn = float(np.degrees(waypoint[2]))
     along = f"{abs(dx):.2f} m {'ahead' if dx >= 0 else 'back'}, {abs(dy):.2f} m to the {'left' if dy >= 0 else 'right'}"
     return f"{along}, turned {abs(turn):.0f}° {'left' if turn >= 0 else 'right'}"
 

@@ -10,10 +10,9 @@ from pathlib import Path
 
 from ltvn_core.analysis.regression_test_source import regression_test_source
 from ltvn_core.atomic_files import write_text_atomically
-from ltvn_core.evaluation.map_layout import map_layout
-from ltvn_core.recording.excerpt import event_window, time_span, write_excerpt
-from ltvn_core.recording.reader import Recording
-from ltvn_core.reports.map_svg import map_svg
+from ltvn_core.data.recording.excerpt import event_window, time_span, write_excerpt
+from ltvn_core.data.recording.reader import Recording
+from ltvn_core.evaluation.reports.map_svg import map_layout, map_svg
 from ltvn_viz.layers.scene_html import scene_html
 from ltvn_viz.session.recording_library import RecordingLibrary
 
@@ -33,7 +32,8 @@ def save_excerpt(library: RecordingLibrary, name: str, from_s: float, to_s: floa
 def save_map(library: RecordingLibrary, name: str, at_s: float) -> tuple[Path, Path]:
     """Draw the map at a time of the robot's clock as a page in 3D and as a flat figure. Raises LtvnError."""
     stem = f"map-{Path(name).stem}-{at_s:.0f}s"
-    page, figure = library.new_file(stem, ".html"), library.new_file(stem, ".svg")
+    page = library.new_file(stem, ".html")
+    figure = library.new_file(stem, ".svg")
     draw_map(Recording.open(library.path(name)), at_s, html=page, svg=figure)
     return page, figure
 

@@ -1,4 +1,4 @@
-"""What failed: queries by cause and place, the second before each went wrong, and success over the robot's life.
+"""What failed up to the moment: queries by cause and place, the second before each went wrong, and success over life.
 
 Owns the page of it, and the curves of success, nodes and edges over queries. Causes and places are found in
 `ltvn_core.analysis.failure_triage`, the numbers of the curves in `ltvn_core.analysis.lifelong_success`.
@@ -7,14 +7,13 @@ Owns the page of it, and the curves of success, nodes and edges over queries. Ca
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from html import escape
 
 import numpy as np
 
 from ltvn_core import palette
+from ltvn_core.analysis.answer import Axis, Hint, Inline, Link, StepChart, Strong, joined
 from ltvn_core.analysis.failure_triage import (
     FailedQuery,
-    FailureCluster,
     FailureMode,
     failed_queries,
     group_by_failure_mode,
@@ -26,21 +25,21 @@ from ltvn_core.analysis.timeline_records import QueryRecord
 from ltvn_core.graph.deltas import BeliefUpdated, EdgeAdded, EdgePruned
 from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.palette import Rgb8
-from ltvn_viz.debugger.charts import Axis, step_chart_svg
+from ltvn_core.types import FrameId
 from ltvn_viz.debugger.context import DebugContext
-from ltvn_viz.debugger.question import AnswerBuilder, Question
-from ltvn_viz.session.commands import ChooseQuestion, PointAt, QuestionRequest
-from ltvn_viz.session.inspection import QuestionAnswer, QuestionName, Selection
-from ltvn_viz.session.overlay import EMPTY_OVERLAY, Label, Overlay, stroke
+from ltvn_viz.debugger.failure_map import add_map_faults
+from ltvn_viz.debugger.question import AnswerBuilder, Question, edge_link, request_link, time_link
+from ltvn_viz.session.inspection import EMPTY_OVERLAY, Label, Overlay, QuestionAnswer, QuestionName, Selection, stroke
+from ltvn_viz.wishes.commands import ChooseQuestion, PointAt, QuestionRequest
 
 _NEXT = {
     FailureMode.WRONG_ARRIVAL: (QuestionName.EDGE, QuestionName.WHERE),
-    FailureMode.LOST: (QuestionName.WHERE, QuestionName.BLAME),
+    FailureMode.LOST: (QuestionName.WHERE, QuestionName.EDGE),
     FailureMode.NO_PATH: (QuestionName.TRUTH, QuestionName.WHAT_IF),
-    FailureMode.COLLISION: (QuestionName.BLAME, QuestionName.EDGE),
-    FailureMode.BLOCKED: (QuestionName.EDGE, QuestionName.BLAME),
-    FailureMode.FAILED_EDGE: (QuestionName.BLAME, QuestionName.EDGE),
-    FailureMode.TOO_SLOW: (QuestionName.BLAME, QuestionName.EDGE),
+    FailureMode.COLLISION: (QuestionName.EDGE,),
+    FailureMode.BLOCKED: (QuestionName.EDGE,),
+    FailureMode.FAILED_EDGE: (QuestionName.EDGE,),
+    FailureMode.TOO_SLOW: (QuestionName.EDGE,),
 }
 """What to ask next."""
 WINDOW = 10
@@ -56,14 +55,17 @@ class FailureSummary:
     """What there is to know about a run's queries."""
 
     failures: tuple[FailedQuery, ...]
-    places: tuple[FailureCluster, ...]
     strip: LifelongSuccess
 
     @classmethod
     def of(cls, timeline: Timeline) -> "FailureSummary":
         """Look through a run; linear in its events."""
-        failures = failed_queries(timeline)
-        return cls(failures, group_by_place(failures), lifelong_success(timeline, WINDOW))
+        return cls(failed_queries(timeline), lifelong_success(timeline, WINDOW))
+
+    def until(self, step: FrameId) -> "FailureSummary":
+        """Return what was known of it at a step."""
+        failures = tuple(each for each in self.failures if (each.query.end or each.query.begin).step <= step)
+        return FailureSummary(failures, self.strip.until(step))
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,34 +95,38 @@ class FailureQuestion(Question[ShowFailures]):
         return context.timeline.progress_before(len(context.timeline.events)).queries > 0
 
     def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
-        """Show what failed up to the moment and, marked so, later; and the failure at the moment."""
-        builder, findings = AnswerBuilder(), self._findings(context)
+        """Show what failed up to the moment, the last failure first; one line says whether more comes later."""
+        builder = AnswerBuilder()
+        findings = self._findings(context)
         if findings is None:
             builder.add_pending("Looking through the queries")
             return builder.build()
         if not len(findings.strip.queries):
-            builder.add_text("No query has ended yet: choose a goal under “Go”, or open a recording with queries.")
+            builder.add_line("No query has ended yet: choose a goal under “Go”, or open a recording with queries.")
             return builder.build()
-        shown = [each for each in findings.failures if self._only in (None, each.failure_mode)]
-        self._causes(context, findings, builder)
-        now = next((each for each in shown if _covers(each, context)), None)
-        if now is not None:
-            _detail(context, now, builder)
+        known = findings.until(context.step)
+        shown = [each for each in known.failures if self._only in (None, each.failure_mode)]
+        self._causes(known, builder)
+        later = findings.failures[len(known.failures) :]
+        is_failing = bool(later) and later[0].query.begin.step <= context.step
+        if shown and not is_failing:
+            _detail(context, shown[-1], builder)
         if shown:
-            builder.add_table(
-                ("when", "query", "cause", "near node"), [_row(context, each, builder) for each in shown[-_ROWS:]]
-            )
+            builder.add_table(("when", "query", "cause", "near node"), [_row(context, each) for each in shown[-_ROWS:]])
         if len(shown) > _ROWS:
-            builder.add_text(f"The last {_ROWS} of {len(shown)}; choose a cause above to see others.")
-        add_lifelong_curves(context, findings.strip, builder)
-        return builder.build(self._overlay(context, findings, shown, now))
+            builder.add_line(f"The last {_ROWS} of {len(shown)}; choose a cause above to see others.")
+        add_lifelong_curves(context, known.strip, builder)
+        if later:
+            _later(context, later, builder)
+        return builder.build(self._overlay(context, shown))
 
     def handle_request(self, context: DebugContext, request: ShowFailures) -> None:
         """Show one cause, or all."""
         self._only = request.only
 
     def _findings(self, context: DebugContext) -> FailureSummary | None:
-        queries, timeline = context.timeline.queries, context.timeline.copy()
+        queries = context.timeline.queries
+        timeline = context.timeline.copy()
         last = (queries[-1].ended, queries[-1].judged) if queries else None
         # A run that goes on is looked through again when a query is over, not with every event.
         run = context.name, context.start_s
@@ -129,67 +135,65 @@ class FailureQuestion(Question[ShowFailures]):
             self._known = run, answer
         return self._known[1] if self._known[0] == run else None
 
-    def _causes(self, context: DebugContext, findings: FailureSummary, builder: AnswerBuilder) -> None:
-        over = sum(end.step <= context.step for end in findings.strip.ends)
-        failed = sum(not _is_later(each, context) for each in findings.failures)
-        told = f"Up to now <b>{failed}</b> of <b>{over}</b> queries failed." if over else "No query is over yet."
-        if over < len(findings.strip.ends):
-            whole = f"{len(findings.failures)} of {len(findings.strip.ends)}"
-            told += f" In the whole run {whole} queries fail; those after this moment are marked as later."
-        builder.add_html(f"<div>{told}</div>")
-        groups = group_by_failure_mode(findings.failures)
+    def _causes(self, known: FailureSummary, builder: AnswerBuilder) -> None:
+        over = len(known.strip.ends)
+        if over:
+            failed = len(known.failures)
+            builder.add_line("Up to now ", Strong(f"{failed}"), " of ", Strong(f"{over}"), " queries failed.")
+        else:
+            builder.add_line("No query is over yet.")
         links = [
-            builder.request_link(f"{failure_mode} {len(group)}", ShowFailures(failure_mode))
-            for failure_mode, group in groups.items()
+            request_link(f"{failure_mode} {len(group)}", ShowFailures(failure_mode))
+            for failure_mode, group in group_by_failure_mode(known.failures).items()
         ]
         if self._only is not None:
-            links.append(builder.request_link("show all", ShowFailures(None)))
+            links.append(request_link("show all", ShowFailures(None)))
         if links:
-            builder.add_html(f"<div>{' · '.join(links)}</div>")
+            builder.add_line(joined(links))
 
-    def _overlay(
-        self, context: DebugContext, findings: FailureSummary, shown: Sequence[FailedQuery], now: FailedQuery | None
-    ) -> Overlay:
-        key = findings, self._only, now
+    def _overlay(self, context: DebugContext, shown: Sequence[FailedQuery]) -> Overlay:
+        key = tuple(shown)
         if key != self._drawn[0]:
-            self._drawn = key, _drawing(context, findings.places, shown, now)
+            self._drawn = key, _drawing(context, shown)
         return self._drawn[1]
 
 
-def _covers(failure: FailedQuery, context: DebugContext) -> bool:
-    """Tell whether the moment lies in a failed query."""
-    end = failure.query.end or failure.query.begin
-    return failure.query.begin.step <= context.step <= end.step
-
-
-def _is_later(failure: FailedQuery, context: DebugContext) -> bool:
-    """Tell whether a query fails after the moment."""
-    return (failure.query.end or failure.query.begin).step > context.step
-
-
-def _row(context: DebugContext, failure: FailedQuery, builder: AnswerBuilder) -> tuple[str, ...]:
-    when = builder.time_link(context.seconds(failure.instant)) + " later" * _is_later(failure, context)
-    node = "–" if failure.node is None else builder.link(str(failure.node), PointAt(failure.node))
-    return when, str(failure.query.id), f'<span title="{escape(failure.text)}">{failure.failure_mode}</span>', node
+def _row(context: DebugContext, failure: FailedQuery) -> tuple[Inline, ...]:
+    node = "–" if failure.node is None else Link(str(failure.node), PointAt(failure.node))
+    cause = Hint(str(failure.failure_mode), failure.text)
+    return time_link(context.seconds(failure.instant)), str(failure.query.id), cause, node
 
 
 def _detail(context: DebugContext, failure: FailedQuery, builder: AnswerBuilder) -> None:
+    """Say how the last query that failed went wrong, and what to ask about it."""
     query = failure.query
-    wrong = builder.time_link(context.seconds(context.timeline.instant(failure.event)))
-    began = builder.time_link(context.seconds(query.begin), "its beginning")
-    builder.add_html(
-        f"<div>Now in <b>query {query.id}</b> to node {query.goal} ({began}): {failure.failure_mode}.</div>"
-    )
-    builder.add_html(f"<div>{wrong} {escape(failure.text)}</div>")
-    asks = " or ".join(
-        f"“{builder.link(str(question), ChooseQuestion(question))}”" for question in _NEXT[failure.failure_mode]
-    )
-    edge = failure.edge or _last_edge(query)
-    if edge is None:
-        builder.add_html(f"<div>Then ask {asks}</div>")
-    else:
-        point = builder.link(f"edge {edge[0]} → {edge[1]}", PointAt(*edge))
-        builder.add_html(f"<div>It drove {point}; point at it, then ask {asks}</div>")
+    wrong = time_link(context.seconds(context.timeline.instant(failure.event)))
+    began = time_link(context.seconds(query.begin))
+    failed = Strong(f"query {query.id}")
+    builder.add_line("Last failed: ", failed, f" to node {query.goal}, begun at ", began, f": {failure.failure_mode}.")
+    builder.add_line(wrong, f" {failure.text}")
+    builder.add_line("It drove ", _what_to_ask(failure))
+    add_map_faults(context, failure, builder)
+
+
+def _later(context: DebugContext, later: Sequence[FailedQuery], builder: AnswerBuilder) -> None:
+    """Say in one line apart what fails after the moment, with the way to the first of it."""
+    failure = later[0]
+    run = "run" if context.is_live else "recording"
+    named = f"query {failure.query.id} fails, {failure.failure_mode}, from "
+    when = time_link(context.seconds(failure.instant))
+    more = f" {len(later) - 1} more after it." if len(later) > 1 else ""
+    builder.add_line(f"Later in this {run}: {named}", when, " on. It drives ", _what_to_ask(failure), more)
+
+
+def _what_to_ask(failure: FailedQuery) -> list[Inline]:
+    """Name the edge that was driven, and the questions that tell more of it."""
+    edge = failure.edge or _last_edge(failure.query)
+    driven: list[Inline] = ["nowhere"]
+    if edge is not None:
+        driven = [Link(f"edge {edge[0]} → {edge[1]}", PointAt(*edge)), "; point at it"]
+    questions = [Link(str(question), ChooseQuestion(question)) for question in _NEXT[failure.failure_mode]]
+    return [*driven, ", then ask “", *joined(questions, "” or “"), "”."]
 
 
 def _last_edge(query: QueryRecord) -> EdgeKey | None:
@@ -198,27 +202,26 @@ def _last_edge(query: QueryRecord) -> EdgeKey | None:
     return next(((source, target) for source, target in reversed(driven) if source is not None), None)
 
 
-def _drawing(
-    context: DebugContext, places: Sequence[FailureCluster], shown: Sequence[FailedQuery], now: FailedQuery | None
-) -> Overlay:
+def _drawing(context: DebugContext, shown: Sequence[FailedQuery]) -> Overlay:
+    """Mark where queries failed, the last of them in another colour."""
     strokes = []
+    last = shown[-1] if shown else None
     for failure in shown:
         ends = [] if failure.edge is None else [context.pose(node) for node in failure.edge]
         if len(ends) == 2 and ends[0] is not None and ends[1] is not None:
-            strokes.append(stroke(ends[0], ends[1], palette.TARGET if failure is now else palette.EDGE_REMOVED))
+            strokes.append(stroke(ends[0], ends[1], palette.TARGET if failure is last else palette.EDGE_REMOVED))
     nodes = {failure.node: palette.EDGE_REMOVED for failure in shown if failure.node is not None}
-    if now is not None and now.node is not None:
-        nodes[now.node] = palette.TARGET
-    return Overlay(tuple(strokes), nodes, labels=tuple(_labels(context, places, shown)))
+    if last is not None and last.node is not None:
+        nodes[last.node] = palette.TARGET
+    return Overlay(tuple(strokes), nodes, labels=tuple(_labels(context, shown)))
 
 
-def _labels(context: DebugContext, places: Sequence[FailureCluster], shown: Sequence[FailedQuery]) -> list[Label]:
-    kept, labels = {id(failure) for failure in shown}, []
-    for place in places:
-        count = sum(id(failure) in kept for failure in place.failures)
+def _labels(context: DebugContext, shown: Sequence[FailedQuery]) -> list[Label]:
+    labels = []
+    for place in group_by_place(shown):
         pose = context.pose(place.nodes[0]) if place.nodes else None
-        if count and pose is not None:
-            labels.append(Label((float(pose[0]), float(pose[1])), f"{count} failed"))
+        if pose is not None:
+            labels.append(Label((float(pose[0]), float(pose[1])), f"{len(place.failures)} failed"))
     return labels
 
 
@@ -226,57 +229,60 @@ def add_lifelong_curves(context: DebugContext, strip: LifelongSuccess, builder: 
     """Add the curves and the dips to a page; nothing for a single query."""
     if len(strip.queries) < 2:
         return
-    over = sum(end.step <= context.step for end in strip.ends)
-    now = f"{100 * strip.success[over - 1]:.0f} %" if over else "–"
-    builder.add_html(f"<div>Success over the last queries, now <b>{now}</b>:</div>")
-    builder.add_html(_chart(strip.success, "share that arrived", palette.SOURCE, over))
+    now = Strong(f"{100 * strip.success[-1]:.0f} %")
+    builder.add_line("Success over the last queries, now ", now, ":")
+    builder.add_chart(_chart(strip.success, "share that arrived", palette.SOURCE))
     for name, counts, colour in (("nodes", strip.nodes, palette.NODE), ("edges", strip.edges, palette.PLAN)):
-        builder.add_html(_chart(counts, name, colour, over))
+        builder.add_chart(_chart(counts, name, colour))
     for dip in sorted(strip.dips, key=lambda dip: -dip.fall)[:_DIPS]:
         _dip(context, strip, dip, builder)
 
 
-def _chart(values: Sequence[float] | np.ndarray, label: str, colour: Rgb8, over: int) -> str:
-    """Draw one value after each query (Q,), with a line behind the last of the `over` that are over."""
+def _chart(values: Sequence[float] | np.ndarray, label: str, colour: Rgb8) -> StepChart:
+    """Draw one value after each query (Q,)."""
     rows = np.unique(np.linspace(0, len(values) - 1, min(len(values), _POINTS)).astype(np.intp))
-    points = [(float(row + 1), float(values[row])) for row in rows]
+    points = tuple((float(row + 1), float(values[row])) for row in rows)
     x = Axis("queries", 1.0, float(len(values)))
     y = Axis(label, 0.0, max(1.0, float(np.max(values))))
-    return step_chart_svg(points, x, y, colour=colour, now=float(over) if 0 < over < len(values) else None)
+    return StepChart(points, x, y, colour)
 
 
 def _dip(context: DebugContext, strip: LifelongSuccess, dip: SuccessDip, builder: AnswerBuilder) -> None:
     """Say where success fell, and what happened to the map on the way down."""
-    first, last = strip.queries[dip.peak], strip.queries[dip.low]
-    ends = [
-        builder.time_link(context.seconds(dip.before), f"query {first}"),
-        builder.time_link(context.seconds(dip.after), f"query {last}"),
-    ]
+    first = strip.queries[dip.peak]
+    last = strip.queries[dip.low]
+    begin = time_link(context.seconds(dip.before), f"query {first}")
+    end = time_link(context.seconds(dip.after), f"query {last}")
     within = slice(dip.peak + 1, dip.low + 1)
     counts = [int(column[within].sum()) for column in (strip.pruned, strip.edges_added, strip.nodes_added)]
-    builder.add_html(
-        f"<div><b>Dip:</b> success fell by {100 * dip.fall:.0f} % from {ends[0]} to {ends[1]}; meanwhile "
-        f"{counts[0]} edges went, {counts[1]} edges and {counts[2]} nodes came.</div>"
+    builder.add_line(
+        *(Strong("Dip:"), f" success fell by {100 * dip.fall:.0f} % from ", begin, " to ", end),
+        f"; meanwhile {counts[0]} edges went, {counts[1]} edges and {counts[2]} nodes came.",
     )
     touched = _touched(context, dip)
     if touched:
-        links = (f"{builder.link(f'{s} → {t}', PointAt(s, t))} {escape(what)}" for (s, t), what in touched)
-        builder.add_html(f"<div>Edges it touched most: {', '.join(links)}.</div>")
+        named: list[Inline] = [part for edge, what in touched for part in (", ", edge_link(*edge), f" {what}")]
+        builder.add_line("Edges it touched most: ", named[1:], ".")
 
 
 def _touched(context: DebugContext, dip: SuccessDip) -> list[tuple[EdgeKey, str]]:
     """Return the edges that changed most often in a dip, and how each ended; pruned ones first."""
-    timeline, counts, ends = context.timeline, Counter[EdgeKey](), dict[EdgeKey, str]()
+    timeline = context.timeline
+    counts = Counter[EdgeKey]()
+    ends = dict[EdgeKey, str]()
     first = timeline.change_count_before(timeline.count_until(dip.before))
     for change in timeline.changes_until(dip.after)[first:]:
         delta = change.delta
         match delta:
             case EdgePruned():
-                edge, what = (delta.source, delta.target), "pruned"
+                edge = (delta.source, delta.target)
+                what = "pruned"
             case BeliefUpdated():
-                edge, what = (delta.source, delta.target), f"then p {delta.belief.p:.2f}"
+                edge = (delta.source, delta.target)
+                what = f"then p {delta.belief.p:.2f}"
             case EdgeAdded():
-                edge, what = (delta.edge.source, delta.edge.target), "new"
+                edge = (delta.edge.source, delta.edge.target)
+                what = "new"
             case _:
                 continue
         counts[edge] += 1

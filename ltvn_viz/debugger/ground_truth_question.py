@@ -6,28 +6,31 @@ from dataclasses import dataclass, replace
 from typing import Never
 
 from ltvn_core import palette
+from ltvn_core.analysis.answer import CalibrationChart, Key, Strong
 from ltvn_core.errors import MapError
+from ltvn_core.evaluation.edge_accuracy import (
+    AttemptCalibration,
+    MissingEdge,
+    attempt_calibration,
+    calibration_attempts,
+    edge_accuracy,
+)
 from ltvn_core.evaluation.edge_accuracy import EdgeAccuracy as Verdicts
-from ltvn_core.evaluation.edge_accuracy import MissingEdge, edge_accuracy
-from ltvn_core.evaluation.edge_calibration import CalibrationPoint, calibration_over_queries
 from ltvn_core.evaluation.ground_truth import GroundTruth, calibration_bins
 from ltvn_core.evaluation.results import EdgeCalibrationBin
-from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
-from ltvn_core.navigation.events import AttemptEnded, QueryEnded, StampedEvent
+from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.navigation.events import AttemptEnded, StampedEvent
 from ltvn_core.simulation.changes.changed_scenes import ChangedScenes
 from ltvn_core.simulation.scene_registry import load_scene
 from ltvn_core.types import FrameId, Observation, Pose
-from ltvn_core.worlds.world_state import WorldState
+from ltvn_core.worlds import WorldState
 from ltvn_viz.debugger.background_cache import LatestAnswer
-from ltvn_viz.debugger.charts import calibration_svg
 from ltvn_viz.debugger.context import DebugContext
-from ltvn_viz.debugger.question import AnswerBuilder, Question
-from ltvn_viz.debugger.svg_figures import legend_item
-from ltvn_viz.session.commands import PointAt
-from ltvn_viz.session.inspection import QuestionAnswer, QuestionName, Selection
-from ltvn_viz.session.overlay import Overlay, Stroke, stroke
+from ltvn_viz.debugger.question import AnswerBuilder, Question, edge_link
+from ltvn_viz.session.inspection import Overlay, QuestionAnswer, QuestionName, Selection, Stroke, stroke
 
-_SPURIOUS, _MISSING = 15, 10
+_SPURIOUS = 15
+_MISSING = 10
 _LOOKED_AT = 4
 """So many nodes are asked whether anybody knows where they truly are."""
 
@@ -40,7 +43,7 @@ class JudgedMap:
     poses: Mapping[FrameId, Pose]
     verdicts: Verdicts
     cells: tuple[EdgeCalibrationBin, ...]
-    attempts: CalibrationPoint | None
+    attempts: AttemptCalibration | None
     """None before any attempt."""
 
 
@@ -60,7 +63,8 @@ class GroundTruthQuestion(Question[Never]):
 
     def is_offered(self, context: DebugContext) -> bool:
         """Tell whether the images of this run say where they were truly taken; one is looked at, once a run."""
-        run, nodes = (context.name, context.start_s), context.moment.graph.ids[:_LOOKED_AT].tolist()
+        run = (context.name, context.start_s)
+        nodes = context.moment.graph.ids[:_LOOKED_AT].tolist()
         if self._offered[0] != run and nodes:
             seen = next((image for node in nodes if (image := context.observation(node)) is not None), None)
             if seen is None:
@@ -70,17 +74,20 @@ class GroundTruthQuestion(Question[Never]):
 
     def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
         """Show the verdicts, or say why there are none."""
-        builder, graph = AnswerBuilder(), context.graph
+        builder = AnswerBuilder()
+        graph = context.graph
         if (why_not := _unknown(context)) is not None:
-            builder.add_text(why_not)
+            builder.add_line(why_not)
             return builder.build()
         if self._about != (context.name, context.scene):
             self._about = context.name, context.scene
             self._latest.forget()
         events = context.timeline.events[: context.timeline.count_until(context.instant)]
-        poses, near, scene = _poses(context, events), context.method.building.connect_distance, context.scene
+        poses = _poses(context, events)
+        near = context.method.building.connect_distance
+        scene = context.scene
         world = context.timeline.progress_before(len(events)).world
-        question = ("truth", context.name, scene, world, context.revision(AttemptEnded, QueryEnded))
+        question = ("truth", context.name, scene, world, context.revision(AttemptEnded))
         judged = self._latest(
             context.in_background, question, lambda: _judged_map(scene, world, graph, poses, events, near)
         )
@@ -122,9 +129,9 @@ def _judged_map(
     # An edge through a door that is closed now cannot be driven now.
     clearance = ChangedScenes(load_scene(scene)).at(replace(world, people=())).clearance
     truth = GroundTruth(clearance, _nobody, poses=poses)
-    points = calibration_over_queries(events, truth)
+    tried = attempt_calibration(calibration_attempts(events, truth))
     verdicts = edge_accuracy(graph, truth, near=near)
-    return JudgedMap(graph, poses, verdicts, calibration_bins(graph, truth), points[-1] if points else None)
+    return JudgedMap(graph, poses, verdicts, calibration_bins(graph, truth), tried)
 
 
 def _nobody(frame: FrameId) -> Observation:
@@ -133,30 +140,37 @@ def _nobody(frame: FrameId) -> Observation:
 
 def _show(builder: AnswerBuilder, judged: JudgedMap, selection: Selection) -> QuestionAnswer:
     verdicts = judged.verdicts
-    builder.add_html(
-        f"<div>{legend_item(palette.EDGE_REMOVED, f'cannot be driven: {len(verdicts.spurious)}')} "
-        f"{legend_item(palette.EDGE_ADDED, f'missing: {len(verdicts.missing)}')}</div>"
+    builder.add_line(
+        Key(palette.EDGE_REMOVED, f"cannot be driven: {len(verdicts.spurious)}"),
+        Key(palette.EDGE_ADDED, f"missing: {len(verdicts.missing)}"),
     )
-    builder.add_html(
-        f"<div><b>{_share(verdicts.precision)}</b> of the edges can be driven (precision). "
-        f"<b>{_share(verdicts.recall)}</b> of the neighbours have a short way (recall).</div>"
+    builder.add_line(
+        *(Strong(_share(verdicts.precision)), " of the edges can be driven (precision). "),
+        *(Strong(_share(verdicts.recall)), " of the neighbours have a short way (recall)."),
     )
     nodes = builder.add_selected_edge(selection)
     _spurious(builder, judged)
     _missing(builder, verdicts.missing)
-    builder.add_text(
+    builder.add_line(
         "Does p tell the truth? Each dot is a tenth of the scale; on the line, p is the share that is true."
     )
-    builder.add_html(
-        calibration_svg([(cell.mean_p, cell.drivable, cell.edges) for cell in judged.cells], palette.SOURCE)
-    )
-    if (point := judged.attempts) is not None:
-        truly = "" if point.arrived is None else f", {point.arrived:.0%} truly"
-        builder.add_text(
-            f"{point.attempts} attempts: p foretold {point.mean_p:.0%}, {point.succeeded:.0%} succeeded{truly}; "
-            f"mean squared error {point.brier:.3f}."
-        )
+    cells = tuple((cell.mean_p, cell.drivable, cell.edges) for cell in judged.cells)
+    builder.add_chart(CalibrationChart(cells, palette.SOURCE))
+    if judged.attempts is not None:
+        builder.add_line(calibration_sentence(judged.attempts))
     return builder.build(Overlay(strokes=_strokes(judged), nodes=nodes))
+
+
+def calibration_sentence(point: AttemptCalibration) -> str:
+    """Compare what p said before the attempts of a run with what came of them."""
+    count = "the one attempt" if point.attempts == 1 else f"the {point.attempts} attempts"
+    judge = "the robot judged" if point.arrived is None else "it truly was"
+    truly = "" if point.arrived is None else f", and in {point.arrived:.0%} it truly arrived"
+    return (
+        f"Before {count} up to now, p said on average that {point.mean_p:.0%} succeed; the robot took "
+        f"{point.succeeded:.0%} for successes{truly}. The mean squared difference of p and arrival, as {judge}, is "
+        f"{point.brier:.3f}: 0 would be best, and p = 0.5 for every edge would give 0.250."
+    )
 
 
 def _spurious(builder: AnswerBuilder, judged: JudgedMap) -> None:
@@ -165,7 +179,7 @@ def _spurious(builder: AnswerBuilder, judged: JudgedMap) -> None:
     if not worst:
         return
     rows = [
-        (_edge(builder, key), f"{edges[key].belief.p:.2f}", f"{edges[key].successes}/{edges[key].attempts}")
+        (edge_link(*key), f"{edges[key].belief.p:.2f}", f"{edges[key].successes}/{edges[key].attempts}")
         for key in worst[:_SPURIOUS]
     ]
     builder.add_table(("cannot be driven", "p", "succeeded"), rows)
@@ -177,7 +191,7 @@ def _missing(builder: AnswerBuilder, missing: Sequence[MissingEdge]) -> None:
     # Most ways are missing in both directions, and one row says so.
     pairs = {(min(pair.source, pair.target), max(pair.source, pair.target)): pair for pair in reversed(missing)}
     rows = [
-        (_edge(builder, (pair.source, pair.target)), f"{pair.distance:.2f}", _way(pair))
+        (edge_link(pair.source, pair.target), f"{pair.distance:.2f}", _way(pair))
         for pair in list(reversed(pairs.values()))[:_MISSING]
     ]
     builder.add_table(("missing, one way or both", "apart", "way in the map"), rows)
@@ -185,10 +199,6 @@ def _missing(builder: AnswerBuilder, missing: Sequence[MissingEdge]) -> None:
 
 def _way(pair: MissingEdge) -> str:
     return f"{pair.path:.1f}" if math.isfinite(pair.path) else "none, or far longer"
-
-
-def _edge(builder: AnswerBuilder, key: EdgeKey) -> str:
-    return builder.link(f"{key[0]} → {key[1]}", PointAt(*key))
 
 
 def _share(value: float | None) -> str:

@@ -1,23 +1,28 @@
 """Which question is on show, what a person pointed at, and what there is to see.
 
-Owns that state and when a question looks again. Implements `ltvn_viz.session.app_state.Debugger`; runs in the session's
-thread.
+Owns that state, when a question looks again, and what it may look at: the live run or an open recording. Implements
+`ltvn_viz.session.app_state.Debugger`; runs in the session's thread.
 """
 
+import time
 from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from html import escape
 from typing import Any
 
+from ltvn_core.analysis.answer import Answer, Paragraph
+from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.errors import LtvnError, OptionError
-from ltvn_core.types import NodeId
+from ltvn_core.graph.presence.edge_presence import FilteredPresence
+from ltvn_core.graph.presence.presence_filter import PresenceFilter
+from ltvn_core.types import FrameId, NodeId, Observation
+from ltvn_viz.debugger.answer_html import answer_html
 from ltvn_viz.debugger.background_cache import BackgroundCache
 from ltvn_viz.debugger.context import DebugContext
-from ltvn_viz.debugger.context_builder import DebugContextBuilder
+from ltvn_viz.debugger.file_context import replay_context
 from ltvn_viz.debugger.question import Question
+from ltvn_viz.session.activities.playback import Playback, ReplayMethod
 from ltvn_viz.session.app_state import AppState
-from ltvn_viz.session.commands import Command, QuestionRequest
 from ltvn_viz.session.inspection import (
     LINKS_PER_VIEW,
     NO_ANSWER,
@@ -26,8 +31,102 @@ from ltvn_viz.session.inspection import (
     QuestionName,
     Selection,
 )
+from ltvn_viz.session.share_links import Viewpoint
 from ltvn_viz.session.worker import JobQueue
 from ltvn_viz.timeline.run_moment import RunMoment
+from ltvn_viz.wishes.commands import Command, QuestionRequest
+
+_COUNT_EVERY_S = 1.0
+"""The events of a run that goes on are counted once a second at most, because questions are answered anew each time."""
+
+
+class DebugContextBuilder:
+    """Remembers how many events answers take in."""
+
+    def __init__(self, in_background: BackgroundCache, clock: Callable[[], float] = time.monotonic) -> None:
+        """Let questions compute slowly by `in_background`."""
+        self._in_background = in_background
+        self._clock = clock
+        self._run: Timeline | None = None
+        self._known_events = 0
+        self._due = float("-inf")
+
+    def build(self, state: AppState, moment: RunMoment) -> DebugContext:
+        """Return what questions may look at when the page shows `moment`."""
+        viewpoint = state.viewpoint() if state.debugger.shown.question is QuestionName.SHARE else None
+        if isinstance(state.activity, Playback):
+            return self._of_replay(state, state.activity, moment, viewpoint)
+        run = state.live.timeline
+        live_map = state.live_map
+        return DebugContext(
+            name="",
+            scene=state.scene,
+            start_s=run.start_s,
+            moment=moment,
+            step=run.instant_at(moment.stamp).step,
+            timeline=run,
+            known_events=self._count(run),
+            observation=_live_observation(state),
+            camera=state.live.robot.spec.camera,
+            method=live_map.system.method,
+            predictor=live_map.predictor,
+            weights=live_map.fingerprint,
+            system=live_map.system.name,
+            presence_filter=_live_filter(state),
+            live_map=live_map,
+            live=run,
+            in_background=self._in_background,
+            library=state.library,
+            rerun=state.rerun,
+            offer_file=state.saved_files.offer,
+            viewpoint=viewpoint,
+        )
+
+    def _of_replay(
+        self, state: AppState, replay: Playback, moment: RunMoment, viewpoint: Viewpoint | None
+    ) -> DebugContext:
+        robots = ReplayMethod(state.live_map.predictor, state.live_map.system.method)
+        return replay_context(
+            replay,
+            moment,
+            replay.method or robots,
+            known_events=self._count(replay.timeline),
+            live=state.live.timeline,
+            in_background=self._in_background,
+            library=state.library,
+            rerun=state.rerun,
+            offer_file=state.saved_files.offer,
+            viewpoint=viewpoint,
+        )
+
+    def count_now(self) -> None:
+        """Take in all events at once, because a person waits to see what was just changed."""
+        self._due = float("-inf")
+
+    def _count(self, run: Timeline) -> int:
+        if run is not self._run or (len(run.events) != self._known_events and self._clock() > self._due):
+            self._run = run
+            self._known_events = len(run.events)
+            self._due = self._clock() + _COUNT_EVERY_S
+        return self._known_events
+
+
+def _live_filter(state: AppState) -> PresenceFilter | None:
+    presence = state.live_map.system.presence
+    return presence.presence_filter if isinstance(presence, FilteredPresence) else None
+
+
+def _live_observation(state: AppState) -> Callable[[FrameId], Observation | None]:
+    def observation(frame: FrameId) -> Observation | None:
+        if state.live.observation is not None and state.live.observation.step == frame:
+            return state.live.observation
+        try:
+            return state.live_map.keyframes.observation(frame)
+        except LtvnError:
+            return None
+
+    return observation
+
 
 _REMEMBERED = 100
 """So many views of the tool on show still answer to clicks on them, because a page may be behind, and answers that
@@ -44,7 +143,9 @@ class Inspector:
         Views are counted from `first_serial`, so that the links of several debuggers are not taken for each other's.
         """
         self._questions: dict[str, Question[Any]] = {question.name: question for question in questions}
-        self.words = {question.word: question.name for question in questions}
+        self.words = {
+            word: question.name for question in questions for word in (question.word, *question.earlier_words)
+        }
         self._in_background = BackgroundCache(worker, self.mark_stale)
         self._contexts = DebugContextBuilder(self._in_background)
         self.names = (QuestionName.NONE, *self._questions)
@@ -63,7 +164,13 @@ class Inspector:
         chosen = self._questions.get(question)
         about, verb = ("", "") if chosen is None else (chosen.about, chosen.verb)
         self.shown = replace(
-            self.shown, question=question, about=about, verb=verb, answer=NO_ANSWER, serial=self.shown.serial + 1
+            self.shown,
+            question=question,
+            about=about,
+            verb=verb,
+            answer=NO_ANSWER,
+            markup="",
+            serial=self.shown.serial + 1,
         )
         self._in_background.leave()
         self._drawn.clear()
@@ -114,9 +221,10 @@ class Inspector:
         try:
             answer = question.answer(context, self.shown.selection)
         except LtvnError as error:
-            answer = QuestionAnswer(f'<div class="lt">{escape(str(error))}</div>')
+            answer = QuestionAnswer(Answer((Paragraph((str(error),)),)))
         if answer != self.shown.answer:
-            self.shown = replace(self.shown, answer=answer, serial=self.shown.serial + 1)
+            markup = answer_html(answer.answer)
+            self.shown = replace(self.shown, answer=answer, markup=markup, serial=self.shown.serial + 1)
             self._remember()
 
     def _offer(self, context: DebugContext) -> None:

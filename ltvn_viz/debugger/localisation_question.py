@@ -5,20 +5,21 @@ The images of the nodes on show are those of the live map, or a recording's, whi
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from html import escape
 from typing import Any
 
 import numpy as np
 
 from ltvn_core import palette
+from ltvn_core.analysis.answer import PROBABILITY, Axis, Inline, Link, StepChart, Strong, Term, joined
 from ltvn_core.analysis.localisation_confidence import (
     LocalisationHeatMap,
     LocalisationMargins,
+    PerceptualAlias,
     features_of,
+    find_perceptual_aliases,
     localisation_heat_map,
     localisation_margins,
 )
-from ltvn_core.analysis.perceptual_aliases import PerceptualAlias, find_perceptual_aliases
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import Instant
 from ltvn_core.config import Method
@@ -29,14 +30,11 @@ from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.palette import Rgb8
 from ltvn_core.types import NodeId, Observation, Predictor
 from ltvn_viz.debugger.background_cache import LatestAnswer
-from ltvn_viz.debugger.charts import PROBABILITY, Axis, step_chart_svg
 from ltvn_viz.debugger.context import DebugContext, PredictorView
-from ltvn_viz.debugger.question import AnswerBuilder, Question
-from ltvn_viz.server.glossary import explained
-from ltvn_viz.session.absent_backend import NO_PREDICTOR
-from ltvn_viz.session.commands import PointAt, QuestionRequest, Seek
-from ltvn_viz.session.inspection import QuestionAnswer, QuestionName, Selection
-from ltvn_viz.session.overlay import EMPTY_OVERLAY, Overlay, Stroke, stroke
+from ltvn_viz.debugger.question import AnswerBuilder, Question, request_link, time_link
+from ltvn_viz.session.backend import NO_PREDICTOR
+from ltvn_viz.session.inspection import EMPTY_OVERLAY, Overlay, QuestionAnswer, QuestionName, Selection, Stroke, stroke
+from ltvn_viz.wishes.commands import PointAt, QuestionRequest
 
 _COLOURED = 1000
 _SHOWN_LOCALIZATIONS = 200
@@ -74,7 +72,8 @@ class LocalisationQuestion(Question[FindAliases]):
 
     def __init__(self) -> None:
         """Begin with nothing compared."""
-        self._node_images, self._heat = NodeImageLoader(), LatestAnswer()
+        self._node_images = NodeImageLoader()
+        self._heat = LatestAnswer()
         self._margins: tuple[tuple[Timeline, int] | None, LocalisationMargins] = (None, localisation_margins(()))
         self._asked: tuple[object, ...] | None = None
         self._run = ""
@@ -87,11 +86,11 @@ class LocalisationQuestion(Question[FindAliases]):
         """Colour the nodes and say which are best."""
         builder = AnswerBuilder()
         if context.weights not in ("", context.predictor.fingerprint) and context.predictor.fingerprint != NO_PREDICTOR:
-            builder.add_text("This was recorded with other weights; the colours show what the weights in use say.")
+            builder.add_line("This was recorded with other weights; the colours show what the weights in use say.")
         try:
             shown = self._compared(context, builder)
         except LtvnError as missing:  # Without a predictor, what the run itself found is shown all the same.
-            builder.add_text(str(missing))
+            builder.add_line(str(missing))
             shown = None
         self._past_margins(context, builder)
         strokes = self._perceptual_aliases(context, builder)
@@ -104,32 +103,35 @@ class LocalisationQuestion(Question[FindAliases]):
         self._asked = "alike", context.name, _change_count(context)
 
     def _compared(self, context: DebugContext, builder: AnswerBuilder) -> ColouredHeat | None:
-        nodes, frame = tuple(context.graph.nodes), context.moment.frame
+        nodes = tuple(context.graph.nodes)
+        frame = context.moment.frame
         if context.name != self._run:
             self._run = context.name
             self._heat.forget()
         seen = None if frame is None else context.observation(frame)
         if not nodes or seen is None:
-            builder.add_text("The map is empty." if not nodes else "There is no image of this moment to compare.")
+            builder.add_line("The map is empty." if not nodes else "There is no image of this moment to compare.")
             return None
         image = context.view.of(seen)
         if image is None:
-            builder.add_text("The image of this moment has no depth, so it is compared with no node.")
+            builder.add_line("The image of this moment has no depth, so it is compared with no node.")
             return None
         keyframes, missing = self._node_images.load(context)
         if missing:
-            builder.add_pending(f"Reading the images of {len(nodes)} nodes, {missing} to go")
-        question = "where", context.name, frame, len(nodes), missing, context.predictor.fingerprint
+            # The best of half of the map may be far from the best of all of it.
+            builder.add_pending(f"Reading the images of {_counted(len(nodes), 'node')}, {missing} to go")
+            return None
+        question = "where", context.name, frame, len(nodes), context.predictor.fingerprint
         found = self._heat(
             context.in_background, question, _heat(image, nodes, keyframes, context.predictor, context.method)
         )
         if found is None:
             builder.add_pending("Comparing")
         elif isinstance(found, str):
-            builder.add_text(found)
+            builder.add_line(found)
         else:
             builder.add_behind(self._heat)
-            _say(found.heat, builder)
+            _say(found.heat, len(nodes), builder)
             return found
         return None
 
@@ -143,20 +145,22 @@ class LocalisationQuestion(Question[FindAliases]):
         rows = range(max(0, until - _SHOWN_LOCALIZATIONS), until)
         if not rows:
             return
-        margin = explained("margin", "Margin of best over second")
-        builder.add_html(f"<div>{margin} in the last {len(rows)} looks:</div>")
+        looks = "look" if len(rows) == 1 else f"{len(rows)} looks"
+        told = " that the robot found, with what it saw before and where it looked, in the last "
+        builder.add_line(Term("margin", "Margin of best over second"), f"{told}{looks}:")
         times = [context.seconds(Instant(int(localizations.steps[k]), float(localizations.stamps[k]))) for k in rows]
         points = [(time, min(1.0, float(localizations.margins[k]))) for time, k in zip(times, rows, strict=True)]
         now_s = context.seconds(context.instant)
-        chart = step_chart_svg(
-            points,
-            Axis("time, s", times[0], max(now_s, times[0] + 1.0)),
-            Axis("margin (1 and above)", *PROBABILITY),
-            lines=((_SMALL, "below: ambiguous"),),
-            colour=palette.SOURCE,
-            now=now_s,
+        builder.add_chart(
+            StepChart(
+                tuple(points),
+                Axis("time, s", times[0], max(now_s, times[0] + 1.0)),
+                Axis("margin (1 and above)", *PROBABILITY),
+                colour=palette.SOURCE,
+                limits=((_SMALL, "below: ambiguous"),),
+                now=now_s,
+            )
         )
-        builder.add_html(chart)
         self._smallest(localizations, rows, times, builder)
 
     @staticmethod
@@ -164,17 +168,17 @@ class LocalisationQuestion(Question[FindAliases]):
         localizations: LocalisationMargins, rows: range, times: Sequence[float], builder: AnswerBuilder
     ) -> None:
         small = sorted((float(localizations.margins[k]), time) for k, time in zip(rows, times, strict=True))
-        links = [builder.link(f"{margin:.2f} at {time:.1f} s", Seek(time)) for margin, time in small[:_SMALLEST]]
-        builder.add_html(f"<div>Smallest: {' · '.join(links)}</div>")
+        links = [time_link(time, f"{margin:.2f} at {time:.1f} s") for margin, time in small[:_SMALLEST]]
+        builder.add_line("Smallest: ", joined(links))
 
     def _perceptual_aliases(self, context: DebugContext, builder: AnswerBuilder) -> tuple[Stroke, ...]:
-        link = builder.request_link("search for places that look alike", FindAliases())
+        link = request_link("search for places that look alike", FindAliases())
         if self._asked is None or self._asked[1] != context.name:
-            builder.add_html(f"<div>{link}</div>")
+            builder.add_line(link)
             return ()
         keyframes, missing = self._node_images.load(context)
         if missing:
-            builder.add_text("Perceptual aliases are searched as soon as all images are read.")
+            builder.add_line("Perceptual aliases are searched as soon as all images are read.")
             return ()
         found = context.in_background(
             self._asked, _alias_search(context.graph, keyframes, context.predictor, context.method)
@@ -183,10 +187,10 @@ class LocalisationQuestion(Question[FindAliases]):
             builder.add_pending("Searching for places that look alike, which takes its time")
             return ()
         if isinstance(found, str):
-            builder.add_text(found)
+            builder.add_line(found)
             return ()
         if self._asked[2] != _change_count(context):
-            builder.add_html(f"<div>Searched in the map of another moment; {link} in that of now.</div>")
+            builder.add_line("Searched in the map of another moment; ", link, " in that of now.")
         return _pairs(context, found, builder)
 
 
@@ -216,19 +220,26 @@ def _colours(found: LocalisationHeatMap, scale: float) -> dict[NodeId, Rgb8]:
     return {found.nodes[row]: Rgb8(*colour) for row, colour in zip(rows, rgb.tolist(), strict=True)}
 
 
-def _say(found: LocalisationHeatMap, builder: AnswerBuilder) -> None:
+def _say(found: LocalisationHeatMap, count: int, builder: AnswerBuilder) -> None:
+    """Say which of the compared nodes are best; where the map has more, they are the best so far."""
+    if len(found.nodes) < count:
+        builder.add_line(f"So far, {len(found.nodes)} of {count} nodes are compared: the others have no image at hand.")
     best = [found.nodes.index(node) for node in found.best(2)]
-    rows = []
+    rows: list[tuple[Inline, ...]] = []
     for rank, k in zip(("best", "second"), best, strict=False):
-        node = builder.link(f"node {found.nodes[k]}", PointAt(found.nodes[k]))
+        node = Link(f"node {found.nodes[k]}", PointAt(found.nodes[k]))
         here = "may be here" if found.near[k] else "too far"
         rows.append((rank, node, f"{found.distances[k]:.2f}", f"{found.reachability[k]:.2f}", here))
     builder.add_table(("", "", "d", "r", ""), rows)
     if len(best) > 1:
         sure = "ambiguous" if found.margin < _SMALL else "clear"
-        builder.add_html(
-            f"<div>Margin <b>{found.margin:.2f}</b>, {sure}; {int(found.near.sum())} nodes near enough.</div>"
-        )
+        near = _counted(int(found.near.sum()), "node")
+        margin = Strong(f"{found.margin:.2f}")
+        builder.add_line("Margin of this image alone ", margin, f", {sure}; {near} near enough.")
+
+
+def _counted(count: int, noun: str) -> str:
+    return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
 def _alias_search(
@@ -247,12 +258,14 @@ def _alias_search(
 
 
 def _pairs(context: DebugContext, found: Sequence[PerceptualAlias], builder: AnswerBuilder) -> tuple[Stroke, ...]:
-    builder.add_text(
-        f"{len(found)} pairs of perceptual aliases:" if found else "No perceptual aliases: no two places look alike."
+    builder.add_line(
+        f"{_counted(len(found), 'pair')} of perceptual aliases:"
+        if found
+        else "No perceptual aliases: no two places look alike."
     )
     for pair in found[:_PAIRS]:
-        link = builder.link(f"{pair.first} ↔ {pair.second}", PointAt(pair.first, pair.second))
-        builder.add_html(f"<div>{link}: {escape(pair.sentence)}</div>")
+        link = Link(f"{pair.first} ↔ {pair.second}", PointAt(pair.first, pair.second))
+        builder.add_line(link, f": {pair.sentence}")
     ends = [(context.pose(pair.first), context.pose(pair.second)) for pair in found[:_PAIRS]]
     return tuple(
         stroke(start, end, palette.EDGE_REMOVED) for start, end in ends if start is not None and end is not None
@@ -275,8 +288,10 @@ class NodeImageLoader:
             return context.live_map.keyframes, 0
         run = context.name, context.predictor.fingerprint
         if run != self._run or self._keyframes is None:
-            self._run, self._keyframes = run, KeyframeStore(context.predictor)
-            self._read, self._reading = set(), None
+            self._run = run
+            self._keyframes = KeyframeStore(context.predictor)
+            self._read = set()
+            self._reading = None
         missing = [node for node in list(context.graph.nodes)[:MAX_NODES] if node not in self._read]
         if missing and self._is_free(context):
             self._read_on(context, self._keyframes, missing[:_AT_ONCE])

@@ -1,11 +1,11 @@
 """Changes by hand: edges cut, held and added, nodes deleted and named, each with the way back."""
 
 from collections.abc import Iterator, Sequence
-from html import escape
 from itertools import groupby
 from typing import NamedTuple, Never
 
 from ltvn_core import palette
+from ltvn_core.analysis.answer import Inline, Link, joined
 from ltvn_core.analysis.manual_edits import (
     add_edge,
     delete_node,
@@ -24,10 +24,17 @@ from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.event_text import describe_delta
 from ltvn_core.types import NodeId
 from ltvn_viz.debugger.context import DebugContext
-from ltvn_viz.debugger.question import AnswerBuilder, Question
-from ltvn_viz.session.commands import CloseRecording, Command, EditMap, Seek
-from ltvn_viz.session.inspection import NOTHING_SELECTED, QuestionAnswer, QuestionName, Selection
-from ltvn_viz.session.overlay import Label, Overlay, stroke
+from ltvn_viz.debugger.question import AnswerBuilder, Question, time_link
+from ltvn_viz.session.inspection import (
+    NOTHING_SELECTED,
+    Label,
+    Overlay,
+    QuestionAnswer,
+    QuestionName,
+    Selection,
+    stroke,
+)
+from ltvn_viz.wishes.commands import CloseRecording, Command, EditMap, Seek
 
 _ROWS = 10
 _NAME = "name"
@@ -61,15 +68,14 @@ class ManualEditQuestion(Question[Never]):
 
     def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
         """Offer what can be done with the selection, and what was done to be undone."""
-        self._selection, builder = selection, AnswerBuilder()
+        self._selection = selection
+        builder = AnswerBuilder()
         input_hint = ""
         if not context.is_live:
-            back = builder.link("go back to the robot", CloseRecording())
-            builder.add_html(f"<div>A recording cannot be changed; {back} to change the map.</div>")
+            back = Link("go back to the robot", CloseRecording())
+            builder.add_line("A recording cannot be changed; ", back, " to change the map.")
         elif not _is_now(context):
-            builder.add_html(
-                f"<div>This is the past. {builder.link('Go to now', Seek(_NOW_S))} to change the map.</div>"
-            )
+            builder.add_line("This is the past. ", Link("Go to now", Seek(_NOW_S)), " to change the map.")
         else:
             input_hint = self._offers(context, selection, builder)
         self._list(context, builder, undoable=context.is_live)
@@ -77,7 +83,8 @@ class ManualEditQuestion(Question[Never]):
 
     def handle_text(self, context: DebugContext, text: str) -> Command | None:
         """Name the selected node. Raises OptionError, MapError."""
-        node, words = self._selection.node, text.split()
+        node = self._selection.node
+        words = text.split()
         if not context.is_live or not words or words[0].lower() != _NAME:
             raise OptionError("Click a node of the live map and write for instance: name kitchen.")
         if node is None:
@@ -89,11 +96,11 @@ class ManualEditQuestion(Question[Never]):
         graph = context.graph
         node = selection.node if selection.node in graph.nodes else None
         links = [*_about_pair(graph, selection, context.method.believing, builder)]
-        links += () if node is None else _about_node(graph, node, builder)
+        links += () if node is None else _about_node(graph, node)
         if links:
-            builder.add_html(f"<div>{' · '.join(links)}</div>")
+            builder.add_line(joined(links))
         else:
-            builder.add_text("Click a node in the scene.")
+            builder.add_line("Click a node in the scene.")
         return "" if node is None else f"{_NAME} … (of node {node})"
 
     def _list(self, context: DebugContext, builder: AnswerBuilder, *, undoable: bool) -> None:
@@ -103,12 +110,12 @@ class ManualEditQuestion(Question[Never]):
         rows = []
         for each in reversed(self._done[1]):
             seconds = context.seconds(each.instant)
-            undo = builder.link("undo", EditMap(each.back)) if undoable else ""
-            rows.append((builder.link(f"{seconds:.1f} s", Seek(seconds)), escape(each.words), undo))
+            undo: Inline = Link("undo", EditMap(each.back)) if undoable else ""
+            rows.append((time_link(seconds), each.words, undo))
         if rows:
             builder.add_table(("when", "changed by hand", ""), rows)
         else:
-            builder.add_text("Nothing was changed by hand.")
+            builder.add_line("Nothing was changed by hand.")
 
 
 def _is_now(context: DebugContext) -> bool:
@@ -117,28 +124,28 @@ def _is_now(context: DebugContext) -> bool:
 
 def _about_pair(
     graph: TopologicalGraph, selection: Selection, believing: BeliefConfig, builder: AnswerBuilder
-) -> Iterator[str]:
+) -> Iterator[Link]:
     pair = selection.pair
     if pair is None or not {*pair} <= graph.nodes.keys():
         return
     name = f"{pair[0]} → {pair[1]}"
     if pair in graph.edges:
         held = graph.edges[pair].protected
-        yield builder.link(f"cut {name}", EditMap((remove_edge(graph, *pair),)))
+        yield Link(f"cut {name}", EditMap((remove_edge(graph, *pair),)))
         label = f"{'allow pruning of' if held else 'protect'} {name}"
-        yield builder.link(label, EditMap((protect_edge(graph, *pair, protected=not held),)))
+        yield Link(label, EditMap((protect_edge(graph, *pair, protected=not held),)))
     else:
         try:
-            yield builder.link(f"add {name}", EditMap((add_edge(graph, *pair, believing),)))
+            yield Link(f"add {name}", EditMap((add_edge(graph, *pair, believing),)))
         except OptionError as error:
-            builder.add_text(str(error))
+            builder.add_line(str(error))
 
 
-def _about_node(graph: TopologicalGraph, node: NodeId, builder: AnswerBuilder) -> Iterator[str]:
+def _about_node(graph: TopologicalGraph, node: NodeId) -> Iterator[Link]:
     goal = graph.nodes[node].goal
     label = f"{node} is no goal" if goal else f"mark {node} as a goal"
-    yield builder.link(label, EditMap((mark_goal(graph, node, goal=not goal),)))
-    yield builder.link(f"delete {node}", EditMap((delete_node(graph, node),)))
+    yield Link(label, EditMap((mark_goal(graph, node, goal=not goal),)))
+    yield Link(f"delete {node}", EditMap((delete_node(graph, node),)))
 
 
 def _done(timeline: Timeline) -> Iterator[ManualEdit]:

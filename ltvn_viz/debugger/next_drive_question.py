@@ -1,12 +1,12 @@
 """The collect coach: what the map lacks so far, and where to drive next."""
 
 from collections.abc import Callable
-from html import escape
 from typing import Never
 
 import numpy as np
 
 from ltvn_core import palette
+from ltvn_core.analysis.answer import Link, Strong, joined
 from ltvn_core.analysis.localisation_confidence import features_of
 from ltvn_core.analysis.mapping_advice import MappingAdvice, advise_mapping
 from ltvn_core.config import Method
@@ -17,10 +17,9 @@ from ltvn_core.types import Observation, Predictor
 from ltvn_viz.debugger.background_cache import LatestAnswer
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.question import AnswerBuilder, Question
-from ltvn_viz.session.commands import CloseRecording, PointAt
-from ltvn_viz.session.inspection import QuestionAnswer, QuestionName, Selection
+from ltvn_viz.session.inspection import EMPTY_OVERLAY, Overlay, QuestionAnswer, QuestionName, Selection, stroke
 from ltvn_viz.session.live_map import LiveMap
-from ltvn_viz.session.overlay import EMPTY_OVERLAY, Overlay, stroke
+from ltvn_viz.wishes.commands import CloseRecording, PointAt
 
 _LOOPS = 4
 _COLOURED = 500
@@ -48,11 +47,11 @@ class NextDriveQuestion(Question[Never]):
         frame = context.moment.frame
         seen = None if frame is None else context.observation(frame)
         if context.live_map is None:
-            back = builder.link("go back to the robot", CloseRecording())
-            builder.add_html(f"<div>The coach helps while one drives; {back}. “What failed?” judges a recording.</div>")
+            back = Link("go back to the robot", CloseRecording())
+            builder.add_line("The coach helps while one drives; ", back, ". “What failed?” judges a recording.")
             return builder.build()
         if seen is None:
-            builder.add_text("Drive a little, so that there is something to see.")
+            builder.add_line("Drive a little, so that there is something to see.")
             return builder.build()
         question = "coach", int(context.moment.stamp), context.predictor.fingerprint
         found = self._advice(
@@ -84,22 +83,21 @@ def _advise(
 
 
 def _say(advice: MappingAdvice, builder: AnswerBuilder) -> None:
-    builder.add_html(f"<div><b>{escape(str(advice.hint))}</b></div>")
+    builder.add_line(Strong(str(advice.hint)))
     strongly_connected_components = len(advice.strongly_connected_components)
-    builder.add_text(
+    builder.add_line(
         "The map is in one piece."
         if strongly_connected_components == 1
         else f"The map is in {strongly_connected_components} pieces."
     )
     links = [
-        builder.link(f"{each.first} ↔ {each.second}", PointAt(each.first, each.second))
-        for each in advice.missing_closures
+        Link(f"{each.first} ↔ {each.second}", PointAt(each.first, each.second)) for each in advice.missing_closures
     ]
     more = f" and {len(links) - _LOOPS} more" if len(links) > _LOOPS else ""
-    builder.add_html(f"<div>Loops not closed: {' · '.join(links[:_LOOPS]) or 'none'}{more}.</div>")
-    builder.add_text(f"Places seen from one side only: {len(advice.one_sided_places)}.")
+    builder.add_line("Loops not closed: ", joined(links[:_LOOPS] or ["none"]), f"{more}.")
+    builder.add_line(f"Places seen from one side only: {len(advice.one_sided_places)}.")
     if advice.novelty is not None:
-        builder.add_text(f"The view now is {advice.novelty:.0%} new.")
+        builder.add_line(f"The view now is {advice.novelty:.0%} new.")
 
 
 def _overlay(context: DebugContext, advice: MappingAdvice, seen: Observation) -> Overlay:

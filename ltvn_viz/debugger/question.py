@@ -4,90 +4,59 @@ Owns the interface. Tools live one to a module and know neither the page nor the
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
-from dataclasses import dataclass, field
-from html import escape
 from typing import ClassVar, Generic, TypeVar
 
 from ltvn_core import palette
+from ltvn_core.analysis import answer
+from ltvn_core.analysis.answer import Answer, Link, Pending, Strong
 from ltvn_core.errors import OptionError
 from ltvn_core.palette import Rgb8
 from ltvn_core.types import NodeId
 from ltvn_viz.debugger.background_cache import LatestAnswer
 from ltvn_viz.debugger.context import DebugContext
-from ltvn_viz.server.glossary import explained
-from ltvn_viz.session.commands import AskQuestion, ChooseQuestion, Command, QuestionRequest, Seek
-from ltvn_viz.session.inspection import QuestionAnswer, QuestionName, Selection
-from ltvn_viz.session.overlay import EMPTY_OVERLAY, Overlay
+from ltvn_viz.session.inspection import EMPTY_OVERLAY, Overlay, QuestionAnswer, QuestionName, Selection
+from ltvn_viz.wishes.commands import AskQuestion, ChooseQuestion, Command, PointAt, QuestionRequest, Seek
 
 
-@dataclass(slots=True)
-class AnswerBuilder:
-    """Collects lines of a view and the links in them."""
-
-    parts: list[str] = field(default_factory=list)
-    links: list[Command] = field(default_factory=list)
-    is_pending: bool = False
-
-    def add_text(self, text: str) -> None:
-        """Add a line of plain text."""
-        self.parts.append(f"<div>{escape(text)}</div>")
+class AnswerBuilder(answer.AnswerBuilder):
+    """Collects the blocks of an answer for the page."""
 
     def add_pending(self, text: str, *, title: str = "") -> None:
         """Say what is being computed in the background, after a title in bold if there is one."""
-        self.is_pending = True
-        leave = self.link("leave it", ChooseQuestion(QuestionName.NONE))
-        bar = f'<div class="lt-bar lt-wait" role="progressbar" aria-label="{escape(text)}"><div></div></div>'
-        named = f"<b>{escape(title)}</b> " if title else ""
-        self.parts.append(f"<div>{named}{escape(text)} … {leave}{bar}</div>")
+        self.blocks.append(Pending(text, title, Link("leave it", ChooseQuestion(QuestionName.NONE))))
 
     def add_behind(self, latest: LatestAnswer) -> None:
         """Say so where an answer is still that of another moment."""
         if latest.is_behind:
             self.add_pending("What follows is of another moment; looking again")
 
-    def add_html(self, markup: str) -> None:
-        """Add markup whose foreign parts are escaped."""
-        self.parts.append(markup)
-
-    def link(self, label: str, command: Command) -> str:
-        """Return a link to be put into `html`."""
-        self.links.append(command)
-        number = len(self.links) - 1
-        return f'<a class="lt-link" data-ltvn-action="follow" data-id="link-{number}">{escape(label)}</a>'
-
-    def request_link(self, label: str, request: QuestionRequest) -> str:
-        """Return a link that asks something of the question that draws it, to be put into `html`."""
-        return self.link(label, AskQuestion(request))
-
-    def time_link(self, seconds: float, label: str = "") -> str:
-        """Return a link to a moment, named by its time unless there is a label, to be put into `html`."""
-        return self.link(label or f"{seconds:.1f} s", Seek(seconds))
-
     def add_selected_edge(self, selection: Selection) -> dict[NodeId, Rgb8]:
         """Add a link to the question about the edge that is selected, and return how its ends are coloured."""
         if selection.edge is None:
             return {}
         source, target = selection.edge
-        more = self.link("its images and attempts", ChooseQuestion(QuestionName.EDGE))
-        self.add_html(f"<div>Edge <b>{source} → {target}</b>: {more}</div>")
+        more = Link("its images and attempts", ChooseQuestion(QuestionName.EDGE))
+        self.add_line("Edge ", Strong(f"{source} → {target}"), ": ", more)
         return {source: palette.SOURCE, target: palette.TARGET}
-
-    def add_table(self, head: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-        """Add a table of cells that are markup already."""
-        cells = "".join("<tr>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>" for row in rows)
-        heads = "".join(f"<th>{explained(each)}</th>" for each in head)
-        self.parts.append(f'<table class="lt-rows"><thead><tr>{heads}</tr></thead><tbody>{cells}</tbody></table>')
 
     def build(self, overlay: Overlay = EMPTY_OVERLAY, input_hint: str = "") -> QuestionAnswer:
         """Return what was collected."""
-        return QuestionAnswer(
-            html=f'<div class="lt lt-why">{"".join(self.parts)}</div>',
-            overlay=overlay,
-            links=tuple(self.links),
-            input_hint=input_hint,
-            is_pending=self.is_pending,
-        )
+        return QuestionAnswer(Answer(tuple(self.blocks)), overlay, input_hint)
+
+
+def request_link(label: str, request: QuestionRequest) -> Link:
+    """Return a link that asks something of the question that draws it."""
+    return Link(label, AskQuestion(request))
+
+
+def time_link(seconds: float, label: str = "", *, about: str = "") -> Link:
+    """Return a link to a moment, named by its time unless there is a label."""
+    return Link(label or f"{seconds:.1f} s", Seek(seconds), about)
+
+
+def edge_link(source: NodeId, target: NodeId) -> Link:
+    """Return a link that selects an edge, named by its ends."""
+    return Link(f"{source} → {target}", PointAt(source, target))
 
 
 RequestT = TypeVar("RequestT", bound=QuestionRequest)
@@ -103,6 +72,8 @@ class Question(ABC, Generic[RequestT]):
     """What the page calls it, different from all others."""
     word: ClassVar[str]
     """The word for it in an address, such as what-if."""
+    earlier_words: ClassVar[tuple[str, ...]] = ()
+    """Words by which addresses that were sent earlier may name it."""
     about: ClassVar[str]
     """What it shows, in one line."""
     verb: ClassVar[str] = "Ask"

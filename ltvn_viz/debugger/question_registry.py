@@ -19,12 +19,9 @@ from ltvn_viz.debugger.inspector import Inspector
 from ltvn_viz.debugger.localisation_question import LocalisationQuestion
 from ltvn_viz.debugger.manual_edit_question import ManualEditQuestion
 from ltvn_viz.debugger.next_drive_question import NextDriveQuestion
-from ltvn_viz.debugger.presence_question import PresenceQuestion
 from ltvn_viz.debugger.question import Question
 from ltvn_viz.debugger.share_question import ShareQuestion
-from ltvn_viz.debugger.tried_question import TriedQuestion
 from ltvn_viz.debugger.what_if_question import WhatIfQuestion
-from ltvn_viz.debugger.why_question import WhyQuestion
 from ltvn_viz.session.worker import JobQueue
 from ltvn_viz.timeline.breakpoint_monitor import BreakpointMonitor
 
@@ -41,11 +38,8 @@ def all_questions(breakpoint_monitor: BreakpointMonitor) -> tuple[Question[Any],
     """
     return (
         EdgeQuestion(),
-        WhyQuestion(),
         HistoryQuestion(),
         WhatIfQuestion(),
-        PresenceQuestion(),
-        TriedQuestion(),
         LocalisationQuestion(),
         BreakpointQuestion(breakpoint_monitor),
         ComparisonQuestion(),

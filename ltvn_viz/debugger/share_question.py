@@ -3,20 +3,21 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
-from html import escape
-from pathlib import Path
 from shlex import quote
 from typing import Any, NamedTuple, assert_never
 
+from ltvn_core.analysis.answer import Address, Code, Copyable, Download, Inline, joined
 from ltvn_core.errors import LtvnError, OptionError
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.exports import save_excerpt, save_map
-from ltvn_viz.debugger.question import AnswerBuilder, Question
-from ltvn_viz.session.commands import QuestionRequest
+from ltvn_viz.debugger.question import AnswerBuilder, Question, request_link
 from ltvn_viz.session.inspection import NOTHING_SELECTED, QuestionAnswer, QuestionName, Selection
+from ltvn_viz.session.saved_files import SavedFile
 from ltvn_viz.session.share_links import link
+from ltvn_viz.wishes.commands import QuestionRequest
 
-_BEFORE_S, _AFTER_S = 8.0, 2.0
+_BEFORE_S = 8.0
+_AFTER_S = 2.0
 
 
 class ShareAction(StrEnum):
@@ -62,22 +63,17 @@ class ShareQuestion(Question[ShareRequest]):
         """Offer the link and the files, and say what was written."""
         builder = AnswerBuilder()
         if context.is_live:
-            builder.add_text(
+            builder.add_line(
                 "Only a recording can be shown to somebody else: press R, let it happen, press N, and open it under "
                 "“Replay”."
             )
             return builder.build()
         self._link(builder, context, selection)
-        where = escape(str(context.library.folder))
-        builder.add_html(
-            f"<div>{_request_link(builder, ShareAction.SAVE_EXCERPT)}: "
-            f"{_BEFORE_S + _AFTER_S:.0f} s, with a test, in {where}</div>"
-        )
-        builder.add_html(f"<div>{_request_link(builder, ShareAction.SAVE_MAP)}, in {where}</div>")
-        builder.add_html(
-            f"<div>{_request_link(builder, ShareAction.OPEN_IN_RERUN)}: "
-            "all rows of the recording, in a window of its own</div>"
-        )
+        where = str(context.library.folder)
+        length_s = _BEFORE_S + _AFTER_S
+        builder.add_line(_action_link(ShareAction.SAVE_EXCERPT), f": {length_s:.0f} s, with a test, in {where}")
+        builder.add_line(_action_link(ShareAction.SAVE_MAP), f", in {where}")
+        builder.add_line(_action_link(ShareAction.OPEN_IN_RERUN), ": all rows of the recording, in a window of its own")
         self._answer(builder, context)
         return builder.build()
 
@@ -96,13 +92,13 @@ class ShareQuestion(Question[ShareRequest]):
         seconds = max(0.0, context.moment.stamp - context.start_s)
         question = QuestionName.NONE if selection == NOTHING_SELECTED else QuestionName.EDGE
         address = link(context.name, seconds, question, selection, context.viewpoint)
-        builder.add_html(
-            f'<div><a href="{escape(address)}" class="lt-link">Link to this moment</a>: right-click it to copy. It '
-            "works in any page of this machine whose recordings folder holds this file; a new tab asks for the address "
-            "that the terminal printed.</div>"
+        builder.add_line(Address("Link to this moment", address), " · ", Copyable("copy it", address))
+        builder.add_line(
+            "It works in any page of this machine whose recordings folder holds this file; a new tab asks for the "
+            "address that the terminal printed."
         )
         command = f"ltvn replay {quote(context.name)} --at {seconds:.1f}"
-        builder.add_html(f"<div>Elsewhere: send the file, and <code>{escape(command)}</code></div>")
+        builder.add_line("Elsewhere: send the file, and ", Code(command), " · ", Copyable("copy the command", command))
 
     def _answer(self, builder: AnswerBuilder, context: DebugContext) -> None:
         if self._job is None:
@@ -110,35 +106,36 @@ class ShareQuestion(Question[ShareRequest]):
         try:
             found = context.in_background(self._job.question, self._job.compute)
         except LtvnError as error:
-            builder.add_text(f"Could not {self._job.words}: {error}")
+            builder.add_line(f"Could not {self._job.words}: {error}")
             return
         if found is None:
             builder.add_pending(self._job.words.capitalize())
         elif isinstance(found, str):
-            builder.add_html(
-                f'<div><a href="{escape(found)}" target="_blank" rel="noreferrer" class="lt-link">Rerun is open here'
-                "</a>; it closes with this app.</div>"
-            )
+            builder.add_line(Address("Rerun is open here", found, in_new_tab=True), "; it closes with this app.")
         else:
-            builder.add_text(f"Written: {' and '.join(_size(path) for path in found)}.")
+            builder.add_line("Written: ", joined(map(_download, found), " and "), ". Click one to download it.")
 
 
-def _request_link(builder: AnswerBuilder, action: ShareAction) -> str:
-    return builder.request_link(str(action), ShareRequest(action))
+def _action_link(action: ShareAction) -> Inline:
+    return request_link(str(action), ShareRequest(action))
+
+
+def _download(saved: SavedFile) -> Inline:
+    return Download(saved.title, saved.path.name, saved.address)
 
 
 def _computation(context: DebugContext, action: ShareAction) -> Callable[[], Any]:
     """Return what to do in the worker's thread, for the moment as it is now."""
-    library, name, stamp, rerun = context.library, context.name, context.moment.stamp, context.rerun
+    library = context.library
+    name = context.name
+    stamp = context.moment.stamp
+    rerun = context.rerun
+    offer = context.offer_file
     match action:
         case ShareAction.SAVE_EXCERPT:
-            return lambda: save_excerpt(library, name, stamp - _BEFORE_S, stamp + _AFTER_S)
+            return lambda: [*map(offer, save_excerpt(library, name, stamp - _BEFORE_S, stamp + _AFTER_S))]
         case ShareAction.SAVE_MAP:
-            return lambda: save_map(library, name, stamp)
+            return lambda: [*map(offer, save_map(library, name, stamp))]
         case ShareAction.OPEN_IN_RERUN:
             return lambda: rerun(library.path(name))
     assert_never(action)
-
-
-def _size(path: Path) -> str:
-    return f"{path.name} ({path.stat().st_size / 1000:,.0f} kB)"

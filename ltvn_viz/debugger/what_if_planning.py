@@ -26,8 +26,7 @@ from ltvn_core.errors import LtvnError
 from ltvn_core.graph.presence.presence_plan import OPEN_ABOVE
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_viz.debugger.context import DebugContext
-from ltvn_viz.debugger.question import AnswerBuilder
-from ltvn_viz.session.commands import PointAt
+from ltvn_viz.debugger.question import AnswerBuilder, edge_link
 
 _REBUILT = (WhatIfThreshold.D_M, WhatIfThreshold.D_C)
 _ROWS = 12
@@ -99,7 +98,8 @@ def with_imagined_thresholds(method: Method, changes: tuple[WhatIfChange, ...]) 
 
 def count_rebuilt_nodes(context: DebugContext, changed: Method) -> Callable[[], str]:
     """Return what counts the live map as built with both methods; it takes tens of seconds."""
-    live_map, method = context.live_map, context.method
+    live_map = context.live_map
+    method = context.method
     assert live_map is not None
 
     def count() -> str:
@@ -125,11 +125,11 @@ def add_open_edges(plans: PlanDifference, builder: AnswerBuilder) -> None:
     then = plans.new_open
     count = sum(p >= OPEN_ABOVE for p in then.values())
     before = sum(p >= OPEN_ABOVE for p in plans.old_open.values())
-    builder.add_text(f"Of {len(then)} edges that were ever seen blocked {count} would be taken for open, now {before}.")
+    builder.add_line(f"Of {len(then)} edges that were ever seen blocked {count} would be taken for open, now {before}.")
     changed = [edge for edge in then if _state_of(plans.old_open, edge) is not _state_of(then, edge)]
     rows = [
         (
-            builder.link(f"{edge[0]} → {edge[1]}", PointAt(*edge)),
+            edge_link(*edge),
             f"{plans.old_open.get(edge, 1.0):.2f} {_state_of(plans.old_open, edge)}",
             f"{then[edge]:.2f} {_state_of(then, edge)}",
         )
@@ -138,7 +138,7 @@ def add_open_edges(plans: PlanDifference, builder: AnswerBuilder) -> None:
     if rows:
         builder.add_table(("edge", "p open now", "p open then"), rows)
     if len(changed) > _ROWS:
-        builder.add_text(f"… and {len(changed) - _ROWS} more.")
+        builder.add_line(f"… and {len(changed) - _ROWS} more.")
 
 
 def _state_of(probabilities: Mapping[EdgeKey, float], edge: EdgeKey) -> PresenceState:

@@ -3,11 +3,11 @@
 from collections.abc import Hashable
 from dataclasses import dataclass
 from functools import partial
-from html import escape
 from itertools import pairwise
 from typing import TypeAlias, assert_never
 
 from ltvn_core import palette
+from ltvn_core.analysis.answer import Inline, Link, Strong, joined
 from ltvn_core.analysis.what_if_changes import (
     WhatIfChange,
     WithBelief,
@@ -28,7 +28,7 @@ from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.palette import Rgb8
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.edge_weighting import edge_weighting
-from ltvn_viz.debugger.question import AnswerBuilder, Question
+from ltvn_viz.debugger.question import AnswerBuilder, Question, edge_link, request_link
 from ltvn_viz.debugger.what_if_planning import (
     OFFERED_TIMES,
     WhatIfOutcome,
@@ -39,12 +39,12 @@ from ltvn_viz.debugger.what_if_planning import (
     presence_moment,
     with_imagined_thresholds,
 )
-from ltvn_viz.session.commands import PointAt, QuestionRequest
-from ltvn_viz.session.inspection import QuestionAnswer, QuestionName, Selection
-from ltvn_viz.session.overlay import EMPTY_OVERLAY, Overlay, Stroke, stroke
+from ltvn_viz.session.inspection import EMPTY_OVERLAY, Overlay, QuestionAnswer, QuestionName, Selection, Stroke, stroke
+from ltvn_viz.wishes.commands import QuestionRequest
 
 _ROWS = 12
-_FORGET, _ALL = "forget ", "all"
+_FORGET = "forget "
+_ALL = "all"
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,22 +128,23 @@ class WhatIfQuestion(Question[WhatIfRequest]):
     def _offers(context: DebugContext, selection: Selection, builder: AnswerBuilder) -> None:
         offers = [*_about_edge(context.graph, selection), *_about_node(selection)]
         if offers:
-            links = (builder.request_link(format_what_if_change(each), ImagineChange(each)) for each in offers)
-            builder.add_html(f"<div>What if: {' · '.join(links)}</div>")
+            builder.add_line("What if: ", joined(map(_offer, offers)))
         else:
-            builder.add_text(
+            builder.add_line(
                 "Click a node, then its neighbour, to imagine something about the edge between, or type below."
             )
 
     def _imagined(self, builder: AnswerBuilder) -> None:
         for each in self._changes.values():
-            forget = builder.request_link("forget", ForgetChange(each))
-            builder.add_html(f"<div><b>{escape(format_what_if_change(each))}</b> · {forget}</div>")
+            forget = request_link("forget", ForgetChange(each))
+            builder.add_line(Strong(format_what_if_change(each)), " · ", forget)
         if len(self._changes) > 1:
-            builder.add_html(f"<div>{builder.request_link('forget all', ForgetAllChanges())}</div>")
+            builder.add_line(request_link("forget all", ForgetAllChanges()))
 
     def _compared(self, context: DebugContext, builder: AnswerBuilder) -> Overlay:
-        graph, situation, changes = context.graph, planner_state_at(context.timeline, context.instant), self._all
+        graph = context.graph
+        situation = planner_state_at(context.timeline, context.instant)
+        changes = self._all
         how = edge_weighting(context)
         known = (
             context.timeline.change_count_before(context.timeline.count_until(context.instant)),
@@ -160,10 +161,10 @@ class WhatIfQuestion(Question[WhatIfRequest]):
             builder.add_pending("Planning both ways")
             return EMPTY_OVERLAY
         if isinstance(outcome, str):
-            builder.add_text(outcome)
+            builder.add_line(outcome)
             return EMPTY_OVERLAY
         if how.note:
-            builder.add_text(how.note)
+            builder.add_line(how.note)
         _say(outcome, builder)
         return _overlay(context, outcome.plans)
 
@@ -176,7 +177,7 @@ class WhatIfQuestion(Question[WhatIfRequest]):
         if changed is None:
             return
         if context.live_map is None:
-            builder.add_text("How many nodes a rebuild would make is counted live only, where all images are at hand.")
+            builder.add_line("How many nodes a rebuild would make is counted live only, where all images are at hand.")
             return
         question = "dry run", self._told
         counted = context.in_background(question, count_rebuilt_nodes(context, changed))
@@ -185,7 +186,7 @@ class WhatIfQuestion(Question[WhatIfRequest]):
                 "Building two maps to compare, without using either, which takes tens of seconds while queries wait"
             )
         else:
-            builder.add_html(f"<div>Rebuilt so: <b>{escape(counted)}</b></div>")
+            builder.add_line("Rebuilt so: ", Strong(counted))
 
 
 def _typed_request(text: str) -> WhatIfRequest:
@@ -210,6 +211,10 @@ def _about(change: WhatIfChange) -> Hashable:
     assert_never(change)
 
 
+def _offer(change: WhatIfChange) -> Link:
+    return request_link(format_what_if_change(change), ImagineChange(change))
+
+
 def _about_edge(graph: TopologicalGraph, selection: Selection) -> tuple[WhatIfChange, ...]:
     edge = selection.edge or selection.pair
     if edge is None:
@@ -226,40 +231,38 @@ def _about_node(selection: Selection) -> tuple[WhatIfChange, ...]:
 def _offer_times(context: DebugContext, builder: AnswerBuilder) -> None:
     """Offer other times, where some edges are not always open."""
     if context.presence_filter is None:
-        builder.add_text("Plans of this run take no account of what is open at which time.")
+        builder.add_line("Plans of this run take no account of what is open at which time.")
         return
-    links = (builder.request_link(format_what_if_change(each), ImagineChange(each)) for each in OFFERED_TIMES)
-    builder.add_html(f"<div>It is {clock_text(context.world_s)}. What if it were {' · '.join(links)}</div>")
+    builder.add_line(f"It is {clock_text(context.world_s)}. What if it were ", joined(map(_offer, OFFERED_TIMES)))
 
 
 def _say(answer: WhatIfResult, builder: AnswerBuilder) -> None:
     plans = answer.plans
     if answer.pruned is not None:
-        builder.add_text(answer.pruned.sentence)
+        builder.add_line(answer.pruned.sentence)
     for note in plans.notes:
-        builder.add_text(note)
+        builder.add_line(note)
     if plans.old_open != plans.new_open:
         add_open_edges(plans, builder)
     asked = answer.asked
     if asked.source is not None and asked.goal is not None:
-        builder.add_html(f"<div>From {asked.source} to {asked.goal}: <b>{escape(plans.sentence)}</b></div>")
+        builder.add_line(f"From {asked.source} to {asked.goal}: ", Strong(plans.sentence))
         _table(plans, builder)
 
 
 def _table(plans: PlanDifference, builder: AnswerBuilder) -> None:
-    rows = [_row(builder, "old", each) for each in plans.old_edges if each.edge in plans.removed_edges]
-    rows += [_row(builder, "new", each) for each in plans.new_edges if each.edge in plans.added_edges]
+    rows = [_row("old", each) for each in plans.old_edges if each.edge in plans.removed_edges]
+    rows += [_row("new", each) for each in plans.new_edges if each.edge in plans.added_edges]
     if not rows:
         known = {each.edge: each for each in plans.old_edges}
-        rows = [_row(builder, "now", each) for each in plans.new_edges if known.get(each.edge) != each]
+        rows = [_row("now", each) for each in plans.new_edges if known.get(each.edge) != each]
     if rows:
-        builder.add_table(("plan", "edge", "length", "doubt", "failed", "p open"), rows[:_ROWS])
+        builder.add_table(("plan", "edge", "length (mu)", "doubt", "failed", "p open"), rows[:_ROWS])
 
 
-def _row(builder: AnswerBuilder, plan: str, priced: EdgeCostParts) -> tuple[str, ...]:
-    source, target = priced.edge
+def _row(plan: str, priced: EdgeCostParts) -> tuple[Inline, ...]:
     numbers = (f"{each:.2f}" for each in (priced.mu, priced.doubt, priced.penalty, priced.open_p))
-    return plan, builder.link(f"{source} → {target}", PointAt(source, target)), *numbers
+    return plan, edge_link(*priced.edge), *numbers
 
 
 def _overlay(context: DebugContext, plans: PlanDifference) -> Overlay:

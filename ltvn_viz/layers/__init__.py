@@ -3,5 +3,5 @@
 Every layer owns scene nodes of fixed names, changes them in place, and sends only what changed since the last snapshot.
 """
 
-COURSE_Z, TRAJECTORY_Z, EDGE_Z, NODE_Z, CHANGE_Z, PLAN_Z = 0.01, 0.02, 0.05, 0.06, 0.09, 0.12
+COURSE_Z, TRAJECTORY_Z, NODE_Z, EDGE_Z, CHANGE_Z, PLAN_Z = 0.01, 0.02, 0.035, 0.06, 0.09, 0.12
 """Heights in metres, so that what matters more lies on top when seen from above."""

@@ -1,19 +1,27 @@
-"""What a tool of the debugger draws over the map: strokes, coloured nodes, ghosts and labels."""
+"""What a question of the debugger draws over the map.
+
+The edge that a person selected keeps the colour of its p, and a white halo marks it: any other colour would lie.
+"""
+
+from collections.abc import Sequence
 
 import numpy as np
 import viser
+from numpy.typing import NDArray
 
 from ltvn_core import palette
+from ltvn_core.analysis.map_history import GraphArrays
+from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_viz.layers import NODE_Z, PLAN_Z
-from ltvn_viz.layers.line_segments import LineSegments
-from ltvn_viz.layers.pose_geometry import points
-from ltvn_viz.layers.pose_markers import PoseMarkers
-from ltvn_viz.session.overlay import EMPTY_OVERLAY, Label, Overlay
+from ltvn_viz.layers.shapes import LineSegments, drops, points
+from ltvn_viz.session.inspection import EMPTY_OVERLAY, Label, Overlay, Stroke
 from ltvn_viz.session.snapshot import Snapshot
 
 _LABELS = 24
 """More labels than this say nothing."""
 _OVERLAY_Z = PLAN_Z + 0.03
+_HALO_BELOW_M = 0.01
+_SAME_PLACE_M = 1e-6
 
 
 class DebuggerLayer:
@@ -22,30 +30,42 @@ class DebuggerLayer:
     def __init__(self, scene: viser.SceneApi) -> None:
         """Add the empty parts."""
         self._scene = scene
-        self._lines = LineSegments(scene, "/why/strokes", thickness_px=7.0)
-        self._nodes = PoseMarkers(scene, "/why/nodes", 0.2)
-        self._ghosts = PoseMarkers(scene, "/why/ghosts", 0.34)
+        self.strokes = LineSegments(scene, "/why/strokes", thickness_px=7.0)
+        self.halo = LineSegments(scene, "/why/halo", thickness_px=13.0)
+        self._nodes = drops(scene, "/why/nodes", 0.2)
+        self._ghosts = drops(scene, "/why/ghosts", 0.34)
         self._labels: list[viser.LabelHandle] = []
         self._drawn: Overlay = EMPTY_OVERLAY
 
     def show(self, snapshot: Snapshot) -> None:
         """Draw the overlay when it changed."""
         overlay = snapshot.inspection.answer.overlay
+        graph = snapshot.moment.graph
         if overlay is self._drawn:
             return
         self._drawn = overlay
-        segments = np.array([(each.start, each.end) for each in overlay.strokes], np.float64).reshape(-1, 2, 2)
-        colours = np.array([each.colour for each in overlay.strokes], np.uint8).reshape(-1, 3)
-        self._lines.draw(points(segments, _OVERLAY_Z), colours)
-        there = set(snapshot.moment.graph.ids.tolist()) if overlay.nodes else set()
+        self._draw_strokes(overlay.strokes, graph, snapshot.inspection.selection.edge)
+        there = set(graph.ids.tolist()) if overlay.nodes else set()
         known = [node for node in overlay.nodes if node in there]
-        marked = snapshot.moment.graph.poses_of(tuple(known))
-        self._nodes.place(marked, NODE_Z + 0.02)
+        self._nodes.place(graph.poses_of(tuple(known)), NODE_Z + 0.02)
         self._nodes.paint(np.array([overlay.nodes[node] for node in known], np.uint8).reshape(-1, 3))
         ghosts = np.array(overlay.ghosts, np.float64).reshape(-1, 3)
         self._ghosts.place(ghosts, _OVERLAY_Z)
         self._ghosts.paint(np.tile(np.array(palette.PREDICTED_POSE, np.uint8), (len(ghosts), 1)))
         self._write(overlay.labels)
+
+    def _draw_strokes(self, strokes: Sequence[Stroke], graph: GraphArrays, selected: EdgeKey | None) -> None:
+        segments = np.array([(each.start, each.end) for each in strokes], np.float64).reshape(-1, 2, 2)
+        colours = np.array([each.colour for each in strokes], np.uint8).reshape(-1, 3)
+        is_selected = np.zeros(len(segments), bool)
+        found = None if selected is None else _edge(graph, selected)
+        if found is not None:
+            ends, p = found
+            is_selected = np.all(np.abs(segments - ends) < _SAME_PLACE_M, axis=(1, 2))
+            colours[is_selected] = palette.probability_colours([p])
+        halo = segments[is_selected]
+        self.halo.draw(points(halo, _OVERLAY_Z - _HALO_BELOW_M), np.full((len(halo), 3), 255, np.uint8))
+        self.strokes.draw(points(segments, _OVERLAY_Z), colours)
 
     def _write(self, labels: tuple[Label, ...]) -> None:
         for handle in self._labels:
@@ -54,3 +74,11 @@ class DebuggerLayer:
             self._scene.add_label(f"/why/label{number}", label.text, position=(*label.at, _OVERLAY_Z + 0.3))
             for number, label in enumerate(labels[:_LABELS])
         ]
+
+
+def _edge(graph: GraphArrays, edge: EdgeKey) -> tuple[NDArray[np.float64], float] | None:
+    """Return the ends (2, 2) of an edge of the map on show and its p; None where it is not in that map."""
+    rows = np.flatnonzero(np.all(graph.ids[graph.edges] == np.array(edge), axis=1))
+    if not len(rows):
+        return None
+    return graph.poses[:, :2][graph.edges[rows[0]]], float(graph.p[rows[0]])

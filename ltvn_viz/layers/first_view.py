@@ -13,10 +13,10 @@ import numpy as np
 import viser
 from numpy.typing import ArrayLike, NDArray
 
-from ltvn_viz.layers.cutaway import CUT_HEIGHT_M
+from ltvn_viz.layers.scene_assets import CUT_HEIGHT_M
 from ltvn_viz.session.snapshot import Snapshot
 
-MARGIN = 0.05
+MARGIN = 0.02
 """Share of the scene that stays empty on each side, at least."""
 USUAL_ASPECT = 1.35
 """Width by height of a scene of which nothing is known yet, and of an exported map."""
@@ -26,6 +26,8 @@ RIGHT = np.array([1.0, 0.0, 0.0])
 UP = np.cross(BACK, RIGHT)
 _SAME_PLACE_M = 1e-3
 _REMEMBERED = 32
+_STORY_MARGIN_M = 1.8
+"""So much floor is seen on each side of the robot and the door of a story."""
 
 Corner = ArrayLike
 """(2,) x_m, y_m."""
@@ -64,7 +66,8 @@ class Floor:
         """Let pages begin with a view that suits most of them."""
         first = server.initial_camera
         view = self.view(USUAL_ASPECT, first.fov)
-        first.position, first.look_at = tuple(view.position), tuple(view.look_at)
+        first.position = tuple(view.position)
+        first.look_at = tuple(view.look_at)
 
 
 class FirstView:
@@ -75,19 +78,40 @@ class FirstView:
 
     def __init__(self, floor: Floor, server: viser.ViserServer, client: viser.ClientHandle) -> None:
         """Show all of `floor`."""
-        self._floor, self._camera = floor, client.camera
+        self._floor = floor
+        self._camera = client.camera
         self._ours = deque([np.asarray(server.initial_camera.position)], maxlen=_REMEMBERED)
         """Where we put it; a page tells late what it took."""
+        self._story: Floor | None = None
+        """Where the story under way happens."""
 
     def show(self, snapshot: Snapshot) -> None:
-        """Fit the view."""
+        """Fit the view: to where a story happens while one is told, else to all of the floor."""
         camera = self._camera
-        view = self._floor.view(camera.aspect, camera.fov)
+        if snapshot.story_goes_on and self._story is None:
+            self._ours.append(np.asarray(camera.position))  # Who began a story wants to see it.
+        self._story = _story_floor(snapshot, self._story) if snapshot.story_goes_on else None
+        view = (self._story or self._floor).view(camera.aspect, camera.fov)
         if _is_at(camera, [view.position]) or not _is_at(camera, self._ours):
             return
         camera.position, camera.look_at = view
         if not np.allclose(self._ours[-1], view.position):
             self._ours.append(view.position)
+
+
+def _story_floor(snapshot: Snapshot, before: Floor | None) -> Floor | None:
+    """Return the floor around the robot and the door of the story; the same for as long as both are well inside."""
+    doors = () if snapshot.world is None else snapshot.world.doors
+    places = [(each.x, each.y) for each in doors if each.door == snapshot.story_door]
+    if snapshot.moment.robot is not None:
+        places.append((float(snapshot.moment.robot[0]), float(snapshot.moment.robot[1])))
+    if not places:
+        return before
+    low = np.min(places, axis=0)
+    high = np.max(places, axis=0)
+    if before is not None and np.all(low > before.low) and np.all(high < before.high):
+        return before
+    return Floor(low - _STORY_MARGIN_M, high + _STORY_MARGIN_M)
 
 
 def _is_at(camera: viser.CameraHandle, places: Sequence[NDArray[np.float64]]) -> bool:

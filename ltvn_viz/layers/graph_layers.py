@@ -1,4 +1,7 @@
-"""The map: nodes as drops that point where they look, edges coloured by the belief that they can be driven."""
+"""The map, and what just changed of it.
+
+Pruned edges rise and fade out magenta, new ones come in green.
+"""
 
 import time
 from collections.abc import Callable
@@ -8,28 +11,30 @@ import viser
 from numpy.typing import NDArray
 
 from ltvn_core import palette
-from ltvn_core.analysis.map_history import GraphArrays
+from ltvn_core.analysis.map_history import FadingEdges, GraphArrays
 from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.types import NodeId
-from ltvn_viz.layers import EDGE_Z, NODE_Z
-from ltvn_viz.layers.line_segments import LineSegments
-from ltvn_viz.layers.pose_geometry import points
-from ltvn_viz.layers.pose_markers import PoseMarkers
+from ltvn_viz.layers import CHANGE_Z, EDGE_Z, NODE_Z
+from ltvn_viz.layers.edge_lines import EdgeLines
+from ltvn_viz.layers.shapes import Dots, LineSegments, drops, points
 from ltvn_viz.session.snapshot import Snapshot
+from ltvn_viz.timeline.run_moment import FADE_S
 
 REDRAW_EVERY_S = 0.6
 """The page rebuilds all lines of a node when any changes, which is slow for a big map."""
 BLOCKED_Z = EDGE_Z + 0.03
+_DROP_ABOVE_M = 0.05
 LANE_OFFSET_M = 0.025
 """An edge keeps to the right by this much, so that there and back are two lines."""
 
 
 class NodesLayer:
-    """All nodes as one batch; clicking one names it."""
+    """All nodes as one batch of dots, the selected one with its heading; clicking one names it."""
 
     def __init__(self, scene: viser.SceneApi, on_pick: Callable[[NodeId, int], None]) -> None:
         """Add the empty batch; `on_pick` gets the node and viser's number of the page, and must return at once."""
-        self.markers = PoseMarkers(scene, "/graph/nodes", 0.14, outlined=True)
+        self.markers = Dots(scene, "/graph/nodes")
+        self.heading = drops(scene, "/graph/heading", 0.26, palette.GOAL)
         self._drawn: GraphArrays | None = None
         self._marked: tuple[NodeId | None, NodeId | None] = (None, None)
 
@@ -41,7 +46,8 @@ class NodesLayer:
 
     def show(self, snapshot: Snapshot) -> None:
         """Draw the nodes of the map; the goal and the node where the robot thinks it is stand out."""
-        graph, progress = snapshot.moment.graph, snapshot.moment.progress
+        graph = snapshot.moment.graph
+        progress = snapshot.moment.progress
         here = progress.localised.node if progress.localised is not None else None
         marked = (snapshot.selected, here)
         if graph is self._drawn and marked == self._marked:
@@ -49,7 +55,9 @@ class NodesLayer:
         if graph is not self._drawn:
             self.markers.place(graph.poses, NODE_Z)
         self.markers.paint(self._colours(graph, snapshot.selected, here))
-        self._drawn, self._marked = graph, marked
+        self.heading.place(graph.poses[graph.ids == snapshot.selected], NODE_Z + _DROP_ABOVE_M)
+        self._drawn = graph
+        self._marked = marked
 
     @staticmethod
     def _colours(graph: GraphArrays, goal: NodeId | None, here: NodeId | None) -> NDArray[np.uint8]:
@@ -60,11 +68,11 @@ class NodesLayer:
 
 
 class EdgesLayer:
-    """All edges as one batch of lines."""
+    """All edges, likely ones as thicker lines."""
 
     def __init__(self, scene: viser.SceneApi, clock: Callable[[], float] = time.monotonic) -> None:
-        """Add the empty batch."""
-        self.lines = LineSegments(scene, "/graph/edges", thickness_px=2.0, outlined=True)
+        """Add the empty lines."""
+        self.lines = EdgeLines(scene, "/graph/edges")
         self._clock = clock
         self._drawn: GraphArrays | None = None
         self._when = -np.inf
@@ -74,9 +82,10 @@ class EdgesLayer:
         graph = snapshot.moment.graph
         if graph is self._drawn or self._clock() - self._when < REDRAW_EVERY_S:
             return
-        self._drawn, self._when = graph, self._clock()
+        self._drawn = graph
+        self._when = self._clock()
         segments = offset_right(graph.poses[:, :2][graph.edges])
-        self.lines.draw(points(segments, EDGE_Z), palette.probability_colours(graph.p))
+        self.lines.draw(points(segments, EDGE_Z), graph.p)
 
 
 class BlockedEdgesLayer:
@@ -89,7 +98,8 @@ class BlockedEdgesLayer:
 
     def show(self, snapshot: Snapshot) -> None:
         """Draw them anew when there are others."""
-        blocked, graph = snapshot.moment.progress.blocked, snapshot.moment.graph
+        blocked = snapshot.moment.progress.blocked
+        graph = snapshot.moment.graph
         if blocked == self._drawn:
             return
         self._drawn = blocked
@@ -105,3 +115,35 @@ def offset_right(segments: NDArray[np.float64]) -> NDArray[np.float64]:
     length = np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-9)
     right = np.stack([along[:, 1], -along[:, 0]], axis=1) / length
     return segments + LANE_OFFSET_M * right[:, None]
+
+
+RISE_M = 0.35
+
+
+class ChangesLayer:
+    """Two small batches that are animated, so that the big one need not be."""
+
+    def __init__(self, scene: viser.SceneApi) -> None:
+        """Add the two empty batches."""
+        self.added = LineSegments(scene, "/graph/came", thickness_px=4.0)
+        self.removed = LineSegments(scene, "/graph/went", thickness_px=5.0)
+        self._blank = False
+
+    def show(self, snapshot: Snapshot) -> None:
+        """Draw the edges that came or went lately, by age."""
+        added_edges = snapshot.moment.added_edges
+        removed_edges = snapshot.moment.removed_edges
+        blank = not len(added_edges.ages_s) and not len(removed_edges.ages_s)
+        if blank and self._blank:
+            return
+        self._blank = blank
+        self._draw(self.added, added_edges, palette.EDGE_ADDED, rise_m=0.0)
+        self._draw(self.removed, removed_edges, palette.EDGE_REMOVED, rise_m=RISE_M)
+
+    @staticmethod
+    def _draw(lines: LineSegments, fading: FadingEdges, colour: palette.Rgb8, *, rise_m: float) -> None:
+        # Ages in tenths of a second: the page gets ten small updates a second, not thirty.
+        ages = np.round(fading.ages_s, 1)
+        segments = points(offset_right(fading.segments), CHANGE_Z)
+        segments[..., 2] += (rise_m * ages / FADE_S)[:, None].astype(np.float32)
+        lines.draw(segments, palette.faded(colour, ages, FADE_S))

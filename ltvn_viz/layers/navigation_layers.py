@@ -8,8 +8,7 @@ from ltvn_core.analysis.map_history import GraphArrays
 from ltvn_core.robots.robot_spec import RobotSpec
 from ltvn_core.types import NodeId
 from ltvn_viz.layers import PLAN_Z
-from ltvn_viz.layers.line_segments import LineSegments
-from ltvn_viz.layers.pose_geometry import marker_mesh, points, wxyz
+from ltvn_viz.layers.shapes import LineSegments, marker_mesh, points, wxyz
 from ltvn_viz.session.snapshot import Snapshot
 
 PIN_HEIGHT_M = 1.3

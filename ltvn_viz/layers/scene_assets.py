@@ -1,33 +1,49 @@
-"""Scenes as the page draws them, with their light painted in, so that the page need not compute any.
+"""Scenes as the page draws them: cut open as a doll's house, and with their light painted in.
 
-A browser without a GPU draws a lit scene many times slower than a painted one; and painted, it looks like what the
-robot's camera sees. The shades are in the corners and not in the textures: of each texture there would be three, and
-the page would draw three times as many parts.
+So the page need not compute any light. A browser without a GPU draws a lit scene many times slower than a painted one;
+and painted, it looks like what the robot's camera sees. The shades are in the corners and not in the textures: of each
+texture there would be three, and the page would draw three times as many parts. Whatever is solid gets its own top back
+as a lid, let down to the cut.
 """
 
 import json
 import struct
 from dataclasses import replace
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
+import viser
 from numpy.typing import NDArray
 
 from ltvn_core.errors import SceneError
 from ltvn_core.simulation.changes.changed_scenes import ChangedScenes
-from ltvn_core.simulation.gltf_export import CORNER_LIGHT, to_glb
+from ltvn_core.simulation.rendering.floor_picture import floor_picture
+from ltvn_core.simulation.scene import CORNER_LIGHT, to_glb
 from ltvn_core.simulation.scene_registry import load_scene
 from ltvn_core.simulation.surfaces import PLAIN_LIGHT, Light, Surfaces, joined
 from ltvn_core.structured_text import parse_json
-from ltvn_core.worlds.world_change import OWN_PREFIX
-from ltvn_core.worlds.world_state import AS_MADE, WorldState
-from ltvn_viz.layers.cutaway import cut_away
+from ltvn_core.types import Rgb
+from ltvn_core.worlds import AS_MADE, OWN_PREFIX, WorldState
 
 FACE_BRIGHTNESS = (0.95, 0.8, 0.68)
 """How bright faces are: level ones, those that look along x, and those that look along y."""
+PICTURE_PX = 2048
+"""Pixels of the longer side of a scene's picture from above."""
 UNLIT_EXTENSION = "KHR_materials_unlit"
 _GAMMA = 2.2
 _JSON_CHUNK = 0x4E4F534A
+
+
+class FloorPicture(NamedTuple):
+    """A scene from straight above, and where it lies."""
+
+    rgb: Rgb
+    """(H, W, 3), x to the right and y up."""
+    low: NDArray[np.floating]
+    """(2,) corner with the least x and y, metres."""
+    high: NDArray[np.floating]
+    """(2,) corner with the largest."""
 
 
 def scene_glb(name: str, state: WorldState = AS_MADE) -> bytes:
@@ -35,9 +51,7 @@ def scene_glb(name: str, state: WorldState = AS_MADE) -> bytes:
 
     Leaves of closed doors, things and people of that state are not in it.
     """
-    own = tuple(each for each in state.things if each.thing.startswith(OWN_PREFIX))
-    bare = replace(AS_MADE, things=own, missing=state.missing, pictures=state.pictures)
-    return marked_unlit(_own_glb(name, bare), Light.of(state.light.level, state.light.warmth))
+    return marked_unlit(_own_glb(name, _bare(state)), Light.of(state.light.level, state.light.warmth))
 
 
 def added_glb(name: str, state: WorldState) -> bytes | None:
@@ -56,8 +70,19 @@ def added_glb(name: str, state: WorldState) -> bytes | None:
 
 @lru_cache(maxsize=4)
 def _own_glb(name: str, state: WorldState) -> bytes:
+    return _glb(_cut_scene(name, state))
+
+
+@lru_cache(maxsize=2)
+def _cut_scene(name: str, state: WorldState) -> Surfaces:
     scene = load_scene(name) if state == AS_MADE else _scenes(name).at(state)
-    return _glb(cut_away(scene.surfaces))
+    return cut_away(scene.surfaces)
+
+
+def _bare(state: WorldState) -> WorldState:
+    """Return a state with what belongs to the scene alone: no leaves, no things put down, no people, plain light."""
+    own = tuple(each for each in state.things if each.thing.startswith(OWN_PREFIX))
+    return replace(AS_MADE, things=own, missing=state.missing, pictures=state.pictures)
 
 
 @lru_cache(maxsize=2)
@@ -67,6 +92,34 @@ def _scenes(name: str) -> ChangedScenes:
 
 def _glb(surfaces: Surfaces) -> bytes:
     return to_glb(surfaces, face_light(surfaces))
+
+
+def scene_picture(name: str, state: WorldState = AS_MADE) -> FloorPicture | None:
+    """Return a scene from above as one picture, for pages that draw slowly; None where Embree is not installed.
+
+    Of the state, what moved, the pictures on the floor and the light are shown; states that agree in these share one
+    picture. Raises SceneError for an unknown scene.
+    """
+    return _lit_picture(name, _bare(state), Light.of(state.light.level, state.light.warmth))
+
+
+@lru_cache(maxsize=4)
+def _lit_picture(name: str, state: WorldState, light: Light) -> FloorPicture | None:
+    picture = _own_picture(name, state)
+    if picture is None or light == PLAIN_LIGHT:
+        return picture
+    return picture._replace(rgb=np.rint(picture.rgb * _shown_share(light)).astype(np.uint8))
+
+
+@lru_cache(maxsize=4)
+def _own_picture(name: str, state: WorldState) -> FloorPicture | None:
+    surfaces = _cut_scene(name, state)
+    low = surfaces.vertices[:, :2].min(axis=0)
+    high = surfaces.vertices[:, :2].max(axis=0)
+    try:
+        return FloorPicture(floor_picture(surfaces, low, high, most_px=PICTURE_PX), low, high)
+    except ImportError:
+        return None
 
 
 def floor_bounds(name: str) -> tuple[NDArray[np.floating], NDArray[np.floating]] | None:
@@ -87,6 +140,15 @@ def face_light(surfaces: Surfaces) -> NDArray[np.floating]:
     return np.asarray(FACE_BRIGHTNESS)[shade] ** _GAMMA
 
 
+def _shown_share(light: Light) -> NDArray[np.float64]:
+    """Return how much of red, green and blue a page shows (3,), in [0, 1] and as the eye sees it.
+
+    Only half of the light is missing that the camera lacks, so that a person still finds the way; and more than all of
+    it is not allowed.
+    """
+    return np.minimum(light, 1.0) ** 0.5
+
+
 def marked_unlit(glb: bytes, light: Light = PLAIN_LIGHT) -> bytes:
     """Mark all materials of a binary glTF as showing their textures as they are, in some light.
 
@@ -100,12 +162,96 @@ def marked_unlit(glb: bytes, light: Light = PLAIN_LIGHT) -> bytes:
     for material in described["materials"]:
         material.setdefault("extensions", {})[UNLIT_EXTENSION] = {}
         if light != PLAIN_LIGHT:
-            # glTF counts light itself, textures count what the eye sees of it. Here only half of the light is missing
-            # that the camera lacks, so that a person still finds the way. More than all light is not allowed.
-            factors = [min(share, 1.0) ** (_GAMMA / 2) for share in light]
+            # glTF counts light itself, textures count what the eye sees of it.
+            factors = (_shown_share(light) ** _GAMMA).tolist()
             material.setdefault("pbrMetallicRoughness", {})["baseColorFactor"] = [*factors, 1.0]
     described["extensionsUsed"] = sorted({*described.get("extensionsUsed", ()), UNLIT_EXTENSION})
     text = json.dumps(described, separators=(",", ":")).encode()
     text += b" " * (-len(text) % 4)  # glTF wants chunks in whole words.
     body = struct.pack("<II", len(text), _JSON_CHUNK) + text + glb[20 + length :]
     return struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body
+
+
+CUT_HEIGHT_M = 1.35
+"""Above tables, window sills and the robot; low enough to look over."""
+MIN_LID_NORMAL_Z = 0.95
+"""Upward part of the normal of what counts as a lid."""
+LID_SQUEEZE = 0.01
+"""Lids keep a little of their distance to each other, so that they do not flicker."""
+
+Corners = NDArray[np.float32]
+"""(F, 3, 5): position and texture coordinates of each corner."""
+
+
+def cut_away(surfaces: Surfaces, height_m: float = CUT_HEIGHT_M) -> Surfaces:
+    """Return surfaces without all that is higher than `height_m`, closed by lids."""
+    shown = surfaces.without_overhead()
+    corners = np.concatenate([shown.vertices[shown.faces], shown.corner_uv], axis=2)
+    above = (corners[:, :, 2] > height_m).sum(axis=1)
+    lids = _lids(corners, above == 3, height_m)
+    one = above == 1
+    two = above == 2
+    one_high = _turned(corners[one], corners[one][:, :, 2] > height_m)
+    one_low = _turned(corners[two], corners[two][:, :, 2] <= height_m)
+    parts = [
+        (corners[above == 0], shown.face_texture[above == 0]),
+        (_below_one_high(one_high, height_m), np.tile(shown.face_texture[one], 2)),
+        (_below_two_high(one_low, height_m), shown.face_texture[two]),
+        (lids[0], shown.face_texture[lids[1]]),
+    ]
+    kept, textures = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return Surfaces(
+        vertices=kept[:, :, :3].reshape(-1, 3).astype(np.float32),
+        faces=np.arange(3 * len(kept), dtype=np.int32).reshape(-1, 3),
+        corner_uv=kept[:, :, 3:].astype(np.float32),
+        face_texture=textures.astype(np.int32),
+        overhead=np.zeros(len(kept), bool),
+        textures=surfaces.textures,
+    )
+
+
+def _lids(corners: Corners, high: NDArray[np.bool_], height_m: float) -> tuple[Corners, NDArray[np.int64]]:
+    """Return the tops among the high faces, let down, and which faces they were."""
+    edges = corners[:, 1:, :3] - corners[:, :1, :3]
+    normal = np.cross(edges[:, 0], edges[:, 1])
+    upward = np.abs(normal[:, 2]) / np.maximum(np.linalg.norm(normal, axis=1), 1e-12)
+    rows = np.flatnonzero(high & (upward > MIN_LID_NORMAL_Z))
+    lids = corners[rows].copy()
+    lids[:, :, 2] = height_m + LID_SQUEEZE * (lids[:, :, 2] - height_m)
+    return lids, rows
+
+
+def _turned(corners: Corners, is_odd: NDArray[np.bool_]) -> Corners:
+    """Turn each triangle until its odd corner comes first, keeping its sense."""
+    order = (np.argmax(is_odd, axis=1)[:, None] + np.arange(3)) % 3
+    return np.take_along_axis(corners, order[:, :, None], axis=1)
+
+
+def _between(low: NDArray[np.float32], high: NDArray[np.float32], height_m: float) -> NDArray[np.float32]:
+    """Return where the edges (F, 5) from `low` to `high` pass the height."""
+    share = (height_m - low[:, 2]) / (high[:, 2] - low[:, 2])
+    return (low + share[:, None] * (high - low)).astype(np.float32)
+
+
+def _below_one_high(corners: Corners, height_m: float) -> Corners:
+    """Cut the first corner off: two triangles each."""
+    top = corners[:, 0]
+    left = corners[:, 1]
+    right = corners[:, 2]
+    on_left = _between(left, top, height_m)
+    on_right = _between(right, top, height_m)
+    return np.concatenate([np.stack([on_left, left, right], axis=1), np.stack([on_left, right, on_right], axis=1)])
+
+
+def _below_two_high(corners: Corners, height_m: float) -> Corners:
+    """Keep the first corner alone."""
+    bottom = corners[:, 0]
+    left = corners[:, 1]
+    right = corners[:, 2]
+    return np.stack([bottom, _between(bottom, left, height_m), _between(bottom, right, height_m)], axis=1)
+
+
+def add_lights(scene: viser.SceneApi) -> None:
+    """Light what has no light painted into it."""
+    scene.configure_default_lights(cast_shadow=False)
+    scene.configure_environment_map("warehouse", environment_intensity=0.35)

@@ -12,20 +12,17 @@ import viser
 from numpy.typing import NDArray
 
 from ltvn_core import palette
+from ltvn_core.data.recording.reader import Recording
 from ltvn_core.errors import SceneError
-from ltvn_core.evaluation.map_layout import MapLayout
-from ltvn_core.recording.reader import Recording
-from ltvn_core.reports.map_legend import bar_length_m
+from ltvn_core.evaluation.reports.map_svg import MapLayout, bar_length_m
 from ltvn_viz.layers import CHANGE_Z, EDGE_Z, NODE_Z
+from ltvn_viz.layers.edge_lines import EdgeLines
 from ltvn_viz.layers.first_view import Floor
 from ltvn_viz.layers.graph_layers import offset_right
-from ltvn_viz.layers.lights import add_lights
-from ltvn_viz.layers.line_segments import LineSegments
-from ltvn_viz.layers.pose_geometry import points
-from ltvn_viz.layers.pose_markers import PoseMarkers
-from ltvn_viz.layers.scene_assets import floor_bounds, scene_glb
+from ltvn_viz.layers.scene_assets import add_lights, floor_bounds, scene_glb
+from ltvn_viz.layers.shapes import Dots, LineSegments, points
 from ltvn_viz.server.guarded_server import GuardedServer
-from ltvn_viz.server.viser_client import mended
+from ltvn_viz.server.index_page import mended
 
 POLICY = (
     "default-src 'none'; script-src 'unsafe-inline' 'wasm-unsafe-eval'; worker-src blob:; style-src 'unsafe-inline'; "
@@ -67,14 +64,14 @@ def _walls(recording: Recording) -> bytes | None:
 def _draw(scene: viser.SceneApi, drawn: MapLayout, poses: NDArray[np.float64]) -> None:
     """Draw nodes at poses (N, 3), edges by their belief, and those that nobody can drive."""
     rows = {row[0]: number for number, row in enumerate(drawn.plan.nodes)}
-    nodes = PoseMarkers(scene, "/graph/nodes", 0.14, outlined=True)
+    nodes = Dots(scene, "/graph/nodes")
     nodes.place(poses, NODE_Z)
     nodes.paint(np.full((len(poses), 3), palette.NODE, np.uint8))
     ends = np.array([(rows[source], rows[target]) for source, target, *_ in drawn.plan.edges], int).reshape(-1, 2)
-    p, spurious = np.array([row[2] for row in drawn.plan.edges]), np.array([row[3] for row in drawn.plan.edges], bool)
+    p = np.array([row[2] for row in drawn.plan.edges])
+    spurious = np.array([row[3] for row in drawn.plan.edges], bool)
     segments = offset_right(poses[:, :2][ends])
-    edges = LineSegments(scene, "/graph/edges", 2.0, outlined=True)
-    edges.draw(points(segments, EDGE_Z), palette.probability_colours(p))
+    EdgeLines(scene, "/graph/edges").draw(points(segments, EDGE_Z), p)
     wrong = np.full((int(spurious.sum()), 3), palette.EDGE_REMOVED, np.uint8)
     LineSegments(scene, "/graph/spurious", 5.0).draw(points(segments[spurious], CHANGE_Z), wrong)
 
@@ -94,7 +91,8 @@ def _finished(html: str, drawn: MapLayout) -> str:
     """Give viser's page its name, its legend and its policy."""
     if html.count("<title>Viser</title>") != 1 or html.count("<body>") != 1 or html.count("<head>") != 1:
         raise RuntimeError(f"viser {viser.__version__} has another page than the one this was written for")
-    graph, wrong = drawn.graph, sum(row[3] for row in drawn.plan.edges)
+    graph = drawn.graph
+    wrong = sum(row[3] for row in drawn.plan.edges)
     template = (Path(__file__).parents[1] / "static" / "scene_legend.html").read_text(encoding="utf-8")
     legend = template.format(
         title=escape(drawn.title),

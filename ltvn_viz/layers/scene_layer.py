@@ -7,13 +7,18 @@ from dataclasses import replace
 import viser
 
 from ltvn_core.errors import LtvnError
-from ltvn_core.worlds.world_change import ThingKind
-from ltvn_core.worlds.world_state import AS_MADE, WorldState
+from ltvn_core.worlds import AS_MADE, ThingKind, WorldState
+from ltvn_viz.layers.scene_assets import FloorPicture
 from ltvn_viz.session.snapshot import Snapshot
 
 LINGER_S = 1.5
 """A scene that was changed stays under the new one for so long, because a page takes a while to unpack that."""
 NAMES = ("/apartment", "/apartment-again")
+PICTURE_NAME = "/picture"
+"""The scene from above; `static/drawing.js` hides the scene itself where a page draws slowly."""
+BELOW_FLOOR_M = 0.02
+LYING = (0.0, 1.0, 0.0, 0.0)
+"""wxyz: viser's images look down; turned about x they look up, with their upper side towards y."""
 
 
 class SceneLayer:
@@ -23,10 +28,18 @@ class SceneLayer:
         self,
         scene: viser.SceneApi,
         load: Callable[[str, WorldState], bytes],
+        *,
+        load_picture: Callable[[str, WorldState], FloorPicture | None] = lambda _name, _state: None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """Remember how to `load` the GLB of a scene by its name and state; only the hidden floor is drawn yet."""
-        self._scene, self._load, self._clock = scene, load, clock
+        """Remember how to `load` the GLB of a scene by its name and state, and its picture from above.
+
+        Only the hidden floor is drawn yet.
+        """
+        self._load_picture = load_picture
+        self._scene = scene
+        self._load = load
+        self._clock = clock
         self._shown: tuple[str, WorldState] = ("", AS_MADE)
         self.floor = scene.add_grid(
             "/floor",
@@ -40,11 +53,16 @@ class SceneLayer:
             visible=False,
         )
         self.handle: viser.GlbHandle | None = None
+        self.picture: viser.ImageHandle | None = None
+        """The scene from above."""
+        self._picture_due: tuple[str, WorldState] | None = None
+        self._drawn_picture: FloorPicture | None = None
         self._before: viser.GlbHandle | None = None
         self._before_until = 0.0
 
     def show(self, snapshot: Snapshot) -> None:
         """Draw the scene that the snapshot names; for one that this machine does not have, a floor in metres."""
+        self._draw_due_picture()
         world = snapshot.moment.progress.world
         # What stands in it is `AddedLayer`'s.
         own = tuple(each for each in world.things if each.kind is ThingKind.FURNITURE)
@@ -62,8 +80,11 @@ class SceneLayer:
         self.floor.visible = glb is None
         if self.handle is not None:
             self.handle.visible = glb is not None
+        if self.picture is not None:
+            self.picture.visible = glb is not None
         if glb is not None:
             self._exchange(glb)
+            self._picture_due = shown
         if is_elsewhere:
             self._take_before_away()
 
@@ -71,8 +92,36 @@ class SceneLayer:
         """Draw another scene, over the one that is drawn."""
         self._take_before_away()
         free = next(name for name in NAMES if self.handle is None or name != self.handle.name)
-        self._before, self._before_until = self.handle, self._clock() + LINGER_S
+        self._before = self.handle
+        self._before_until = self._clock() + LINGER_S
         self.handle = self._scene.add_glb(free, glb, cast_shadow=False, receive_shadow=False)
+
+    def _draw_due_picture(self) -> None:
+        """Draw the scene from above a little below its floor, where it is seen when a page hides the scene itself.
+
+        It takes a second to make, so the scene is on its way to the pages before it.
+        """
+        if self._picture_due is None:
+            return
+        picture = self._load_picture(*self._picture_due)
+        self._picture_due = None
+        if picture is None or picture is self._drawn_picture:
+            return
+        self._drawn_picture = picture
+        width_m, depth_m = map(float, picture.high - picture.low)
+        middle = (picture.low + picture.high) / 2
+        self.picture = self._scene.add_image(
+            PICTURE_NAME,
+            picture.rgb,
+            width_m,
+            depth_m,
+            format="jpeg",
+            jpeg_quality=85,
+            cast_shadow=False,
+            receive_shadow=False,
+            wxyz=LYING,
+            position=(float(middle[0]), float(middle[1]), -BELOW_FLOOR_M),
+        )
 
     def _take_before_away(self) -> None:
         if self._before is not None:
@@ -85,7 +134,8 @@ class AddedLayer:
 
     def __init__(self, scene: viser.SceneApi, load: Callable[[str, WorldState], bytes | None]) -> None:
         """Remember how to `load` their GLB by the scene's name and state; nothing is drawn yet."""
-        self._scene, self._load = scene, load
+        self._scene = scene
+        self._load = load
         self._shown: tuple[str, WorldState] = ("", AS_MADE)
         self.handle: viser.GlbHandle | None = None
 

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.errors import DatasetError
-from ltvn_core.network.metrics.pair_evaluation import encode_images, predict_pairs
-from ltvn_core.training_data.pair_table import (
+from ltvn_core.network.pair_evaluation import encode_images, predict_pairs
+from ltvn_core.network.training_data.pair_table import (
     FailureExplanation,
     LabelledPair,
     PairFilter,
@@ -21,7 +21,7 @@ from ltvn_core.training_data.pair_table import (
     limits_from_recipe,
     reasons,
 )
-from ltvn_core.training_data.shards import SHARD_SUFFIX, dataset_shards, read_shard, shard_scene
+from ltvn_core.network.training_data.shards import SHARD_SUFFIX, dataset_shards, read_shard, shard_scene
 from ltvn_core.types import Predictor, Waypoint
 
 
@@ -85,7 +85,8 @@ class PairBrowser:
 
     def __init__(self, paths: dict[str, Path], predictor: Predictor) -> None:
         """Open the first scene. Raises DatasetError."""
-        self._paths, self._predictor = paths, predictor
+        self._paths = paths
+        self._predictor = predictor
         self._rng = np.random.default_rng(0)
         self._pair_filter = PairFilter()
         self._open(next(iter(paths)))

@@ -1,7 +1,7 @@
 """The panel of the viewer: pictures, verdict, numbers, and seven controls.
 
 Owns the widgets and their wording, and the picture of a pair: colour above, depth below, and the waypoints drawn into
-the source. Every control only sends an order. Where a place appears is said by `ltvn_core.training_data.pair_table`.
+the source. Every control only sends an order. Where a place appears is said by `network.training_data.pair_table`.
 """
 
 from collections.abc import Callable, Sequence
@@ -16,9 +16,7 @@ from numpy.typing import NDArray
 
 from ltvn_core import palette
 from ltvn_core.geometry import wrap_angle
-from ltvn_core.palette import Rgb8
-from ltvn_core.robots.robot_spec import LOCOBOT
-from ltvn_core.training_data.pair_table import (
+from ltvn_core.network.training_data.pair_table import (
     LabelledPair,
     PairFilter,
     WaypointOutline,
@@ -26,7 +24,9 @@ from ltvn_core.training_data.pair_table import (
     single_criteria,
     waypoint_outline,
 )
-from ltvn_core.training_data.reachability_labels import FailedCriteria
+from ltvn_core.network.training_data.reachability_labels import FailedCriteria
+from ltvn_core.palette import Rgb8
+from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.types import Rgb, Waypoint
 from ltvn_viz.pairs.pair_browser import JumpToRandomPair, OpenScene, PairCommand, ShownPair, StepPairs
 from ltvn_viz.panels.camera_panel import depth_colours
@@ -34,7 +34,8 @@ from ltvn_viz.panels.html_widgets import STYLE, HtmlBlock, number_grid
 
 SCALE = 5
 """Pixels of the screen for one of the camera."""
-GAP, BORDER = 12, 4
+GAP = 12
+BORDER = 4
 
 _DARK = Rgb8(15, 17, 22)
 _OUT_OF_SIGHT_PX = 1e4
@@ -103,19 +104,21 @@ def _polyline(image: Rgb, points: NDArray[np.float64], ink: Rgb8, thickness: int
 FARTHEST_M = 4.0
 """End of the slider, where it stands for any distance."""
 
-ALL, REACHABLE, UNREACHABLE = "all pairs", "reachable", "not reachable"
+ALL = "all pairs"
+REACHABLE = "reachable"
+UNREACHABLE = "not reachable"
 MOVES: dict[str, PairCommand] = {"Previous": StepPairs(-1), "Next": StepPairs(1), "Random": JumpToRandomPair()}
 
 _STYLE = f"""<style>
-.lp-key {{ display: flex; justify-content: space-between; color: #c1c2c5; }}
-.lp-key b {{ color: #f1f3f5; font-weight: 600; }}
+.lp-key {{ display: flex; justify-content: space-between; color: var(--ltvn-soft); }}
+.lp-key b {{ color: var(--ltvn-strong); font-weight: 600; }}
 .lp-chip {{ display: inline-block; width: .8em; height: .8em; border-radius: 2px; margin-right: .4em;
   vertical-align: -1px; }}
-.lp-verdict {{ display: flex; flex-wrap: wrap; gap: .3em .7em; align-items: center; color: #c1c2c5; }}
+.lp-verdict {{ display: flex; flex-wrap: wrap; gap: .3em .7em; align-items: center; color: var(--ltvn-soft); }}
 .lp-label {{ padding: .1em .8em; border-radius: 1em; font-weight: 600; color: #fff; background: #1864ab; }}
 .lp-label[data-reachable="0"] {{ background: #9a4310; }}
-.lp-why {{ margin: .35em 0 0; min-height: 1.45em; padding: 0; list-style: none; color: #dee2e6; }}
-.lp-why b {{ color: {palette.TARGET.css}; font-weight: 600; }}
+.lp-why {{ margin: .35em 0 0; min-height: 1.45em; padding: 0; list-style: none; color: var(--ltvn-text); }}
+.lp-why b {{ --ltvn-ink: {palette.TARGET.css}; font-weight: 600; }}
 </style>"""
 
 
@@ -128,7 +131,8 @@ class PairPanel:
         HtmlBlock(gui, _key())
         self._image = gui.add_image(blank_pair_image(), format="jpeg", jpeg_quality=90)
         self._moves = gui.add_button_group("Pair", list(MOVES), hint="or press P, N, R")
-        self._verdict, self._numbers = HtmlBlock(gui), HtmlBlock(gui)
+        self._verdict = HtmlBlock(gui)
+        self._numbers = HtmlBlock(gui)
         self._scene = gui.add_dropdown("Scene", list(scenes))
         self._kind = gui.add_dropdown("Show", list(_kinds()))
         self._range = gui.add_multi_slider(
@@ -202,7 +206,7 @@ def _verdict(shown_pair: ShownPair, pair: LabelledPair) -> str:
     label = REACHABLE if pair.reachable else UNREACHABLE
     opinion = "agrees" if shown_pair.agrees else "disagrees"
     why = "".join(
-        f'<li><b class="lp-criterion">{escape(reason.name)}</b> {escape(reason.text)}</li>'
+        f'<li><b class="lp-criterion lt-inked">{escape(reason.name)}</b> {escape(reason.text)}</li>'
         for reason in shown_pair.reasons
     )
     return (

@@ -18,16 +18,14 @@ import viser.transforms as vt
 from ltvn_core import palette
 from ltvn_core.errors import LtvnError
 from ltvn_core.network.predictor import load_predictor
+from ltvn_core.network.training_data.pair_table import unproject
 from ltvn_core.palette import Rgb8
 from ltvn_core.robots.robot_spec import LOCOBOT
-from ltvn_core.training_data.pair_table import unproject
 from ltvn_core.types import Depth, Waypoint
-from ltvn_viz.layers.line_segments import LineSegments
-from ltvn_viz.layers.pose_geometry import marker_mesh, points, wxyz
+from ltvn_viz.layers.shapes import LineSegments, marker_mesh, points, wxyz
 from ltvn_viz.pairs.pair_browser import PairBrowser, PairCommand, ShownPair, scenes_in
 from ltvn_viz.pairs.pair_panel import PairPanel
-from ltvn_viz.server.guarded_server import GuardedServer
-from ltvn_viz.server.shutdown_signals import stop_on_signals
+from ltvn_viz.server.guarded_server import GuardedServer, stop_on_signals
 
 CUT_M = 1.9
 """Points above this would hide the floor from above."""
@@ -104,7 +102,8 @@ class _Camera:
 
 def _ruled(scene: viser.SceneApi) -> None:
     marks = np.arange(-_RULED_M, _RULED_M + 1)
-    low, high = np.full_like(marks, -_RULED_M), np.full_like(marks, _RULED_M)
+    low = np.full_like(marks, -_RULED_M)
+    high = np.full_like(marks, _RULED_M)
     along = np.stack([np.column_stack([marks, low]), np.column_stack([marks, high])], axis=1)
     segments = points(np.concatenate([along, along[..., ::-1]]), 0.0)
     LineSegments(scene, "/floor", thickness_px=1.0).draw(segments, np.full((len(segments), 3), (52, 57, 69), np.uint8))

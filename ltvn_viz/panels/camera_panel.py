@@ -1,4 +1,8 @@
-"""What the robot sees: the image and its depth beside it."""
+"""What the robot sees, beside the scene: the pixels that the method works with, and how far away they are.
+
+Owns how both travel to the page in one picture, so that they always belong together. The page makes them larger
+(`static/pictures.js`, `static/layout.css`).
+"""
 
 import time
 from collections.abc import Callable
@@ -12,33 +16,53 @@ from ltvn_core.types import Depth, Rgb
 from ltvn_viz.panels.html_widgets import HtmlBlock
 from ltvn_viz.session.snapshot import CameraImage, ImageSource, Snapshot
 
-WIDTH, HEIGHT = 320, 240
-GAP = 6
+EMPTY_SIZE = (96, 72)
+"""Columns and rows of what is sent while there is no image."""
+MOST_COLUMNS = 640
+"""A larger image is made smaller."""
+GAP = 8
+"""Columns between colours and depth, so that neither bleeds into the other."""
 SHOW_EVERY_S = 1 / 15
-QUALITY = 85
+QUALITY = 95
+"""So high that a pixel of the method is still that pixel; the images are small."""
 FARTHEST_M = 6.0
 """Everything beyond has one colour."""
 
 
 class CameraPanel:
-    """One image with both, so that they always belong together; the page shows it beside the scene."""
+    """Sends what the robot sees, and says which image it is."""
 
     def __init__(
         self, gui: viser.GuiApi, send: Callable[[bytes], None], clock: Callable[[], float] = time.monotonic
     ) -> None:
         """Let `send` take each image as a JPEG; the caption is copied by the page from the panel that is open."""
-        self._send, self._caption = send, HtmlBlock(gui)
+        self._send = send
+        self._caption = HtmlBlock(gui)
         self._clock = clock
         self.shown: CameraImage | None = None
         self._due = float("-inf")
 
     def show(self, snapshot: Snapshot) -> None:
-        """Show the newest image, at most 15 times a second."""
+        """Show the newest image, at most 15 times a second, and only where it looks different."""
         if snapshot.camera is self.shown or self._clock() < self._due:
             return
-        self.shown, self._due = snapshot.camera, self._clock() + SHOW_EVERY_S
+        is_same = _look_the_same(snapshot.camera, self.shown)
+        self.shown = snapshot.camera
+        if is_same:
+            return
+        self._due = self._clock() + SHOW_EVERY_S
         self._send(_jpeg(colour_beside_depth(snapshot.camera)))
         self._caption.show(caption(snapshot.camera))
+
+
+def _look_the_same(one: CameraImage | None, other: CameraImage | None) -> bool:
+    if one is None or other is None or one.source is not other.source:
+        return one is other
+    return np.array_equal(one.rgb, other.rgb) and _same_depth(one.depth, other.depth)
+
+
+def _same_depth(one: Depth | None, other: Depth | None) -> bool:
+    return one is other if one is None or other is None else np.array_equal(one, other)
 
 
 def caption(view: CameraImage | None) -> str:
@@ -50,24 +74,36 @@ def caption(view: CameraImage | None) -> str:
             height, width = view.rgb.shape[:2]
             text = f"What the method sees: {width} x {height} pixels" + (", no depth" if view.depth is None else "")
         case ImageSource.RENDERED:
-            text = "Rendered larger for you; the method sees a smaller image"
+            text = "Drawn larger for you; the method sees a smaller image"
     has_depth = int(view.depth is not None)
     return f'<div class="ltvn-elsewhere" data-ltvn-copy="caption"><span data-depth="{has_depth}">{text}</span></div>'
 
 
 def colour_beside_depth(view: CameraImage | None) -> Rgb:
-    """Return colour and depth, each 320 x 240, as one image."""
-    canvas = np.full((HEIGHT, 2 * WIDTH + GAP, 3), palette.BACKGROUND, np.uint8)
-    if view is not None:
-        canvas[:, :WIDTH] = cv2.resize(view.rgb, (WIDTH, HEIGHT), interpolation=cv2.INTER_CUBIC)
+    """Return colour and depth as one image, both as large as the image on show is; what is missing is dark."""
+    colour = np.empty((0, 0, 3), np.uint8) if view is None else _at_most(view.rgb)
+    rows, columns = colour.shape[:2] if colour.size else EMPTY_SIZE[::-1]
+    canvas = np.full((rows, 2 * columns + GAP, 3), palette.BACKGROUND, np.uint8)
+    if colour.size:
+        canvas[:, :columns] = colour
     if view is not None and view.depth is not None:
-        depth = cv2.resize(view.depth, (WIDTH, HEIGHT), interpolation=cv2.INTER_NEAREST).astype(np.float32)
-        canvas[:, WIDTH + GAP :] = depth_colours(depth)
+        depth = cv2.resize(view.depth, (columns, rows), interpolation=cv2.INTER_NEAREST).astype(np.float32)
+        canvas[:, columns + GAP :] = depth_colours(depth)
     return canvas
 
 
+def _at_most(rgb: Rgb) -> Rgb:
+    rows, columns = rgb.shape[:2]
+    if columns <= MOST_COLUMNS:
+        return rgb
+    size = MOST_COLUMNS, max(1, round(rows * MOST_COLUMNS / columns))
+    return cv2.resize(rgb, size, interpolation=cv2.INTER_AREA).astype(np.uint8)
+
+
 def _jpeg(image: Rgb) -> bytes:
-    return cv2.imencode(".jpg", image[..., ::-1], (cv2.IMWRITE_JPEG_QUALITY, QUALITY))[1].tobytes()
+    # Full colour at every pixel: otherwise two by two of them would share one.
+    how = (cv2.IMWRITE_JPEG_QUALITY, QUALITY, cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444)
+    return cv2.imencode(".jpg", image[..., ::-1], how)[1].tobytes()
 
 
 def depth_colours(depth: Depth) -> Rgb:

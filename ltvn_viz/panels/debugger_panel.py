@@ -6,25 +6,26 @@ from html import escape
 import viser
 
 from ltvn_viz.panels.html_widgets import HtmlBlock, note
-from ltvn_viz.session.commands import ChooseQuestion, Command, SubmitText
 from ltvn_viz.session.inspection import QuestionName
 from ltvn_viz.session.snapshot import Snapshot
+from ltvn_viz.wishes.wish_table import Action, Value
 
 
 class DebuggerPanel:
     """A list of questions, the answer, and a field to type into where a tool asks for something."""
 
-    def __init__(self, gui: viser.GuiApi, send: Callable[[Command], None]) -> None:
-        """Add the controls to the tab that is open; `send` takes commands and returns at once."""
+    def __init__(self, gui: viser.GuiApi, ask: Callable[[Action, Value], None]) -> None:
+        """Add the controls to the tab that is open; `ask` takes what is asked for and returns at once."""
         HtmlBlock(
             gui, note("Ask about the map and the run. While a question is chosen, a click on a node asks about it.")
         )
         self._tools = gui.add_dropdown("Question", [QuestionName.NONE.value])
-        self._about, self._view = HtmlBlock(gui), HtmlBlock(gui)
+        self._about = HtmlBlock(gui)
+        self._view = HtmlBlock(gui)
         self._field = gui.add_text("What to ask", "", visible=False)
         self._tell = gui.add_button("Ask", visible=False)
         self._offered: tuple[str, ...] = ()
-        self._bind(send)
+        self._bind(ask)
 
     def show(self, snapshot: Snapshot) -> None:
         """Show the tool's answer."""
@@ -42,16 +43,16 @@ class DebuggerPanel:
             self._field.label = input_hint
             self._tell.label = inspection.verb
 
-    def _bind(self, send: Callable[[Command], None]) -> None:
+    def _bind(self, ask: Callable[[Action, Value], None]) -> None:
         @self._tools.on_update
         async def _(event: viser.GuiEvent) -> None:
             # The page's own updates come without a client.
             if event.client_id is not None:
-                send(ChooseQuestion(self._tools.value))
+                ask(Action.QUESTION, self._tools.value)
 
         @self._tell.on_click
         async def _(_: viser.GuiEvent) -> None:
-            send(SubmitText(self._field.value))
+            ask(Action.TELL, self._field.value)
 
 
 def _about(text: str) -> str:

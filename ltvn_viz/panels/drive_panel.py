@@ -1,11 +1,33 @@
-"""The “Drive” tab: record, keep, discard, and build the map."""
+"""The “Drive” tab: recording, mapping and learning, and what belongs to driving.
 
+That is the pad, and the view that follows the robot. The page's script draws the pad (`static/pad.js`).
+"""
+
+import json
+import time
+from collections.abc import Callable, Iterable
+
+import numpy as np
 import viser
+from numpy.typing import NDArray
 
-from ltvn_viz.panels.html_widgets import ActionButton, HtmlBlock, button_row, number_grid, with_keys
-from ltvn_viz.server.keymap import Action
-from ltvn_viz.session.modes import LIVE, Mode
-from ltvn_viz.session.snapshot import Snapshot
+from ltvn_core.types import Pose
+from ltvn_viz.panels.html_widgets import (
+    ActionButton,
+    HtmlBlock,
+    button_row,
+    lines,
+    note,
+    number_grid,
+    progress_bar,
+    toggle,
+    warning,
+    with_keys,
+)
+from ltvn_viz.session.fine_tuning import besides_words
+from ltvn_viz.session.snapshot import FineTuningPhase, FineTuningStatus, Snapshot
+from ltvn_viz.wishes.commands import LEAST_MINUTES, LIVE, MOST_MINUTES, Mode
+from ltvn_viz.wishes.wish_table import Action
 
 
 class DrivePanel:
@@ -15,26 +37,41 @@ class DrivePanel:
         """Add the controls to the tab that is open."""
         about = with_keys("Drive with W A S D held; the map grows as you go. A recording holds all that happens.")
         HtmlBlock(gui, f'<div class="lt lt-note">{about}</div>')
-        self.recording, self.map, self.counts = HtmlBlock(gui), HtmlBlock(gui), HtmlBlock(gui)
+        self.recording = HtmlBlock(gui)
+        self.map = HtmlBlock(gui)
+        self.counts = HtmlBlock(gui)
+        self.picture = HtmlBlock(gui)
 
     def show(self, snapshot: Snapshot) -> None:
         """Enable what makes sense now and count the map."""
-        live, recording = snapshot.mode in LIVE, snapshot.recording.name is not None
+        live = snapshot.mode in LIVE
+        recording = snapshot.recording.name is not None
         self.recording.show(
             button_row(
-                ActionButton(Action.RECORD, "Record", "R", is_main=not recording, is_enabled=live and not recording),
-                ActionButton(Action.KEEP, "Keep", "N", "end and keep", is_main=True, is_enabled=live and recording),
-                ActionButton(Action.DISCARD, "Discard", "⌫", "end and set aside", is_enabled=live and recording),
+                ActionButton(Action.RECORD, is_main=not recording, is_enabled=live and not recording),
+                ActionButton(Action.KEEP, is_main=True, is_enabled=live and recording),
+                ActionButton(Action.DISCARD, is_enabled=live and recording),
             )
         )
         recorded = snapshot.mode is Mode.REPLAY
         ready = snapshot.mode is Mode.TELEOP or (recorded and not snapshot.is_making)
         whence = "all images of this recording, into a new file" if recorded else "all images at hand"
-        rebuild = f"build the map anew from {whence}"
-        build = ActionButton(Action.BUILD, "Build the map anew", "B", rebuild, is_enabled=ready)
-        cancel = ActionButton(Action.CANCEL, "Cancel", "Esc", "stop building; the old map stays")
-        self.map.show(button_row(build, cancel) if snapshot.mode is Mode.BUILDING else button_row(build))
+        label = "" if recorded else "Rebuild the map"
+        build = ActionButton(Action.BUILD, label, hint=f"from {whence}", is_enabled=ready)
+        cancel = ActionButton(Action.CANCEL, hint="stop building; the old map stays")
+        undo = ActionButton(Action.UNDO_BUILD, is_enabled=snapshot.mode is Mode.TELEOP)
+        is_building = snapshot.mode is Mode.BUILDING
+        beside = (cancel,) if is_building else (undo,) if snapshot.can_undo_build and not recorded else ()
+        self.map.show(button_row(build, *beside))
         self.counts.show(_counts(snapshot))
+        self.picture.show(_larger_picture(snapshot.shows_larger))
+
+
+def _larger_picture(is_on: bool | None) -> str:
+    """Return the switch for a picture that only a simulator can draw."""
+    if is_on is None:
+        return ""
+    return toggle(Action.LARGER_PICTURE, is_on=is_on)
 
 
 def _counts(snapshot: Snapshot) -> str:
@@ -47,6 +84,149 @@ def _counts(snapshot: Snapshot) -> str:
         (f"{progress.collisions}", "collisions"),
         (f"{progress.queries}", "queries"),
         (f"{progress.reached}", "arrived"),
-        (f"{progress.added:,}", "edges came in"),
-        (f"{progress.pruned:,}", "edges pruned"),
+        (f"{progress.added:,}", "edges added on the way"),
+        (f"{progress.pruned:,}", "edges pruned on the way"),
     )
+
+
+class PadPanel:
+    """Tells pages what is under way, and where the robot drives."""
+
+    def __init__(self, tell: Callable[[str], None]) -> None:
+        """Tell all pages by `tell`, which returns at once."""
+        self._tell = tell
+        self._told = ""
+
+    def show(self, snapshot: Snapshot) -> None:
+        """Tell it if it is something else."""
+        message = _activity_message(snapshot)
+        if message != self._told:
+            self._told = message
+            self._tell(message)
+
+
+def _activity_message(snapshot: Snapshot) -> str:
+    """Write what is under way, the node that the robot drives to, and whether a story goes on."""
+    goal = None if snapshot.destination is None else int(snapshot.destination)
+    return json.dumps({"type": "activity", "mode": snapshot.mode, "goal": goal, "story": snapshot.story_goes_on})
+
+
+MOVE_EVERY_S = 1 / 15
+
+
+class FollowCamera:
+    """Keeps every page's view on the robot while its box is ticked; a person may still look elsewhere."""
+
+    def __init__(
+        self,
+        gui: viser.GuiApi,
+        clients: Callable[[], Iterable[viser.ClientHandle]],
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        """Add the box to the container that is open, not ticked."""
+        self._box = gui.add_checkbox("Follow the robot", initial_value=False, hint="the view moves along with it")
+        self._clients = clients
+        self._clock = clock
+        self._at: Pose | None = None
+        self._due = float("-inf")
+
+    def show(self, snapshot: Snapshot) -> None:
+        """Look at the robot once, then shift the views by as much as it moved."""
+        pose = snapshot.moment.robot
+        if pose is None or not self._box.value:
+            self._at = None
+            return
+        if self._at is None:
+            self._look_at(pose)
+            return
+        if self._clock() < self._due or np.array_equal(pose[:2], self._at[:2]):
+            return
+        shift = np.append(pose[:2] - self._at[:2], 0.0)
+        self._at = pose
+        self._due = self._clock() + MOVE_EVERY_S
+        for client in self._clients():
+            _shift(client.camera, shift)
+
+    def _look_at(self, pose: Pose) -> None:
+        self._at = pose
+        for client in self._clients():
+            _shift(client.camera, np.append(pose[:2] - client.camera.look_at[:2], 0.0))
+
+
+def _shift(camera: viser.CameraHandle, shift_m: NDArray[np.float64]) -> None:
+    # Setting the position keeps the direction of view.
+    camera.position = camera.position + shift_m
+
+
+MINUTES = 3
+
+
+class FineTuningPanel:
+    """One button to begin, one to stop, and one to use what came of it."""
+
+    def __init__(self, gui: viser.GuiApi) -> None:
+        """Add the controls to the tab that is open."""
+        self.about = HtmlBlock(gui)
+        self.state = HtmlBlock(gui)
+        self.minutes = gui.add_number(
+            "Minutes",
+            MINUTES,
+            min=LEAST_MINUTES,
+            max=MOST_MINUTES,
+            step=1,
+            hint="how long to learn; preparing and judging come on top",
+        )
+        self.buttons = HtmlBlock(gui)
+
+    def show(self, snapshot: Snapshot) -> None:
+        """Show what would be learned from, what is being done, or what came of it."""
+        fine_tuning = snapshot.fine_tuning
+        possible = fine_tuning.is_possible
+        self.about.show(note(_about(fine_tuning, snapshot.weights)))
+        self.state.show(_state(fine_tuning))
+        asks = possible and fine_tuning.phase not in (FineTuningPhase.LEARNING, FineTuningPhase.LEARNED)
+        if self.minutes.visible != asks:
+            self.minutes.visible = asks
+        self.buttons.show(_buttons(snapshot, round(self.minutes.value)) if possible else "")
+
+
+def _about(fine_tuning: FineTuningStatus, weights: str) -> str:
+    if not fine_tuning.is_possible:
+        return f"Images are compared by {weights}; here only the network learns. Others may learn by `ltvn finetune`."
+    if fine_tuning.phase is FineTuningPhase.LEARNING:
+        return f"The network learns from {fine_tuning.drive}; drive on meanwhile."
+    if fine_tuning.phase is FineTuningPhase.LEARNED:
+        return "The network learned. The map still uses the network as it was."
+    return f"The network can learn this place from {fine_tuning.drive}. {besides_words(fine_tuning.besides_s)}"
+
+
+def _state(fine_tuning: FineTuningStatus) -> str:
+    match fine_tuning.phase:
+        case FineTuningPhase.LEARNING:
+            return progress_bar(fine_tuning.share, fine_tuning.doing) + (
+                note(fine_tuning.left) if fine_tuning.left else ""
+            )
+        case FineTuningPhase.LEARNED:
+            return lines(*fine_tuning.lines, f"Saved in {fine_tuning.path}.")
+        case FineTuningPhase.WORSE:
+            worse = "It now takes more places that are far apart for near, so the old weights stay in use."
+            return lines(*fine_tuning.lines) + warning(worse, f"The new ones are in {fine_tuning.path}.")
+        case FineTuningPhase.FAILED:
+            return warning(*fine_tuning.lines)
+        case FineTuningPhase.IDLE:
+            return lines(*fine_tuning.lines)
+
+
+def _buttons(snapshot: Snapshot, minutes: int) -> str:
+    match snapshot.fine_tuning.phase:
+        case FineTuningPhase.LEARNING:
+            return button_row(ActionButton(Action.STOP_LEARNING))
+        case FineTuningPhase.LEARNED:
+            ready = snapshot.mode is Mode.TELEOP and snapshot.recording.name is None
+            hint = "" if ready else "while driving, when nothing is being recorded"
+            return button_row(
+                ActionButton(Action.USE_WEIGHTS, hint=hint, is_main=ready, is_enabled=ready),
+                ActionButton(Action.LEAVE_WEIGHTS),
+            )
+        case FineTuningPhase.IDLE | FineTuningPhase.WORSE | FineTuningPhase.FAILED:
+            return button_row(ActionButton(Action.LEARN, target=minutes))

@@ -11,50 +11,59 @@ from html import escape
 import viser
 
 from ltvn_core import palette
-from ltvn_viz.server.keymap import Action
+from ltvn_viz.server.keymap import key_label
+from ltvn_viz.wishes.wish_table import WISHES, Action
+
+REACHED_BY_TAB = 'role="button" tabindex="0"'
+"""Makes an element with an action a control for whoever has no mouse, as a button is; Enter presses it."""
 
 STYLE = f"""<style>
 .lt {{ padding: .3em .75em; font-size: .8125rem; line-height: 1.45; }}
-.lt-line {{ display: flex; flex-wrap: wrap; gap: .3em .9em; align-items: center; color: #a6a7ab; }}
-.lt-line b {{ color: #e9ecef; font-weight: 600; font-variant-numeric: tabular-nums; }}
+.lt-line {{ display: flex; flex-wrap: wrap; gap: .3em .9em; align-items: center; color: var(--ltvn-soft); }}
+.lt-line b {{ color: var(--ltvn-strong); font-weight: 600; font-variant-numeric: tabular-nums; }}
 .lt-mode {{ padding: .05em .7em; border-radius: 1em; color: #fff; font-weight: 600; background: #495057; }}
 .lt-mode[data-mode="navigating"] {{ background: #1864ab; }}
 .lt-mode[data-mode="paused"], .lt-mode[data-mode="building"] {{ background: #845d00; }}
 .lt-mode[data-mode="replay"] {{ background: #5f3dc4; }}
-.lt-mode[data-rec="1"]::before {{ content: "● "; color: {palette.EDGE_REMOVED.css}; }}
+.lt-rec {{ padding: .05em .6em; border-radius: .3em; background: #c92a2a; color: #fff; font-weight: 700;
+  font-variant-numeric: tabular-nums; white-space: nowrap; }}
+.lt-rec::before {{ content: "● "; animation: lt-rec 1.4s steps(2, jump-none) infinite; }}
+@keyframes lt-rec {{ to {{ opacity: .25; }} }}
+@media (prefers-reduced-motion: reduce) {{ .lt-rec::before {{ animation: none; }} }}
 .lt-health {{ padding: .1em .7em; border: 1px solid; border-radius: 1em; background: none; font: inherit;
-  font-weight: 600; color: #8ce99a; cursor: pointer; }}
-.lt-health[data-health="Slow"] {{ color: #ffd43b; }}
-.lt-health[data-health="Trouble"] {{ color: #ffa8a8; }}
+  font-weight: 600; color: var(--ltvn-good); cursor: pointer; }}
+.lt-health[data-health="Slow"] {{ color: var(--ltvn-fair); }}
+.lt-health[data-health="Trouble"] {{ color: var(--ltvn-bad); }}
 .lt-health[data-health="Good"]::before {{ content: "✓ "; }}
 .lt-health:not([data-health="Good"])::before {{ content: "! "; }}
-.lt-numbers {{ display: none; grid-template-columns: auto 1fr; gap: 0 .8em; margin: .4em 0 0; color: #a6a7ab; }}
+.lt-numbers {{ display: none; grid-template-columns: auto 1fr; gap: 0 .8em; margin: .4em 0 0;
+  color: var(--ltvn-soft); }}
 [data-ltvn-numbers] .lt-numbers {{ display: grid; }}
-.lt-numbers dd {{ margin: 0; color: #e9ecef; }}
-.lt-words {{ padding: 0; border: 0; background: none; font: inherit; color: #74b0ff; text-decoration: underline;
-  cursor: pointer; }}
+.lt-numbers dd {{ margin: 0; color: var(--ltvn-strong); }}
+.lt-words {{ padding: 0; border: 0; background: none; font: inherit; color: var(--ltvn-link);
+  text-decoration: underline; cursor: pointer; }}
 .lt-term {{ text-decoration: underline dotted; cursor: help; }}
 .lt-wait div {{ width: 30%; animation: lt-wait 1.2s ease-in-out infinite alternate; }}
 @keyframes lt-wait {{ from {{ margin-left: 0; }} to {{ margin-left: 70%; }} }}
 @media (prefers-reduced-motion: reduce) {{ .lt-wait div {{ animation: none; width: 100%; opacity: .5; }} }}
 .lt-card {{ padding: .5em .75em; border-radius: .5em; background: rgba(56,139,253,.13);
-  border-left: 3px solid {palette.ACCENT.css}; color: #dee2e6; overflow-wrap: anywhere; }}
+  border-left: 3px solid {palette.ACCENT.css}; color: var(--ltvn-text); overflow-wrap: anywhere; }}
 .lt-card[data-severity="WARN"] {{ background: rgba(250,176,5,.12); border-color: #fab005; }}
 .lt-card[data-severity="ERROR"] {{ background: rgba(250,82,82,.14); border-color: #fa5252; }}
-.lt-card[data-severity="INFO"] {{ background: rgba(255,255,255,.05); border-color: #868e96; }}
-.lt-card strong {{ color: #fff; }}
-.lt-note {{ color: #a6a7ab; }}
+.lt-card[data-severity="INFO"] {{ background: var(--ltvn-tint); border-color: #868e96; }}
+.lt-card strong {{ color: var(--ltvn-strong); }}
+.lt-note {{ color: var(--ltvn-soft); }}
 .lt-buttons {{ display: flex; flex-wrap: wrap; gap: .4em; }}
 .lt-buttons button {{ flex: 1 1 auto; padding: .5em .8em; border: 0; border-radius: .35em; font: inherit;
-  font-weight: 600; background: #373a40; color: #f1f3f5; cursor: pointer; white-space: nowrap; }}
-.lt-buttons button:hover:enabled {{ background: #4b4f57; }}
+  font-weight: 600; background: var(--ltvn-button); color: var(--ltvn-strong); cursor: pointer; white-space: nowrap; }}
+.lt-buttons button:hover:enabled {{ background: var(--ltvn-button-more); }}
 .lt-buttons button:disabled {{ opacity: .38; cursor: default; }}
-.lt-buttons button.lt-main {{ background: #1c6fd6; }}
+.lt-buttons button.lt-main {{ background: #1c6fd6; color: #fff; }}
 .lt-buttons button.lt-main:hover:enabled {{ background: #2f81e8; }}
-.lt-buttons kbd {{ margin-left: .45em; padding: 0 .4em; border-radius: .25em; background: rgba(0,0,0,.3);
-  color: #ced4da; font: .8125rem/1.5 ui-monospace, monospace; font-weight: 400; }}
-.lt-bar {{ height: .4em; margin-top: .45em; border-radius: .2em; background: rgba(255,255,255,.1); overflow: hidden; }}
-.lt-toggle {{ padding: 0; border: 0; background: none; font: inherit; color: #ced4da; cursor: pointer; }}
+.lt-buttons kbd {{ margin-left: .45em; padding: 0 .4em; border-radius: .25em; background: rgba(0,0,0,var(--ltvn-cap));
+  color: inherit; font: .8125rem/1.5 ui-monospace, monospace; font-weight: 400; }}
+.lt-bar {{ height: .4em; margin-top: .45em; border-radius: .2em; background: var(--ltvn-tint-more); overflow: hidden; }}
+.lt-toggle {{ padding: 0; border: 0; background: none; font: inherit; color: var(--ltvn-text); cursor: pointer; }}
 .lt-toggle::before {{ content: ""; display: inline-block; width: 1.8em; height: 1em; margin-right: .6em;
   border-radius: 1em; vertical-align: -.12em;
   background: radial-gradient(circle at .5em, #f1f3f5 .36em, #495057 .4em); }}
@@ -66,57 +75,73 @@ STYLE = f"""<style>
   border: 2px solid transparent; }}
 .lt-gallery img:hover {{ border-color: #4dabf7; }}
 .lt-gallery img.lt-chosen {{ border-color: {palette.GOAL.css}; }}
+.lt h2 {{ margin: 0 0 .3em; font-size: .8125rem; font-weight: 600; color: var(--ltvn-strong); }}
+.lt-upload {{ display: grid; grid-template-columns: 2fr 3fr; gap: .75em; }}
+.lt-upload > div > img {{ width: 100%; display: block; border-radius: .35em; }}
+.lt-upload .lt-gallery {{ grid-template-columns: repeat(2, 1fr); }}
+.lt-upload figure {{ margin: 0; }}
+.lt-upload figcaption {{ color: var(--ltvn-soft); font-size: .75rem; line-height: 1.3; }}
 .lt-table {{ display: grid; grid-template-columns: repeat(4, 1fr); gap: .1em .5em; }}
 .lt-table div {{ display: flex; flex-direction: column; }}
-.lt-table b {{ font-size: 1.15em; color: #f1f3f5; font-weight: 600; font-variant-numeric: tabular-nums; }}
-.lt-table span {{ color: #a6a7ab; }}
+.lt-table b {{ font-size: 1.15em; color: var(--ltvn-strong); font-weight: 600; font-variant-numeric: tabular-nums; }}
+.lt-table span {{ color: var(--ltvn-soft); }}
 .lt-legend {{ display: flex; flex-wrap: wrap; gap: 0 .9em; font-size: .8125rem; line-height: 1.6; }}
+#root .lt-legend {{ padding: .1em .5em; border-radius: .35em; }}
 .lt-legend span {{ display: inline-flex; gap: .35em; align-items: center; white-space: nowrap; }}
 .lt-legend i {{ width: .8em; height: .8em; border-radius: 2px; }}
 .lt-legend .lt-ramp {{ flex: 1 1 12em; }}
 .lt-legend .lt-ramp i {{ flex: 1; height: .65em; }}
 .lt-legend [data-shown="0"] {{ opacity: .6; }}
 .lt-legend [data-shown="0"] i {{ opacity: .4; }}
-.lt-why > div {{ margin: .25em 0; color: #ced4da; }}
-.lt-link {{ color: #74b0ff; cursor: pointer; text-decoration: underline; }}
+.lt-why > div {{ margin: .25em 0; color: var(--ltvn-text); }}
+.lt-dot {{ padding: 0 .25em; border-radius: .35em; }}
+.lt-dot i {{ font-style: normal; }}
+.lt-link {{ color: var(--ltvn-link); cursor: pointer; text-decoration: underline; }}
 .lt-pair {{ display: flex; gap: .4em; }}
 .lt-why figure {{ flex: 1; margin: 0; }}
 .lt-why figure img, .lt-none {{ width: 100%; aspect-ratio: 4/3; border-radius: .35em; display: block; }}
-.lt-none {{ background: #2c2e33; color: #868e96; text-align: center; }}
-.lt-why figcaption {{ color: #a6a7ab; }}
-.lt-curve {{ width: 100%; background: rgba(255,255,255,.04); border-radius: .35em; }}
+.lt-none {{ background: var(--ltvn-button); color: var(--ltvn-soft); text-align: center; }}
+.lt-why figcaption {{ color: var(--ltvn-soft); }}
+.lt-curve {{ display: block; width: 100%; margin: .25em 0; border-radius: .35em; }}
 .lt-rows {{ width: 100%; border-collapse: collapse; font-variant-numeric: tabular-nums; }}
-.lt-rows td:first-child, .lt code {{ white-space: nowrap; }}
-.lt-rows th {{ text-align: left; color: #909296; font-weight: 400; }}
-.lt-rows td {{ padding: .1em .3em .1em 0; border-top: 1px solid rgba(255,255,255,.07); vertical-align: top; }}
+.lt-rows td:first-child {{ white-space: nowrap; }}
+.lt code {{ overflow-wrap: anywhere; }}
+.lt-rows th {{ text-align: left; color: var(--ltvn-soft); font-weight: 400; }}
+.lt-rows td {{ padding: .1em .3em .1em 0; border-top: 1px solid var(--ltvn-edge); vertical-align: top; }}
 </style>"""
 
 
 @dataclass(frozen=True, slots=True)
 class ActionButton:
-    """A button that asks for an action."""
+    """A button that asks for an action; what it does not say itself, the table of wishes says."""
 
     action: Action
-    label: str
+    label: str = ""
     caps: str = ""
     """The key that does the same."""
     hint: str = ""
     is_main: bool = False
     """The button one most likely wants now."""
     is_enabled: bool = True
-    target: int | None = None
+    target: int | str | None = None
     """What the action is about, where it needs to be told."""
 
     def html(self) -> str:
         """Return the button."""
         kind = ' class="lt-main"' if self.is_main and self.is_enabled else ""
         off = "" if self.is_enabled else " disabled"
-        key = f"<kbd>{escape(self.caps)}</kbd>" if self.caps else ""
-        about = "" if self.target is None else f' data-id="{self.target}"'
+        wish = WISHES[self.action]
+        caps = self.caps or key_label(self.action)
+        key = f"<kbd>{escape(caps)}</kbd>" if caps else ""
+        about = "" if self.target is None else f' data-{_kind(self.target)}="{escape(str(self.target))}"'
         return (
-            f'<button type="button"{kind}{off} data-ltvn-action="{self.action}"{about} title="{escape(self.hint)}">'
-            f"{escape(self.label)}{key}</button>"
+            f'<button type="button"{kind}{off} data-ltvn-action="{self.action}"{about} '
+            f'title="{escape(self.hint or wish.help)}">{escape(self.label or wish.label)}{key}</button>'
         )
+
+
+def _kind(target: int | str) -> str:
+    return "text" if isinstance(target, str) else "id"
 
 
 def button_row(*presses: ActionButton) -> str:
@@ -130,11 +155,13 @@ def grey_for_watchers(elements: Iterable[str]) -> str:
     return f"<style>{selectors} {{ opacity: .38; filter: grayscale(1); cursor: not-allowed; }}</style>"
 
 
-def toggle(action: Action, label: str, hint: str, *, is_on: bool) -> str:
+def toggle(action: Action, *, is_on: bool) -> str:
     """Return a switch that asks for an action with 1 to be switched on and 0 to be switched off."""
+    wish = WISHES[action]
     return (
         f'<div class="lt"><button type="button" role="switch" aria-checked="{str(is_on).lower()}" class="lt-toggle" '
-        f'data-ltvn-action="{action}" data-id="{int(not is_on)}" title="{escape(hint)}">{escape(label)}</button></div>'
+        f'data-ltvn-action="{action}" data-id="{int(not is_on)}" title="{escape(wish.help)}">'
+        f"{escape(wish.label)}</button></div>"
     )
 
 
@@ -150,13 +177,15 @@ KEY_PHRASES = (
     ("press R ", "press Record "),
     (" (N)", ""),
     (" (B)", ""),
+    ("click a node", "tap a node"),
+    ("Click into the timeline", "Tap the timeline"),
 )
-"""What texts say of keys, and what is true for fingers; a longer phrase before one that it begins with."""
+"""What texts say of keys and of the mouse, and what is true for fingers; a longer phrase before one it begins with."""
 _KEYS = re.compile("|".join(re.escape(keys) for keys, _ in KEY_PHRASES))
 
 
 def with_keys(text: str) -> str:
-    """Return a text as HTML that names keys only where there are any."""
+    """Return a text as HTML that names keys and clicks only where there are any."""
     return _KEYS.sub(_by_key_or_touch, escape(text))
 
 

@@ -25,7 +25,7 @@ class LegendPanel:
 
     def show(self, snapshot: Snapshot) -> None:
         """Show what the colours of the scene mean now."""
-        ramps = [_ramp("edge p", "0", "1", palette.PROBABILITY_RAMP)]
+        ramps = [_ramp("edge p", "0", "1", palette.PROBABILITY_RAMP, _AS_WIDE_AS_EDGES)]
         if snapshot.inspection.answer.overlay.is_of_likeness:
             ramps.append(_ramp("node looks", "unlike", "alike", palette.SCORE_RAMP))
         chips = "".join(_chip(*each) for each in _colours(snapshot))
@@ -40,6 +40,7 @@ def _colours(snapshot: Snapshot) -> Iterator[tuple[Rgb8, str, bool]]:
     moment = snapshot.moment
     progress = moment.progress
     is_going = bool(len(moment.removed_edges.ages_s)) or bool(progress.blocked)
+    yield palette.ROBOT, "robot", moment.robot is not None
     yield palette.NODE, "node", bool(len(moment.graph.ids))
     yield palette.PLAN, "plan, and where the robot thinks it is", bool(progress.plan) or progress.localised is not None
     yield palette.GOAL, "goal", snapshot.selected is not None
@@ -52,8 +53,12 @@ def _chip(colour: Rgb8, name: str, is_shown: bool) -> str:
     return f'<span data-shown="{int(is_shown)}"><i style="background:{colour.css}"></i>{escape(name)}</span>'
 
 
-def _ramp(name: str, least: str, most: str, ramp: NDArray[np.float64]) -> str:
+_AS_WIDE_AS_EDGES = "clip-path:polygon(0 30%,100% 0,100% 100%,0 70%);"
+"""Cuts the ramp to a wedge: likely edges are thicker."""
+
+
+def _ramp(name: str, least: str, most: str, ramp: NDArray[np.float64], shape: str = "") -> str:
     return (
         f'<span class="lt-ramp" data-shown="1">{escape(name)}&nbsp;{escape(least)}'
-        f'<i style="background:linear-gradient(90deg,{palette.gradient_css(ramp)})"></i>{escape(most)}</span>'
+        f'<i style="{shape}background:linear-gradient(90deg,{palette.gradient_css(ramp)})"></i>{escape(most)}</span>'
     )

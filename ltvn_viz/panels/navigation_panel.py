@@ -19,13 +19,13 @@ from ltvn_core.navigation.events import Outcome
 from ltvn_core.network.allocator import return_freed_memory
 from ltvn_core.preprocessing import preprocess_image
 from ltvn_core.types import NodeId, Rgb
-from ltvn_viz.panels.html_widgets import ActionButton, HtmlBlock, button_row, note, toggle
-from ltvn_viz.server.keymap import Action
-from ltvn_viz.session.commands import Command, NavigateToImage, ReportError
-from ltvn_viz.session.modes import Mode
-from ltvn_viz.session.snapshot import Snapshot
+from ltvn_viz.panels.html_widgets import REACHED_BY_TAB, ActionButton, HtmlBlock, button_row, note, toggle
+from ltvn_viz.session.snapshot import Snapshot, UploadMatch
+from ltvn_viz.wishes.commands import Command, Mode, NavigateToImage, ReportError
+from ltvn_viz.wishes.wish_table import Action
 
-GO_TO_UPLOAD, FIND_UPLOAD = "Go to an uploaded image", "Find an uploaded image in this map"
+GO_TO_UPLOAD = "Go to an uploaded image"
+FIND_UPLOAD = "Find an uploaded image in this map"
 MOST_PIXELS = {"JPEG": 25_000_000, "PNG": 12_000_000, "WEBP": 12_000_000, "BMP": 12_000_000}
 """By format, as cameras take and screens show them; decoding needs at most a quarter of a gigabyte for a moment."""
 MOST_SIDE = 20_000
@@ -43,8 +43,9 @@ class NavigationPanel:
         """
         self._file_address = file_address
         HtmlBlock(gui, note("Click an image, or a node in the scene, and the robot drives there by what it sees."))
-        self.task, self.keep_going = HtmlBlock(gui), HtmlBlock(gui)
-        self.state, self.gallery = HtmlBlock(gui), HtmlBlock(gui)
+        self.task = HtmlBlock(gui)
+        self.keep_going = HtmlBlock(gui)
+        self.state = HtmlBlock(gui)
         self._upload = gui.add_upload_button(
             GO_TO_UPLOAD,
             icon=viser.Icon.PHOTO_UP,
@@ -52,7 +53,8 @@ class NavigationPanel:
             mime_type="image/*",
             hint="JPEG, PNG or WebP",
         )
-        self._matching_nodes = HtmlBlock(gui)
+        self.upload_match = HtmlBlock(gui)
+        self.gallery = HtmlBlock(gui)
 
         self._is_decoding = False
 
@@ -62,7 +64,8 @@ class NavigationPanel:
 
     async def _read_upload(self) -> NavigateToImage | ReportError:
         """Decode the uploaded image, one at a time, and let go of the file."""
-        file, self._upload._impl.value = self._upload.value, viser.UploadedFile("", b"")
+        file = self._upload.value
+        self._upload._impl.value = viser.UploadedFile("", b"")
         if self._is_decoding:
             return ReportError(f"{file.name}: another image is still being read; upload this one once more.")
         self._is_decoding = True
@@ -82,33 +85,50 @@ class NavigationPanel:
         self.task.show(_task(snapshot))
         self.keep_going.show(_keep_going(snapshot.keeps_going))
         self.state.show(_state(snapshot))
-        self.gallery.show(
-            self._goal_images(snapshot.gallery, snapshot, "Drive a little: goal images appear as the map grows.")
-        )
-        self._matching_nodes.show(self._goal_images(snapshot.similar_nodes, snapshot, ""))
+        self.upload_match.show("" if snapshot.upload is None else self._match(snapshot.upload, snapshot.selected))
+        self.gallery.show(self._goals(snapshot))
 
-    def _goal_images(self, nodes: tuple[NodeId, ...], snapshot: Snapshot, instead: str) -> str:
-        if not nodes:
-            return note(instead) if instead else ""
-        images = "".join(
-            f'<img src="{escape(self._file_address(f"/thumb/{node}.jpg"))}" data-ltvn-action="{Action.SELECT}" '
-            f'data-id="{node}" alt="goal {node}" title="go to node {node}" '
-            f'class="{"lt-chosen" if node == snapshot.selected else ""}">'
-            for node in map(int, nodes)
+    def _goals(self, snapshot: Snapshot) -> str:
+        if not snapshot.gallery:
+            return note("Drive a little: goal images appear as the map grows.")
+        images = "".join(self._goal_image(int(node), snapshot.selected) for node in snapshot.gallery)
+        return f'<div class="lt">{_titled_group("Places to go to", images)}</div>'
+
+    def _match(self, upload: UploadMatch, selected: NodeId | None) -> str:
+        own = f'<h2>Your image</h2><img src="{upload.picture}" alt="your image">'
+        places = "".join(
+            f"<figure>{self._goal_image(int(place.node), selected)}"
+            f"<figcaption>node {place.node}, likeness {place.likeness:.2f}</figcaption></figure>"
+            for place in upload.places
         )
-        return f'<div class="lt"><div class="lt-gallery" role="group" aria-label="goal images">{images}</div></div>'
+        return f'<div class="lt lt-upload"><div>{own}</div><div>{_titled_group(LOOKS_LIKE_IT, places)}</div></div>'
+
+    def _goal_image(self, node: NodeId, selected: NodeId | None) -> str:
+        return (
+            f'<img src="{escape(self._file_address(f"/thumb/{node}.jpg"))}" data-ltvn-action="{Action.SELECT}" '
+            f'data-id="{node}" {REACHED_BY_TAB} alt="goal {node}" title="go to node {node}" '
+            f'class="{"lt-chosen" if node == selected else ""}">'
+        )
+
+
+LOOKS_LIKE_IT = "Places in the map that look like it"
+
+
+def _titled_group(title: str, content: str) -> str:
+    return f'<h2>{title}</h2><div class="lt-gallery" role="group" aria-label="{title}">{content}</div>'
 
 
 def _task(snapshot: Snapshot) -> str:
-    busy, paused = snapshot.mode in (Mode.NAVIGATING, Mode.PAUSED), snapshot.mode is Mode.PAUSED
+    busy = snapshot.mode in (Mode.NAVIGATING, Mode.PAUSED)
+    paused = snapshot.mode is Mode.PAUSED
     ready = snapshot.mode is Mode.TELEOP and snapshot.selected is not None
     resume = "Go on" if snapshot.pause_notice else "Resume"
-    pause = ActionButton(Action.PAUSE, resume if paused else "Pause", "P", is_main=paused, is_enabled=busy)
+    pause = ActionButton(Action.PAUSE, resume if paused else "", is_main=paused, is_enabled=busy)
     return button_row(
-        ActionButton(Action.GOAL, "Navigate", "G", "go to the chosen goal", is_main=True, is_enabled=ready),
+        ActionButton(Action.GOAL, is_main=True, is_enabled=ready),
         pause,
-        ActionButton(Action.STEP, "Step", ".", "one control step, then pause", is_enabled=busy),
-        ActionButton(Action.CANCEL, "Cancel", "Esc", "end the query", is_enabled=busy),
+        ActionButton(Action.STEP, is_enabled=busy),
+        ActionButton(Action.CANCEL, is_enabled=busy),
         ActionButton(Action.CANCEL, "Take over", "W A S D", "end the query and drive yourself", is_enabled=busy),
     )
 
@@ -117,12 +137,7 @@ def _keep_going(is_on: bool | None) -> str:
     """Return the switch for runs that nobody watches; a real robot has none."""
     if is_on is None:
         return ""
-    return toggle(
-        Action.KEEP_GOING,
-        "Keep going when this page closes",
-        "for long runs in simulation; otherwise a query pauses as soon as no page is open",
-        is_on=is_on,
-    )
+    return toggle(Action.KEEP_GOING, is_on=is_on)
 
 
 def _state(snapshot: Snapshot) -> str:
@@ -144,6 +159,10 @@ def _ending(outcome: Outcome, snapshot: Snapshot) -> str:
     judged = snapshot.moment.progress.judged
     truth = "" if judged is None else f", in truth {judged.position_error_m:.2f} m from the goal"
     return f"Last query: {outcome}{truth}."
+
+
+_PER_LEVEL_OF_8_BIT = 257
+"""Levels of a 16-bit image that make one of an 8-bit image."""
 
 
 def decode_upload(name: str, content: bytes) -> Rgb:
@@ -178,6 +197,8 @@ def _check_size(name: str, image: Image.Image) -> None:
 def _smaller(image: Image.Image) -> Image.Image:
     """Decode an image with no more pixels than are of use."""
     image.draft("RGB", (2 * LEAST_SIDE, 2 * LEAST_SIDE))  # A JPEG can be decoded small.
+    if image.mode.startswith("I"):  # Pillow's conversion would clip 16 bits to white.
+        image = Image.fromarray((np.asarray(image) / _PER_LEVEL_OF_8_BIT).astype(np.uint8))
     if image.mode not in ("L", "RGB"):
         image = image.convert("RGB")
     factor = min(image.size) // LEAST_SIDE

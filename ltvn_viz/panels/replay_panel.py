@@ -1,16 +1,20 @@
-"""The “Replay” tab: open a recording, or import a drive. Through its time one moves by the timeline."""
+"""The “Replay” tab, and the timeline at the foot of the page: which recording is on show, and which moment of it.
 
+The strip itself is drawn by the page's script (`static/timeline.js`), which fetches the marks when there are new ones.
+"""
+
+import json
+import time
 from collections.abc import Callable
+from dataclasses import replace
 
 import viser
 
 from ltvn_viz.panels.html_widgets import ActionButton, HtmlBlock, button_row, note
-from ltvn_viz.server.keymap import Action
-from ltvn_viz.session.commands import CloseRecording, Command, ImportDrive, OpenRecording
-from ltvn_viz.session.modes import Mode
-from ltvn_viz.session.snapshot import Snapshot
+from ltvn_viz.session.snapshot import Snapshot, TimelineStatus
+from ltvn_viz.wishes.commands import STANDING
+from ltvn_viz.wishes.wish_table import Action
 
-QUIET = (73, 80, 87)
 NONE_YET: str = "no recordings yet"
 IMPORT = "import: "
 """Marks drives in other formats in the list."""
@@ -19,48 +23,41 @@ IMPORT = "import: "
 class ReplayPanel:
     """Choose, open, and go back to the robot."""
 
-    def __init__(self, gui: viser.GuiApi, send: Callable[[Command], None]) -> None:
-        """Add the controls to the tab that is open; `send` takes commands and returns at once."""
+    def __init__(self, gui: viser.GuiApi) -> None:
+        """Add the controls to the tab that is open."""
         HtmlBlock(
             gui, note("Watch a recording in this page: the timeline at the foot plays it and moves through its time.")
         )
         self._names = gui.add_dropdown("Recording", [NONE_YET], disabled=True)
-        self._open = gui.add_button("Open", icon=viser.Icon.FOLDER_OPEN, color=QUIET, disabled=True)
-        self._close = gui.add_button("Back to the robot", icon=viser.Icon.ARROW_BACK_UP, color=QUIET, visible=False)
+        self.buttons = HtmlBlock(gui)
         self.about = HtmlBlock(gui)
         self.making = HtmlBlock(gui)
-        self._choices: dict[str, Command] = {}
+        self._choices: dict[str, ActionButton] = {}
         self._opened = self._to_choose = ""
-        self._bind(send)
 
     def show(self, snapshot: Snapshot) -> None:
         """List the recordings and show where in the open one we are."""
         self._list(snapshot)
-        self._open.disabled = not self._choices or snapshot.mode not in (Mode.TELEOP, Mode.REPLAY)
         self.making.show(_making(snapshot))
         replay = snapshot.replay
-        self._close.visible = replay is not None
         if replay is not None:
             self._choose(replay.name)
-        self.about.show(_about(snapshot))
+        self.buttons.show(self._buttons(snapshot))
+        self.about.show(_about(snapshot, self._names.value))
 
-    def _bind(self, send: Callable[[Command], None]) -> None:
-        @self._open.on_click
-        async def _(_: viser.GuiEvent) -> None:
-            if (chosen := self._choices.get(self._names.value)) is not None:
-                send(chosen)
-
-        @self._close.on_click
-        async def _(_: viser.GuiEvent) -> None:
-            send(CloseRecording())
+    def _buttons(self, snapshot: Snapshot) -> str:
+        chosen = self._choices.get(self._names.value, ActionButton(Action.OPEN))
+        is_possible = chosen.target is not None and snapshot.mode in STANDING
+        close = () if snapshot.replay is None else (ActionButton(Action.CLOSE),)
+        return button_row(replace(chosen, is_enabled=is_possible), *close)
 
     def _list(self, snapshot: Snapshot) -> None:
         names = (*snapshot.recordings, *(IMPORT + name for name in snapshot.sources))
         if names == tuple(self._choices):
             return
         self._choices = {
-            **{IMPORT + name: ImportDrive(name) for name in snapshot.sources},
-            **{name: OpenRecording(name) for name in snapshot.recordings},
+            **{IMPORT + name: ActionButton(Action.IMPORT, target=name) for name in snapshot.sources},
+            **{name: ActionButton(Action.OPEN, target=name) for name in snapshot.recordings},
         }
         self._choices = {name: self._choices[name] for name in names}
         chosen = self._names.value
@@ -79,17 +76,56 @@ class ReplayPanel:
 def _making(snapshot: Snapshot) -> str:
     if not snapshot.is_making:
         return ""
-    hint = "leave nothing behind"
-    return button_row(
-        ActionButton(Action.CANCEL, "Cancel", "Esc", hint, is_enabled=snapshot.mode in (Mode.TELEOP, Mode.REPLAY))
-    )
+    return button_row(ActionButton(Action.CANCEL, hint="leave nothing behind", is_enabled=snapshot.mode in STANDING))
 
 
-def _about(snapshot: Snapshot) -> str:
+def _about(snapshot: Snapshot, chosen: str) -> str:
     if snapshot.replay is None:
-        return ""
+        return note(snapshot.recordings[chosen]) if chosen in snapshot.recordings else ""
     moment = snapshot.moment
     return note(
         f"{snapshot.replay.name}: {snapshot.replay.time_s:.1f} of {snapshot.replay.length_s:.1f} s, "
         f"{moment.frames} images, {len(moment.graph.ids)} nodes, {len(moment.graph.p)} edges."
     )
+
+
+TELL_EVERY_S = 0.1
+"""Time that only goes on is told so often; whatever else is new is told at once."""
+
+
+class TimelinePanel:
+    """Tells pages the moment."""
+
+    def __init__(self, tell: Callable[[str], None], clock: Callable[[], float] = time.monotonic) -> None:
+        """Tell all pages by `tell`, which returns at once."""
+        self._tell = tell
+        self._clock = clock
+        self._told = TimelineStatus()
+        self._due = float("-inf")
+
+    def show(self, snapshot: Snapshot) -> None:
+        """Tell the moment if it is another one."""
+        told = self._told
+        now = snapshot.timeline
+        went_on = replace(told, time_s=now.time_s, length_s=now.length_s, marks=now.marks)
+        if now == told or (now == went_on and self._clock() < self._due):
+            return
+        self._told = now
+        self._due = self._clock() + TELL_EVERY_S
+        self._tell(_moment_message(now))
+
+
+def _moment_message(time: TimelineStatus) -> str:
+    """Write which moment is on show; times in whole milliseconds."""
+    moment = {
+        "type": "moment",
+        "run": time.run,
+        "marks": time.marks,
+        "at": round(1000 * time.time_s),
+        "length": round(1000 * time.length_s),
+        "now": time.is_now,
+        "replay": time.is_replay,
+        "playing": time.is_playing,
+        "speed": time.speed,
+    }
+    return json.dumps(moment)

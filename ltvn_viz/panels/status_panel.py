@@ -1,11 +1,13 @@
-"""The top of the page: what the app is doing, how well it keeps up, what to do next, and a problem that remains.
+"""The top of the page: what the app is doing, how well it keeps up, what to do next, and what is to be read.
 
-Owns the limits between the words for how well the app keeps up.
+A message is a notification first; a problem remains in the panel. Owns the limits between the words for how well the
+app keeps up.
 """
 
 import math
+import re
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from enum import StrEnum
 from html import escape
 from typing import NamedTuple
@@ -15,9 +17,89 @@ import viser
 from ltvn_core.navigation.events import Severity
 from ltvn_core.robots.link_report import LinkQuality, LinkReport
 from ltvn_viz.panels.html_widgets import STYLE, ActionButton, HtmlBlock, button_row, filled_bar, with_keys
-from ltvn_viz.panels.notifications import SECONDS
-from ltvn_viz.server.keymap import Action
+from ltvn_viz.session.inspection import QuestionName
 from ltvn_viz.session.snapshot import JobProgress, Message, Snapshot
+from ltvn_viz.wishes.commands import Mode
+from ltvn_viz.wishes.wish_table import Action
+
+TITLES = {Severity.INFO: "Note", Severity.WARN: "Not now", Severity.ERROR: "Problem"}
+COLOURS = {Severity.INFO: (34, 139, 230), Severity.WARN: (250, 176, 5), Severity.ERROR: (250, 82, 82)}
+SECONDS = {Severity.INFO: 8.0, Severity.WARN: 12.0, Severity.ERROR: 20.0}
+"""Long enough to be read, for what is said here alone; a problem is shown in the panel afterwards."""
+
+
+class Notifications:
+    """Tells each message once, as soon as a page is open."""
+
+    def __init__(self, clients: Callable[[], Iterable[viser.ClientHandle]]) -> None:
+        """Tell whoever `clients` returns at that time."""
+        self._clients = clients
+        self._shown_number = 0
+
+    def show(self, snapshot: Snapshot) -> None:
+        """Tell the message of the snapshot, if it is a new one."""
+        message = snapshot.message
+        if message is None or message.number == self._shown_number:
+            return
+        clients = [*self._clients()]
+        if not clients:
+            return  # Who opens the page next reads it.
+        self._shown_number = message.number
+        for client in clients:
+            client.add_notification(
+                message.title or TITLES[message.severity],
+                message.text,
+                auto_close_seconds=SECONDS[message.severity],
+                color=COLOURS[message.severity],
+            )
+
+
+AFTERWARDS_S = 20.0
+"""So long the last caption of a story stays."""
+
+
+class StoryBar:
+    """The caption of the story under way, in one place: a bar at the foot of the scene."""
+
+    def __init__(self, gui: viser.GuiApi, clock: Callable[[], float] = time.monotonic) -> None:
+        """Add the caption; the page's script copies it to the bar."""
+        self.caption = HtmlBlock(gui)
+        self._clock = clock
+        self._told_at = float("-inf")
+        self._told: tuple[str, ...] = ()
+
+    def show(self, snapshot: Snapshot) -> None:
+        """Show what the story told last, and for a while after its end."""
+        if snapshot.story != self._told:
+            self._told = snapshot.story
+            self._told_at = self._clock()
+        is_on = bool(snapshot.story) and (snapshot.story_goes_on or self._clock() < self._told_at + AFTERWARDS_S)
+        text = escape(snapshot.story[-1]) if is_on else ""
+        self.caption.show(f'<div class="ltvn-elsewhere" data-ltvn-copy="story">{text}</div>')
+
+
+class OwnNotices:
+    """Tells one page what concerns its own view alone."""
+
+    def __init__(self, client: viser.ClientHandle) -> None:
+        """Tell `client`."""
+        self._client = client
+        self._shown = ("", 0)
+
+    def show(self, snapshot: Snapshot) -> None:
+        """Tell the notice of the page's own view, if it is a new one."""
+        notice = snapshot.inspection.notice, snapshot.inspection.notice_number
+        if notice == self._shown:
+            return
+        self._shown = notice
+        if notice[0]:
+            self._client.add_notification(
+                TITLES[Severity.INFO],
+                notice[0],
+                auto_close_seconds=SECONDS[Severity.INFO],
+                color=COLOURS[Severity.INFO],
+            )
+
 
 REFRESH_S = 0.5
 """Numbers that flicker faster cannot be read."""
@@ -28,14 +110,13 @@ PANEL_MARK = "<i data-ltvn-panel></i>"
 _WATCHING = (
     '<div class="lt ltvn-watching-only"><div class="lt-card" data-severity="WARN">'
     "Another page drives, so what is grey is not for this one. You may look around, ask Why, and stop the robot."
-    '<div class="lt-buttons">'
-    f'<button type="button" data-ltvn-action="{Action.TAKE_OVER}">Take over</button></div></div></div>'
+    f"{button_row(ActionButton(Action.TAKE_OVER))}</div></div>"
 )
 """Shown by the page itself while it has not got the seat."""
 
 _GO_ON = button_row(
-    ActionButton(Action.PAUSE, "Go on", "P", "let the robot drive on to its goal", is_main=True),
-    ActionButton(Action.CANCEL, "Cancel the query", "Esc"),
+    ActionButton(Action.PAUSE, "Go on", hint="let the robot drive on to its goal", is_main=True),
+    ActionButton(Action.CANCEL, "Cancel the query"),
 )
 SLOW_HZ, TROUBLE_HZ = 20.0, 5.0
 """The loop runs at 30 Hz where the machine keeps up."""
@@ -50,7 +131,10 @@ class StatusPanel:
         """Add the lines at the top of the main panel."""
         gui.add_html(STYLE + PANEL_MARK)
         gui.add_html(_WATCHING)
-        self.line, self.hint, self.pause, self.message = HtmlBlock(gui), HtmlBlock(gui), HtmlBlock(gui), HtmlBlock(gui)
+        self.line = HtmlBlock(gui)
+        self.hint = HtmlBlock(gui)
+        self.pause = HtmlBlock(gui)
+        self.message = HtmlBlock(gui)
         self._clock = clock
         self._shown: tuple[object, ...] = ()
         self._due = float("-inf")
@@ -61,10 +145,11 @@ class StatusPanel:
         """Show mode and hint at once, numbers twice a second."""
         state = (snapshot.mode, snapshot.recording.name)
         if state != self._shown or self._clock() >= self._due:
-            self._shown, self._due = state, self._clock() + REFRESH_S
+            self._shown = state
+            self._due = self._clock() + REFRESH_S
             self.line.show(_line(snapshot))
         self.hint.show(
-            '<div class="lt lt-hint"><div class="lt-card"><strong>Next:</strong> '
+            f'<div class="lt lt-hint"{first_tab(snapshot)}><div class="lt-card"><strong>Next:</strong> '
             f'<span data-ltvn-copy="hint">{with_keys(snapshot.hint)}</span></div></div>'
         )
         self.pause.show(_GO_ON if snapshot.pause_notice else "")
@@ -72,24 +157,47 @@ class StatusPanel:
 
     def _unread(self, message: Message | None) -> str:
         if message != self._latest:
-            self._latest, self._since = message, self._clock()
+            self._latest = message
+            self._since = self._clock()
         # The notification says it first; what it leaves behind is a problem that nobody has dealt with.
         if message is None or message.severity is not Severity.ERROR:
             return ""
         return _message(message) if self._clock() > self._since + SECONDS[Severity.ERROR] else ""
 
 
+_NAMED_TAB = re.compile("“(Drive|Go|World|Replay|Why)”")
+
+
+def first_tab(snapshot: Snapshot) -> str:
+    """Return the tab that a page opens with, as an attribute; nothing as long as what is on show is about to change."""
+    if not snapshot.hint or snapshot.work is not None:
+        return ""
+    named = _NAMED_TAB.search(snapshot.hint)
+    tab = "Drive" if named is None else named[1]
+    if snapshot.mode is Mode.REPLAY and snapshot.inspection.question != QuestionName.NONE:
+        tab = "Why"  # Whoever opens a recording with a question wants the answer.
+    return f' data-ltvn-tab="{tab}"'
+
+
 def _line(snapshot: Snapshot) -> str:
     recording = snapshot.recording
-    is_recording = int(recording.name is not None)
-    mode = f'<span class="lt-mode" data-mode="{snapshot.mode}" data-rec="{is_recording}">{snapshot.mode}</span>'
+    mode = f'<span class="lt-mode" data-mode="{snapshot.mode}">{snapshot.mode}</span>'
     parts = [f'<span data-ltvn-copy="mode">{mode}</span>']
     parts.append(health_button(snapshot))
     if snapshot.link is not None:
         parts.append(link_line(snapshot.link))
     if recording.name is not None:
-        parts.append(f"<span>rec <b>{recording.seconds:.0f}</b> s, <b>{recording.frames:,}</b> images</span>")
+        badge = f'<span data-ltvn-copy="rec">{rec_badge(recording.seconds)}</span>'
+        parts.append(f"{badge}<span><b>{recording.frames:,}</b> images</span>")
+    else:
+        parts.append('<span data-ltvn-copy="rec"></span>')
     return f'<div class="lt" role="status"><div class="lt-line">{"".join(parts)}</div>{health_numbers(snapshot)}</div>'
+
+
+def rec_badge(seconds: float) -> str:
+    """Return the red sign of a recording with its length."""
+    minutes, rest = divmod(int(seconds), 60)
+    return f'<span class="lt-rec">REC {minutes}:{rest:02d}</span>'
 
 
 def _message(message: Message) -> str:
@@ -128,7 +236,8 @@ class HealthReport(NamedTuple):
 
 def health_of(snapshot: Snapshot) -> HealthReport:
     """Return how well the app keeps up."""
-    rates, message = snapshot.rates, snapshot.message
+    rates = snapshot.rates
+    message = snapshot.message
     if message is not None and message.severity is Severity.ERROR:
         return HealthReport(Health.TROUBLE, f"The last message is an error: {message.text}")
     if snapshot.link is not None and snapshot.link.quality is LinkQuality.LOST:

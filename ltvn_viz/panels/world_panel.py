@@ -3,10 +3,9 @@
 import viser
 
 from ltvn_viz.panels.html_widgets import ActionButton, HtmlBlock, button_row, lines, note
-from ltvn_viz.server.keymap import Action
-from ltvn_viz.session.modes import LIVE, Mode
-from ltvn_viz.session.snapshot import Snapshot
-from ltvn_viz.session.world_view import DoorView, WorldView
+from ltvn_viz.session.snapshot import DoorView, Snapshot, WorldView
+from ltvn_viz.wishes.commands import LIVE, Mode
+from ltvn_viz.wishes.wish_table import Action
 
 LIGHTS = (("Plain", 100), ("Dim", 50), ("Dark", 20))
 """Names of light, and how bright each is in per cent."""
@@ -17,13 +16,18 @@ class WorldPanel:
 
     def __init__(self, gui: viser.GuiApi) -> None:
         """Add the controls to the tab that is open."""
-        self.watch, self.story = HtmlBlock(gui), HtmlBlock(gui)
-        self.about, self.doors = HtmlBlock(gui), HtmlBlock(gui)
-        self.boxes, self.light, self.undo = HtmlBlock(gui), HtmlBlock(gui), HtmlBlock(gui)
+        self.watch = HtmlBlock(gui)
+        self.story = HtmlBlock(gui)
+        self.about = HtmlBlock(gui)
+        self.doors = HtmlBlock(gui)
+        self.boxes = HtmlBlock(gui)
+        self.light = HtmlBlock(gui)
+        self.undo = HtmlBlock(gui)
 
     def show(self, snapshot: Snapshot) -> None:
         """Show what there is to change."""
-        world, enabled = snapshot.world, snapshot.mode in LIVE
+        world = snapshot.world
+        enabled = snapshot.mode in LIVE
         if world is None:
             self.about.show(note("Only the simulated world of the live robot can be changed."))
             for block in (self.doors, self.boxes, self.light, self.undo, self.watch, self.story):
@@ -34,9 +38,9 @@ class WorldPanel:
         self.boxes.show(_boxes(world, is_enabled=enabled))
         self.light.show(_light(world, is_enabled=enabled))
         self.undo.show(_undo(world, is_enabled=enabled))
-        can_watch = snapshot.mode is Mode.TELEOP and bool(world.doors) and bool(len(snapshot.moment.graph.ids))
-        hint = "a door closes on the robot's way, and opens again; see what the map makes of it"
-        watch = ActionButton(Action.WATCH_IT_LEARN, "Watch it learn", hint=hint, is_main=True, is_enabled=can_watch)
+        is_possible = bool(world.doors) and bool(len(snapshot.moment.graph.ids))
+        can_watch = snapshot.mode is Mode.TELEOP and is_possible and not snapshot.story_goes_on
+        watch = ActionButton(Action.WATCH_IT_LEARN, is_main=True, is_enabled=can_watch)
         self.watch.show(button_row(watch))
         self.story.show(lines(*(f"{number}. {text}" for number, text in enumerate(snapshot.story, 1))))
 
@@ -68,13 +72,11 @@ def _doors(doors: tuple[DoorView, ...], *, is_enabled: bool) -> str:
 def _boxes(world: WorldView, *, is_enabled: bool) -> str:
     new = ActionButton(
         Action.AIM_BOX,
-        "Put a box on the floor",
-        hint="then click the floor where it shall stand",
         is_main=world.aimed == 0,
         is_enabled=is_enabled,
         target=0,
     )
-    put = ActionButton(Action.PUT_BOX, "Put a box before the robot", is_enabled=is_enabled)
+    put = ActionButton(Action.PUT_BOX, is_enabled=is_enabled)
     rows = [button_row(new, put), *(_box(each.number, world.aimed, is_enabled=is_enabled) for each in world.boxes)]
     if world.aimed is not None:
         rows.append(note("Click the floor, coloured now, where the box shall stand. Press again to leave it."))
@@ -85,7 +87,6 @@ def _box(number: int, aimed: int | None, *, is_enabled: bool) -> str:
     move = ActionButton(
         Action.AIM_BOX,
         f"Move box {number}",
-        hint="then click the floor where it shall stand",
         is_main=aimed == number,
         is_enabled=is_enabled,
         target=number,
@@ -112,5 +113,5 @@ def _light(world: WorldView, *, is_enabled: bool) -> str:
 
 
 def _undo(world: WorldView, *, is_enabled: bool) -> str:
-    label = f"Undo: {world.undo}" if world.undo else "Undo"
+    label = f"Undo: {world.undo}" if world.undo else ""
     return button_row(ActionButton(Action.UNDO_CHANGE, label, is_enabled=is_enabled and bool(world.undo)))

@@ -9,12 +9,11 @@ from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 from ltvn_viz.server.driver_seat import ClientId, HeldInput, SeatState
-from ltvn_viz.server.keymap import Action, Direction
+from ltvn_viz.server.keymap import Direction
+from ltvn_viz.wishes.wish_table import MAX_WHOLE, WISHES, Action, Value
 
-MAX_MESSAGE_BYTES = 1024
+MAX_MESSAGE_BYTES = 4096
 _HERE_TEXT = '{"type":"here"}'
-MAX_ID = 2**53 - 1
-"""JavaScript counts exactly up to here."""
 
 
 class MessageError(ValueError):
@@ -39,8 +38,8 @@ class ActionMessage:
     """One press or click."""
 
     action: Action
-    target: int | None
-    """The id of what was clicked: a node, which is a frame."""
+    value: Value = None
+    """What it is about, of the kind that the action carries."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,8 +75,9 @@ def parse_message(text: str | bytes) -> PageMessage:
             len(fields) == 6
         ):
             return DriveMessage(HeldInput(_directions(held), _stick(stick), slow), _whole(epoch), _whole(age) / 1000)
-        case {"type": "action", "action": str(action), "id": target} if len(fields) == 3:
-            return ActionMessage(_action(action), None if target is None else _whole(target))
+        case {"type": "action", "action": str(name), "value": value} if len(fields) == 3:
+            action = _action(name)
+            return ActionMessage(action, _carried(action, value))
         case {"type": "link", "query": str(query)} if len(fields) == 2:
             return LinkMessage(query)
         case {"type": "here"} if len(fields) == 1:
@@ -85,6 +85,10 @@ def parse_message(text: str | bytes) -> PageMessage:
         case _:
             valid = "a drive, an action, a link or a sign of life would be valid"
             raise MessageError(f"unknown message with the fields {sorted(fields)}; {valid}")
+
+
+BEAT_MESSAGE = '{"type": "beat"}'
+"""Says that the server is there; `socket_worker.js` knows it letter by letter."""
 
 
 def state_message(client: ClientId, seat: SeatState) -> str:
@@ -126,9 +130,22 @@ def _stick(value: Any) -> tuple[float, float]:
 
 
 def _whole(value: Any) -> int:
-    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= MAX_ID:
-        raise MessageError("epoch, age (ms) and id must be whole numbers from 0")
+    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= MAX_WHOLE:
+        raise MessageError("epoch and age (ms) must be whole numbers from 0")
     return value
+
+
+def _carried(action: Action, value: Any) -> Value:
+    match value:
+        case [int() | float() as x, int() | float() as y]:
+            carried: Value = (x, y)
+        case None | int() | str():
+            carried = value
+        case _:
+            raise MessageError("value must be nothing, a whole number, a text or a place")
+    if not WISHES[action].carries.fits(carried):
+        raise MessageError(f"{action} carries {WISHES[action].carries.name.lower()}, within limits")
+    return carried
 
 
 def _action(name: str) -> Action:

@@ -18,6 +18,7 @@ from websockets.frames import CloseCode
 
 from ltvn_core.types import Twist
 from ltvn_viz.server.drive_messages import (
+    BEAT_MESSAGE,
     MAX_MESSAGE_BYTES,
     ActionMessage,
     DriveMessage,
@@ -29,17 +30,16 @@ from ltvn_viz.server.drive_messages import (
     refusal_message,
     state_message,
 )
-from ltvn_viz.server.driver_seat import ClientId, DriveAccepted, DriverSeat, StopReason
-from ltvn_viz.server.keymap import FOR_EVERYBODY, OWN_VIEW, Action
-from ltvn_viz.server.limited_log import LimitedLog
-from ltvn_viz.server.message_pace import Pace, PageBudget
-from ltvn_viz.server.presence import TICK_S, Presence
-from ltvn_viz.server.strangers import GuardedConnection
+from ltvn_viz.server.driver_seat import TICK_S, ClientId, DriveAccepted, DriverSeat, Presence, StopReason
+from ltvn_viz.server.limits import GuardedConnection, LimitedLog, Pace, PageBudget
+from ltvn_viz.wishes.wish_table import WISHES, Action, Audience, Value
 
 logger = logging.getLogger(__name__)
 
 MAX_PAGES = 32
 MAX_UNSENT = 16
+BEAT_S = 0.25
+"""How often each page hears that the server is there; without it for a second a page says that it sees old things."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,9 +50,9 @@ class DriveListener:
     """The driver's input was accepted; repeated at 20 Hz while it is held."""
     on_stop: Callable[[ClientId | None, StopReason], None] = lambda client, reason: None
     """The motion ended, or somebody pressed stop."""
-    on_action: Callable[[ClientId, Action, int | None], None] = lambda client, action, target: None
+    on_action: Callable[[ClientId, Action, Value], None] = lambda client, action, value: None
     """A key was pressed or something with an id was clicked."""
-    on_own_action: Callable[[ClientId, Action, int | None], None] = lambda client, action, target: None
+    on_own_action: Callable[[ClientId, Action, Value], None] = lambda client, action, value: None
     """The same on a page without the seat, where it concerns that page's own view."""
     on_link: Callable[[ClientId, str], None] = lambda client, query: None
     """A page was opened by a link with this query."""
@@ -69,6 +69,8 @@ class Newest(Enum):
     """Which moment is on show."""
     ACTIVITY = auto()
     """What the robot does by itself."""
+    BEAT = auto()
+    """The server is there."""
 
 
 class _Page:
@@ -134,7 +136,8 @@ class DriveSocket:
         self._closing = False
         self._clients: dict[str, ClientId] = {}
         self._newest: dict[Newest, str | bytes] = {}
-        self._stop_log, self._refusal_log = LimitedLog(logger), LimitedLog(logger)
+        self._stop_log = LimitedLog(logger)
+        self._refusal_log = LimitedLog(logger)
         self._watchdog = threading.Thread(target=self._watch, name="drive watchdog", daemon=True)
         self._watchdog.start()
 
@@ -146,6 +149,7 @@ class DriveSocket:
         if self._loop is None:
             self._loop = asyncio.get_running_loop()
             self._watch_presence(self._loop)
+            self._beat(self._loop)
         page = _Page(next(self._ids), connection)
         self._pages[page.client] = page
         self.presence.hear(page.client)
@@ -241,13 +245,18 @@ class DriveSocket:
                 self.seat.take_over(page.client)
             case ActionMessage(Action.RELEASE):
                 self.seat.release(page.client)
-            case ActionMessage(action, target) if action in OWN_VIEW and not self.seat.try_sit(page.client):
-                self._call(self.listener.on_own_action, page.client, action, target)
-            case ActionMessage(action, target):
-                self._pass_on(page, self.listener.on_action, action, target, free=action in FOR_EVERYBODY)
+            case ActionMessage(action, value):
+                self._obey_action(page, action, value)
             case LinkMessage(query):
                 self._pass_on(page, self.listener.on_link, query, free=False)
         self.settle()
+
+    def _obey_action(self, page: _Page, action: Action, value: Value) -> None:
+        audience = WISHES[action].audience
+        if audience is Audience.OWN_VIEW and not self.seat.try_sit(page.client):
+            self._call(self.listener.on_own_action, page.client, action, value)
+        else:
+            self._pass_on(page, self.listener.on_action, action, value, free=audience is Audience.EVERYBODY)
 
     def _pass_on(self, page: _Page, tell: Callable[..., None], *said: object, free: bool) -> None:
         """Tell the listener what a page asks for, if everybody may or if the page has the seat."""
@@ -284,6 +293,11 @@ class DriveSocket:
             self._tell_absence()
         if not self._closing:
             loop.call_later(TICK_S, self._watch_presence, loop)
+
+    def _beat(self, loop: asyncio.AbstractEventLoop) -> None:
+        self._tell_newest(Newest.BEAT, BEAT_MESSAGE)
+        if not self._closing:
+            loop.call_later(BEAT_S, self._beat, loop)
 
     def _tell_absence(self) -> None:
         if self.presence.absence is not None:

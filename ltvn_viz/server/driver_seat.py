@@ -16,6 +16,7 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from datetime import datetime
 from enum import StrEnum
 from typing import TypeAlias
 
@@ -167,7 +168,8 @@ class DriverSeat:
         with self._lock:
             self._expire()
             if self._driver is None:
-                self._driver, self._active = client, self._clock()
+                self._driver = client
+                self._active = self._clock()
             return self._driver == client
 
     def stop(self, client: ClientId | None = None) -> None:
@@ -182,7 +184,8 @@ class DriverSeat:
             self._expire()
             if self._driver not in (None, client):
                 self._begin_epoch(client, StopReason.TAKEN_OVER)
-            self._driver, self._active = client, self._clock()
+            self._driver = client
+            self._active = self._clock()
 
     def release(self, client: ClientId) -> None:
         """Leave the seat, if the client has it; a moving robot stops."""
@@ -254,9 +257,79 @@ class DriverSeat:
         self._twist = None
         self._epoch += 1
         self._armed.clear()
-        self._reason, self._stopped_by = reason, client
+        self._reason = reason
+        self._stopped_by = client
         self._events.append(MotionStopped(client, reason))
 
 
 def _unit(value: float) -> float:
     return max(-1.0, min(1.0, value))
+
+
+HERE_LEASE_S = 0.25
+"""A page that was silent for longer is gone."""
+TICK_S = 0.02
+"""How often silence is looked for."""
+
+
+class Loss(StrEnum):
+    """How the last page went; the value ends the sentence “The last page ...”."""
+
+    CLOSED = "was closed"
+    SILENT = "froze or lost its connection"
+
+
+@dataclass(frozen=True, slots=True)
+class Absence:
+    """Nobody is there."""
+
+    loss: Loss
+    since: datetime
+    """Local time."""
+
+
+class Presence:
+    """Knows the pages by their signs of life."""
+
+    def __init__(
+        self,
+        *,
+        lease_s: float = HERE_LEASE_S,
+        clock: Callable[[], float] = time.monotonic,
+        today: Callable[[], datetime] = datetime.now,
+    ) -> None:
+        """Begin without pages; measure silence by `clock`, in seconds."""
+        self._lease_s = lease_s
+        self._clock = clock
+        self._today = today
+        self._heard: dict[ClientId, float] = {}
+        self._counted_s = 0.0
+        self._ticked = clock()
+        self.absence: Absence | None = None
+        """Set while no page is there; None before the first one came, for nobody can be missed then."""
+
+    def hear(self, client: ClientId) -> None:
+        """Note that a page is there."""
+        self._heard[client] = self._counted_s
+        self.absence = None
+
+    def leave(self, client: ClientId) -> None:
+        """Note that a page's socket is closed."""
+        was_there = self.absence is None
+        self._heard.pop(client, None)
+        if was_there and not self._is_somebody_there():
+            self.absence = Absence(Loss.CLOSED, self._today())
+
+    def tick(self) -> bool:
+        """Let time pass; return whether the last page fell silent just now. To be called every `TICK_S`."""
+        now = self._clock()
+        # A late call means that this thread stalled, and with it the hearing of the pages.
+        self._counted_s += min(now - self._ticked, 2 * TICK_S)
+        self._ticked = now
+        if self.absence is not None or not self._heard or self._is_somebody_there():
+            return False
+        self.absence = Absence(Loss.SILENT, self._today())
+        return True
+
+    def _is_somebody_there(self) -> bool:
+        return any(self._counted_s - heard <= self._lease_s for heard in self._heard.values())

@@ -27,7 +27,7 @@ TERMS = (
     ),
     Term(
         "mu",
-        "length",
+        "length (mu)",
         "How far the edge is to drive, in the units of d; the planner adds these up. ± is how sure that is.",
     ),
     Term(

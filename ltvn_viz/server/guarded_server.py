@@ -10,15 +10,19 @@ Uploads need no route: `gui.add_upload_button` travels over viser's own socket, 
 import asyncio
 import contextlib
 import io
+import json
 import re
 import secrets
+import signal
 import socket
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from http import HTTPStatus
+from types import FrameType
 from typing import Any, Self
 from urllib.parse import parse_qs, urlsplit
 
@@ -32,22 +36,26 @@ from ltvn_core.errors import ServerError
 from ltvn_viz.server import page_messages
 from ltvn_viz.server.drive_messages import MAX_MESSAGE_BYTES
 from ltvn_viz.server.drive_socket import MAX_PAGES, DriveListener, DriveSocket, Newest
-from ltvn_viz.server.driver_seat import ClientId, DriverSeat
+from ltvn_viz.server.driver_seat import HERE_LEASE_S, ClientId, DriverSeat, Presence
 from ltvn_viz.server.index_page import IndexPage
-from ltvn_viz.server.limited_log import quiet_logger
-from ltvn_viz.server.message_pace import Pace
+from ltvn_viz.server.limits import GuardedConnection, Pace, Strangers, quiet_logger
 from ltvn_viz.server.page_gate import PageGate
-from ltvn_viz.server.presence import HERE_LEASE_S, Presence
-from ltvn_viz.server.proof import MAX_PROOF_BYTES, Proof
-from ltvn_viz.server.request_guard import is_loopback, is_websocket, refusal
-from ltvn_viz.server.responses import refuse
-from ltvn_viz.server.routes import RouteHandler, Routes, not_found
-from ltvn_viz.server.strangers import GuardedConnection, Strangers
+from ltvn_viz.server.requests import (
+    MAX_PROOF_BYTES,
+    Proof,
+    RouteHandler,
+    Routes,
+    is_loopback,
+    is_websocket,
+    not_found,
+    refusal,
+    refuse,
+)
 
 DRIVE_PATH = "/drive"
 VISER_PATH = "/"
 READY_PREFIX = "/ready/"
-"""A page asks here whether the app is there, true or false as JSON, before it opens its sockets."""
+"""A page asks here at what the app still is, empty when it is there, as JSON, before it opens its sockets."""
 MAX_VISER_SOCKETS = 2 * MAX_PAGES
 """A page that comes back may be counted twice until its old socket is given up."""
 ASK_FOR_TOKEN = "Open the address that was printed in the terminal; it carries the token (#token=...)."
@@ -77,13 +85,13 @@ class GuardedServer:
         *,
         seat: DriverSeat | None = None,
         drives: bool = True,
-        is_loading: bool = False,
+        loading: str = "",
         pace: Pace | None = None,
     ) -> None:
         """Start serving; port 0 takes any free one. A page that drives nothing has no pad. Raises ServerError.
 
-        While it is loading, which `end_loading` ends, pages come and wait. A page that says more than `pace` allows
-        loses its socket.
+        While there is something in `loading`, which `end_loading` ends, pages come, show it and wait. A page that says
+        more than `pace` allows loses its socket.
         """
         if not is_loopback(host):
             raise ServerError(
@@ -100,9 +108,9 @@ class GuardedServer:
         self._drive = DriveSocket(self.seat, self.presence, pace=pace)
         self._routes = Routes()
         self._page = IndexPage(drives=drives)
-        self._is_loading = is_loading
+        self._loading = loading
         self.gate = PageGate(self._drive.may_drive if drives else lambda key: True, pace)
-        self._routes.add(READY_PREFIX, lambda _: b"false" if self._is_loading else b"true", ending="json")
+        self._routes.add(READY_PREFIX, lambda _: json.dumps(self._loading).encode(), ending="json")
         self._proof = Proof(self.token)
         self._strangers = Strangers()
         self._files = ThreadPoolExecutor(max_workers=2, thread_name_prefix="page files")
@@ -170,9 +178,13 @@ class GuardedServer:
         """Tell all pages what the robot does by itself. Safe from any thread."""
         self._drive.tell_newest(Newest.ACTIVITY, message)
 
+    def say_loading(self, step: str) -> None:
+        """Let the pages that wait show at what the app is. Safe from any thread."""
+        self._loading = step
+
     def end_loading(self) -> None:
         """Let the pages that wait open their sockets."""
-        self._is_loading = False
+        self._loading = ""
 
     def close(self) -> None:
         """Stop the robot and serve no more."""
@@ -220,9 +232,10 @@ class GuardedServer:
             return None if path in (DRIVE_PATH, VISER_PATH) else not_found()
         if path in ("/", "/index.html"):
             return self._page.answer()  # The same for every start: it shows nothing of this one.
-        if not self._proof.is_in(request):
+        match = self._routes.find(path)
+        if not self._proof.is_in(request, is_for_picture=match is not None and match.is_picture):
             return refuse(HTTPStatus.UNAUTHORIZED, ASK_FOR_TOKEN)
-        if (match := self._routes.find(path)) is None:
+        if match is None:
             return not_found()
         # Reading a picture from disk must not hold up a key press.
         return await asyncio.get_running_loop().run_in_executor(self._files, match.answer)
@@ -279,3 +292,18 @@ def _bind(host: str, port: int) -> socket.socket:
 def _silence() -> contextlib.redirect_stdout[io.StringIO]:
     """Keep viser from printing an address without the token, and from writing into `--json -`."""
     return contextlib.redirect_stdout(io.StringIO())
+
+
+@contextmanager
+def stop_on_signals(stop: Callable[[], None]) -> Iterator[None]:
+    """Call `stop` at Ctrl-C and at a polite kill, so that what is open can be finished."""
+
+    def handle(_number: int, _frame: FrameType | None) -> None:
+        stop()
+
+    before = {number: signal.signal(number, handle) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

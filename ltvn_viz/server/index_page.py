@@ -14,18 +14,44 @@ import viser
 from websockets.http11 import Response
 
 from ltvn_viz.server.glossary import TERMS
-from ltvn_viz.server.keymap import FOR_EVERYBODY, Direction, action_codes, direction_codes, help_rows
-from ltvn_viz.server.responses import HTML, reply
+from ltvn_viz.server.keymap import Direction, action_codes, direction_codes, help_rows, us_caps
+from ltvn_viz.server.requests import HTML, reply
 from ltvn_viz.server.strip_kinds import strip_tables
-from ltvn_viz.server.viser_client import viser_page
+from ltvn_viz.wishes.wish_table import WISHES, Audience
+
+_UNPACKED = "const code=td.decode(heap.subarray(up+ss,up+sz));"
+"""Where viser's loader has its application as text."""
+_WITHOUT_SPLATS = (
+    "const code=td.decode(heap.subarray(up+ss,up+sz))"
+    r".replace(/\.then\((\w+)=>\w+\(\{wasmBinary:\1\}\)\)(?=;function)/,'.then(()=>new Promise(()=>{}))');"
+)
+"""The sorter of Gaussian splats, which nothing of ours shows, is set up when the application starts and evaluates text
+as code; a policy that allows no such thing stops it with an EvalError. It is left waiting instead."""
+
+_WITHOUT_NOTICE = "<style>#webgl-software-rendering { display: none; }</style></head>"
+"""viser's notice that the processor draws never goes, and covers our own words. The page has a line for it."""
+
+
+def viser_page() -> str:
+    """Return the HTML of viser's page, mended."""
+    return mended((Path(viser.__file__).parent / "client/build/index.html").read_text(encoding="utf-8"))
+
+
+def mended(html: str) -> str:
+    """Return a page of viser, live or exported, that evaluates no text as code and covers nothing."""
+    if html.count(_UNPACKED) != 1 or html.count("</head>") != 1:
+        raise RuntimeError(f"viser {viser.__version__} has another page than the one this was written for")
+    return html.replace(_UNPACKED, _WITHOUT_SPLATS).replace("</head>", _WITHOUT_NOTICE)
+
 
 STATIC = Path(__file__).parents[1] / "static"
-DOOR_SCRIPTS = ("token.js", "page.js")
-"""What each page needs to be let in."""
+DOOR_SCRIPTS = ("theme.js", "token.js", "page.js")
+"""What each page needs to look right and to be let in."""
 SCRIPTS = (
     *DOOR_SCRIPTS,
     "layout.js",
     "names.js",
+    "caps.js",
     "pictures.js",
     "seat.js",
     "held.js",
@@ -33,7 +59,9 @@ SCRIPTS = (
     "gamepad.js",
     "pad.js",
     "rights.js",
+    "silence.js",
     "clicks.js",
+    "take_along.js",
     "links.js",
     "timeline_data.js",
     "timeline_view.js",
@@ -43,9 +71,9 @@ SCRIPTS = (
     "drawing.js",
     "main.js",
 )
-STYLES = ("loading.css", "layout.css", "ltvn.css", "timeline.css")
+STYLES = ("theme.css", "loading.css", "layout.css", "ltvn.css", "timeline.css")
 PLAIN_SCRIPTS = (*DOOR_SCRIPTS, "plain_main.js")
-PLAIN_STYLES = ("loading.css", "ltvn.css")
+PLAIN_STYLES = ("theme.css", "loading.css", "ltvn.css")
 PARTS = "page.html"
 SOCKET_WORKER = "socket_worker.js"
 LINK_PARAMETERS = ("replay", "at", "node", "edge", "tool", "camera")
@@ -86,7 +114,8 @@ class IndexPage:
     def answer(self) -> Response:
         """Return the page with a fresh nonce; it holds nothing that was not the same at every start."""
         nonce = secrets.token_urlsafe(18)
-        html, policy = nonce.encode().join(self._between_nonces), POLICY.replace(NONCE, nonce)
+        html = nonce.encode().join(self._between_nonces)
+        policy = POLICY.replace(NONCE, nonce)
         return reply(HTTPStatus.OK, html, content_type=HTML, policy=policy)
 
 
@@ -135,7 +164,8 @@ def _keymap() -> dict[str, object]:
     return {
         "directions": direction_codes(),
         "actions": action_codes(),
-        "everybody": sorted(FOR_EVERYBODY),
+        "everybody": sorted(action for action, wish in WISHES.items() if wish.audience is not Audience.DRIVER),
         "allDirections": list(Direction),
         "help": help_rows(),
+        "caps": us_caps(),
     }

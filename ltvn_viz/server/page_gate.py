@@ -2,9 +2,9 @@
 
 viser believes its pages: whatever one sends is set and told to all others. So each message passes here first. It must
 be one that a page of ours has reason to send, with fields of the right type and size (`page_messages`); the thing it is
-about must be there and take the value (`page_elements`); and the page must have the right, which it has for its own
-view, and for what all pages share only from the driver's seat. What is refused is dropped, and the page is shown again
-what stands; bytes that are no message at all cost the page its socket.
+about must be there and take the value (`takes`); and the page must have the right, which it has for its own view, and
+for what all pages share only from the driver's seat. What is refused is dropped, and the page is shown again what
+stands; bytes that are no message at all cost the page its socket.
 """
 
 import asyncio
@@ -20,9 +20,7 @@ from viser import _messages
 from websockets.frames import CloseCode
 
 from ltvn_viz.server.drive_messages import MessageError
-from ltvn_viz.server.limited_log import LimitedLog
-from ltvn_viz.server.message_pace import Pace, PageBudget, TooManyMessagesError
-from ltvn_viz.server.page_elements import takes
+from ltvn_viz.server.limits import GuardedConnection, LimitedLog, Pace, PageBudget, TooManyMessagesError
 from ltvn_viz.server.page_messages import (
     MAX_UPLOAD_BYTES,
     PART_BYTES,
@@ -35,8 +33,8 @@ from ltvn_viz.server.page_messages import (
     ViewerCamera,
     ViserMessage,
     read_viser_message,
+    takes,
 )
-from ltvn_viz.server.strangers import GuardedConnection
 
 logger = logging.getLogger(__name__)
 
@@ -176,7 +174,8 @@ class GuardedPage:
     def __init__(self, gate: PageGate, connection: GuardedConnection, key: str | None) -> None:
         self.key = key
         self.subprotocol = connection.subprotocol
-        self._gate, self._connection = gate, connection
+        self._gate = gate
+        self._connection = connection
         self._budget = PageBudget(gate.pace)
         self._upload: _Upload | None = None
 

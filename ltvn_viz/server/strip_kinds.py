@@ -1,7 +1,8 @@
 """The kinds of marks on the timeline at the foot of the page: in which lane each stands, its sign, colour and words.
 
 Owns the table, of which the page's script gets a copy. Signs differ as well as colours, so that nothing is told by
-colour alone.
+colour alone. Within a lane a colour has one meaning: orange is what failed, magenta what the map lost or the robot
+believes to be shut, green what came or is open; what people did to the world is white.
 """
 
 from enum import IntEnum
@@ -61,12 +62,12 @@ STRIP_STYLES: dict[StripKind, StripStyle] = {
     StripKind.REPLANNED: StripStyle(Lane.DRIVING, "◆", palette.PLAN, "new plan", "edge"),
     StripKind.SEEN_OPEN: StripStyle(Lane.WORLD, "○", palette.EDGE_ADDED, "seen open", "edge"),
     StripKind.WORLD_CHANGED: StripStyle(Lane.WORLD, "◇", palette.TEXT, "world changed"),
-    StripKind.DOOR_OPENED: StripStyle(Lane.WORLD, "□", palette.EDGE_ADDED, "door opened", "number"),
-    StripKind.DOOR_CLOSED: StripStyle(Lane.WORLD, "■", palette.EDGE_REMOVED, "door closed", "number"),
+    StripKind.DOOR_OPENED: StripStyle(Lane.WORLD, "□", palette.TEXT, "door opened", "number"),
+    StripKind.DOOR_CLOSED: StripStyle(Lane.WORLD, "■", palette.TEXT, "door closed", "number"),
     StripKind.SEEN_BLOCKED: StripStyle(Lane.WORLD, "●", palette.EDGE_REMOVED, "seen blocked", "edge"),
     StripKind.PRUNED: StripStyle(Lane.MAP, "▼", palette.EDGE_REMOVED, "pruned", "edge"),
     StripKind.FAILED: StripStyle(Lane.DRIVING, "✕", palette.TARGET, "attempt failed", "edge"),
-    StripKind.COLLISION: StripStyle(Lane.DRIVING, "✸", palette.GOAL, "collision"),
+    StripKind.COLLISION: StripStyle(Lane.DRIVING, "✸", palette.TARGET, "collision"),
 }
 """All kinds that are signs; those of queries are bars."""
 
@@ -94,7 +95,7 @@ BAR_STYLES: dict[QueryEnd, BarStyle] = {
     QueryEnd.FAILED: BarStyle("✕", palette.TARGET, "failed"),
     QueryEnd.REACHED: BarStyle("✓", palette.EDGE_ADDED, "reached"),
     QueryEnd.CANCELLED: BarStyle("–", palette.COURSE, "cancelled"),
-    QueryEnd.WRONG: BarStyle("✕", palette.EDGE_REMOVED, "wrong arrival"),
+    QueryEnd.WRONG: BarStyle("≠", palette.EDGE_REMOVED, "wrong arrival"),
 }
 
 

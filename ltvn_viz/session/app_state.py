@@ -12,8 +12,8 @@ from typing import Protocol, TypeAlias
 
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.graph.navigation_system import NavigationSystem
+from ltvn_core.maps.recorded_map import BuildOptions
 from ltvn_core.navigation.events import Severity
-from ltvn_core.recorded_map import BuildOptions
 from ltvn_core.types import NodeId, Predictor
 from ltvn_viz.server.driver_seat import ClientId
 from ltvn_viz.session.activities.map_building import MapBuilding
@@ -22,23 +22,22 @@ from ltvn_viz.session.activities.playback import Playback
 from ltvn_viz.session.activities.teleop import Teleop
 from ltvn_viz.session.camera_feed import ImageFeed
 from ltvn_viz.session.changeable_world import ChangeableWorld
-from ltvn_viz.session.commands import Command, QuestionRequest
 from ltvn_viz.session.fine_tuning import FineTuning
-from ltvn_viz.session.goals import Goals
+from ltvn_viz.session.goals import Goals, PlaceLookup
 from ltvn_viz.session.inspection import Inspection
 from ltvn_viz.session.live_map import LiveMap
 from ltvn_viz.session.live_run import LiveRun
-from ltvn_viz.session.place_lookup import PlaceLookup
-from ltvn_viz.session.recording_library import RecordingLibrary
+from ltvn_viz.session.recording_library import RecordingLibrary, rerun_unavailable
 from ltvn_viz.session.recording_maker import RecordingMaker
-from ltvn_viz.session.rerun_viewers import rerun_unavailable
 from ltvn_viz.session.robot_link import RobotLink
+from ltvn_viz.session.saved_files import SavedFiles
+from ltvn_viz.session.share_links import Viewpoint
 from ltvn_viz.session.snapshot import JobProgress, Message
 from ltvn_viz.session.story_teller import StoryTeller
-from ltvn_viz.session.viewpoint import Viewpoint
 from ltvn_viz.session.worker import PatientWorker, Worker
 from ltvn_viz.timeline.run_moment import RunMoment
 from ltvn_viz.timeline.strip_marks import StripLibrary
+from ltvn_viz.wishes.commands import Command, QuestionRequest
 
 Activity: TypeAlias = Teleop | Navigation | MapBuilding | Playback
 
@@ -115,6 +114,7 @@ class AppState:
     open_replay: Callable[[str], Playback]
     """Reads a recording by its name in the library; runs in the worker's thread."""
     feed: ImageFeed
+    """What the method sees."""
     goals: Goals
     teleop: Teleop
     fine_tuning: FineTuning
@@ -138,10 +138,16 @@ class AppState:
     work: JobProgress | None = None
     """A job that the page should wait for, beside what an activity says itself."""
     queries: int = 0
+    larger_feed: ImageFeed | None = None
+    """Draws a larger picture for people; None where nobody can."""
+    shows_larger: bool = False
+    """The page shows that picture."""
     keeps_going: bool = False
     """A query goes on when the last page closes."""
     rerun: Callable[[Path], str] = rerun_unavailable
     """Serves a recording in Rerun's web viewer and returns its address; runs in the worker's thread."""
+    saved_files: SavedFiles = field(default_factory=SavedFiles)
+    """What was written for somebody, and the page hands out."""
     viewpoint: Callable[[], Viewpoint | None] = lambda: None
     """From where the person looks at the scene; None where there is no page."""
     world: ChangeableWorld | None = None
@@ -177,11 +183,12 @@ class AppState:
         """Tell whether the page shows the robot as it is now."""
         return self.shown_stamp is None and not isinstance(self.activity, Playback)
 
-    def say(self, text: str, severity: Severity = Severity.INFO) -> None:
-        """Show a message in the page."""
+    def say(self, text: str, severity: Severity = Severity.INFO, *, title: str = "") -> None:
+        """Show a message in the page, under a title of its own or that of its severity."""
         if self.message is None or (text, severity) != (self.message.text, self.message.severity):
             # An error that comes back with every tick is one message.
-            self.message = Message(text, severity, self.message.number + 1 if self.message is not None else 1)
+            number = 1 if self.message is None else self.message.number + 1
+            self.message = Message(text, severity, number, title)
 
     def cancel(self, notice: str) -> None:
         """Leave a query before its end, and say so."""

@@ -2,25 +2,28 @@
 
 Owns where a simulated robot starts. A robot of one's own has no renderer, no scene and no ground truth; where one only
 watches a recording there may be no robot either.
+
+Stand-ins take the place of a simulator or network that is not there; they only say what is missing.
 """
 
 import logging
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
+from typing import NoReturn
 
 import numpy as np
 
 from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.config import Likelihoods
+from ltvn_core.data.recording.map_file import LoadedMap
+from ltvn_core.data.recording.metadata import SOURCE_SCENE
 from ltvn_core.errors import LtvnError, MissingLibraryError, SceneError, WeightsError
 from ltvn_core.extras import naming_the_extra
 from ltvn_core.network.driving_calibration import measured_likelihoods
-from ltvn_core.predictors.opening import open_predictor, simulated_robot
-from ltvn_core.predictors.registry import NETWORK
-from ltvn_core.recording.map_file import LoadedMap
-from ltvn_core.recording.metadata import SOURCE_SCENE
-from ltvn_core.robots.robot import Robot
+from ltvn_core.predictors.opening import NETWORK, open_predictor, simulated_robot
+from ltvn_core.robots.robot import Robot, WallClock
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.robots.robot_view import fit_camera
 from ltvn_core.simulation.changes.script_registry import make_script
@@ -30,16 +33,68 @@ from ltvn_core.simulation.opening import START_CLEARANCE_M, open_simulation
 from ltvn_core.simulation.rendering.embree_renderer import EmbreeRenderer
 from ltvn_core.simulation.scene import Scene
 from ltvn_core.simulation.scene_registry import load_scene
-from ltvn_core.types import Pose, Predictor, Renderer
-from ltvn_viz.session.absent_backend import AbsentFeed, AbsentPredictor, AbsentRobot
-from ltvn_viz.session.camera_feed import CameraFeed, ImageFeed, ObservationFeed
-from ltvn_viz.session.live_robot import LiveRobot
-from ltvn_viz.session.live_run import LiveRun
+from ltvn_core.types import Features, Observation, Pose, Prediction, Predictor, Renderer, RobotState, Twist
+from ltvn_viz.session.camera_feed import LargerFeed
+from ltvn_viz.session.live_run import LiveRobot
 from ltvn_viz.session.options import AppOptions
+
+NO_PREDICTOR = "none"
+"""Fingerprint of a predictor that is not there."""
+
+
+class AbsentRobot:
+    """A robot that stands for ever. Implements `ltvn_core.robots.robot.Robot`."""
+
+    spec = LOCOBOT
+    clock = WallClock()
+
+    def __init__(self, why: LtvnError) -> None:
+        """Remember why there is no robot."""
+        self._why = why
+
+    def observe(self) -> Observation:
+        """Raise SceneError."""
+        raise SceneError(f"There is no robot to drive: {self._why}")
+
+    def state(self) -> RobotState:
+        """Stand nowhere: at NaN, which is not drawn."""
+        return RobotState(np.full(3, np.nan), stamp=0.0, step=0, bumper_pressed=False)
+
+    def drive(self, twist: Twist) -> None:
+        """Raise SceneError."""
+        raise SceneError(f"There is no robot to drive: {self._why}")
+
+    def stop(self) -> None:
+        """Stand."""
+
+
+class AbsentPredictor:
+    """A network that can compare nothing. Implements `ltvn_core.types.Predictor`."""
+
+    fingerprint = NO_PREDICTOR
+    camera = LOCOBOT.camera
+
+    def __init__(self, why: LtvnError, likelihoods: Likelihoods | None = None) -> None:
+        """Remember why there is no network, and what was measured of it."""
+        self._why = why
+        self.likelihoods = likelihoods
+
+    def encode(self, observations: Sequence[Observation]) -> Features:
+        """Raise the error."""
+        self._refuse()
+
+    def predict(self, sources: Features, targets: Features) -> Prediction:
+        """Raise the error."""
+        self._refuse()
+
+    def _refuse(self) -> NoReturn:
+        raise self._why
+
 
 logger = logging.getLogger(__name__)
 
-DISPLAY_SIZE = (320, 240)
+LARGER_SIZE = (320, 240)
+"""Columns and rows of the larger picture."""
 START_CANDIDATES = 16
 
 
@@ -148,16 +203,14 @@ def live_robot(backend: Backend, predictor: Predictor, known: LoadedMap | None) 
     )
 
 
-def open_feed(backend: Backend, live: LiveRun, stack: ExitStack) -> ImageFeed:
-    """Open the camera view for people, to be closed by `stack`: rendered where that is possible, else as observed."""
-    if backend.robot is None:
-        return AbsentFeed()
+def open_larger_feed(backend: Backend, stack: ExitStack) -> LargerFeed | None:
+    """Open the larger picture for people, to be closed by `stack`; None where nobody can draw it."""
     renderer = backend.renderer
-    if renderer is None:
-        return ObservationFeed(lambda: live.view, live.robot.clock)
-    camera = backend.robot.spec.camera.scaled(*DISPLAY_SIZE)
+    if backend.robot is None or renderer is None:
+        return None
+    camera = backend.robot.spec.camera.scaled(*LARGER_SIZE)
     world = backend.world
-    feed = CameraFeed(lambda pose: renderer.render(pose, camera), look=lambda: None if world is None else world.state)
+    feed = LargerFeed(lambda pose: renderer.render(pose, camera), look=lambda: None if world is None else world.state)
     stack.callback(feed.close)
     return feed
 

@@ -1,7 +1,7 @@
-"""The live camera for the person: larger than the method's picture, drawn in a thread of its own.
+"""The live camera for the person: the image that the method works with, or a larger picture where somebody asks for it.
 
-The newest pose wins: while one picture is drawn, older wishes are dropped and counted. So showing never holds up
-driving.
+A larger picture is drawn in a thread of its own, and the newest pose wins: while one is drawn, older wishes are dropped
+and counted. So showing never holds up driving, and while nobody asks, nothing is drawn.
 """
 
 import logging
@@ -39,11 +39,12 @@ class ImageFeed(Protocol):
 
 
 class ObservationFeed:
-    """The robot's own images, as the method works with them, where nobody can render others."""
+    """The robot's own images, as the method works with them."""
 
     def __init__(self, newest: Callable[[], Observation | None], clock: Clock) -> None:
         """Show what `newest` returns; `clock` is the robot's."""
-        self._newest, self._clock = newest, clock
+        self._newest = newest
+        self._clock = clock
         self._shown: tuple[Observation, CameraImage] | None = None
 
     def latest_image(self, pose: Pose) -> FeedImage:
@@ -69,8 +70,8 @@ class _RenderRequest(NamedTuple):
         return self.look is other.look and np.array_equal(self.pose, other.pose)
 
 
-class CameraFeed:
-    """Draws what is seen from the newest pose, some times a second."""
+class LargerFeed:
+    """Draws a larger picture of what is seen from the newest pose, some times a second."""
 
     def __init__(
         self,
@@ -80,14 +81,16 @@ class CameraFeed:
         look: Callable[[], object] = lambda: None,
     ) -> None:
         """Start the thread; `render` is called in it alone. `look` returns another object once the world changed."""
-        self._render, self._clock, self._look = render, clock, look
+        self._render = render
+        self._clock = clock
+        self._look = look
         self._change = threading.Condition()
         self._wanted: _RenderRequest | None = None
         self._asked = _RenderRequest(np.full(3, np.nan), float("-inf"))
         self._shown: tuple[CameraImage | None, _RenderRequest] = (None, self._asked)
         self._dropped = 0
         self._closing = False
-        self._thread = threading.Thread(target=self._draw_forever, name="camera feed", daemon=True)
+        self._thread = threading.Thread(target=self._draw_forever, name="larger feed", daemon=True)
         self._thread.start()
 
     def latest_image(self, pose: Pose) -> FeedImage:
@@ -116,7 +119,7 @@ class CameraFeed:
             try:
                 image = CameraImage(*self._render(wish.pose), ImageSource.RENDERED)
             except Exception:
-                logger.exception("the camera view could not be drawn")
+                logger.exception("the larger picture could not be drawn")
                 return
             with self._change:
                 self._shown = image, wish

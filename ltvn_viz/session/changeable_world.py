@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from ltvn_core import worlds as w
 from ltvn_core.errors import WorldError
 from ltvn_core.geometry import compose
 from ltvn_core.navigation.events import StampedEvent, WorldChanged
 from ltvn_core.types import Pose
-from ltvn_core.worlds import world_change as w
 from ltvn_viz.session.live_run import LiveRun
-from ltvn_viz.session.world_view import BOX_SIZE_M, BoxView, WorldView, doors_of, floor_of
+from ltvn_viz.session.snapshot import BOX_SIZE_M, BoxView, WorldView, doors_of, floor_of
 
 if TYPE_CHECKING:
     from ltvn_core.simulation.changes.world import World
@@ -40,10 +40,12 @@ class ChangeableWorld:
 
     def __init__(self, world: "World", live: LiveRun, carry: Callable[[Pose], None]) -> None:
         """Write every change into the run from now on; `carry` puts the robot at a pose (3,)."""
-        self.world, self._live = world, live
+        self.world = world
+        self._live = live
         self.carry = carry
         """Puts the robot at a pose (3,); raises SceneError where something stands. Nobody may drive it meanwhile."""
-        self._doors, self._floor = doors_of(world.base), floor_of(world.base)
+        self._doors = doors_of(world.base)
+        self._floor = floor_of(world.base)
         self._aimed: int | None = None
         """Number of the box that waits for its place, 0 for a new one."""
         self._asked: deque[Callable[[], str]] = deque()

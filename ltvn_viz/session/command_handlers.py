@@ -1,35 +1,39 @@
 """Carries out what a person asked for.
 
 Owns the meaning of each command, and what new recordings are made of; the maker makes them in a thread of its own.
-Whether it is legal now is `modes`; runs in the session's thread alone.
+Whether it is legal now, `wishes` says; runs in the session's thread alone.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from datetime import datetime
 from pathlib import Path
 from typing import assert_never
 
-from ltvn_core.errors import LtvnError, OptionError
+from ltvn_core.data.importing.drive_import import import_drive
+from ltvn_core.data.importing.reader_registry import open_drive
+from ltvn_core.errors import LtvnError, OptionError, RecordingError
 from ltvn_core.graph.connectivity import count_strongly_connected_components
 from ltvn_core.graph.deltas import GraphDelta
-from ltvn_core.importing.drive_import import import_drive
-from ltvn_core.importing.reader_registry import open_drive
+from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.maps.recorded_map import build_recorded_map, save_recorded_map
 from ltvn_core.navigation.events import GraphChanged, Severity
-from ltvn_core.recorded_map import build_recorded_map, save_recorded_map
-from ltvn_viz.session import commands as c
+from ltvn_core.training.fine_tuning_data import DriveSource
+from ltvn_core.types import Observation
 from ltvn_viz.session.activities.map_building import MapBuilding
 from ltvn_viz.session.activities.navigation import Navigation
 from ltvn_viz.session.activities.playback import Playback
 from ltvn_viz.session.app_state import AppState
-from ltvn_viz.session.fine_tuning_handlers import start_fine_tuning, use_weights
 from ltvn_viz.session.goal_handlers import choose_goal, find_and_go, find_place, navigate, pick
 from ltvn_viz.session.inspection import QuestionName
-from ltvn_viz.session.modes import Mode, refusal
 from ltvn_viz.session.own_views import STALE_LINK
 from ltvn_viz.session.recording_maker import FailedRecording, MadeRecording, Progress
 from ltvn_viz.session.seeking import go_through_time
 from ltvn_viz.session.snapshot import JobProgress
 from ltvn_viz.session.world_handlers import change_world, interrupt_story
+from ltvn_viz.wishes import commands as c
+from ltvn_viz.wishes.commands import LEAST_MINUTES, MOST_MINUTES, Mode
+from ltvn_viz.wishes.wish_table import refusal
 
 
 def handle(state: AppState, command: c.Command) -> None:
@@ -44,6 +48,21 @@ def handle(state: AppState, command: c.Command) -> None:
 
 
 def _carry_out(state: AppState, command: c.Command) -> None:
+    if isinstance(command, c.DebuggerCommand):
+        _inspect(state, command)
+    elif isinstance(command, c.WorldCommand):
+        change_world(state, command)
+    elif isinstance(command, c.RecordingCommand):
+        _record(state, command)
+    elif isinstance(command, c.PlaybackCommand):
+        _play(state, command)
+    elif isinstance(command, c.TimeCommand):
+        go_through_time(state, command)
+    else:
+        _carry_out_other(state, command)
+
+
+def _carry_out_other(state: AppState, command: c.OtherCommand) -> None:
     match command:
         case c.StopRobot():
             _stop(state)
@@ -53,8 +72,12 @@ def _carry_out(state: AppState, command: c.Command) -> None:
             state.cancel("You took over; the query was cancelled.")
         case c.KeepGoing(is_on):
             _keep_going(state, is_on=is_on)
+        case c.ShowLarger(is_on):
+            state.shows_larger = is_on
         case c.BuildMap():
             _build_map(state)
+        case c.UndoBuild():
+            _undo_build(state)
         case c.ImportDrive(name):
             import_source(state, name)
         case c.FineTune(minutes):
@@ -69,8 +92,6 @@ def _carry_out(state: AppState, command: c.Command) -> None:
             choose_goal(state, node)
         case c.PickNode(node):
             pick(state, node)
-        case c.ChooseQuestion() | c.PointAt() | c.SubmitText() | c.AskQuestion() | c.FollowLink():
-            _inspect(state, command)
         case c.EditMap(deltas):
             _change(state, deltas)
         case c.NavigateTo(node):
@@ -79,25 +100,10 @@ def _carry_out(state: AppState, command: c.Command) -> None:
             if isinstance(state.activity, Playback):
                 find_place(state, state.activity, rgb if original is None else original)
             else:
-                find_and_go(state, rgb)
-        case (
-            c.ToggleDoor()
-            | c.AimBox()
-            | c.PutBox()
-            | c.TakeBox()
-            | c.SetLight()
-            | c.UndoWorldChange()
-            | c.WatchItLearn()
-        ):
-            change_world(state, command)
-        case c.StartRecording() | c.KeepRecording() | c.DiscardRecording():
-            _record(state, command)
-        case c.Pause() | c.StepOnce() | c.OpenRecording() | c.CloseRecording():
-            _play(state, command)
-        case c.Seek() | c.SeekMark() | c.SeekBy() | c.PlayTime() | c.SetPlaySpeed() | c.ShowNow():
-            go_through_time(state, command)
+                find_and_go(state, rgb, original)
         case c.ReportError(text):
-            state.say(text, Severity.ERROR)
+            # What a person brought is at fault; the app itself keeps up.
+            state.say(text, Severity.WARN, title="Problem")
         case _:
             assert_never(command)
 
@@ -113,7 +119,34 @@ def _build_map(state: AppState) -> None:
         build_from_replay(state, state.activity)
         return
     live_map = state.live_map
-    state.activity = MapBuilding(state.live, state.worker, live_map.rebuild, findings=lambda: live_map.findings)
+    before = _size(live_map.graph)
+
+    def then() -> None:
+        state.say(f"The map is rebuilt: {_change_of(before, live_map.graph)}. “Undo” brings the old map back.")
+
+    state.activity = MapBuilding(state.live, state.worker, live_map.rebuild, then, findings=lambda: live_map.findings)
+
+
+def _undo_build(state: AppState) -> None:
+    live_map = state.live_map
+    before = _size(live_map.graph)
+
+    def show(deltas: Sequence[GraphDelta]) -> None:
+        for delta in deltas:
+            state.live.emit(GraphChanged(delta))
+        state.say(f"The old map is back: {_change_of(before, live_map.graph)}.")
+
+    state.live.robot.stop()
+    state.worker.submit(live_map.undo_rebuild, show)
+
+
+def _size(graph: TopologicalGraph) -> tuple[int, int]:
+    return len(graph.nodes), len(graph.edges)
+
+
+def _change_of(before: tuple[int, int], graph: TopologicalGraph) -> str:
+    (nodes, edges), (nodes_now, edges_now) = before, _size(graph)
+    return f"{nodes:,} → {nodes_now:,} nodes, {edges:,} → {edges_now:,} edges"
 
 
 def take_made_recording(state: AppState) -> None:
@@ -158,7 +191,7 @@ def _play(state: AppState, command: c.PlaybackCommand) -> None:
         case c.CloseRecording(), _:
             state.activity = state.teleop
         case ((c.Pause() | c.StepOnce()), _):
-            pass  # It is legal in another mode alone, which `modes` has seen to.
+            pass  # It is legal in another mode alone, which `refusal` has seen to.
 
 
 def _inspect(state: AppState, command: c.DebuggerCommand) -> None:
@@ -269,3 +302,58 @@ def build_from_replay(state: AppState, replay: Playback) -> None:
         )
 
     state.maker.begin(f"Building a map from {replay.name}", make)
+
+
+MAP_IMAGES = "images-at-hand"
+"""What the card of weights calls a drive that is no recording."""
+
+
+def drive_name(state: AppState) -> str:
+    """Return which drive is learned from: the open recording, else the last kept one, else the images of the map."""
+    return _recording(state) or f"the {len(state.live_map.keyframes):,} images of the map"
+
+
+def start_fine_tuning(state: AppState, minutes: float) -> None:
+    """Begin a lesson; raises OptionError and RecordingError."""
+    state.fine_tuning.require_free()
+    if not LEAST_MINUTES <= minutes <= MOST_MINUTES:
+        raise OptionError(f"Learning takes {LEAST_MINUTES} to {MOST_MINUTES} minutes, not {minutes:g}.")
+    name = _recording(state)
+    output = state.library.new_weights(name or MAP_IMAGES, datetime.now())
+    if name is not None:
+        state.fine_tuning.begin(DriveSource(name, state.library.path(name)), output, minutes)
+        return
+
+    def begin(observations: Sequence[Observation]) -> None:
+        try:
+            state.fine_tuning.begin(DriveSource(MAP_IMAGES, observations), output, minutes)
+        except OptionError as error:  # Somebody pressed twice.
+            state.say(str(error), Severity.WARN)
+
+    state.worker.submit(state.live_map.observations, begin)
+
+
+def use_weights(state: AppState) -> None:
+    """Build the map anew with the new weights and use them from then on; raises OptionError and RecordingError."""
+    weights = state.fine_tuning.offer
+    if state.live.recorder.is_on:
+        raise RecordingError(
+            "A recording holds a map of one set of weights. Keep this recording (N) or discard it, then use the new "
+            "ones."
+        )
+
+    def rebuild(progress: Callable[[int, int], None]) -> Sequence[GraphDelta]:
+        return state.live_map.rebuild_with(*state.predictor_for(weights), progress)
+
+    def then() -> None:
+        state.fine_tuning.adopt(weights)
+        state.say(
+            f"The map was built anew with the weights {state.live_map.fingerprint}. Start the app with --weights "
+            f"{weights} to use them another time."
+        )
+
+    state.activity = MapBuilding(state.live, state.worker, rebuild, then, findings=lambda: state.live_map.findings)
+
+
+def _recording(state: AppState) -> str | None:
+    return state.activity.name if isinstance(state.activity, Playback) else state.last_recording

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING
 
 from ltvn_core.systems.registry import DEFAULT_SYSTEM, system_entry
 from ltvn_core.training.fine_tuning import FineTunedWeights, FineTuningProvenance, fine_tune
-from ltvn_core.training.fine_tuning_data import DriveSource, ProgressReporter, RehearsalData
-from ltvn_core.training.system_training import system_training
+from ltvn_core.training.fine_tuning_data import DriveSource, ProgressReporter, RehearsalData, system_training
 
 if TYPE_CHECKING:
     from ltvn_core.network.optimization.fine_tuning_loop import FineTuningPlan, FineTuningProgress

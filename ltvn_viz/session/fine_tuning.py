@@ -2,11 +2,17 @@
 
 Learning takes minutes, and map and navigation go on meanwhile, so it does not share their thread; it starts from a
 file of weights and ends with a file. Owns its life: begun, cancelled, failed, done, and whether the result is offered.
-Which drive is learned from and how weights come into use is `orders`.
+Which drive is learned from and how weights come into use is `command_handlers`.
+
+How long a lesson still takes is judged by what its parts took on this computer so far: learning itself takes the time
+that was asked for; what comes before and after it is known only by measuring. Judging after takes about as long as
+judging before, and calibrating comes in between.
 """
 
 import logging
+import math
 import threading
+import time
 from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import replace
@@ -17,9 +23,65 @@ from ltvn_core.errors import LtvnError, OptionError
 from ltvn_core.training.fine_tuning import FineTunedWeights
 from ltvn_core.training.fine_tuning_data import DriveSource, ProgressReporter
 from ltvn_viz.session.fine_tuner import FineTuningRequest
-from ltvn_viz.session.learning_time import LearningTime
 from ltvn_viz.session.snapshot import FineTuningPhase, FineTuningStatus
 from ltvn_viz.session.worker import Worker
+
+JUDGING, LEARNING, CALIBRATING = "judging the weights before", "learning", "calibrating"
+"""What `ltvn_core.network.optimization.fine_tuning_loop` says that it is doing."""
+_MOST = 2.0
+"""Calibrating and judging after take at most so many times what judging before took."""
+
+
+class LearningTime:
+    """The parts of one lesson and when they began."""
+
+    def __init__(self, minutes: float, clock: Callable[[], float] = time.monotonic) -> None:
+        """Begin a lesson that was asked to learn for `minutes`; `clock` counts seconds."""
+        self._learning_s = 60 * minutes
+        self._clock = clock
+        self._began = clock()
+        self._parts: dict[str, float] = {}
+
+    def hear(self, doing: str) -> None:
+        """Take what is being done now."""
+        self._parts.setdefault(doing, self._clock())
+
+    @property
+    def left(self) -> str:
+        """How long it still takes, as a few words."""
+        if LEARNING not in self._parts:
+            return f"more than {_minutes(self._learning_s)} left"
+        judging_s = self._parts[LEARNING] - self._parts.get(JUDGING, self._parts[LEARNING])
+        now = self._clock()
+        learning_s = max(0.0, self._learning_s - (now - self._parts[LEARNING]))
+        judged_s = now - self._parts.get(CALIBRATING, now)
+        least, most = (learning_s + max(0.0, share * judging_s - judged_s) for share in (1.0, _MOST))
+        return _range(least, most)
+
+    @property
+    def besides_s(self) -> float | None:
+        """Seconds that all but learning took, once learning is over; None before that."""
+        return None if CALIBRATING not in self._parts else self._clock() - self._began - self._learning_s
+
+
+def besides_words(besides_s: float | None) -> str:
+    """Say how much longer than asked for a lesson takes."""
+    if besides_s is None:
+        return "Preparing and judging take minutes on top; how many, this page says once it has measured it."
+    return f"Preparing and judging took {_minutes(max(besides_s, 1.0))} on top the last time."
+
+
+def _range(least_s: float, most_s: float) -> str:
+    low = math.ceil(least_s / 60)
+    high = math.ceil(most_s / 60)
+    if high <= 1:
+        return "about a minute left"
+    return f"about {high} min left" if low in (high, 0) else f"about {low} to {high} min left"
+
+
+def _minutes(seconds: float) -> str:
+    return f"{math.ceil(seconds / 60)} min"
+
 
 logger = logging.getLogger(__name__)
 
@@ -38,7 +100,9 @@ class FineTuning:
 
     def __init__(self, tune: Tune | None, weights: Path | None, executor: Executor) -> None:
         """Teach `weights`, None being the shipped ones; where `tune` is None there is no network to teach."""
-        self._tune, self.weights, self._worker = tune, weights, Worker(executor)
+        self._tune = tune
+        self.weights = weights
+        self._worker = Worker(executor)
         self.is_possible = tune is not None
         """Whether there is a network to teach."""
         self._cancelled = threading.Event()
@@ -70,9 +134,12 @@ class FineTuning:
         """Learn from a drive; raises OptionError if there is no network, or if one learns already."""
         self.require_free()
         assert self._tune is not None
-        tune, request = self._tune, FineTuningRequest(drive, self.weights, output, minutes)
+        tune = self._tune
+        request = FineTuningRequest(drive, self.weights, output, minutes)
         self._cancelled = cancelled = threading.Event()
-        self._offer, self._told, self._time = None, (0.0, "beginning"), LearningTime(minutes)
+        self._offer = None
+        self._told = (0.0, "beginning")
+        self._time = LearningTime(minutes)
         self._status = FineTuningStatus(FineTuningPhase.LEARNING, drive.name)
         self._worker.submit(lambda: self._run(lambda: tune(request, self._tell, cancelled)), self._ended)
 
@@ -153,10 +220,8 @@ def result_lines(learned: FineTunedWeights) -> tuple[str, ...]:
 
 
 def _grew(learned: FineTunedWeights, place: str) -> bool:
-    before, after = (
-        learned.before[f"{place}_{FAR_FALSE_POSITIVE_RATE}"],
-        learned.after[f"{place}_{FAR_FALSE_POSITIVE_RATE}"],
-    )
+    before = learned.before[f"{place}_{FAR_FALSE_POSITIVE_RATE}"]
+    after = learned.after[f"{place}_{FAR_FALSE_POSITIVE_RATE}"]
     return after > MAX_GROWTH * before + CHANCE_PAIRS / max(learned.after[f"{place}_far_pairs"], 1)
 
 
@@ -166,7 +231,8 @@ def _line(label: str, place: str, learned: FineTunedWeights) -> str:
         ("false links", f"{place}_{FAR_FALSE_POSITIVE_RATE}", 100.0, 2, "%"),
         ("waypoint error", f"{place}_{WAYPOINT_ERROR}", 100.0, 1, "cm"),
     ):
-        before, after = learned.before.get(key), learned.after.get(key)
+        before = learned.before.get(key)
+        after = learned.after.get(key)
         if before is not None and after is not None and before == before and after == after:  # nan: nothing to judge by
             parts.append(f"{name} {factor * before:.{digits}f} → {factor * after:.{digits}f} {unit}")
     return f"{label}: {', '.join(parts) or 'nothing to judge by'}."

@@ -14,18 +14,17 @@ from ltvn_core.types import FrameId, NodeId, Rgb
 from ltvn_viz.session.activities.navigation import Navigation
 from ltvn_viz.session.activities.playback import Playback
 from ltvn_viz.session.app_state import AppState
-from ltvn_viz.session.goals import SIMILAR_NODE_COUNT
-from ltvn_viz.session.place_lookup import FoundPlace
-from ltvn_viz.session.snapshot import JobProgress
+from ltvn_viz.session.goals import SIMILAR_NODE_COUNT, FoundPlace, picture_address
+from ltvn_viz.session.snapshot import JobProgress, LikePlace, UploadMatch
+
+NOT_FOUND = "Image not found in the map"
+"""Title of what is said then."""
 
 
 class _Resembling(NamedTuple):
-    """Nodes that look like an uploaded picture."""
+    """Nodes that look like an uploaded picture, and their images."""
 
-    nodes: Sequence[NodeId]
-    """Best first."""
-    likeness: float
-    """Of the best, in [-1, 1]."""
+    match: UploadMatch
     images: Sequence[tuple[FrameId, Rgb]]
 
 
@@ -70,39 +69,44 @@ def _tell_goal(state: AppState, goal: NodeId) -> None:
     state.worker.submit(lambda: state.live_map.goal_report(goal), tell)
 
 
-def find_and_go(state: AppState, rgb: Rgb) -> None:
-    """Go to the node that looks most like a picture (H, W, 3), where one surely does."""
+def find_and_go(state: AppState, rgb: Rgb, original: Rgb | None) -> None:
+    """Go to the node that looks most like a picture (H, W, 3), where one surely does; show `original` beside them."""
 
     def find() -> _Resembling:
-        found = state.live_map.similar_nodes(rgb, SIMILAR_NODE_COUNT)
-        nodes = [node for node, _ in found]
-        return _Resembling(nodes, found[0][1], state.live_map.node_images(nodes))
+        places = [LikePlace(*place) for place in state.live_map.similar_nodes(rgb, SIMILAR_NODE_COUNT)]
+        nodes = [place.node for place in places]
+        shown = rgb if original is None else original
+        return _Resembling(UploadMatch(picture_address(shown), tuple(places)), state.live_map.node_images(nodes))
 
     def go(found: _Resembling) -> None:
-        state.goals.offer_similar_nodes(found.nodes, found.images)
+        state.goals.offer_match(found.match, found.images)
         if state.activity is not state.teleop:
             return
-        if found.likeness < LIKELY_HELD:
-            state.goals.selected = found.nodes[0]
-            state.say(_hardly_held(found), Severity.WARN)
+        if found.match.places[0].likeness < LIKELY_HELD:
+            state.goals.selected = None
+            state.say(_hardly_held(found), Severity.WARN, title=NOT_FOUND)
             return
-        state.say("Going to the place that looks most like your image. Others that look like it are shown below.")
-        navigate(state, found.nodes[0])
+        state.say(
+            "Going to the place that looks most like your image. Others that look like it stand beside it, under “Go”."
+        )
+        navigate(state, found.match.places[0].node)
 
     state.worker.submit(find, go)
 
 
 def _hardly_held(found: _Resembling) -> str:
+    node, likeness = found.match.places[0]
     return (
-        f"The map may not hold your image: node {found.nodes[0]} looks most like it, with a likeness of "
-        f"{found.likeness:.2f}, where 1 is the same image and places elsewhere hardly reach {LIKELY_HELD:g}. The robot "
-        "stays. Press Navigate (G) to go there all the same, or choose another below."
+        f"The map may not hold your image: node {node} looks most like it, with a likeness of {likeness:.2f}, where 1 "
+        f"is the same image and places elsewhere hardly reach {LIKELY_HELD:g}. The robot stays. "
+        "If one of the places beside your image is the right one all the same, click it."
     )
 
 
 def find_place(state: AppState, replay: Playback, rgb: Rgb) -> None:
     """Say where in the map of a replay a picture (H, W, 3) was taken."""
-    path, predictor = state.library.path(replay.name), state.live_map.predictor
+    path = state.library.path(replay.name)
+    predictor = state.live_map.predictor
 
     def find() -> FoundPlace | str:
         try:
@@ -116,7 +120,10 @@ def find_place(state: AppState, replay: Playback, rgb: Rgb) -> None:
             state.say(found, Severity.ERROR)
             return
         replay.found = found.node
-        state.say(found.text, Severity.INFO if found.node is not None else Severity.WARN)
+        if found.node is not None:
+            state.say(found.text)
+        else:
+            state.say(found.text, Severity.WARN, title=NOT_FOUND)
 
     state.work = JobProgress("Looking for the image in this map")
     state.worker.submit(find, show)

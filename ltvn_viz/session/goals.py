@@ -1,18 +1,64 @@
-"""The goals a person can choose from by picture: a gallery of different places, and look-alikes of an upload.
+"""The goals a person can choose from by picture, and where in a map a single picture was taken.
 
-Owns which are offered and their thumbnails. Pictures come from the map in the worker's thread.
+Owns which goals are offered and their thumbnails, and the sentence that says where a picture was taken. Pictures come
+from the map in the worker's thread. Comparing is the predictor's, judging the localiser's thresholds; one picture has
+no way behind it, so nothing supports it over time.
 """
 
+import threading
+from base64 import b64encode
+from collections import OrderedDict
 from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ltvn_core.analysis.localisation_confidence import localisation_heat_map
 from ltvn_core.analysis.map_history import GraphArrays
-from ltvn_core.types import FrameId, NodeId, Pose, Rgb
-from ltvn_viz.server.thumbnails import ThumbnailStore
+from ltvn_core.data.recording.reader import Recording
+from ltvn_core.errors import MapError
+from ltvn_core.graph.matching import Matcher
+from ltvn_core.maps.topological_map import TopologicalMap
+from ltvn_core.preprocessing import preprocess_image
+from ltvn_core.types import FrameId, NodeId, Observation, Pose, Predictor, Rgb, is_usable
 from ltvn_viz.session.live_map import LiveMap
+from ltvn_viz.session.snapshot import UploadMatch
 from ltvn_viz.session.worker import Worker
+
+LIMIT = 512
+
+
+class ThumbnailStore:
+    """The latest pictures that a panel may ask for."""
+
+    def __init__(self) -> None:
+        """Begin empty."""
+        self._lock = threading.Lock()
+        self._jpegs: OrderedDict[FrameId, bytes] = OrderedDict()
+
+    def __contains__(self, frame: FrameId) -> bool:
+        """Tell whether a picture is there."""
+        with self._lock:
+            return frame in self._jpegs
+
+    def put(self, frame: FrameId, rgb: Rgb) -> None:
+        """Keep a picture (H, W, 3); the oldest goes when there are too many."""
+        jpeg = _jpeg(rgb)
+        with self._lock:
+            self._jpegs[frame] = jpeg
+            self._jpegs.move_to_end(frame)
+            while len(self._jpegs) > LIMIT:
+                self._jpegs.popitem(last=False)
+
+    def get(self, frame: FrameId) -> bytes | None:
+        """Return a picture as JPEG. May be called from any thread."""
+        with self._lock:
+            return self._jpegs.get(frame)
+
 
 GALLERY_SIZE = 12
 SIMILAR_NODE_COUNT = 4
@@ -27,10 +73,12 @@ class Goals:
 
     def __init__(self, live_map: LiveMap, worker: Worker, thumbnails: ThumbnailStore) -> None:
         """Offer places of the live map."""
-        self._live_map, self._worker, self._thumbnails = live_map, worker, thumbnails
+        self._live_map = live_map
+        self._worker = worker
+        self._thumbnails = thumbnails
         self.selected: NodeId | None = None
         self.gallery: tuple[NodeId, ...] = ()
-        self.similar_nodes: tuple[NodeId, ...] = ()
+        self.upload: UploadMatch | None = None
         self._graph: GraphArrays | None = None
         self._chosen_of = 0
 
@@ -42,7 +90,9 @@ class Goals:
         known = set(graph.ids.tolist())
         if self.selected not in known:
             self.selected = None
-        self.similar_nodes = tuple(node for node in self.similar_nodes if node in known)
+        if self.upload is not None:
+            still = tuple(place for place in self.upload.places if place.node in known)
+            self.upload = replace(self.upload, places=still) if still else None
         grown = len(known) >= self._chosen_of * GROWTH or len(self.gallery) < min(GALLERY_SIZE, len(known))
         if grown or not known.issuperset(self.gallery):
             self._chosen_of = len(known)
@@ -57,14 +107,30 @@ class Goals:
 
         self._worker.submit(lambda: self._live_map.node_images(nodes), show)
 
-    def offer_similar_nodes(self, nodes: Sequence[NodeId], node_images: Sequence[tuple[FrameId, Rgb]]) -> None:
-        """Offer nodes that look like an upload, best first."""
+    def offer_match(self, match: UploadMatch, node_images: Sequence[tuple[FrameId, Rgb]]) -> None:
+        """Offer nodes that look like an upload."""
         self._keep(node_images)
-        self.similar_nodes = tuple(nodes)
+        self.upload = match
 
     def _keep(self, node_images: Sequence[tuple[FrameId, Rgb]]) -> None:
         for frame, rgb in node_images:
             self._thumbnails.put(frame, rgb)
+
+
+OWN_WIDTH = 240
+"""Columns of an uploaded picture as it is shown beside the places that look like it."""
+
+
+def picture_address(rgb: Rgb) -> str:
+    """Return an address that holds a small copy of a picture (H, W, 3) itself, so that nobody need keep it."""
+    rows, columns = rgb.shape[:2]
+    width = min(OWN_WIDTH, columns)
+    small = cv2.resize(rgb, (width, max(1, round(rows * width / columns))), interpolation=cv2.INTER_AREA)
+    return f"data:image/jpeg;base64,{b64encode(_jpeg(small.astype(np.uint8))).decode('ascii')}"
+
+
+def _jpeg(rgb: Rgb) -> bytes:
+    return cv2.imencode(".jpg", cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, 88])[1].tobytes()
 
 
 def farthest_points(poses: Pose, count: int) -> NDArray[np.int64]:
@@ -80,3 +146,78 @@ def farthest_points(poses: Pose, count: int) -> NDArray[np.int64]:
         chosen.append(int(np.argmax(gap)))
         gap = np.minimum(gap, np.linalg.norm(embedded - embedded[chosen[-1]], axis=1))
     return np.array(chosen)
+
+
+_NO_STEP = -1
+"""The step of a picture that belongs to no drive."""
+
+
+class FoundPlace(NamedTuple):
+    """What a map says of a picture."""
+
+    node: NodeId | None
+    """Where it was taken; None where that is nowhere in the map."""
+    best: NodeId
+    """The node that it looks most like."""
+    reachability: float
+    """r from the picture to that node."""
+    waypoint: Pose
+    """(3,) that node in the picture's frame; metres and radians."""
+
+    @property
+    def text(self) -> str:
+        """What was found, in words."""
+        if self.node is None:
+            return (
+                f"The picture was taken nowhere in this map: node {self.best} is most like it, with r = "
+                f"{self.reachability:.2f}."
+            )
+        x, y, turn = self.waypoint
+        return (
+            f"The picture was taken at node {self.node}: r = {self.reachability:.2f}; the node's own view is from "
+            f"{abs(x):.2f} m {'ahead' if x >= 0 else 'behind'} and {abs(y):.2f} m {'left' if y >= 0 else 'right'} of "
+            f"it, turned by {np.degrees(turn):.0f}°."
+        )
+
+
+class PlaceLookup:
+    """Looks for pictures in maps; keeps the map that it looked at last. Use it in the worker's thread alone."""
+
+    def __init__(self) -> None:
+        """Begin with no map."""
+        self._opened: tuple[tuple[Path, int, str], TopologicalMap] | None = None
+
+    def find(self, path: Path, rgb: Rgb, in_use: Predictor) -> FoundPlace:
+        """Look for a picture (H, W, 3) of any size in the map at the end of a recording.
+
+        `in_use` is the predictor at hand, which spares opening the map's own where that is the same. Raises
+        RecordingError, MapError, OptionError and WeightsError.
+        """
+        known = self._map(path, in_use)
+        predictor = known.predictor
+        nodes = list(known.graph.nodes)
+        image = preprocess_image(rgb, "the uploaded image", target=predictor.camera)
+        seen = Observation(image, None, np.zeros(3), stamp=0.0, step=_NO_STEP)
+        if not nodes:
+            raise MapError("The map of this recording is empty; press “Build a map” (B) to make one from it.")
+        if not is_usable(seen, predictor):
+            raise MapError(
+                f"This map was built by {known.predictor_name or predictor.fingerprint}, which compares nothing "
+                "without depth, and a picture has none. Open a map that was built with --predictor geometric."
+            )
+        matcher = Matcher(predictor, known.keyframes, known.system.method.matching)
+        features = predictor.encode([seen])
+        heat = localisation_heat_map(features, nodes, matcher, known.system.method.localising)
+        best = heat.best(1)[0]
+        matched = matcher.match(features, [best])
+        is_here = bool(heat.near[heat.nodes.index(best)])
+        return FoundPlace(best if is_here else None, best, float(matched.reachability[0]), matched.waypoints[0])
+
+    def _map(self, path: Path, in_use: Predictor) -> TopologicalMap:
+        key = path, path.stat().st_mtime_ns, in_use.fingerprint
+        if self._opened is None or self._opened[0] != key:
+            made_by = Recording.open(path).meta.fingerprint
+            predictor = in_use if made_by == in_use.fingerprint else None
+            known = TopologicalMap.load(path, predictor, with_reserve=False)
+            self._opened = key, known
+        return self._opened[1]

@@ -4,14 +4,59 @@ Owns no answer; the questions are in `ltvn_viz.debugger`, and the page draws wha
 """
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Self
+from typing import Self, cast
 
+import numpy as np
+from numpy.typing import NDArray
+
+from ltvn_core.analysis.answer import EMPTY_ANSWER, Answer
 from ltvn_core.graph.topological_graph import EdgeKey
-from ltvn_core.types import NodeId
-from ltvn_viz.session.commands import Command
-from ltvn_viz.session.overlay import EMPTY_OVERLAY, Overlay
+from ltvn_core.palette import Rgb8
+from ltvn_core.types import NodeId, Pose
+from ltvn_viz.wishes.commands import Command
+
+
+@dataclass(frozen=True, slots=True)
+class Stroke:
+    """A line between two places on the floor."""
+
+    start: tuple[float, float]
+    """x, y in metres."""
+    end: tuple[float, float]
+    colour: Rgb8
+
+
+@dataclass(frozen=True, slots=True)
+class Label:
+    """A few words at a place."""
+
+    at: tuple[float, float]
+    text: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Overlay:
+    """Everything that one tool draws; the same object as long as nothing changed."""
+
+    strokes: tuple[Stroke, ...] = ()
+    nodes: dict[NodeId, Rgb8] = field(default_factory=dict)
+    """Nodes in another colour."""
+    ghosts: tuple[tuple[float, float, float], ...] = ()
+    """Poses x, y, yaw at which a see-through robot stands."""
+    labels: tuple[Label, ...] = ()
+    is_of_likeness: bool = False
+    """Nodes are coloured by how alike they look."""
+
+
+EMPTY_OVERLAY = Overlay()
+
+
+def stroke(start: Pose | NDArray[np.float64], end: Pose | NDArray[np.float64], colour: Rgb8) -> Stroke:
+    """Return a line between two poses or points (>=2,)."""
+    return Stroke((float(start[0]), float(start[1])), (float(end[0]), float(end[1])), colour)
+
 
 LINKS_PER_VIEW = 1000
 """A link is asked for by its number plus so many times the number of the view it was drawn in."""
@@ -25,21 +70,21 @@ class QuestionName(StrEnum):
     """
 
     word: str
+    earlier_words: tuple[str, ...]
+    """Words by which addresses that were sent earlier may name it."""
 
-    def __new__(cls, name: str, word: str) -> Self:
+    def __new__(cls, name: str, word: str, *earlier_words: str) -> Self:
         """Make a member whose value is `name`."""
         member = str.__new__(cls, name)
         member._value_ = name
         member.word = word
+        member.earlier_words = earlier_words
         return member
 
     NONE = "choose a question …", ""
-    EDGE = "What about this edge?", "edge"
-    BLAME = "Why is it so?", "blame"
+    EDGE = "What about this edge?", "edge", "blame", "presence", "tried"
     TIME = "What happened when?", "time"
     WHAT_IF = "What if?", "what-if"
-    PRESENCE = "When is it open?", "presence"
-    TRIED = "Why did it try the door?", "tried"
     WHERE = "Where am I?", "where"
     BREAK = "Stop when …", "break"
     COMPARE = "What is different?", "compare"
@@ -69,21 +114,27 @@ class Selection:
 
 @dataclass(frozen=True, slots=True)
 class QuestionAnswer:
-    """What a tool shows."""
+    """What a question shows."""
 
-    html: str
-    """Foreign parts escaped."""
+    answer: Answer = EMPTY_ANSWER
+    """The links in it ask for commands."""
     overlay: Overlay = EMPTY_OVERLAY
-    links: tuple[Command, ...] = ()
-    """What the links in `html` ask for, by number."""
     input_hint: str = ""
     """What a person may type, as a hint in the empty field; empty hides the field."""
-    is_pending: bool = False
-    """More is being computed in the background, and will be shown when it is there."""
+
+    @property
+    def links(self) -> tuple[Command, ...]:
+        """What the links ask for, in the order in which they are read."""
+        return tuple(cast(Command, link.to) for link in self.answer.links())
+
+    @property
+    def is_pending(self) -> bool:
+        """Whether more is being computed in the background, and will be shown when it is there."""
+        return self.answer.is_pending
 
 
 NOTHING_SELECTED = Selection()
-NO_ANSWER = QuestionAnswer("")
+NO_ANSWER = QuestionAnswer()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -105,10 +156,13 @@ class Inspection:
     notice_number: int = 0
     """Counts notices, so that the same words twice are two."""
 
+    markup: str = ""
+    """The answer as HTML, its links numbered from 0."""
+
     @property
     def html(self) -> str:
-        """The view's markup, with links that carry its number."""
-        return _LINK_ID.sub(lambda found: f'data-id="{self.serial * LINKS_PER_VIEW + int(found[1])}"', self.answer.html)
+        """The answer as HTML, with links that carry the number of this view."""
+        return _LINK_ID.sub(lambda found: f'data-id="{self.serial * LINKS_PER_VIEW + int(found[1])}"', self.markup)
 
 
 NO_INSPECTION = Inspection()

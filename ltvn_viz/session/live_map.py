@@ -19,12 +19,12 @@ from ltvn_core.graph.map_check import MappedDrive, diagnose
 from ltvn_core.graph.map_coverage import GoalReport, map_coverage
 from ltvn_core.graph.navigation_system import NavigationSystem, OnlineStrategy
 from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.maps.topological_map import TopologicalMap
 from ltvn_core.navigation.events import Event, Judged, Tick
 from ltvn_core.navigation.navigator import Navigator
 from ltvn_core.predictors.request import predictor_card
-from ltvn_core.topological_map import TopologicalMap
 from ltvn_core.types import FrameId, NodeId, Observation, Pose, Predictor, Rgb, is_usable
-from ltvn_viz.session.live_robot import LiveRobot
+from ltvn_viz.session.live_run import LiveRobot
 
 IMAGES_AT_ONCE = 64
 
@@ -41,6 +41,7 @@ class LiveMap:
         self._rng = rng
         self.findings: Sequence[Finding] = ()
         """What is doubtful of the map that was built last."""
+        self._rebuilt_from: TopologicalMap | None = None
         self._online = self._new_online()
         self._navigator: Navigator | None = None
         self._next_drive: FrameId | None = None
@@ -127,8 +128,26 @@ class LiveMap:
         seen = self._map.images
         if not seen:
             raise MapError("There are no pictures to build a map from; hold W A S D and drive a little first.")
+        before = self._map
         fresh = replace(self._map, graph=TopologicalGraph())
-        return self._replaced(fresh, fresh.build(seen, rng=self._rng, progress=progress), seen)
+        deltas = self._replaced(fresh, fresh.build(seen, rng=self._rng, progress=progress), seen)
+        self._rebuilt_from = before
+        return deltas
+
+    @property
+    def can_undo_rebuild(self) -> bool:
+        """Tell whether the map was rebuilt, and no other has taken its place since."""
+        return self._rebuilt_from is not None
+
+    def undo_rebuild(self) -> Sequence[GraphDelta]:
+        """Take the map of before `rebuild` back; returns every change. Raises MapError where there is none."""
+        before = self._rebuilt_from
+        if before is None:
+            raise MapError("There is no map to bring back: the map on show was not rebuilt.")
+        cleared = self._cleared()
+        self._replace(before)
+        self.findings = ()
+        return [*cleared, *before.graph.deltas(Cause.BUILD)]
 
     def rebuild_with(
         self, predictor: Predictor, system: NavigationSystem, progress: Callable[[int, int], None]
@@ -153,14 +172,18 @@ class LiveMap:
     def _replaced(
         self, fresh: TopologicalMap, built: Sequence[GraphDelta], seen: Sequence[Observation]
     ) -> Sequence[GraphDelta]:
-        fell = [NodeDropped(node, Cause.BUILD) for node in self.graph.nodes]
-        released = [FramesReleased(tuple(self.graph.reserve), Cause.BUILD)] if self.graph.reserve else []
+        cleared = self._cleared()
         drives = [DriveBegun(frame, name, Cause.BUILD) for frame, name in self.graph.drives.items()]
         for delta in drives:
             fresh.graph.apply(delta)
         self._replace(fresh)
         self.findings = self._diagnosed(seen)
-        return [*fell, *released, *built, *drives]
+        return [*cleared, *built, *drives]
+
+    def _cleared(self) -> list[GraphDelta]:
+        """Return what takes everything out of the present map."""
+        released = [FramesReleased(tuple(self.graph.reserve), Cause.BUILD)] if self.graph.reserve else []
+        return [*(NodeDropped(node, Cause.BUILD) for node in self.graph.nodes), *released]
 
     def _diagnosed(self, seen: Sequence[Observation]) -> Sequence[Finding]:
         """Return what is doubtful of the map that was built from images in order, with likely causes."""
@@ -217,6 +240,7 @@ class LiveMap:
 
     def _replace(self, known: TopologicalMap) -> None:
         self._map = known
+        self._rebuilt_from = None
         self._online = self._new_online()
         self._navigator = None
 

@@ -10,12 +10,12 @@ from collections.abc import Set
 from ltvn_core.errors import LtvnError
 from ltvn_core.types import NodeId
 from ltvn_viz.server.driver_seat import ClientId
-from ltvn_viz.session import commands as c
 from ltvn_viz.session.activities.map_building import MapBuilding
 from ltvn_viz.session.activities.navigation import Navigation
 from ltvn_viz.session.app_state import AppState, Debugger
 from ltvn_viz.session.inspection import NOTHING_SELECTED, QuestionName
 from ltvn_viz.timeline.run_moment import RunMoment
+from ltvn_viz.wishes import commands as c
 
 STALE_LINK = "That answer was replaced before your click arrived. Look again, and click what it says now."
 TAKE_OVER_FIRST = "Another page drives. Take over to do this."
@@ -51,7 +51,8 @@ def refresh_next_own_view(state: AppState, moment: RunMoment) -> None:
 
 def _copy_of_shared(state: AppState, page: ClientId, moment: RunMoment) -> Debugger:
     """Begin an own view with what the page shows already."""
-    view, shared = state.new_own_debugger(page), state.debugger.shown
+    view = state.new_own_debugger(page)
+    shared = state.debugger.shown
     if shared.question in view.names:
         view.choose(shared.question)
     if shared.selection.edge is not None:

@@ -111,8 +111,11 @@ class Recorder:
         begin with, and is called while nobody changes it. `scene_glb` is called in the recorder's thread, which draws
         the scene once rows are on their way. `executor` has a single thread.
         """
-        self._library, self._open, self._clock = library, open_writer, clock
-        self._take_map, self._scene_glb = take_map, scene_glb
+        self._library = library
+        self._open = open_writer
+        self._clock = clock
+        self._take_map = take_map
+        self._scene_glb = scene_glb
         self._files = Worker(executor or DaemonExecutor("recorder"))
         self._current: _RecordingUnderWay | None = None
         self._failure: str | None = None
@@ -298,7 +301,8 @@ class Recorder:
         """End a recording that cannot go on; its file is finished as well as it can be."""
         if current is not self._current:
             return
-        self._current, self._failure = None, f"Recording stopped, driving goes on. {why}"
+        self._current = None
+        self._failure = f"Recording stopped, driving goes on. {why}"
         logger.warning("recording %s stopped: %s", current.path, why)
         self._close(current, lambda _outcome: None)
 

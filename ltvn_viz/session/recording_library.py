@@ -1,15 +1,17 @@
 """The folder of recordings: what is in it, and names that never overwrite.
 
 Owns every path the page may touch. A name from a browser is only ever looked up in the list of what is there.
+Recordings that the page opens in Rerun are served until the app ends.
 """
 
 import os
+from contextlib import ExitStack
 from datetime import datetime
 from itertools import count
 from pathlib import Path
 
-from ltvn_core.errors import RecordingError
-from ltvn_core.importing.reader_registry import is_drive
+from ltvn_core.data.importing.reader_registry import is_drive
+from ltvn_core.errors import RecordingError, ServerError
 
 SUFFIX = ".rrd"
 DISCARDED = "discarded"
@@ -28,12 +30,17 @@ class RecordingLibrary:
 
     def names(self) -> tuple[str, ...]:
         """Return the names of the recordings, newest first."""
+        return tuple(self.words())
+
+    def words(self) -> dict[str, str]:
+        """Return the recordings, newest first, each with a few words about its file: when it was written, how large."""
         try:
             with os.scandir(self.folder) as entries:
-                found = [(entry.stat().st_mtime, entry.name) for entry in entries if _is_recording(entry)]
+                found = [(entry.stat(), entry.name) for entry in entries if _is_recording(entry)]
         except OSError:
-            return ()  # No folder yet, or none that can be read; a recording will say which when it begins.
-        return tuple(name for _, name in sorted(found, reverse=True))
+            return {}  # No folder yet, or none that can be read; a recording will say which when it begins.
+        found.sort(key=lambda each: (each[0].st_mtime, each[1]), reverse=True)
+        return {name: f"{_day(stat.st_mtime)}, {stat.st_size / 1e6:.1f} MB" for stat, name in found}
 
     def path(self, name: str) -> Path:
         """Return the path of a recording of the list; raises RecordingError for anything else."""
@@ -80,6 +87,10 @@ class RecordingLibrary:
         return path.rename(_free(self.folder / DISCARDED, path.stem))
 
 
+def _day(stamp_s: float) -> str:
+    return datetime.fromtimestamp(stamp_s).strftime("%Y-%m-%d %H:%M")
+
+
 def _is_recording(entry: os.DirEntry[str]) -> bool:
     return entry.name.endswith(SUFFIX) and entry.is_file(follow_symlinks=False)
 
@@ -103,3 +114,28 @@ def _free(folder: Path, stem: str, suffix: str = SUFFIX) -> Path:
         if not os.path.lexists(place):
             return place
     raise AssertionError("count() never ends")
+
+
+class RerunViewers:
+    """Web viewers, one per recording, on free ports of this machine."""
+
+    def __init__(self, stack: ExitStack) -> None:
+        """Let `stack` close them."""
+        self._stack = stack
+        self._addresses: dict[Path, str] = {}
+
+    def address(self, recording: Path) -> str:
+        """Return where a recording is shown, and begin to serve it the first time. Raises RecordingError, ServerError.
+
+        Runs in one thread; the very first time takes seconds, because the viewer is unpacked.
+        """
+        if recording not in self._addresses:
+            from ltvn_core.data.recording.viewer_server import serve_viewer
+
+            self._addresses[recording] = self._stack.enter_context(serve_viewer(recording)).url
+        return self._addresses[recording]
+
+
+def rerun_unavailable(recording: Path) -> str:
+    """Refuse, where nobody could close the viewer again."""
+    raise ServerError(f"This page cannot open Rerun; run `ltvn view {recording}`.")

@@ -66,7 +66,8 @@ class RecordingMaker:
         """Begin; raises OptionError while another recording is made."""
         if self._worker.pending:
             raise OptionError(f"{self._label} is not done yet; wait for it, or cancel it first.")
-        self._label, self._images = label, (0, None)
+        self._label = label
+        self._images = (0, None)
         self._cancelled = threading.Event()
         self._worker.submit(lambda: self._run(make), self._ended)
 

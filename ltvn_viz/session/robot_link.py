@@ -31,7 +31,8 @@ class RobotLink:
 
     def __init__(self, name: str, ask: Callable[[], LinkReport]) -> None:
         """Watch the robot called `name`; `ask` returns what is known of its link now."""
-        self._name, self._ask = name, ask
+        self._name = name
+        self._ask = ask
         self._phase = _Phase.FINE
         self.report = ask()
         """What was known at the last look."""

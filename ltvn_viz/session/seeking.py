@@ -7,11 +7,11 @@ Owns the way from event to event, and the look back at a run that goes on. Where
 from typing import assert_never
 
 from ltvn_core.analysis.timeline_records import Instant, MarkKind
-from ltvn_viz.session import commands as c
 from ltvn_viz.session.activities.playback import Playback
 from ltvn_viz.session.app_state import AppState
-from ltvn_viz.timeline.adjacent_moments import adjacent_instant, adjacent_mark
 from ltvn_viz.timeline.breakpoint_monitor import STAMP_EPSILON_S
+from ltvn_viz.timeline.strip_marks import adjacent_instant, adjacent_mark
+from ltvn_viz.wishes import commands as c
 
 
 def go_through_time(state: AppState, command: c.TimeCommand) -> None:

@@ -2,7 +2,7 @@
 
 Owns the pace, and what happens when something goes wrong. A single thread runs `run`; every other thread may only
 `send`, `wake` and `stop`. What a mode does is in `teleop`, `navigation`, `building` and `replay`; what a command means
-is in `orders`.
+is in `command_handlers`.
 """
 
 import logging
@@ -15,22 +15,21 @@ from typing import Protocol
 from ltvn_core.errors import LtvnError, RobotError
 from ltvn_core.navigation.events import Severity
 from ltvn_core.types import Twist
-from ltvn_viz.server.driver_seat import ClientId
-from ltvn_viz.server.limited_log import LimitedLog
-from ltvn_viz.server.presence import Absence
-from ltvn_viz.session import commands as c
+from ltvn_viz.server.driver_seat import Absence, ClientId
+from ltvn_viz.server.limits import LimitedLog
 from ltvn_viz.session.activities.map_building import MapBuilding
 from ltvn_viz.session.activities.navigation import Navigation
 from ltvn_viz.session.activities.playback import Playback
 from ltvn_viz.session.app_state import AppState
 from ltvn_viz.session.command_handlers import handle, take_made_recording
 from ltvn_viz.session.live_run import TICK_S
-from ltvn_viz.session.modes import Mode
 from ltvn_viz.session.own_views import handle_own, retain_own_views
 from ltvn_viz.session.seeking import let_time_pass, show_now
 from ltvn_viz.session.snapshot import Snapshot
 from ltvn_viz.session.snapshot_builder import SnapshotBuilder
 from ltvn_viz.session.world_handlers import carry_out_changes, go_on_with_story
+from ltvn_viz.wishes import commands as c
+from ltvn_viz.wishes.commands import Mode
 
 logger = logging.getLogger(__name__)
 
@@ -72,11 +71,15 @@ class Session:
 
         `absence` says since when no page is there, None while one is; `watchers` which pages have not got the seat.
         """
-        self._state, self._driver, self._publish, self._clock = state, driver, publish, clock
+        self._state = state
+        self._driver = driver
+        self._publish = publish
+        self._clock = clock
         self._snapshot_builder = SnapshotBuilder(clock)
         self._commands: deque[c.Command] = deque()
         self._wishes: deque[tuple[ClientId, c.Command]] = deque(maxlen=WISHES)
-        self._absence, self._watchers = absence, watchers
+        self._absence = absence
+        self._watchers = watchers
         self._flood_log = LimitedLog(logger)
         self._awake = threading.Event()
         self._stopping = threading.Event()
@@ -121,7 +124,8 @@ class Session:
 
     def run(self, max_ticks: int | None = None) -> None:
         """Run in real time until `stop`, or for so many ticks; then the robot stands and the recording is kept."""
-        ticks, due = 0, self._clock()
+        ticks = 0
+        due = self._clock()
         try:
             while not self._stopping.is_set() and (max_ticks is None or ticks < max_ticks):
                 self._awake.wait(max(0.0, due - self._clock()))

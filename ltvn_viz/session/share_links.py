@@ -2,23 +2,90 @@
 
 Owns the words of the address, written and read. Nothing in it is trusted: names are looked up in lists, numbers are
 checked, and whatever else stands in an address is left alone.
+
+A view is nine numbers. `static/links.js` asks the same of a link before it hands the numbers to viser, whose page puts
+the camera there.
 """
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import TypeAlias
 from urllib.parse import parse_qs, urlencode
+
+import numpy as np
+import viser
+from numpy.typing import NDArray
 
 from ltvn_core.errors import OptionError
 from ltvn_viz.server.index_page import LINK_PARAMETERS
-from ltvn_viz.session import viewpoint
-from ltvn_viz.session.commands import ChooseQuestion, Command, OpenRecording, PointAt, ReportError
 from ltvn_viz.session.inspection import QuestionName, Selection
-from ltvn_viz.session.viewpoint import Viewpoint
+from ltvn_viz.wishes.commands import ChooseQuestion, Command, OpenRecording, PointAt, ReportError
+
+Point: TypeAlias = tuple[float, float, float]
+
+FARTHEST_M = 10_000.0
+_CLOSEST_M = 0.001
+_NINE = re.compile(r"[-+0-9.e]+(,[-+0-9.e]+){8}", re.ASCII)
+_REFUSAL = (
+    "This link names a view that makes no sense, so the view stays as it was; want camera= with nine numbers: where "
+    "it is, what it looks at, and which way is up."
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Viewpoint:
+    """A camera in the scene; metres."""
+
+    position: Point
+    look_at: Point
+    up: Point
+
+    @property
+    def word(self) -> str:
+        """The view as an address has it, to the millimetre."""
+        return ",".join(f"{number:.3f}".rstrip("0").rstrip(".") for number in (*self.position, *self.look_at, *self.up))
+
+
+def parse_viewpoint(word: str) -> Viewpoint:
+    """Return the view that a word of an address names. Raises OptionError."""
+    try:
+        numbers = [float(part) for part in word.split(",")] if _NINE.fullmatch(word) else []
+    except ValueError:
+        numbers = []
+    if not numbers or not all(abs(number) <= FARTHEST_M for number in numbers):
+        raise OptionError(_REFUSAL)
+    view = Viewpoint(_point(numbers[:3]), _point(numbers[3:6]), _point(numbers[6:]))
+    if math.dist(view.position, view.look_at) < _CLOSEST_M or math.hypot(*view.up) < _CLOSEST_M:
+        raise OptionError(_REFUSAL)
+    return view
+
+
+def latest_viewpoint(clients: Iterable[viser.ClientHandle]) -> Viewpoint | None:
+    """Return the view of the page whose camera was moved last, None while there is no page."""
+    cameras = [client.camera for client in clients]
+    if not cameras:
+        return None
+    camera = max(cameras, key=lambda each: each.update_timestamp)
+    return Viewpoint(_rounded(camera.position), _rounded(camera.look_at), _rounded(camera.up_direction))
+
+
+def _point(numbers: Iterable[float]) -> Point:
+    x, y, z = numbers
+    return x, y, z
+
+
+def _rounded(point: NDArray[np.float64]) -> Point:
+    """Round to millimetres, so that a camera at rest is one view."""
+    return _point(round(float(number), 3) + 0.0 for number in point)
+
 
 _NODE = re.compile(r"[0-9]{1,12}", re.ASCII)
 _MAX_FIELDS = 32
-QUESTION_WORDS: Mapping[str, str] = {name.word: name.value for name in QuestionName if name.word}
+QUESTION_WORDS: Mapping[str, str] = {
+    word: name.value for name in QuestionName for word in (name.word, *name.earlier_words) if word
+}
 """The names of our own questions by their words."""
 
 
@@ -62,7 +129,7 @@ def commands_from_link(query: str, questions: Mapping[str, str] = QUESTION_WORDS
 def _complaint(camera: str | None) -> tuple[Command, ...]:
     try:
         if camera is not None:
-            viewpoint.parse_viewpoint(camera)
+            parse_viewpoint(camera)
     except OptionError as error:
         return (ReportError(str(error)),)
     return ()

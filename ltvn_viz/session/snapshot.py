@@ -7,6 +7,7 @@ snapshot to the next while nothing changed, so comparing by identity tells what 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,12 +16,93 @@ from ltvn_core.analysis.recorded_frames import NO_TRAJECTORY
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.navigation.events import Severity
 from ltvn_core.robots.link_report import LinkReport
+from ltvn_core.simulation.rooms import Doorway
+from ltvn_core.simulation.scene import Scene, door_names
 from ltvn_core.types import Depth, NodeId, Rgb
 from ltvn_viz.server.driver_seat import ClientId
 from ltvn_viz.session.inspection import NO_INSPECTION, Inspection
-from ltvn_viz.session.modes import Mode
-from ltvn_viz.session.world_view import WorldView
 from ltvn_viz.timeline.run_moment import RunMoment
+from ltvn_viz.wishes.commands import Mode
+
+BOX_SIZE_M = (0.4, 0.4, 0.5)
+"""Width, depth and height of a box that is put down."""
+
+
+@dataclass(frozen=True, slots=True)
+class DoorView:
+    """A door that a person may close or open."""
+
+    door: int
+    """Its number among the scene's doors."""
+    label: str
+    """Which rooms it joins."""
+    x: float
+    y: float
+    """Its middle in metres."""
+    along_x: bool
+    """Whether its wall runs along x."""
+    width_m: float
+    is_open: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class BoxView:
+    """A box that was put down."""
+
+    number: int
+    x: float
+    y: float
+    """Its middle in metres."""
+
+
+class FloorView(NamedTuple):
+    """The rectangle around all of a scene's floor, in metres."""
+
+    x0: float
+    y0: float
+    x1: float
+    y1: float
+
+
+@dataclass(frozen=True, slots=True)
+class WorldView:
+    """What of a world can be changed now."""
+
+    floor: FloorView
+    doors: tuple[DoorView, ...]
+    boxes: tuple[BoxView, ...]
+    aimed: int | None
+    """Number of the box that waits for a click on the floor, 0 for a new one; None where none does."""
+    light: float
+    """Brightness; 1 is the scene as it was made."""
+    undo: str
+    """What would be undone, in words; empty where nothing would."""
+
+
+def doors_of(scene: Scene) -> tuple[DoorView, ...]:
+    """Return the doors of a scene, all open."""
+    named = zip(door_names(scene), scene.parts.doors, strict=True)
+    return tuple(_door(number, name, doorway) for number, (name, doorway) in enumerate(named))
+
+
+def floor_of(scene: Scene) -> FloorView:
+    """Return where the floor of a scene is."""
+    clearance = scene.clearance
+    rows, columns = clearance.blocked.shape
+    x, y = clearance.origin.tolist()
+    return FloorView(x, y, x + columns * clearance.resolution_m, y + rows * clearance.resolution_m)
+
+
+def _door(number: int, name: str, doorway: Doorway) -> DoorView:
+    x, y = doorway.middle
+    return DoorView(
+        door=number,
+        label=name,
+        x=x,
+        y=y,
+        along_x=doorway.axis == 1,
+        width_m=doorway.width_m,
+    )
 
 
 class ImageSource(StrEnum):
@@ -100,6 +182,8 @@ class Message:
     severity: Severity
     number: int
     """Counts messages, so that the same words twice are two messages."""
+    title: str = ""
+    """What it is about, in a few words; empty for the title of its severity."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,6 +236,24 @@ class FineTuningStatus:
     """False where what compares images has no weights to teach."""
 
 
+class LikePlace(NamedTuple):
+    """A node that looks like an image."""
+
+    node: NodeId
+    likeness: float
+    """In [-1, 1]; 1 is the same image."""
+
+
+@dataclass(frozen=True, slots=True)
+class UploadMatch:
+    """An uploaded image and what looks like it."""
+
+    picture: str
+    """Address of a small copy, which holds the copy itself."""
+    places: tuple[LikePlace, ...]
+    """Best first."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Snapshot:
     """Everything the page shows at one instant."""
@@ -161,10 +263,12 @@ class Snapshot:
     """Name of the scene to draw."""
     moment: RunMoment = field(default_factory=RunMoment)
     camera: CameraImage | None = None
+    shows_larger: bool | None = None
+    """That image is a larger one, drawn for people; None where that is not on offer."""
     rates: LoopRates = LoopRates()
     recording: RecordingStatus = RecordingStatus()
-    recordings: tuple[str, ...] = ()
-    """Files of the recordings folder, newest first."""
+    recordings: Mapping[str, str] = field(default_factory=dict)
+    """Files of the recordings folder, newest first, with when each was written and how large it is."""
     sources: tuple[str, ...] = ()
     """Drives in other formats in that folder, which can be imported."""
     is_making: bool = False
@@ -187,10 +291,12 @@ class Snapshot:
     """The goal that was chosen; shown with a pin."""
     gallery: tuple[NodeId, ...] = ()
     """Nodes offered as goals by their pictures."""
-    similar_nodes: tuple[NodeId, ...] = ()
-    """Nodes that look like the uploaded image, best first."""
+    upload: UploadMatch | None = None
+    """What was found for the image that was uploaded last; None where nothing was."""
     message: Message | None = None
     work: JobProgress | None = None
+    can_undo_build: bool = False
+    """The map was rebuilt, and the one before can be brought back."""
     fine_tuning: FineTuningStatus = FineTuningStatus()
     weights: str = ""
     """Fingerprint of the weights in use."""
@@ -202,6 +308,10 @@ class Snapshot:
     """What “Watch it learn” told so far."""
     story_goes_on: bool = False
     """More of it is to come."""
+    story_door: int | None = None
+    """The door that it is about, once that is known."""
+    story_query: int | None = None
+    """The query that it began last; None before it began one."""
     inspection: Inspection = NO_INSPECTION
     """What the debugger shows."""
     own_inspections: Mapping[ClientId, Inspection] = field(default_factory=dict)

@@ -2,7 +2,7 @@
 
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -12,11 +12,11 @@ from ltvn_viz.session.activities.map_building import MapBuilding
 from ltvn_viz.session.activities.navigation import Navigation
 from ltvn_viz.session.activities.playback import Playback
 from ltvn_viz.session.app_state import AppState
-from ltvn_viz.session.fine_tuning_handlers import drive_name
-from ltvn_viz.session.modes import Mode
+from ltvn_viz.session.command_handlers import drive_name
 from ltvn_viz.session.own_views import refresh_next_own_view
 from ltvn_viz.session.snapshot import FineTuningPhase, FineTuningStatus, LoopRates, Snapshot, TimelineStatus
 from ltvn_viz.timeline.run_moment import RunMoment, moment_of
+from ltvn_viz.wishes.commands import Mode
 
 LIST_EVERY_S = 2.0
 """How often the folder of recordings is looked through."""
@@ -65,7 +65,7 @@ class SnapshotBuilder:
         self._clock = clock
         self._meter = RateMeter(clock)
         self._listed_at = float("-inf")
-        self._names: tuple[str, ...] = ()
+        self._recorded: Mapping[str, str] = {}
         self._sources: tuple[str, ...] = ()
         self._own_due = float("-inf")
         self.moment = RunMoment()
@@ -74,7 +74,8 @@ class SnapshotBuilder:
     def build(self, state: AppState) -> Snapshot:
         """Return what the page should show now."""
         self._meter.count()
-        activity, making = state.activity, state.maker.work
+        activity = state.activity
+        making = state.maker.work
         snapshot = _replayed(activity) if isinstance(activity, Playback) else _live(state)
         self.moment = snapshot.moment
         # Even while no question is on show: which ones are offered depends on the run.
@@ -100,20 +101,23 @@ class SnapshotBuilder:
             inspection=state.debugger.shown,
             own_inspections={page: view.shown for page, view in state.own_debuggers.items()},
             weights=state.live_map.fingerprint,
+            can_undo_build=state.live_map.can_undo_rebuild,
             work=activity.work if isinstance(activity, MapBuilding) else state.work or making,
         )
         return replace(snapshot, hint=hint(snapshot))
 
-    def _recordings(self, state: AppState) -> tuple[str, ...]:
+    def _recordings(self, state: AppState) -> Mapping[str, str]:
         if self._clock() - self._listed_at >= LIST_EVERY_S:
             self._listed_at = self._clock()
-            self._names, self._sources = state.library.names(), state.library.sources()
+            self._recorded = state.library.words()
+            self._sources = state.library.sources()
         under_way = state.live.recorder.status.name
-        return tuple(name for name in self._names if name != under_way)
+        return {name: words for name, words in self._recorded.items() if name != under_way}
 
 
 def _time(state: AppState, moment: RunMoment) -> TimelineStatus:
-    run, replay = state.shown_run, state.activity if isinstance(state.activity, Playback) else None
+    run = state.shown_run
+    replay = state.activity if isinstance(state.activity, Playback) else None
     number, marks = state.strips.of(run)
     return TimelineStatus(
         run=number,
@@ -135,23 +139,28 @@ def _learning(state: AppState) -> FineTuningStatus:
 def _live(state: AppState) -> Snapshot:
     robot = state.live.robot
     shown = robot.state().stamp if state.shown_stamp is None else state.shown_stamp
-    moment, pose = moment_of(state.live.timeline, shown), robot.drawn_pose
+    moment = moment_of(state.live.timeline, shown)
+    pose = robot.drawn_pose
     if state.is_now:
         moment = replace(moment, robot=pose if np.isfinite(pose).all() else None)
     state.goals.refresh(moment.graph)
-    feed_image = state.feed.latest_image(pose)
+    larger = state.larger_feed if state.shows_larger else None
+    feed_image = (larger or state.feed).latest_image(pose)
     return Snapshot(
         scene=state.scene,
         moment=moment,
         camera=feed_image.image,
+        shows_larger=None if state.larger_feed is None else state.shows_larger,
         rates=LoopRates(frame_age_ms=1000 * feed_image.age_s, dropped=feed_image.dropped),
         selected=state.goals.selected,
         gallery=state.goals.gallery,
-        similar_nodes=state.goals.similar_nodes,
+        upload=state.goals.upload,
         world=None if state.world is None else state.world.view,
         link=None if state.link is None else state.link.report,
         story=() if state.story is None else tuple(state.story.captions),
         story_goes_on=state.story is not None and not state.story.is_over,
+        story_door=None if state.story is None else state.story.door,
+        story_query=None if state.story is None else state.story.query,
     )
 
 
@@ -172,6 +181,8 @@ def hint(snapshot: Snapshot) -> str:
     """Return what a person could do next."""
     if not snapshot.timeline.is_now and not snapshot.timeline.is_replay:
         return "The scene shows the past, the camera what is now. “Live” below it returns, and so does driving."
+    if snapshot.story_goes_on and snapshot.mode in (Mode.TELEOP, Mode.NAVIGATING):
+        return "Watch the story; what happens is told below the scene. W A S D or Space ends it."
     match snapshot.mode:
         case Mode.BUILDING:
             return "The map is being built from all images so far. You can cancel; the old map stays until then."
@@ -182,9 +193,9 @@ def hint(snapshot: Snapshot) -> str:
                 return f"{snapshot.pause_notice} Press Go on, or cancel."
             return "Paused. Resume, go on by single steps, or cancel."
         case Mode.REPLAY if snapshot.lone_camera is not None and not snapshot.moment.graph.ids.size:
-            return "This is an imported drive. Play it, or press “Build the map anew” (B) under “Drive”."
+            return "This is an imported drive. Play it, or press “Build a map” (B) under “Drive”."
         case Mode.REPLAY:
-            return "This is a recording. Click into the timeline, or play; “Back to the robot” (Replay) ends it."
+            return "This is a recording. Click into the timeline, or play; “Back to the robot” under “Replay” ends it."
         case Mode.TELEOP:
             return _driving(snapshot)
 
@@ -204,6 +215,8 @@ def _driving(snapshot: Snapshot) -> str:
     ended = moment.progress.ended
     if ended is None:
         return "Pick a goal: click a node in the scene or an image under “Go”. Or hold W A S D and drive yourself."
+    if ended.query == snapshot.story_query:
+        return "The story is over. Pick a goal by an image under “Go”, or ask under “Why” what the map learned."
     if ended.outcome is Outcome.ARRIVED:
         return "Arrived. Pick the next goal, or press R to record what happens from now on and replay it later."
     if ended.outcome is Outcome.CANCELLED:

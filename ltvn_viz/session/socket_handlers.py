@@ -1,74 +1,18 @@
-"""From what a page asks for on its drive socket to the session's commands.
+"""What pages ask for, brought to the session: on their drive sockets, and in viser's panels and scene.
 
-Owns the table from keys' and buttons' actions to commands. Driving and stopping are not in it:
-they go through the seat.
+Both ask by an action of the table of wishes. Driving and stopping go through the seat.
 """
 
-from collections.abc import Callable
-
-from ltvn_core.analysis.timeline_records import MarkKind
 from ltvn_core.errors import OptionError
 from ltvn_core.types import Twist
 from ltvn_viz.server.drive_socket import DriveListener
 from ltvn_viz.server.driver_seat import ClientId, StopReason
-from ltvn_viz.server.keymap import Action
-from ltvn_viz.session import commands as c
+from ltvn_viz.server.guarded_server import GuardedServer
 from ltvn_viz.session.session_loop import Session
 from ltvn_viz.session.share_links import commands_from_link
-
-SEEK_S = 1.0
-LEAST_SPEED, MOST_SPEED = 25, 800
-"""Of playing, in per cent."""
-
-PLAIN: dict[Action, Callable[[], c.Command]] = {
-    Action.RECORD: c.StartRecording,
-    Action.KEEP: c.KeepRecording,
-    Action.DISCARD: c.DiscardRecording,
-    Action.BUILD: c.BuildMap,
-    Action.STOP_LEARNING: c.StopFineTuning,
-    Action.USE_WEIGHTS: c.UseWeights,
-    Action.LEAVE_WEIGHTS: c.DismissWeights,
-    Action.CANCEL: c.Cancel,
-    Action.PAUSE: c.Pause,
-    Action.STEP: c.StepOnce,
-    Action.SEEK_BACK: lambda: c.SeekBy(-SEEK_S),
-    Action.SEEK_FORWARD: lambda: c.SeekBy(SEEK_S),
-    Action.PUT_BOX: c.PutBox,
-    Action.UNDO_CHANGE: c.UndoWorldChange,
-    Action.WATCH_IT_LEARN: c.WatchItLearn,
-    Action.PLAY: c.PlayTime,
-    Action.SHOW_NOW: c.ShowNow,
-    Action.EVENT_BEFORE: lambda: c.SeekMark(None, forwards=False),
-    Action.EVENT_AFTER: lambda: c.SeekMark(None, forwards=True),
-    Action.QUERY_BEFORE: lambda: c.SeekMark(MarkKind.QUERY_START, forwards=False),
-    Action.QUERY_AFTER: lambda: c.SeekMark(MarkKind.QUERY_START, forwards=True),
-}
-
-
-ABOUT: dict[Action, Callable[[int], c.Command]] = {
-    Action.LEARN: c.FineTune,
-    Action.SELECT: c.ChooseGoal,
-    Action.FOLLOW: c.FollowLink,
-    Action.DOOR: c.ToggleDoor,
-    Action.AIM_BOX: c.AimBox,
-    Action.TAKE_BOX: c.TakeBox,
-    Action.LIGHT: c.SetLight,
-    Action.SEEK: lambda time_ms: c.Seek(time_ms / 1000),
-    Action.SPEED: lambda percent: c.SetPlaySpeed(min(max(percent, LEAST_SPEED), MOST_SPEED) / 100),
-}
-"""Actions that carry what they are about."""
-
-
-def command_for(action: Action, target: int | None) -> c.Command | None:
-    """Return what an action asks the session for, None when it is no business of the session's."""
-    if action is Action.GOAL:
-        return c.NavigateTo(target)
-    if action is Action.KEEP_GOING and target in (0, 1):
-        return c.KeepGoing(target == 1)
-    if action in ABOUT and target is not None:
-        return ABOUT[action](target)
-    make = PLAIN.get(action)
-    return make() if make is not None else None
+from ltvn_viz.wishes import commands as c
+from ltvn_viz.wishes.commands import Command
+from ltvn_viz.wishes.wish_table import Action, Value, command_for
 
 
 def drive_listener(session: Session) -> DriveListener:
@@ -82,9 +26,8 @@ def drive_listener(session: Session) -> DriveListener:
             session.send(c.StopRobot())
         session.wake()
 
-    def on_action(_client: ClientId, action: Action, target: int | None) -> None:
-        command = command_for(action, target)
-        if command is not None:
+    def on_action(_client: ClientId, action: Action, value: Value) -> None:
+        if (command := command_for(action, value)) is not None:
             session.send(command)
 
     def on_link(_client: ClientId, query: str) -> None:
@@ -95,9 +38,8 @@ def drive_listener(session: Session) -> DriveListener:
         for command in asked:
             session.send(command)
 
-    def on_own_action(client: ClientId, action: Action, target: int | None) -> None:
-        command = command_for(action, target)
-        if command is not None:
+    def on_own_action(client: ClientId, action: Action, value: Value) -> None:
+        if (command := command_for(action, value)) is not None:
             session.send(command, watcher=client)
 
     return DriveListener(
@@ -108,3 +50,47 @@ def drive_listener(session: Session) -> DriveListener:
         on_link=on_link,
         on_absence=session.wake,
     )
+
+
+class SessionPages:
+    """The pages of a server and the session they ask. Implements `ltvn_viz.page_layout.Pages`."""
+
+    def __init__(self, server: GuardedServer, session: Session) -> None:
+        """Bring what the pages of `server` ask for to `session`."""
+        self._server = server
+        self._session = session
+
+    def send_upload(self, command: Command) -> None:
+        """Bring what came of an uploaded file; the guard let nobody but the driver through."""
+        self._session.send(command)
+
+    def ask(self, action: Action, value: Value = None) -> None:
+        """Ask for something from the driver's seat; the guard let nobody else through."""
+        if (command := command_for(action, value)) is not None:
+            self._session.send(command)
+
+    def ask_from(self, viser_client: int, action: Action, value: Value = None) -> None:
+        """Ask for something from the seat if the page has it, or takes it, and in the page's own view if not."""
+        asker = self._server.asker(viser_client)
+        if asker.page is not None and (command := command_for(action, value)) is not None:
+            self._session.send(command, watcher=None if asker.drives else asker.page)
+
+    def number_of(self, viser_client: int) -> ClientId | None:
+        """Return our number of a page by viser's."""
+        return self._server.number_of(viser_client)
+
+    def file_address(self, address: str) -> str:
+        """Return the address of a served file as a picture in a panel may have it."""
+        return self._server.file_address(address)
+
+    def show_picture(self, jpeg: bytes) -> None:
+        """Show all pages what the robot sees."""
+        self._server.show_picture(jpeg)
+
+    def tell_moment(self, message: str) -> None:
+        """Tell all pages which moment is on show."""
+        self._server.tell_moment(message)
+
+    def tell_activity(self, message: str) -> None:
+        """Tell all pages what the robot does by itself."""
+        self._server.tell_activity(message)

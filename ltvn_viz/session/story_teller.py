@@ -4,7 +4,7 @@ Owns how the story's steps become commands, and which maintenance and pace the a
 `ltvn_core.evaluation.door_story`. For the session's thread alone.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import assert_never
 
 from ltvn_core.errors import LtvnError
@@ -19,14 +19,14 @@ from ltvn_core.evaluation.door_story.story import (
     StoryStep,
 )
 from ltvn_core.evaluation.door_story.story_map import StoryMap
-from ltvn_core.navigation.events import Note, Outcome, QueryEnded
+from ltvn_core.navigation.events import Note, Outcome, QueryEnded, QueryStarted
 from ltvn_core.simulation.scene import door_names
 from ltvn_core.simulation.scripted_tour import LED_M_S, PathFollower
 from ltvn_core.systems.maintenance import with_maintenance
-from ltvn_viz.session import commands as c
 from ltvn_viz.session.changeable_world import ChangeableWorld
 from ltvn_viz.session.live_map import LiveMap
 from ltvn_viz.session.live_run import LiveRun
+from ltvn_viz.wishes import commands as c
 
 ENDED_EARLY = "The story ends here, because somebody took the robot."
 PACE = 3
@@ -38,7 +38,9 @@ class StoryTeller:
 
     def __init__(self, live: LiveRun, live_map: LiveMap, world: ChangeableWorld) -> None:
         """Begin a story; until it is over the map is maintained by what was seen open and closed."""
-        self._live, self._live_map, self._world = live, live_map, world
+        self._live = live
+        self._live_map = live_map
+        self._world = world
         self._system_before = live_map.system
         live_map.use_system(with_maintenance(live_map.system, STORY_MAINTENANCE))
         live.pace = PACE
@@ -53,6 +55,13 @@ class StoryTeller:
         self._led: PathFollower | None = None
         self._is_calling_back = False
         self._is_closed = False
+        self.query: int | None = None
+        """The query that it began last."""
+
+    @property
+    def door(self) -> int | None:
+        """The door that the story is about; None before it is known."""
+        return None if self.story.stage is None else self.story.stage.door
 
     @property
     def is_over(self) -> bool:
@@ -64,7 +73,7 @@ class StoryTeller:
         """What was told so far."""
         return tuple(self.story.captions)
 
-    def lead(self, say: Callable[[str], None], *, is_free: bool) -> bool:
+    def lead(self, *, is_free: bool) -> bool:
         """Drive on where the robot is led; returns whether it is.
 
         `is_free` says that nobody else drives it; otherwise the story ends.
@@ -76,16 +85,16 @@ class StoryTeller:
         if twist is not None:
             robot.drive(twist)
             self._read_events()
-            self._tell(say)
+            self._tell()
             return True
         self._led = None
         if is_free:
             robot.stop()
         else:
-            self._end(say, ENDED_EARLY)
+            self._end(ENDED_EARLY)
         return False
 
-    def tick(self, say: Callable[[str], None], *, is_idle: bool) -> c.Command | None:
+    def tick(self, *, is_idle: bool) -> c.Command | None:
         """Go on; returns what to do. Nobody may change the map meanwhile."""
         self._read_events()
         command = None
@@ -95,7 +104,7 @@ class StoryTeller:
             self.stop(f"The story ends here. {error}")
         if self._graph is not self._live_map.graph and not self.is_over:
             self.stop("The map was replaced, so the story ends here.")
-        self._tell(say)
+        self._tell()
         if self.is_over:
             self.close()
         return command
@@ -112,9 +121,9 @@ class StoryTeller:
         self._led = None
         self._carry_out(self.story.stop(why))
 
-    def _end(self, say: Callable[[str], None], why: str) -> None:
+    def _end(self, why: str) -> None:
         self.stop(why)
-        self._tell(say)
+        self._tell()
         self.close()
 
     def _carry_out(self, step: StoryStep | None) -> c.Command | None:
@@ -142,14 +151,16 @@ class StoryTeller:
         events = self._live.timeline.events
         for stamped in events[self._read :]:
             self.story.take(stamped.event)
+            if isinstance(stamped.event, QueryStarted):
+                self.query = stamped.event.query
             if isinstance(stamped.event, QueryEnded) and stamped.event.outcome is Outcome.CANCELLED:
                 if not self._is_calling_back and not self.is_over:
                     self.stop(ENDED_EARLY)
                 self._is_calling_back = False
         self._read = len(events)
 
-    def _tell(self, say: Callable[[str], None]) -> None:
+    def _tell(self) -> None:
+        """Keep what was told with the run; the page shows it below the scene, and nowhere else."""
         for text in self.captions[self._told :]:
             self._told += 1
             self._live.emit(Note(text))
-            say(text)

@@ -4,12 +4,12 @@ from typing import assert_never
 
 from ltvn_core.errors import LtvnError, OptionError
 from ltvn_core.navigation.events import Severity
-from ltvn_viz.session import commands as c
 from ltvn_viz.session.activities.map_building import MapBuilding
 from ltvn_viz.session.activities.navigation import Navigation
 from ltvn_viz.session.activities.playback import Playback
 from ltvn_viz.session.app_state import AppState
 from ltvn_viz.session.story_teller import StoryTeller
+from ltvn_viz.wishes import commands as c
 
 
 def change_world(state: AppState, command: c.WorldCommand) -> None:
@@ -46,14 +46,15 @@ def carry_out_changes(state: AppState) -> None:
     except LtvnError as error:
         state.say(str(error), Severity.ERROR)
         return
-    if done:
+    is_told = state.story is not None and not state.story.is_over
+    if done and not is_told:
         state.say(f"{done[-1][:1].upper()}{done[-1][1:]}.")
 
 
 def interrupt_story(state: AppState) -> None:
     """End the story if the robot is led just now; a query that is called off ends it by itself."""
     if state.story is not None:
-        state.story.lead(state.say, is_free=False)
+        state.story.lead(is_free=False)
 
 
 def go_on_with_story(state: AppState) -> c.Command | None:
@@ -63,8 +64,12 @@ def go_on_with_story(state: AppState) -> c.Command | None:
         return None
     if isinstance(state.activity, Playback | MapBuilding):
         return None
-    if story.lead(state.say, is_free=state.activity is state.teleop and not state.teleop.is_driven):
+    if story.lead(is_free=state.activity is state.teleop and not state.teleop.is_driven):
         return None
     if state.worker.pending or state.teleop.is_mapping:
         return None
-    return story.tick(state.say, is_idle=state.activity is state.teleop)
+    asked = story.tick(is_idle=state.activity is state.teleop)
+    if isinstance(asked, c.Cancel) and isinstance(state.activity, Navigation):
+        state.activity.cancel()  # The story tells why; nobody cancelled anything.
+        return None
+    return asked

@@ -1,16 +1,24 @@
-// Draw the scene fully, or lightly where this computer draws slowly: with fewer pixels, without dark rims around nodes
-// and edges, and without smoothing. It concerns this page alone. viser has no hook for any of this, but it shows its
-// insides to tests by names of its own; where they are missing, the scene is drawn as viser would.
+// Draw the scene fully, or lightly where this computer draws slowly: with fewer pixels, as one picture from above in
+// place of walls and furniture, without dark rims around nodes and edges, and without smoothing. It concerns this page
+// alone. viser has no hook for any of this, but it shows its insides to tests by names of its own; where they are
+// missing, the scene is drawn as viser would. What does not move is drawn fully on every computer.
 
 const DRAWINGS = { auto: "Auto", light: "Light", full: "Full" };
-const PIXEL_RATIOS = [null, 1, 0.7, 0.5, 0.4]; // By level; null leaves it to viser.
+const PIXEL_RATIOS = [null, 1.5, 1]; // By level; null leaves it to viser. Less than one for each pixel of the page is mush.
 const BY_PROCESSOR = /swiftshader|llvmpipe|softpipe|software|basic render/i;
 const LOOK_MS = 250;
+const REST_MS = 600; // So long nothing has moved, and one frame is drawn in full.
+const REST_FRAMES = 3; // viser needs up to so many for that one: for the size of its canvas, and for what it shows.
 const WARM_UP_MS = 3000; // So long after the first frame every computer is slow: shaders and textures are still made.
 const HIDDEN_LAYER = 31;
+const SCENES = ["/apartment", "/apartment-again"]; // As in `scene_layer.py`.
+const FLAT = 0.15;
+const HIGH = ["/doors", "/marker"]; // They stand as high as the walls, which the picture from above does not have.
+const PICTURE = "/picture"; // The scene from above, which lies below its floor.
 const STORED_DRAWING = "ltvn-drawing";
 
 const drawing = { choice: storedDrawing(), speed: drawingSpeed(0), shown: 0, isLooking: false, frame: 0, at: null, firstAt: null };
+const rest = { isOn: false, isSettled: false, frame: 0, movedAt: 0 };
 
 function storedDrawing() {
   try {
@@ -51,6 +59,7 @@ function drawnFrames() {
 // Frames are timed only while viser draws: to ask for frames all the time would keep the processor busy.
 function lookForFrames() {
   const frame = drawnFrames();
+  watchRest(frame);
   if (frame !== drawing.frame && !drawing.isLooking && !document.hidden) {
     Object.assign(drawing, { isLooking: true, at: null });
     requestAnimationFrame(timeFrame);
@@ -59,11 +68,32 @@ function lookForFrames() {
   showDrawing();
 }
 
+// While nothing moves there is time for a full frame; the next that is drawn for another reason is a light one again.
+function watchRest(frame) {
+  if (rest.isOn) {
+    const isStill = frame === drawing.frame;
+    if (isStill) rest.isSettled = frame > rest.frame;
+    else if (rest.isSettled || frame - rest.frame > REST_FRAMES) endRest();
+    return;
+  }
+  if (frame !== drawing.frame) rest.movedAt = performance.now();
+  if (drawingLevel() === 0 || document.hidden || performance.now() - rest.movedAt < REST_MS) return;
+  Object.assign(rest, { isOn: true, isSettled: false, frame });
+}
+
+function endRest() {
+  rest.movedAt = performance.now();
+  if (!rest.isOn) return;
+  rest.isOn = false;
+  lighten();
+}
+
 function timeFrame() {
   const [frame, now] = [drawnFrames(), performance.now()];
   const wasDrawn = frame !== drawing.frame;
+  watchRest(frame);
   drawing.firstAt ??= now;
-  const counts = wasDrawn && drawing.at !== null && now - drawing.firstAt > WARM_UP_MS;
+  const counts = wasDrawn && !rest.isOn && drawing.at !== null && now - drawing.firstAt > WARM_UP_MS;
   if (counts && judgeFrame(drawing.speed, now - drawing.at, now)) showDrawing();
   Object.assign(drawing, { frame, at: wasDrawn ? now : null, isLooking: wasDrawn });
   if (wasDrawn) requestAnimationFrame(timeFrame);
@@ -74,15 +104,26 @@ function lighten() {
   const viser = window.__viserMutable;
   const settings = window.__viserTestpoints?.devSettings;
   if (!viser?.scene || settings === undefined) return;
-  const level = drawingLevel();
+  const level = rest.isOn ? 0 : drawingLevel();
   const ratio = level === 0 ? null : Math.min(PIXEL_RATIOS[level], devicePixelRatio);
   let isChanged = level !== drawing.shown;
   if (isChanged) settings.set({ fixedDpr: ratio });
   drawing.shown = level;
+  // The picture stays at rest too: walls that come and go with each movement would only confuse.
+  const isFromAbove = drawingLevel() > 0 && viser.nodeRefFromName[PICTURE] !== undefined;
   for (const [name, node] of Object.entries(viser.nodeRefFromName)) {
-    if (name.endsWith("/outline")) node?.traverse((part) => (isChanged = showPart(part, level === 0) || isChanged));
+    const isShown = name.endsWith("/outline") ? level === 0 : SCENES.includes(name) ? !isFromAbove : null;
+    if (isShown !== null) node?.traverse((part) => (isChanged = showPart(part, isShown) || isChanged));
   }
+  for (const name of HIGH) isChanged = flatten(viser.nodeRefFromName[name], isFromAbove) || isChanged;
   if (isChanged) viser.requestRender();
+}
+
+function flatten(node, isFlat) {
+  const height = isFlat ? FLAT : 1;
+  if (!node || node.scale.z === height) return false;
+  node.scale.z = height;
+  return true;
 }
 
 function showPart(part, isShown) {
@@ -104,7 +145,7 @@ function choose(choice) {
 
 function drawingWords() {
   if (drawingLevel() === 0) return "";
-  return drawing.choice === "light" ? "Light drawing" : "Light drawing: this computer draws slowly";
+  return drawing.choice === "light" ? "Light drawing" : "Light drawing: this device draws slowly";
 }
 
 function showDrawing() {
@@ -132,5 +173,6 @@ function watchDrawing() {
   drawing.line.hidden = true;
   pad.root.append(drawing.line);
   showDrawing();
+  for (const kind of ["pointerdown", "wheel", "keydown"]) addEventListener(kind, endRest, { capture: true, passive: true });
   setInterval(lookForFrames, LOOK_MS);
 }

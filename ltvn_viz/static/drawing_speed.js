@@ -3,7 +3,7 @@
 // A frame counts when the frame before it was drawn too, so that a scene in which nothing happens says nothing. What
 // was too slow at a detail is tried again later and later, so that the picture does not flicker between two of them.
 
-const MOST_LIGHT = 4;
+const MOST_LIGHT = 2;
 const SLOW_FRAME_MS = 40;
 const QUICK_FRAME_MS = 20;
 const HICCUP_MS = 3000; // Longer is no drawing: a sleeping computer, a window behind others.

@@ -41,8 +41,40 @@ function nameViserParts() {
   handle.parentElement.dataset.ltvnViser = "inner";
 }
 
+// viser says that a file was uploaded as soon as its bytes have come. Whether they are an image, the app says itself.
+const UPLOADED = "File uploaded successfully";
+
+function hideUploadedNotes() {
+  for (const text of document.querySelectorAll("#root .mantine-Notification-description")) {
+    const note = text.closest(".mantine-Notification-root");
+    note.toggleAttribute("data-ltvn-hidden", text.textContent.startsWith(UPLOADED));
+  }
+}
+
 function tabs() {
   return [...(viserPanel()?.querySelectorAll("[role=tab]") ?? [])];
+}
+
+// viser builds its panel anew when its socket was cut, with the first tab open: the page opens the one chosen last. The
+// choice is noted as it is made, because the panel may be built anew before the page has seen the tab open.
+let chosenTab = null;
+
+function noteChosenTab(event) {
+  const tab = event.target.closest?.("#root [role=tab]");
+  chosenTab = tab ? tab.textContent.trim() : chosenTab;
+}
+
+// Until a person chooses one, the tab that the app's first hint names; who only watches can use “Why” alone.
+function firstTab() {
+  const named = seat.isOpen && document.querySelector("#root [data-ltvn-tab]")?.dataset.ltvnTab;
+  if (!named) return null;
+  return isWatching() ? "Why" : named;
+}
+
+function keepTab() {
+  chosenTab ??= firstTab();
+  const chosen = tabs().find((tab) => tab.textContent.trim() === chosenTab);
+  if (chosen?.getAttribute("aria-selected") === "false") chosen.click();
 }
 
 function openSheet(tab) {
@@ -89,8 +121,8 @@ function navButton(text, index) {
 }
 
 function toggleViserSettings() {
-  const toggle = document.querySelector("[data-ltvn-viser=handle] button");
-  toggle?.click();
+  // The last of viser's buttons there; the command palette has one as well.
+  [...document.querySelectorAll("[data-ltvn-viser=handle] button")].at(-1)?.click();
   const button = byId("ltvn-settings");
   button.setAttribute("aria-pressed", String(button.getAttribute("aria-pressed") !== "true"));
 }
@@ -108,7 +140,11 @@ function endLoading() {
 function arrange() {
   nameViserParts();
   nameControls();
+  hideUploadedNotes();
+  keepTab();
+  nameKeysInPanels();
   copyPieces();
+  restoreFocus();
   showSheet();
   endLoading();
 }
@@ -127,7 +163,8 @@ function layOut() {
   const all = { childList: true, subtree: true, characterData: true, attributes: true, attributeFilter: ["aria-selected"] };
   new MutationObserver(arrangeSoon).observe(byId("root"), all);
   addEventListener("resize", arrangeSoon);
+  addEventListener("click", noteChosenTab, true);
   new ResizeObserver(arrangeSoon).observe(byId("ltvn-pictures"));
-  watchers.push(endLoading);
+  watchers.push(endLoading, keepTab);
   arrange();
 }

@@ -13,6 +13,8 @@ function takeLink() {
     if (words.has(word)) query.set(word, words.get(word));
     words.delete(word);
   }
+  // A link says what to look at, and so which tab to open.
+  if (query.has("replay")) chosenTab = query.has("tool") ? "Why" : "Replay";
   for (const [name, word] of viewWords(query.get("camera"))) words.set(name, word);
   // Before viser reads the address: it would write it back without escaping anything.
   history.replaceState(null, "", `${location.pathname}${words.size === 0 ? "" : `?${words}`}${location.hash}`);
@@ -20,7 +22,7 @@ function takeLink() {
 }
 
 // Where viser's page looks for the camera to begin with. A view that makes no sense is left out here, and the server
-// says so; the rules are those of viewpoint.py.
+// says so; the rules are those of share_links.py.
 function viewWords(camera) {
   if (camera === null || !/^[-+0-9.e]+(,[-+0-9.e]+){8}$/.test(camera)) return [];
   const numbers = camera.split(",").map(Number);

@@ -53,10 +53,15 @@ function helpCard() {
   const card = element("dl", "ltvn-help");
   card.hidden = true;
   card.addEventListener("click", toggleHelp);
-  for (const [caps, text] of KEYMAP.help) {
-    card.append(element("dt", "", caps), element("dd", "", text));
-  }
   return card;
+}
+
+function showCaps() {
+  pad.help.replaceChildren();
+  for (const [codes, text] of KEYMAP.help) {
+    pad.help.append(element("dt", "", codes.map(capOf).join(" or ")), element("dd", "", text));
+  }
+  showStatus();
 }
 
 function toggleHelp() {
@@ -107,9 +112,10 @@ function status() {
   if (!seat.armed && isHolding()) return ["lost", `${whyLatched()}: ${BY_TOUCH.matches ? "let go" : "release the keys"} to go on`];
   if (does !== "" && activity.goal === null) return ["free", does];
   const typing = isTyping(document.activeElement);
-  const how = BY_TOUCH.matches ? "an arrow" : "W A S D or an arrow";
+  const how = BY_TOUCH.matches ? "an arrow" : ownLetters("W A S D or an arrow");
   if (activity.goal !== null) return ["robot", `${does}. ${typing ? "Click the scene, then hold" : "Hold"} ${how} to take over`];
   if (typing) return ["free", "Typing: click the scene to drive"];
+  if (isInPanels()) return ["free", "Keys are in the panel: Esc to drive"];
   if (isHolding()) return ["you", "You drive"];
   if (activity.story) return ["free", "The story goes on: the robot waits for what comes next"];
   return [seat.driver === seat.you ? "you" : "free", `Hold ${how} to drive`];
@@ -119,8 +125,9 @@ function showStatus() {
   const [kind, text] = status();
   pad.root.dataset.state = kind;
   pad.status.textContent = text;
+  document.documentElement.toggleAttribute("data-ltvn-keys-elsewhere", isInPanels());
   pad.takeOver.hidden = kind !== "other";
-  pad.lastKey.textContent = lastKey === "" ? "" : lastKey.replace("Key", "");
+  pad.lastKey.textContent = capOf(lastKey);
   for (const [direction, made] of Object.entries(pad.arrows)) {
     made.classList.toggle("ltvn-held", [...held.values()].includes(direction));
   }
@@ -145,5 +152,5 @@ function showPad() {
   byId("ltvn-cockpit").append(pad.root);
   watchers.push(showStatus);
   for (const name of ["focusin", "focusout"]) addEventListener(name, () => setTimeout(showStatus));
-  showStatus();
+  showCaps();
 }

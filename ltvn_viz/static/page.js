@@ -9,25 +9,27 @@ function socketAddress(path) {
 
 const ASK_WHETHER_THERE_MS = 200;
 const ASK_IN_VAIN = 25;
+const FETCHES = "The app is there. This page fetches the scene; without a graphics card that takes some ten seconds…";
 const UNAUTHORIZED = 401;
-const TOKEN_REFUSED = "token refused"; // As in `proof.py`.
+const TOKEN_REFUSED = "token refused"; // As in `requests.py`.
 const VISER_MESSAGES = ["zstd_wasm", "set_server"]; // The first that viser's page says to the worker of its socket.
 
 // The page is served before the app is loaded, so that the browser unpacks viser meanwhile.
 const appIsThere = new Promise((resolve) => askWhetherThere(resolve, ASK_IN_VAIN));
 
 async function askWhetherThere(resolve, tries) {
-  let isThere = false;
+  let step = null;
   try {
     const answer = await fetchWithToken("/ready/0.json");
     if (answer.status === UNAUTHORIZED) return askForToken();
-    isThere = await answer.json();
+    step = await answer.json();
     tries = ASK_IN_VAIN;
   } catch {
     tries -= 1;
     if (tries === 0) sayWhileLoading("The app has ended. Its terminal says why.");
   }
-  if (isThere) resolve();
+  if (step !== null) sayWhileLoading(step || FETCHES);
+  if (step === "") resolve();
   else setTimeout(askWhetherThere, ASK_WHETHER_THERE_MS, resolve, tries);
 }
 

@@ -1,6 +1,6 @@
 // The connection to the server, and what the server tells of the driver's seat and the robot.
 
-const seat = { isOpen: false, you: null, driver: null, epoch: 0, armed: false, reason: null, stoppedBy: null };
+const seat = { isOpen: false, isSilent: false, you: null, driver: null, epoch: 0, armed: false, reason: null, stoppedBy: null };
 const activity = { mode: "driving", goal: null, story: false }; // What is under way, and the node that the robot drives to by itself.
 const watchers = []; // Functions without arguments, called whenever something to be shown has changed.
 let socket = null; // A worker that holds the connection.
@@ -18,9 +18,9 @@ function tellHeld(message) {
   if (seat.isOpen) socket.postMessage({ type: "hold", message });
 }
 
-function ask(action, id = null) {
+function ask(action, value = null) {
   refusedBy = null;
-  send({ type: "action", action, id });
+  send({ type: "action", action, value });
 }
 
 function connect() {
@@ -29,6 +29,7 @@ function connect() {
     if (data.type === "picture") drawPictures(data.jpeg);
     else if (data.type === "heard") hear(JSON.parse(data.text));
     else if (data.type === "lost") lose();
+    else if (data.type === "silence") hearSilence(data.isSilent);
     else if (data.type === "refused") askForToken();
     else socket.postMessage({ type: "answer" });
   };
@@ -40,6 +41,11 @@ function connect() {
 
 function lose() {
   Object.assign(seat, { isOpen: false, you: null, driver: null, armed: false });
+  changed();
+}
+
+function hearSilence(isSilent) {
+  seat.isSilent = isSilent;
   changed();
 }
 

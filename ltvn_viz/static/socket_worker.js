@@ -9,10 +9,14 @@ const HERE_MS = 50;
 const RECONNECT_MS = 500;
 const ASK_MS = 1000;
 const HUNG_MS = 10000;
-const TOKEN_REFUSED = 4401; // As in `proof.py`.
+const SILENT_MS = 1000; // The server says something every quarter of a second; without that, what the page shows is old.
+const BEAT = '{"type": "beat"}'; // As in `drive_messages.py`.
+const TOKEN_REFUSED = 4401; // As in `requests.py`.
 
 let socket = null;
 let isFrozen = false;
+let heardAt = null; // When the server last said something; null before it first did.
+let isSilent = false;
 let answered = performance.now();
 let held = null; // What the page holds, as it last said, and when it did.
 let heldAt = 0;
@@ -23,6 +27,8 @@ function connect(address, proof) {
   socket.binaryType = "arraybuffer";
   socket.onopen = () => send(proof);
   socket.onmessage = ({ data }) => {
+    heardAt = performance.now();
+    if (data === BEAT) return;
     if (data instanceof ArrayBuffer) postMessage({ type: "picture", jpeg: data }, [data]);
     else postMessage({ type: "heard", text: data });
   };
@@ -51,8 +57,17 @@ function sendHeld(message) {
   send(JSON.stringify({ ...message, age: Math.round(performance.now() - heldAt) }));
 }
 
+// The worker's own timers may stand still, with the whole computer: then nothing is known, and nothing is said.
+function listenForSilence() {
+  if (heardAt === null) return;
+  const silent = performance.now() - heardAt > SILENT_MS;
+  if (silent !== isSilent) postMessage({ type: "silence", isSilent: silent });
+  isSilent = silent;
+}
+
 function beat() {
   sayHere();
+  listenForSilence();
   if (held !== null && !isFrozen) sendHeld(held);
 }
 

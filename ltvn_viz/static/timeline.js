@@ -7,13 +7,14 @@ const SNAP = 5; // Pixels: a click so near to a mark means the mark.
 const WISH_MS = 700; // So long the cursor stays where a person put it, before the server has followed.
 const KEY_STEP_MS = 1000;
 
-const dock = { wish: null, wishedAt: 0, pointers: new Map(), pinch: 0, sentAt: 0, timer: null, hint: 0 };
+const dock = { wish: null, wishedAt: 0, pointers: new Map(), pinch: 0, sentAt: 0, timer: null, hint: 0, byKey: [] };
 
-function dockButton(action, sign, label, keys = "") {
+function dockButton(action, sign, label, code = "") {
   const made = element("button", "ltvn-time-button", sign);
   made.type = "button";
   made.setAttribute("aria-label", label);
-  made.title = keys === "" ? label : `${label} (${keys})`;
+  made.title = label;
+  if (code !== "") dock.byKey.push([made, label, code]);
   if (action !== null) made.dataset.ltvnAction = action;
   // A button that takes the keyboard would keep it from the robot.
   made.addEventListener("mousedown", (event) => event.preventDefault());
@@ -46,8 +47,8 @@ function showTimeline() {
   dock.clock = element("output", "ltvn-time-clock");
   dock.live = dockButton("show_now", "● Live", "back to now: end looking back");
   dock.live.classList.add("ltvn-time-live");
-  dock.queries = [dockButton("query_before", "|◀", "query before", "-"), dockButton("query_after", "▶|", "next query", "=")];
-  const events = [dockButton("event_before", "‹", "event before", ";"), dockButton("event_after", "›", "next event", "'")];
+  dock.queries = [dockButton("query_before", "|◀", "query before", "Minus"), dockButton("query_after", "▶|", "next query", "Equal")];
+  const events = [dockButton("event_before", "‹", "event before", "Semicolon"), dockButton("event_after", "›", "next event", "Quote")];
   events.forEach((each) => each.classList.add("ltvn-time-step"));
   const middle = () => stripWidth() / 2;
   const zooms = element("span", "ltvn-time-zoom");
@@ -61,11 +62,18 @@ function showTimeline() {
   dock.row.append(dock.queries[0], events[0], dock.play, events[1], dock.queries[1], dock.speed, dock.clock, dock.live, zooms);
   dock.root.append(dock.row, stripBox(), signs());
   new ResizeObserver(drawSoon).observe(dock.box);
+  nameDockKeys();
   showMoment(true);
 }
 
+function nameDockKeys() {
+  for (const [made, label, code] of dock.byKey) made.title = `${label} (${capOf(code)})`;
+}
+
 function stripBox() {
-  dock.box = element("div", "ltvn-time-box");
+  dock.box = element("div", "ltvn-time-track");
+  dock.names = element("div", "ltvn-time-names");
+  dock.names.setAttribute("aria-hidden", "true");
   view.canvas = element("canvas", "ltvn-time-strip");
   dock.cursor = element("i", "ltvn-time-cursor");
   dock.hint = element("div", "ltvn-time-hint");
@@ -74,22 +82,41 @@ function stripBox() {
   view.canvas.setAttribute("role", "slider");
   view.canvas.setAttribute("aria-label", "moment on show");
   listenToStrip();
-  dock.box.append(view.canvas, dock.cursor, dock.hint);
-  return dock.box;
+  dock.box.append(view.canvas, dock.cursor);
+  const whole = element("div", "ltvn-time-box");
+  whole.append(dock.names, dock.box, dock.hint);
+  return whole;
 }
 
+// Beside the strip, so that no name ever covers a sign.
+function nameLanes() {
+  const names = ["queries", ...(lanes() === 1 ? ["events"] : TIMELINE.lanes)];
+  if (dock.names.childElementCount === names.length) return;
+  dock.names.replaceChildren(...names.map((name) => element("div", "", name)));
+}
+
+// A line for each lane, named as beside the strip: the same sign may mean a query in one and an attempt in another.
 function signs() {
   dock.signs = element("div", "ltvn-time-signs");
   dock.signs.hidden = true;
-  const bars = [...Object.values(TIMELINE.bars), TIMELINE.underWay].map((bar) => ({ ...bar, words: `query ${bar.words}` }));
-  for (const { sign, colour, words } of [...Object.values(TIMELINE.kinds), ...bars]) {
+  dock.signs.append(signLine("queries", [...Object.values(TIMELINE.bars), TIMELINE.underWay]));
+  TIMELINE.lanes.forEach((name, lane) => {
+    dock.signs.append(signLine(name, Object.values(TIMELINE.kinds).filter((kind) => kind.lane === lane)));
+  });
+  return dock.signs;
+}
+
+function signLine(name, styles) {
+  const line = element("div", "ltvn-time-sign-line");
+  line.append(element("b", "", `${name}:`));
+  for (const { sign, colour, words } of styles) {
     const made = element("span", "", ` ${words}`);
     const drawn = element("b", "", sign);
     drawn.style.color = colour;
     made.prepend(drawn);
-    dock.signs.append(made);
+    line.append(made);
   }
-  return dock.signs;
+  return line;
 }
 
 function toggleSigns() {
@@ -114,7 +141,7 @@ function showMoment(isOther = false) {
   dock.play.disabled = moment.now;
   dock.play.title = moment.now
     ? "This is now. Click into the strip to look back, then play what happened."
-    : `${moment.playing ? "pause" : "play"}${moment.replay ? " (P)" : ""}`;
+    : `${moment.playing ? "pause" : "play"}${moment.replay ? ` (${capOf("KeyP")})` : ""}`;
   dock.live.hidden = moment.replay;
   dock.live.disabled = moment.now;
   dock.live.title = moment.now ? "You see the robot as it is now" : "back to now: end looking back";
@@ -208,8 +235,10 @@ function showHint(column) {
   if (rows.length > 6) lines.push(`… and ${rows.length - 6} more`);
   dock.hint.replaceChildren(...lines.map((line) => element("div", "", line)));
   dock.hint.hidden = false;
-  const most = stripWidth() - dock.hint.offsetWidth;
-  dock.hint.style.left = `${Math.min(Math.max(0, column - dock.hint.offsetWidth / 2), Math.max(0, most))}px`;
+  const least = dock.box.offsetLeft;
+  const most = least + stripWidth() - dock.hint.offsetWidth;
+  const middle = least + column - dock.hint.offsetWidth / 2;
+  dock.hint.style.left = `${Math.min(Math.max(least, middle), Math.max(least, most))}px`;
 }
 
 function onStripWheel(event) {

@@ -70,7 +70,7 @@ function drawSoon() {
 }
 
 function lanes() {
-  return stripWidth() < 500 ? 1 : TIMELINE.lanes.length; // On a telephone all marks share a lane.
+  return stripWidth() < 500 || innerHeight < 480 ? 1 : TIMELINE.lanes.length; // On a telephone all marks share a lane.
 }
 
 function stripHeight() {
@@ -81,6 +81,7 @@ function drawStrip() {
   view.width = view.canvas.clientWidth;
   const [width, height] = [stripWidth(), stripHeight()];
   if (width === 0) return;
+  nameLanes();
   view.canvas.style.height = `${height}px`;
   const scale = window.devicePixelRatio;
   if (view.canvas.width !== Math.round(width * scale) || view.canvas.height !== Math.round(height * scale)) {

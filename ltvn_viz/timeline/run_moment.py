@@ -52,7 +52,8 @@ def moment_of(timeline: Timeline, stamp: float | None = None) -> RunMoment:
     known = len(timeline.events) if stamp is None else timeline.count_until(timeline.instant_at(stamp))
     stamp = timeline.end_s if stamp is None else stamp
     frames = timeline.frames.count_at(stamp)
-    version, progress = timeline.change_count_before(known), timeline.progress_before(known)
+    version = timeline.change_count_before(known)
+    progress = timeline.progress_before(known)
     return RunMoment(
         stamp=stamp,
         frame=timeline.frames.step(frames - 1) if frames else None,
@@ -81,7 +82,8 @@ def _robot_pose(frames: RecordedFrames, count: int, stamp: float) -> Pose | None
     before = frames.driven_pose(count - 1)
     if count == len(frames):
         return before
-    began, gap = frames.stamp(count - 1), frames.stamp(count) - frames.stamp(count - 1)
+    began = frames.stamp(count - 1)
+    gap = frames.stamp(count) - frames.stamp(count - 1)
     if not 0 < gap <= MAX_INTERPOLATION_GAP_S:
         return before
     step = frames.driven_pose(count) - before

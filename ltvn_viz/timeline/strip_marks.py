@@ -2,6 +2,9 @@
 
 Owns the numbers in a row; which events get a mark is `ltvn_core.analysis.timeline_rows`. A run's rows only grow, so
 that a page that has some of them asks for the rest. Rows are made in the session's thread; others may read them.
+
+Owns also the way from mark to mark. Two steps may share a stamp, for the clock stands still between queries; by its
+clock the page cannot tell them apart, so the next moment is one at another time.
 """
 
 import json
@@ -12,7 +15,7 @@ from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 from ltvn_core.analysis.timeline import Timeline
-from ltvn_core.analysis.timeline_records import MarkKind
+from ltvn_core.analysis.timeline_records import Instant, Mark, MarkKind
 from ltvn_core.analysis.timeline_rows import event_mark
 from ltvn_core.navigation import events as e
 from ltvn_core.types import NodeId
@@ -117,7 +120,8 @@ class StripLibrary:
         number = self._numbers.get(run, 0)
         strip = self._strips.get(number)
         if strip is None or not strip.is_of(run):
-            number, strip = self._next, StripMarks(run)
+            number = self._next
+            strip = StripMarks(run)
             self._next += 1
             self._numbers[run] = number
             self._strips[number] = strip
@@ -136,3 +140,32 @@ class StripLibrary:
         if strip is None:
             return None
         return json.dumps({"run": run, "first": first, "rows": strip.rows[first:]}, separators=(",", ":")).encode()
+
+
+_SAME_S = 1e-5
+"""Moments this near are one to the page."""
+
+
+def adjacent_instant(timeline: Timeline, at: Instant, *, forwards: bool) -> Instant | None:
+    """Return the next time at which anything happens, or the last one before; linear in what is at the same time."""
+    found: Instant | None = _start(at, forwards=forwards)
+    while found is not None and abs(found.stamp - at.stamp) < _SAME_S:
+        found = timeline.next_event(found) if forwards else timeline.previous_event(found)
+    return found
+
+
+def adjacent_mark(timeline: Timeline, at: Instant, kind: MarkKind, *, forwards: bool) -> Mark | None:
+    """Return the next mark of a kind at another time, or the last one before; linear in what is at the same time."""
+    place = _start(at, forwards=forwards)
+    mark = None
+    while abs(place.stamp - at.stamp) < _SAME_S:
+        mark = timeline.next_mark(place, kind) if forwards else timeline.previous_mark(place, kind)
+        if mark is None:
+            return None
+        place = mark.instant
+    return mark
+
+
+def _start(at: Instant, *, forwards: bool) -> Instant:
+    """Return where to look from: back from a robot that stands, what happened in its last step is before it, too."""
+    return at if forwards else at._replace(step=at.step + 1)

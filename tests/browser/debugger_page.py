@@ -16,10 +16,9 @@ from playwright.sync_api import Browser, Locator, Page, ViewportSize
 
 from ltvn_viz.app import AppOptions, RunningApp
 from ltvn_viz.session.activities.playback import Playback
-from ltvn_viz.session.commands import ChooseQuestion, CloseRecording, Command, OpenRecording, PointAt
 from ltvn_viz.session.inspection import Inspection, QuestionName
-from ltvn_viz.session.modes import Mode
-from ltvn_viz.session.viewpoint import Point
+from ltvn_viz.session.share_links import Point
+from ltvn_viz.wishes.commands import ChooseQuestion, CloseRecording, Command, Mode, OpenRecording, PointAt, Seek
 from tests.browser.actions import hold_key, wait_for_rest
 from tests.browser.pages import open_page
 from tests.browser.running_app import running_app
@@ -28,6 +27,8 @@ from tests.waiting import PATIENCE_S, until
 
 WINDOW: ViewportSize = {"width": 1040, "height": 680}
 
+LAST_S = 1e9
+"""Later than any recording ends."""
 _IS_SHOWN = """html => {
   const wanted = document.createElement("div");
   wanted.innerHTML = html;
@@ -98,6 +99,15 @@ class DebuggerPage:
             self.app.session.send(CloseRecording())
             self.until(lambda: not self.is_replay)
         wait_for_rest(self.app)
+
+    def go_to_failure(self, query: int) -> str:
+        """Ask at the end of the recording what failed, click the moment of a query, and return what is said there."""
+        self.app.session.send(Seek(LAST_S))
+        self.until(lambda: self.seconds > 0)
+        self.ask(QuestionName.FAILURES)
+        self.says("queries failed")
+        self.answer.locator("table", has_text="cause").locator("tbody tr").nth(query).locator("a").first.click()
+        return self.says(f"Later in this recording: query {query}")
 
     def go_to_the_recording(self, name: str) -> None:
         """Open a recording unless it is open already, with the “Why” tab before it."""

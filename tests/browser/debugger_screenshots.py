@@ -15,11 +15,11 @@ from pathlib import Path
 
 from playwright.sync_api import Browser, Page, sync_playwright
 
-from ltvn_viz.session.commands import OpenRecording
 from ltvn_viz.session.inspection import QuestionName
+from ltvn_viz.wishes.commands import OpenRecording, Seek
 from tests.browser.chromium import chromium_path
 from tests.browser.conftest import FLAGS
-from tests.browser.debugger_page import WINDOW, DebuggerPage, open_debugger
+from tests.browser.debugger_page import LAST_S, WINDOW, DebuggerPage, open_debugger
 from tests.browser.pages import wait_until_drawn
 from tests.browser.screenshots import save, show_auto, shown
 from tests.repository import ROOT
@@ -30,23 +30,15 @@ _COLOURS = 2000
 """A viewer that is still loading shows fewer."""
 
 
-def failure(debugger: DebuggerPage, query: int) -> None:
-    """Show a failed query."""
-    debugger.ask(QuestionName.FAILURES)
-    debugger.says("queries fail")
-    debugger.answer.locator("tbody tr").nth(query).locator("a").first.click()
-    debugger.says(f"Now in <b>query {query}</b>")
-
-
 def wall(debugger: DebuggerPage) -> None:
     """Point at the edge through the wall."""
-    failure(debugger, 0)
+    debugger.go_to_failure(0)
     debugger.follow(re.compile("^edge "))
 
 
 def alike(debugger: DebuggerPage) -> None:
     """Point at the edge between look-alikes."""
-    failure(debugger, 2)
+    debugger.go_to_failure(2)
     debugger.follow(re.compile("^edge "))
 
 
@@ -59,13 +51,13 @@ def edge(debugger: DebuggerPage) -> None:
 def blame(debugger: DebuggerPage) -> None:
     """Why the robot set out through a wall."""
     wall(debugger)
-    debugger.ask(QuestionName.BLAME)
+    debugger.ask(QuestionName.EDGE)
     debugger.says("The best path without it costs")
 
 
 def history(debugger: DebuggerPage) -> None:
     """The moment of the prune."""
-    failure(debugger, 0)
+    debugger.go_to_failure(0)
     debugger.ask(QuestionName.TIME)
     debugger.answer.locator("tr", has_text="pruned").locator("a", has_text="›").click()
     debugger.says("pruned (attempt)")
@@ -81,9 +73,9 @@ def what_if(debugger: DebuggerPage) -> None:
 
 def where(debugger: DebuggerPage) -> None:
     """The pair that looks alike."""
-    failure(debugger, 2)
+    debugger.go_to_failure(2)
     debugger.ask(QuestionName.WHERE)
-    debugger.says("nodes near enough")
+    debugger.says("near enough")
     if "pairs of perceptual aliases" not in debugger.shown.html:
         debugger.follow(re.compile("^search for places"))
     debugger.says("pairs of perceptual aliases")
@@ -91,7 +83,7 @@ def where(debugger: DebuggerPage) -> None:
 
 def breaks(debugger: DebuggerPage) -> None:
     """Stops at a condition on p."""
-    failure(debugger, 1)
+    debugger.go_to_failure(1)
     debugger.ask(QuestionName.BREAK)
     debugger.follow("failed leg")
 
@@ -110,13 +102,15 @@ def truth(debugger: DebuggerPage) -> None:
 
 
 def failures(debugger: DebuggerPage) -> None:
-    """The list, and the query that the walk is about."""
-    failure(debugger, 2)
+    """All that failed, at the end of the recording."""
+    debugger.app.session.send(Seek(LAST_S))
+    debugger.ask(QuestionName.FAILURES)
+    debugger.says("queries failed")
 
 
 def share(debugger: DebuggerPage) -> None:
     """A moment that was saved."""
-    failure(debugger, 2)
+    debugger.go_to_failure(2)
     debugger.ask(QuestionName.SHARE)
     debugger.follow("save this moment")
     debugger.says("Written: ")

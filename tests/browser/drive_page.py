@@ -18,7 +18,7 @@ from ltvn_viz.panels.status_panel import PANEL_MARK
 from ltvn_viz.server.drive_socket import DriveListener
 from ltvn_viz.server.driver_seat import StopReason
 from ltvn_viz.server.guarded_server import GuardedServer
-from ltvn_viz.server.keymap import Action
+from ltvn_viz.wishes.wish_table import Action, Value
 from tests.browser.pages import draw_nothing
 from tests.waiting import PATIENCE_MS, PATIENCE_S, until
 
@@ -36,7 +36,7 @@ class ReceivedInput:
 
     drives: "queue.Queue[tuple[float, Twist]]" = dataclass_field(default_factory=queue.Queue)
     stops: "queue.Queue[tuple[float, StopReason]]" = dataclass_field(default_factory=queue.Queue)
-    actions: "queue.Queue[tuple[Action, int | None]]" = dataclass_field(default_factory=queue.Queue)
+    actions: "queue.Queue[tuple[Action, Value]]" = dataclass_field(default_factory=queue.Queue)
 
     def listener(self) -> DriveListener:
         return DriveListener(

@@ -12,15 +12,14 @@ import trimesh
 
 from ltvn_core.simulation.locobot_model import locobot_glb
 from ltvn_viz.layers.first_view import Floor
-from ltvn_viz.page_layout import PageAssets, build_layout
-from ltvn_viz.painter import Painter
+from ltvn_viz.page_layout import PageAssets, Painter, build_layout
 from ltvn_viz.server.driver_seat import IDLE_S, DriverSeat
 from ltvn_viz.server.guarded_server import GuardedServer
 from ltvn_viz.session.fine_tuning import FineTuning
-from ltvn_viz.session.pages import SessionPages
+from ltvn_viz.session.saved_files import SAVED_ENDING, SAVED_PREFIX
 from ltvn_viz.session.session_loop import Session
 from ltvn_viz.session.snapshot import Snapshot
-from ltvn_viz.session.socket_handlers import drive_listener
+from ltvn_viz.session.socket_handlers import SessionPages, drive_listener
 from tests.core.flat_world import FlatWorld, two_rooms
 from tests.viz.page_sockets import ANY_PACE
 from tests.viz.session_harness import SessionHarness
@@ -55,6 +54,7 @@ def serving(folder: Path, *, lease_s: float | None = 5.0, idle_s: float = IDLE_S
     with GuardedServer(seat=seat, pace=ANY_PACE) as server:
         server.add_route("/thumb/", harness.thumbnails.get)
         server.add_route("/marks/", harness.state.strips.rows_from, ending="json")
+        server.add_route(SAVED_PREFIX, harness.state.saved_files.read, ending=SAVED_ENDING)
         painters: list[Painter] = []
         session = Session(
             harness.state,

@@ -8,7 +8,7 @@ import viser
 import viser.transforms as vt
 from playwright.sync_api import Browser, BrowserContext, Page
 
-from tests.waiting import PATIENCE_MS, PATIENCE_S
+from tests.waiting import PATIENCE_MS, PATIENCE_S, until
 
 _DRAW_FULLY = """
 try { localStorage.setItem("ltvn-drawing", "full"); } catch { /* A page without an address of its own. */ }
@@ -46,8 +46,11 @@ def draw_nothing(pages: BrowserContext | Page) -> None:
 
 @contextmanager
 def open_page(browser: Browser, url: str, *, width: int, height: int, draws: bool = True) -> Iterator[Page]:
-    """Open an address in a window of so many pixels, and close it at the end; see `draw_seldom` and `draw_nothing`."""
-    page = browser.new_page(viewport={"width": width, "height": height})
+    """Open an address in a window of so many pixels, and close it at the end; see `draw_seldom` and `draw_nothing`.
+
+    The system asks for dark colours, as it does in the pictures of the documents.
+    """
+    page = browser.new_page(viewport={"width": width, "height": height}, color_scheme="dark")
     spare = draw_seldom if draws else draw_nothing
     spare(page)
     page.set_default_timeout(PATIENCE_MS)
@@ -60,6 +63,7 @@ def open_page(browser: Browser, url: str, *, width: int, height: int, draws: boo
 
 def wait_until_drawn(server: viser.ViserServer) -> viser.ClientHandle:
     """Wait until the only page of a server has drawn its scene, and return the server's end of it."""
+    until(lambda: len(server.get_clients()) == 1, explain=server.get_clients)
     (client,) = server.get_clients().values()
     client.get_render(60, 80, timeout=PATIENCE_S)
     return client

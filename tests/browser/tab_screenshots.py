@@ -21,9 +21,8 @@ from ltvn_core.config import ROBUST
 from ltvn_core.graph.planner import Planner
 from ltvn_core.types import Pose
 from ltvn_viz.app import AppOptions, RunningApp
-from ltvn_viz.session.commands import OpenRecording
 from ltvn_viz.session.inspection import QuestionName
-from ltvn_viz.session.modes import Mode
+from ltvn_viz.wishes.commands import Mode, OpenRecording
 from tests.browser.actions import click_goal_image, hold_key, wait_for_rest
 from tests.browser.chromium import chromium_path
 from tests.browser.conftest import FLAGS
@@ -78,8 +77,9 @@ def _drive(app: RunningApp, page: Page) -> None:
     """Drive by hand while it is recorded."""
     robot = app.session.state.live.robot
     start = robot.drawn_pose.copy()
+    page.get_by_role("tab", name="Drive").click()
     page.get_by_role("button", name=re.compile("^Record")).click()
-    page.locator(".lt-mode[data-rec='1']").wait_for()
+    page.locator("#ltvn-rec .lt-rec").wait_for()
     hold_key(app, page, "w", lambda: _gap_m(robot.drawn_pose, start) > DRIVEN_M)
     wait_for_rest(app)
     _take(app, page, "drive")
@@ -125,10 +125,7 @@ def _ask_why(app: RunningApp, page: Page, folder: Path) -> None:
     """Ask about the edge between two places that look alike."""
     page.get_by_role("tab", name="Why").click()
     debugger = DebuggerPage(app, page, folder)
-    debugger.ask(QuestionName.FAILURES)
-    debugger.says("queries fail")
-    debugger.answer.locator("tbody tr").nth(2).locator("a").first.click()
-    debugger.says("Now in <b>query 2</b>")
+    debugger.go_to_failure(2)
     debugger.follow(FAULTY_EDGE)
     debugger.ask(QuestionName.EDGE)
     _take(app, page, "why")
@@ -136,10 +133,11 @@ def _ask_why(app: RunningApp, page: Page, folder: Path) -> None:
 
 def _draw_lightly(app: RunningApp, browser: Browser) -> None:
     """Show the page as the processor draws it when nobody asks for more."""
-    page = browser.new_page(viewport=SMALL)
+    page = browser.new_page(viewport=SMALL, color_scheme="dark")
     page.set_default_timeout(PATIENCE_MS)
     page.goto(app.server.url)
-    page.get_by_text("Light drawing: this computer draws slowly").wait_for()
+    page.get_by_text("Light drawing: this device draws slowly").wait_for()
+    page.get_by_text("Next:").wait_for()
     page.add_style_tag(content=_NO_NOTICES)
     _take(app, page, "light")
     page.close()
@@ -155,7 +153,7 @@ def _take(app: RunningApp, page: Page, name: str) -> None:
 
 def _on_telephone(app: RunningApp, browser: Browser, tabs: Sequence[str | None]) -> list[Image.Image]:
     """Return what a telephone shows, with the sheet of each tab over the scene, or none."""
-    telephone = browser.new_context(viewport=TELEPHONE, has_touch=True, is_mobile=True)
+    telephone = browser.new_context(viewport=TELEPHONE, has_touch=True, is_mobile=True, color_scheme="dark")
     telephone.set_default_timeout(PATIENCE_MS)
     draw_seldom(telephone)
     page, seen = telephone.new_page(), []

@@ -12,7 +12,7 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from ltvn_viz.app import AppOptions, RunningApp
-from ltvn_viz.session.modes import Mode
+from ltvn_viz.wishes.commands import Mode
 from tests.browser.actions import wait_for_built_map
 from tests.browser.pages import open_page, wait_until_drawn
 from tests.browser.running_app import running_app
@@ -52,8 +52,9 @@ def count(page: Page, what: str) -> int:
 
 def test_one_drives_the_map_grows_and_is_built_anew_and_the_recording_is_watched(app: RunningApp, page: Page) -> None:
     expect(page.get_by_text("Hold W A S D or the arrow keys")).to_be_visible()
+    expect(page.get_by_role("tab", name="Drive")).to_have_attribute("aria-selected", "true")
     page.get_by_role("button", name=re.compile("^Record")).click()
-    expect(page.locator(".lt-mode[data-rec='1']")).to_be_visible()
+    expect(page.locator("#ltvn-rec .lt-rec")).to_be_visible()
 
     def turn_on() -> None:
         page.keyboard.down("d")
@@ -61,7 +62,7 @@ def test_one_drives_the_map_grows_and_is_built_anew_and_the_recording_is_watched
         page.keyboard.up("d")
 
     until(lambda: count(page, "nodes") >= 3, meanwhile=turn_on)
-    page.get_by_role("button", name=re.compile("^Build")).click()
+    page.get_by_role("button", name=re.compile("^Rebuild")).click()
     wait_for_built_map(app)
     assert app.session.state.live_map.graph.nodes
     page.get_by_role("button", name=re.compile("^Keep")).click()
@@ -80,7 +81,9 @@ def test_one_drives_the_map_grows_and_is_built_anew_and_the_recording_is_watched
     until(lambda: app.session.mode is Mode.TELEOP)
 
 
-def test_a_polite_kill_ends_the_app_in_order(tmp_path: Path) -> None:
+def test_a_page_says_large_that_the_app_is_frozen_or_has_ended_which_a_polite_kill_does_in_order(
+    tmp_path: Path, chromium: Browser
+) -> None:
     program = Path(sys.executable).with_name("ltvn")
     command = [str(program), "app", "--port", "0", "--predictor", "oracle"]
     process = subprocess.Popen(
@@ -91,6 +94,17 @@ def test_a_polite_kill_ends_the_app_in_order(tmp_path: Path) -> None:
     said = next(line for line in lines if "http://127.0.0.1" in line)
     assert "token=" in said
     assert any("Ready." in line for line in lines)
-    process.send_signal(signal.SIGTERM)
-    assert process.wait(timeout=PATIENCE_S) == 0
+    link = re.search(r"http://\S+", said)
+    assert link is not None
+    with open_page(chromium, link[0], width=900, height=560, draws=False) as page:
+        page.get_by_text("Next:").wait_for()
+        alert = page.get_by_role("alert").filter(has_text="app")
+        expect(alert).to_have_count(0)
+        process.send_signal(signal.SIGSTOP)
+        expect(alert).to_contain_text("does not answer")
+        process.send_signal(signal.SIGCONT)
+        expect(alert).to_have_count(0)
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(timeout=PATIENCE_S) == 0
+        expect(alert).to_contain_text("connection")
     process.stderr.close()

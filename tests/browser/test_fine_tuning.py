@@ -8,16 +8,16 @@ from dataclasses import replace
 import pytest
 from playwright.sync_api import Browser, Locator, Page, expect
 
+from ltvn_core.data.recording.info import read_info
 from ltvn_core.network.optimization.fine_tuning_loop import FineTuningData
 from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
+from ltvn_core.network.training_data.trajectory_pairs import TrajectoryPairs
 from ltvn_core.network.weights_file import read_card, weights_fingerprint
-from ltvn_core.recording.info import read_info
 from ltvn_core.training.fine_tuning_data import ProgressReporter
-from ltvn_core.training_data.trajectory_pairs import TrajectoryPairs
 from ltvn_viz.app import AppOptions, RunningApp
 from ltvn_viz.session.fine_tuner import FineTuner
-from ltvn_viz.session.modes import Mode
 from ltvn_viz.timeline.run_moment import moment_of
+from ltvn_viz.wishes.commands import Mode
 from tests.browser.pages import open_page
 from tests.browser.running_app import running_app
 from tests.viz.tiny_fine_tuning import PLAN, TinyRehearsal

@@ -9,9 +9,11 @@ import pytest
 from playwright.sync_api import Browser, Locator, Page, expect
 
 from ltvn_core.types import NodeId
-from ltvn_viz.session import commands as c
-from ltvn_viz.session.modes import Mode
+from ltvn_viz.panels.status_panel import PANEL_MARK
+from ltvn_viz.server.guarded_server import GuardedServer
 from ltvn_viz.session.snapshot import Snapshot
+from ltvn_viz.wishes import commands as c
+from ltvn_viz.wishes.commands import Mode
 from tests.browser.actions import click_goal_image, hold_key, wait_for_rest
 from tests.browser.flat_app import FlatApp, serving, until_shown
 from tests.browser.pages import on_screen, open_page
@@ -80,8 +82,27 @@ def test_a_first_time_visitor_sees_what_to_do(chromium: Browser, tmp_path: Path)
     with serving(tmp_path) as app, open_page(chromium, app.server.url, width=1000, height=640, draws=False) as page:
         expect(page).to_have_title("Lifelong Topological Visual Navigation")
         expect(page.get_by_text("Pick a goal")).to_be_visible()
+        expect(page.get_by_role("tab", name="Go")).to_have_attribute("aria-selected", "true")
+        before = app.harness.robot.pose.copy()
+        hold_key(app, page, "d", lambda: bool((app.harness.robot.pose != before).any()))
+        open_tab(page, "Drive")
         expect(page.get_by_role("button", name=re.compile("^Record"))).to_be_enabled()
         expect(page.get_by_role("button", name=re.compile("^Keep"))).to_be_disabled()
+
+
+def test_a_page_that_waits_shows_at_what_the_app_is(chromium: Browser) -> None:
+    with (
+        GuardedServer(loading="Starting the simulator…") as server,
+        open_page(chromium, server.url, width=1000, height=640, draws=False) as page,
+    ):
+        waiting = page.locator("#ltvn-loading")
+        expect(waiting).to_contain_text("simulator")
+        server.say_loading("Reading the map…")
+        expect(waiting).to_contain_text("map")
+        server.end_loading()
+        expect(waiting).to_contain_text("scene")
+        server.gui.add_html(PANEL_MARK)
+        expect(waiting).to_be_hidden()
 
 
 def test_the_status_line_shows_mode_and_health_and_the_numbers_behind_it_on_request(page: Page) -> None:
@@ -164,29 +185,80 @@ def test_a_recording_is_made_kept_opened_and_sought(app: FlatApp, page: Page) ->
     until_shown(app, lambda now: now.mode is Mode.TELEOP)
 
 
+def test_a_cut_connection_leaves_the_tab_open_that_was_open(app: FlatApp, chromium: Browser) -> None:
+    # A page of its own, because viser connects again only while its window has the focus.
+    with open_page(chromium, app.server.url, width=1000, height=640, draws=False) as page:
+        page.get_by_text("Next:").wait_for()
+        open_tab(page, "World")
+        page.evaluate("document.querySelector('[role=tablist]').dataset.cut = ''")
+
+        app.server.viser._websock_server.disconnect_all_clients()
+
+        expect(page.locator("[role=tablist]:not([data-cut])")).to_be_visible()
+        expect(page.get_by_role("tab", name="World")).to_have_attribute("aria-selected", "true")
+
+
 def test_a_refused_command_says_what_is_possible(app: FlatApp, page: Page) -> None:
     page.keyboard.press("p")
     expect(page.get_by_role("alert").filter(has_text="You can:").first).to_be_visible()
 
 
-def test_an_uploaded_image_finds_its_place(app: FlatApp, page: Page, tmp_path: Path) -> None:
+def test_what_the_robot_sees_is_drawn_pixel_for_pixel_and_larger_without_a_blur(app: FlatApp, page: Page) -> None:
+    seen = until_shown(app, lambda now: now.camera is not None).camera
+    assert seen is not None
+    for id_ in ("ltvn-colour", "ltvn-depth"):
+        drawn = page.locator(f"#{id_}")
+        expect(drawn).to_have_js_property("width", seen.rgb.shape[1])
+        expect(drawn).to_have_js_property("height", seen.rgb.shape[0])
+        expect(drawn).to_have_css("image-rendering", "pixelated")
+
+
+def upload(page: Page, file: Path) -> None:
+    """Upload a file as a person does."""
     open_tab(page, "Go")
+    with page.expect_file_chooser() as chooser:
+        page.get_by_role("button", name="Go to an uploaded image").click()
+    chooser.value.set_files(file)
+
+
+def shows_no_success_of_its_own(page: Page) -> None:
+    """Check that nothing is said of a file that has come but may hold no image."""
+    viser_s_own = page.locator(".mantine-Notification-root", has_text="uploaded successfully")
+    expect(viser_s_own.locator("visible=true")).to_have_count(0)
+
+
+def test_an_uploaded_image_finds_its_place(app: FlatApp, page: Page, tmp_path: Path) -> None:
     node = farthest(app, app.harness.now.gallery)
     picture = tmp_path / "goal.jpg"
     picture.write_bytes(app.harness.thumbnails.get(node) or b"")
-    with page.expect_file_chooser() as chooser:
-        page.get_by_role("button", name="Go to an uploaded image").click()
-    chooser.value.set_files(picture)
+    upload(page, picture)
+    expect(page.get_by_text("Going to the place").first).to_be_visible()
+    shows_no_success_of_its_own(page)
     until_shown(app, lambda now: now.mode is Mode.NAVIGATING)
-    assert app.harness.now.similar_nodes
+    match = page.locator(".lt-upload")
+    own = match.get_by_alt_text("your image")
+    # Not `wait_for_function`, which evaluates text in the page, as its policy forbids.
+    until(
+        lambda: page.evaluate("[...document.querySelectorAll('.lt-upload img')].every((each) => each.naturalWidth > 0)")
+    )
+    places = match.get_by_role("group").locator("figure")
+    best = places.first
+    found = app.harness.now.upload
+    assert found is not None
+    expect(best).to_contain_text(f"node {found.places[0].node}")
+    expect(best).to_contain_text(f"{found.places[0].likeness:.2f}")
+    own_box = own.bounding_box()
+    best_box = best.bounding_box()
+    assert own_box is not None
+    assert best_box is not None
+    assert own_box["x"] + own_box["width"] <= best_box["x"]  # Side by side, for the eye to compare.
 
 
 def test_an_upload_that_is_no_image_is_a_clear_error(app: FlatApp, page: Page, tmp_path: Path) -> None:
-    open_tab(page, "Go")
     evil = tmp_path / "<b>evil.jpg"
     evil.write_bytes(b"not a picture")
-    with page.expect_file_chooser() as chooser:
-        page.get_by_role("button", name="Go to an uploaded image").click()
-    chooser.value.set_files(evil)
+    upload(page, evil)
     expect(page.get_by_role("alert").filter(has_text="<b>evil.jpg").first).to_be_visible()
+    shows_no_success_of_its_own(page)
+    expect(page.locator(".lt-health:visible")).not_to_have_text("Trouble")  # The app itself is well.
     assert app.session.mode is Mode.TELEOP

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
+from ltvn_core.data.recording.reader import Recording
 from ltvn_core.navigation.events import Outcome
-from ltvn_core.recording.reader import Recording
 from ltvn_core.types import NodeId, Pose
 from ltvn_viz.app import AppOptions, RunningApp
-from ltvn_viz.session.modes import Mode
 from ltvn_viz.timeline.run_moment import moment_of
+from ltvn_viz.wishes.commands import Mode
 from tests.browser.actions import click_goal_image, hold_key, wait_for_built_map
 from tests.browser.pages import open_page
 from tests.browser.running_app import running_app
@@ -81,7 +81,7 @@ def test_it_is_driven_recorded_mapped_and_sent_somewhere(app: RunningApp, page: 
     page.get_by_role("button", name=re.compile("^Keep")).click()
     until(lambda: not live.recorder.is_on)
 
-    page.get_by_role("button", name=re.compile("^Build")).click()
+    page.get_by_role("button", name=re.compile("^Rebuild")).click()
     wait_for_built_map(app)
 
     page.get_by_role("tab", name="Go").click()

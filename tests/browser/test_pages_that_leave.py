@@ -11,8 +11,8 @@ import psutil
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from ltvn_viz.session import commands as c
-from ltvn_viz.session.modes import Mode
+from ltvn_viz.wishes import commands as c
+from ltvn_viz.wishes.commands import Mode
 from tests.browser.drive_page import renderers
 from tests.browser.flat_app import FlatApp, serving, until_shown
 from tests.browser.pages import open_page
@@ -77,6 +77,9 @@ def test_a_watching_page_is_grey_says_why_and_looks_by_itself(app: FlatApp, chro
         page.get_by_text("Next:").wait_for()
         driver.take_seat()
         expect(page.get_by_text("Another page drives")).to_be_visible()
+        page.reload()
+        expect(page.get_by_role("tab", name="Why")).to_have_attribute("aria-selected", "true")
+        page.get_by_role("tab", name="Drive").click()
         record = page.get_by_role("button", name=re.compile("^Record"))
         until(lambda: float(record.evaluate("each => getComputedStyle(each).opacity")) < 0.5)
         record.hover()

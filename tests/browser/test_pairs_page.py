@@ -9,12 +9,11 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from ltvn_core.errors import DatasetError
-from ltvn_core.training_data.pose_sampling import ClusterSampling
-from ltvn_core.training_data.shard_generation import DatasetRecipe, make_shard
-from ltvn_core.training_data.shards import shard_path, write_shard
+from ltvn_core.network.training_data.pose_sampling import ClusterSampling
+from ltvn_core.network.training_data.shards import DatasetRecipe, make_shard, shard_path, write_shard
 from ltvn_viz.pairs.pairs_app import PairsApp, PairsOptions, open_pairs_app
 from tests.browser.pages import open_page
-from tests.core.training_data.box_world import two_rooms
+from tests.core.network.training_data.box_world import two_rooms
 
 pytestmark = pytest.mark.browser
 

@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, Locator, Page, expect
 
+from ltvn_core.evaluation.reports.evaluation_page import render_page
+from ltvn_core.evaluation.reports.failure_gallery import FailureRow
+from ltvn_core.evaluation.reports.figure_style import FigurePalette
 from ltvn_core.evaluation.results import EvaluationResults
-from ltvn_core.reports.evaluation_page import render_page
-from ltvn_core.reports.failure_gallery import FailureRow
-from ltvn_core.reports.figure_style import FigurePalette
-from tests.core.reports.fake_results import make_trial
+from tests.core.evaluation.reports.fake_results import make_trial
 
 INK = FigurePalette((0.1, 0.3, 0.7), (0.8, 0.3, 0.1), (0.5, 0.2, 0.6))
 METHODS = ("ltvn", "sptm", "ving")

@@ -16,13 +16,13 @@ import pytest
 from PIL import Image
 from playwright.sync_api import Browser, Page, Request, expect
 
+from ltvn_core.data.recording.live_server import live_address
+from ltvn_core.data.recording.viewer_server import ServedViewer, serve_viewer
+from ltvn_core.data.recording.writer import RecordingWriter
 from ltvn_core.errors import RecordingError
-from ltvn_core.recording.live_server import live_address
-from ltvn_core.recording.viewer_server import ServedViewer, serve_viewer
-from ltvn_core.recording.writer import RecordingWriter
-from ltvn_viz.session.rerun_viewers import RerunViewers
+from ltvn_viz.session.recording_library import RerunViewers
 from tests.browser.pages import draw_seldom
-from tests.core.recording import example_recording
+from tests.core.data.recording import example_recording
 from tests.waiting import PATIENCE_MS, PATIENCE_S, until
 
 pytestmark = pytest.mark.browser

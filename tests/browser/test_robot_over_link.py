@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
+from ltvn_core.data.recording.demo_files import DEMO_MAP, demo_file
+from ltvn_core.data.recording.map_file import load_map
+from ltvn_core.data.recording.reader import Recording
 from ltvn_core.geometry import relative
 from ltvn_core.navigation.events import Outcome
-from ltvn_core.recording.demo_files import DEMO_MAP, demo_file
-from ltvn_core.recording.map_file import load_map
-from ltvn_core.recording.reader import Recording
 from ltvn_core.types import NodeId, Pose
 from ltvn_viz.app import AppOptions, RunningApp
 from ltvn_viz.session.goals import farthest_points
-from ltvn_viz.session.modes import Mode
 from ltvn_viz.timeline.run_moment import moment_of
-from ltvn_viz.verbs.jobs.robot_processes import RobotProcesses, robot_processes, start_router
+from ltvn_viz.verbs.jobs.robot_demo import RobotProcesses, robot_processes, start_router
+from ltvn_viz.wishes.commands import Mode
 from tests.browser.actions import click_goal_image, hold_key
 from tests.browser.pages import open_page
 from tests.browser.running_app import running_app

@@ -9,8 +9,8 @@ import pytest
 from PIL import Image, ImageChops
 from playwright.sync_api import Browser, Page, Request
 
-from ltvn_core.evaluation.map_layout import map_layout
-from ltvn_core.recording.reader import Recording
+from ltvn_core.data.recording.reader import Recording
+from ltvn_core.evaluation.reports.map_svg import map_layout
 from ltvn_viz.layers.scene_html import scene_html
 from tests.browser.pages import draw_seldom
 from tests.repository import DEMO_MAP

@@ -1,5 +1,6 @@
 """A link that was sent by somebody, in a real browser: the page shows what they saw, or says what is missing."""
 
+import re
 import shutil
 from collections.abc import Iterator
 
@@ -8,11 +9,10 @@ from playwright.sync_api import Browser, Page, expect
 
 from ltvn_viz.debugger.share_question import ShareAction
 from ltvn_viz.session.activities.playback import open_replay
-from ltvn_viz.session.commands import CloseRecording
 from ltvn_viz.session.inspection import QuestionName, Selection
-from ltvn_viz.session.modes import Mode
 from ltvn_viz.session.share_links import link
 from ltvn_viz.session.snapshot import Snapshot
+from ltvn_viz.wishes.commands import CloseRecording, Mode
 from tests.browser.actions import wait_for_rest
 from tests.browser.flat_app import FlatApp, serving, until_shown
 from tests.browser.pages import open_page
@@ -66,7 +66,7 @@ def test_a_link_shows_the_recording_the_moment_and_the_edge(app: FlatApp, page: 
     assert now.replay is not None
     assert (now.replay.name, now.replay.time_s) == (DRIVE, 42.5)
     assert now.inspection.selection.edge == EDGE
-    page.get_by_role("tab", name="Why").click()
+    expect(page.get_by_role("tab", name="Why")).to_have_attribute("aria-selected", "true")
     page.get_by_text(f"{EDGE[0]} → {EDGE[1]}").first.wait_for()
     assert until_shown(app, lambda now: bool(now.inspection.html)).inspection.question is QuestionName.EDGE
     assert "replay" not in page.url
@@ -80,13 +80,38 @@ def test_a_moment_is_saved_by_a_click_and_its_link_can_be_copied(app: FlatApp, p
     expect(question).to_have_value(QuestionName.EDGE.value)
     question.click()
     page.get_by_role("option", name=QuestionName.SHARE.value).click()
-    copied = page.get_by_role("link", name="Link to this moment")
-    expect(copied).to_have_attribute("href", "/?replay=demo-drive.rrd&at=42.5&edge=728-724&tool=edge")
+    address = "/?replay=demo-drive.rrd&at=42.5&edge=728-724&tool=edge"
+    expect(page.get_by_role("link", name="Link to this moment")).to_have_attribute("href", address)
+    page.context.grant_permissions(["clipboard-read", "clipboard-write"])
+
+    page.get_by_role("button", name="copy it").click()
+
+    expect(page.get_by_role("button", name="copied")).to_be_visible()
+    assert page.evaluate("navigator.clipboard.readText()") == app.server.url.split("/#")[0] + address
 
     page.get_by_text(ShareAction.SAVE_EXCERPT).click()
+    with page.expect_download() as downloading:
+        page.get_by_role("button", name="moment-demo-drive").click()
 
-    expect(page.get_by_text("Written: moment-demo-drive")).to_be_visible()
-    assert list(app.harness.library.folder.glob("moment-*.rrd"))
+    (saved,) = app.harness.library.folder.glob("moment-*.rrd")
+    assert downloading.value.suggested_filename == saved.name
+    assert downloading.value.path().read_bytes() == saved.read_bytes()
+
+
+def test_where_no_script_may_copy_the_text_stands_there_selected(app: FlatApp, page: Page) -> None:
+    open_link_to_edge(app, page)
+    page.get_by_role("tab", name="Why").click()
+    page.get_by_label("Question", exact=True).locator("visible=true").click()
+    page.get_by_role("option", name=QuestionName.SHARE.value).click()
+    command = page.locator(".lt-why code")
+    command.evaluate("code => code.prepend('a_name_without_a_gap'.repeat(6))")
+    assert command.evaluate("code => code.offsetWidth <= code.closest('[role=tabpanel]').clientWidth")
+    page.evaluate("() => { navigator.clipboard.writeText = () => Promise.reject(new Error('no')); }")
+
+    page.get_by_role("button", name="copy the command").click()
+
+    expect(page.get_by_label("Copy this")).to_have_value(re.compile("^ltvn replay demo-drive.rrd --at 42.5$"))
+    assert page.evaluate("document.activeElement.selectionEnd") == len("ltvn replay demo-drive.rrd --at 42.5")
 
 
 def test_a_link_to_a_recording_that_is_not_there_is_said_and_the_page_goes_on(app: FlatApp, page: Page) -> None:

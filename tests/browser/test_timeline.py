@@ -90,7 +90,13 @@ def test_queries_are_bars_that_say_how_they_ended_and_buttons_go_there(app: Flat
     box = page.locator(STRIP).bounding_box()
     assert box is not None
     page.mouse.move(box["x"] + box["width"] * past.time_s / past.length_s + 1, box["y"] + 9)
-    expect(page.locator(".ltvn-time-hint")).to_contain_text("query 7 to node 12: failed")
+    hint = page.locator(".ltvn-time-hint")
+    expect(hint).to_contain_text("query 7 to node 12: failed")
+    shown = hint.bounding_box()
+    clock = page.locator(".ltvn-time-clock").bounding_box()
+    assert shown is not None
+    assert clock is not None
+    assert shown["y"] + shown["height"] <= clock["y"], "the clock stays in sight"
 
 
 def test_the_strip_shows_more_detail_and_the_whole_run_again(page: Page) -> None:
@@ -98,6 +104,25 @@ def test_the_strip_shows_more_detail_and_the_whole_run_again(page: Page) -> None
     page.get_by_role("button", name="zoom in").click()
     page.get_by_role("button", name="show the whole run").click()
     expect(slider).to_have_attribute("aria-valuetext", re.compile("now"))
+
+
+@pytest.mark.parametrize(("width", "height"), [(1000, 640), (390, 844)])
+def test_each_lane_has_a_name_beside_the_strip(page: Page, width: int, height: int) -> None:
+    page.set_viewport_size({"width": width, "height": height})
+    names = page.locator(".ltvn-time-names > div")
+    expect(names).to_have_text(["queries", "events"] if width < 500 else ["queries", "driving", "map", "world"])
+    box = page.locator(STRIP).bounding_box()
+    assert box is not None
+    for name in names.all():
+        beside = name.bounding_box()
+        assert beside is not None
+        assert beside["x"] + beside["width"] <= box["x"]
+        assert box["y"] <= beside["y"] < beside["y"] + beside["height"] <= box["y"] + box["height"]
+        assert name.evaluate("shown => shown.scrollWidth <= shown.clientWidth")
+    dock = page.locator("#timeline-dock").bounding_box()
+    assert dock is not None
+    assert box["width"] > 0.75 * dock["width"]
+    page.set_viewport_size({"width": 1000, "height": 640})
 
 
 def test_the_words_are_explained_in_a_window_that_escape_closes(page: Page) -> None:

@@ -1,6 +1,6 @@
 """The main job as a person does it, in a real browser: demo apartment, ready-made map, shipped network."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import pytest
@@ -10,8 +10,8 @@ from ltvn_core.evaluation.query_run import judge_goal_reached
 from ltvn_core.navigation.events import Outcome
 from ltvn_core.types import NodeId, Pose
 from ltvn_viz.app import AppOptions, RunningApp
-from ltvn_viz.session.modes import Mode
 from ltvn_viz.timeline.run_moment import moment_of
+from ltvn_viz.wishes.commands import Mode
 from tests.browser.actions import click_goal_image, wait_for_rest
 from tests.browser.pages import is_bare_scene, on_screen, open_page
 from tests.browser.running_app import running_app
@@ -21,6 +21,10 @@ pytestmark = pytest.mark.browser
 
 TRIP_S = 2 * PATIENCE_S
 """A robot drives in real time, and a page drawn by software slows it down further."""
+NOT_HERE_M = 0.8
+"""A robot that is nearer to a node has no way to go."""
+NEAR_M = 3.0
+"""A longer way would show nothing more."""
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +60,13 @@ def assert_the_robot_goes_to(app: RunningApp, node: NodeId) -> None:
 def test_an_image_of_the_ready_made_maps_gallery_is_reached(app: RunningApp, page: Page) -> None:
     assert len(app.session.state.live_map.graph.nodes) > 100
     page.get_by_role("tab", name="Go").click()
-    goal = click_goal_image(app, page, lambda offered: offered[2])
+    robot = app.session.state.live.robot.drawn_pose[:2]
+
+    def near_but_not_here(offered: Sequence[NodeId]) -> NodeId:
+        away = {node: float(np.linalg.norm(exact_pose(app, node)[:2] - robot)) for node in offered}
+        return min((node for node in offered if away[node] > NOT_HERE_M), key=away.__getitem__)
+
+    goal = click_goal_image(app, page, near_but_not_here)
     until(lambda: app.session.mode is Mode.NAVIGATING)
     assert_the_robot_goes_to(app, goal)
 
@@ -67,7 +77,8 @@ def test_a_node_clicked_in_the_scene_is_reached(app: RunningApp, page: Page) -> 
     places = np.array([exact_pose(app, node)[:2] for node in nodes])
     robot = app.session.state.live.robot.drawn_pose[:2]
     alone = np.sort(np.linalg.norm(places[:, None] - places, axis=-1), axis=1)[:, 1]
-    alone[np.linalg.norm(places - robot, axis=1) < 0.8] = 0
+    away = np.linalg.norm(places - robot, axis=1)
+    alone[(away < NOT_HERE_M) | (away > NEAR_M)] = 0
     shown = ((row, on_screen(app.server.viser, page, np.array([*places[row], 0.08]))) for row in np.argsort(-alone))
     row, point = next((row, point) for row, point in shown if is_bare_scene(page, point))
     page.mouse.click(*point)

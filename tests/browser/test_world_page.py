@@ -7,13 +7,12 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
+from ltvn_core.data.recording.reader import Recording
 from ltvn_core.navigation.events import ChangedBy, WorldChanged
-from ltvn_core.recording.reader import Recording
-from ltvn_core.worlds.world_change import DoorMoved, LightChanged, ThingPlaced, ThingRemoved, WorldChange
+from ltvn_core.worlds import DoorMoved, LightChanged, ThingPlaced, ThingRemoved, WorldChange
 from ltvn_viz.app import AppOptions, RunningApp
-from ltvn_viz.layers.boxes_layer import HANDLE_Z as BOX_HANDLE_Z
-from ltvn_viz.layers.doors_layer import HANDLE_Z
-from ltvn_viz.session.world_view import BoxView, WorldView
+from ltvn_viz.layers.world_layers import BOX_HANDLE_Z, DOOR_HANDLE_Z
+from ltvn_viz.session.snapshot import BoxView, WorldView
 from tests.browser import newcomer
 from tests.browser.actions import wait_for_rest
 from tests.browser.pages import on_screen, open_page
@@ -87,10 +86,10 @@ def box_near(app: RunningApp, place: tuple[float, float]) -> BoxView | None:
 def test_what_a_person_changes_in_the_page_is_in_the_recording(app: RunningApp, page: Page) -> None:
     page.get_by_role("tab", name="Drive").click()
     page.get_by_role("button", name=re.compile("^Record")).click()
-    expect(page.locator(".lt-mode[data-rec='1']")).to_be_visible()
+    expect(page.locator("#ltvn-rec .lt-rec")).to_be_visible()
     page.get_by_role("tab", name="World").click()
     door = view(app).doors[1]
-    click_in_scene(app, page, door.x, door.y, HANDLE_Z)
+    click_in_scene(app, page, door.x, door.y, DOOR_HANDLE_Z)
     until(lambda: not view(app).doors[1].is_open)
     page.get_by_role("button", name=f"{door.label}: closed", exact=True).last.click()
     until(lambda: view(app).doors[1].is_open)

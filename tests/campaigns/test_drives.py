@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from tests.campaigns.tally import Tally
-from tests.core.importing.mutations import Fate, judge_mutations
-from tests.core.importing.test_mutated_drives import write_drives
+from tests.core.data.importing.mutations import Fate, judge_mutations
+from tests.core.data.importing.test_mutated_drives import write_drives
 
 SEED = 21
 PER_PROCESS = 50

@@ -7,9 +7,9 @@ import pytest
 
 from tests.campaigns.tally import Tally
 from tests.campaigns.written_ways import WAYS
-from tests.core.recording.disk_faults import FAULTS, kill_while_recording, may_mount, strike
-from tests.core.recording.mutations import Fate, judge_mutations
-from tests.core.recording.test_disk_faults import LOST_S, lost_by, require_said_and_kept
+from tests.core.data.recording.disk_faults import FAULTS, kill_while_recording, may_mount, strike
+from tests.core.data.recording.mutations import Fate, judge_mutations
+from tests.core.data.recording.test_disk_faults import LOST_S, lost_by, require_said_and_kept
 
 SEED = 14
 SIDE_BY_SIDE = 2
@@ -52,7 +52,7 @@ def test_disk_faults(tally: Tally, tmp_path: Path) -> None:
     assert tally.failures == []
 
 
-@pytest.mark.campaign(asked=2000, share=0.3)
+@pytest.mark.campaign(asked=2000, share=0.24)
 def test_mutations(tally: Tally, tmp_path: Path) -> None:
     files = [tmp_path / f"{name.replace(' ', '-')}.rrd" for name in WAYS]
     for write, path in zip(WAYS.values(), files, strict=True):

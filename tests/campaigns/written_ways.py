@@ -6,17 +6,17 @@ from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
 
+from ltvn_core.data.recording.damage.integrity import repair
+from ltvn_core.data.recording.excerpt import write_excerpt
+from ltvn_core.data.recording.map_file import save_map
+from ltvn_core.data.recording.reader import Recording
+from ltvn_core.data.recording.writer import RecordingWriter
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import GraphChanged, StampedEvent
-from ltvn_core.recording.damage.integrity import repair
-from ltvn_core.recording.excerpt import write_excerpt
-from ltvn_core.recording.map_file import save_map
-from ltvn_core.recording.reader import Recording
-from ltvn_core.recording.writer import RecordingWriter
 from ltvn_core.types import CONTROL_STEP_S, Observation
 from ltvn_viz.session.recorder import Recorder
 from ltvn_viz.session.recording_library import RecordingLibrary
-from tests.core.recording import example_recording
+from tests.core.data.recording import example_recording
 
 FRAMES = 40
 _LAST_S = CONTROL_STEP_S * FRAMES

@@ -10,9 +10,9 @@ import numpy as np
 
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.geometry import compose, relative, wrap_angle
+from ltvn_core.network.training_data.temporal_rules import TAU_STEPS
 from ltvn_core.robots.robot import Clock
 from ltvn_core.robots.robot_spec import LOCOBOT
-from ltvn_core.training_data.temporal_rules import TAU_STEPS
 from ltvn_core.types import (
     CONTROL_STEP_S,
     ZERO_TWIST,

@@ -16,16 +16,24 @@ HOMES = {
     "viser": ("ltvn_viz",),
     "pybullet": ("ltvn_core/simulation",),
     "torch": ("ltvn_core/network",),
-    "rerun": ("ltvn_core/recording",),
-    "jinja2": ("ltvn_core/reports",),
-    "matplotlib": ("ltvn_core/reports",),
-    "rosbags": ("ltvn_core/importing", "ltvn_core/exporting", "ltvn_core/robots/ros2"),
+    "rerun": ("ltvn_core/data/recording",),
+    "jinja2": ("ltvn_core/evaluation/reports",),
+    "matplotlib": ("ltvn_core/evaluation/reports",),
+    "rosbags": ("ltvn_core/data/importing", "ltvn_core/data/exporting", "ltvn_core/robots/ros2"),
     "zenoh": ("ltvn_core/robots/ros2/zenoh_link.py",),
-    "av": ("ltvn_core/importing",),
+    "av": ("ltvn_core/data/importing",),
+    "mcp": ("ltvn_viz/agent/server.py",),
 }
 
-COMPOSERS = ("ltvn_core/cli", "ltvn_core/evaluation", "ltvn_core/training", "ltvn_core/verbs", "ltvn_viz")
-SIBLINGS = ("simulation", "training_data", "network", "recording")
+COMPOSERS = (
+    "ltvn_core/cli",
+    "ltvn_core/evaluation",
+    "ltvn_core/training",
+    "ltvn_core/network/training_data",
+    "ltvn_core/verbs",
+    "ltvn_viz",
+)
+SIBLINGS = ("simulation", "network", "data/recording")
 FOUNDATION = (
     "types",
     "geometry",
@@ -35,7 +43,6 @@ FOUNDATION = (
     "findings",
     "image_validity",
     "atomic_files",
-    "close_names",
     "palette",
     "plugins",
     "preprocessing",
@@ -49,9 +56,9 @@ FOUNDATION = (
 
 TRUTH_READERS = (
     "ltvn_core/simulation",
-    "ltvn_core/recording",
+    "ltvn_core/data/recording",
     "ltvn_core/evaluation",
-    "ltvn_core/exporting",
+    "ltvn_core/data/exporting",
     "ltvn_core/preprocessing.py",
     "ltvn_viz",
 )
@@ -62,21 +69,14 @@ CORE_ORDER = (
     "graph",
     "navigation",
     "analysis",
-    "recording",
-    "importing",
-    "exporting",
+    "data",
     "simulation",
-    "training_data",
     "network",
     "predictors",
     "systems",
     "training",
-    "drives",
-    "topological_map",
-    "recorded_map",
+    "maps",
     "evaluation",
-    "reports",
-    "contracts",
     "verbs",
     "cli",
 )
@@ -89,15 +89,15 @@ LIGHT_LIBRARIES = {"numpy", "rustworkx", "scipy", "ltvn_core"}
 """All that graph, navigation and analysis need: no simulator, network, viewer or image library."""
 
 ROOMS = (
+    "wishes",
     "server",
     "timeline",
     "session",
     "layers",
     "panels",
-    "painter",
     "debugger",
+    "agent",
     "page_layout",
-    "app_setup",
     "app_opening",
     "app",
     "pairs",

@@ -10,11 +10,11 @@ import pytest
 
 from benchmarks.__main__ import BenchSummary
 from benchmarks.measurement import measured
-from ltvn_core.recording.damage.integrity import verify
-from ltvn_core.recording.map_file import load_map
-from ltvn_core.recording.reader import Recording
+from ltvn_core.data.recording.damage.integrity import verify
+from ltvn_core.data.recording.map_file import load_map
+from ltvn_core.data.recording.reader import Recording
 from ltvn_core.verbs.verb import to_text
-from tests.core.recording import example_recording
+from tests.core.data.recording import example_recording
 from tests.repository import DEMO_MAP
 
 pytestmark = pytest.mark.slow

@@ -27,13 +27,13 @@ sys.meta_path.insert(0, Refuse())
 
 PLAIN_JOBS = """
 import importlib, pkgutil
-import ltvn_core.analysis, ltvn_core.graph, ltvn_core.navigation, ltvn_core.recording
-for package in (ltvn_core.analysis, ltvn_core.graph, ltvn_core.navigation, ltvn_core.recording):
+import ltvn_core.analysis, ltvn_core.graph, ltvn_core.navigation, ltvn_core.data.recording
+for package in (ltvn_core.analysis, ltvn_core.graph, ltvn_core.navigation, ltvn_core.data.recording):
     for module in pkgutil.walk_packages(package.__path__, package.__name__ + "."):
         importlib.import_module(module.name)
 from ltvn_core.analysis.timeline import Timeline
-from ltvn_core.recording.map_file import load_map
-from ltvn_core.recording.reader import Recording
+from ltvn_core.data.recording.map_file import load_map
+from ltvn_core.data.recording.reader import Recording
 recording = Recording.open("recordings/demo-fault.rrd")
 assert len(Timeline.of(recording.events).queries) == 4
 assert len(load_map("recordings/demo-map.rrd").graph.nodes) == 327

@@ -15,11 +15,11 @@ import tyro
 from ltvn_core.atomic_files import require_new_path
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.cli import CLOSED_PIPE, FAILED, INTERRUPTED, run_verb
+from ltvn_core.data.recording.reader import Recording
+from ltvn_core.data.recording.writer import RecordingWriter
 from ltvn_core.errors import CameraError, ImageError, OptionError, RecordingError, WeightsError
 from ltvn_core.network.weights_file import read_card
 from ltvn_core.preprocessing import preprocess_observation
-from ltvn_core.recording.reader import Recording
-from ltvn_core.recording.writer import RecordingWriter
 from ltvn_core.verbs.verb import Summary, Verb
 from tests.platforms import needs_posix
 

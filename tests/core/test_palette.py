@@ -9,14 +9,13 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from ltvn_core import palette
-from ltvn_core.evaluation.map_layout import map_layout
+from ltvn_core.data.recording.drawn_poses import DrawnPoses
+from ltvn_core.data.recording.map_drawing import MapDrawing
+from ltvn_core.data.recording.reader import Recording
+from ltvn_core.data.recording.schema import EDGES
+from ltvn_core.evaluation.reports.figure_style import probability_colour_map
+from ltvn_core.evaluation.reports.map_svg import map_layout, map_svg
 from ltvn_core.graph.deltas import Belief, Edge, Node, PoseRow
-from ltvn_core.recording.drawn_poses import DrawnPoses
-from ltvn_core.recording.map_drawing import MapDrawing
-from ltvn_core.recording.reader import Recording
-from ltvn_core.recording.schema import EDGES
-from ltvn_core.reports.figure_style import probability_colour_map
-from ltvn_core.reports.map_svg import map_svg
 from tests.repository import DEMO_DRIVE, ROOT
 
 ONE_PLACE = "ltvn_core/palette.py"

@@ -13,9 +13,8 @@ from examples.presence_plugin.presence_filters import (
 )
 from ltvn_core.graph.presence.durations import DurationMixture
 from ltvn_core.graph.presence.edge_presence import FilteredPresence
-from ltvn_core.graph.presence.observation import PresenceObservation
 from ltvn_core.graph.presence.persistent import PersistentFilter, SightErrors
-from ltvn_core.graph.presence.presence_filter import presence_probability
+from ltvn_core.graph.presence.presence_filter import PresenceObservation, presence_probability
 
 ERRORS = SightErrors(miss=0.2, false_alarm=0.1)
 

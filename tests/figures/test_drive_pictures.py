@@ -5,7 +5,7 @@ from pathlib import Path
 import cv2
 
 from figures.drive_pictures import COLUMNS, SIZE, DrivePicturesSummary, DrivePicturesVerb
-from tests.core.recording import example_recording
+from tests.core.data.recording import example_recording
 
 
 def test_a_drive_with_its_depth_and_the_nodes_of_its_map_are_drawn(tmp_path: Path) -> None:

@@ -8,6 +8,8 @@ import pytest
 
 from figures.story_strip import StoryStripSummary, StoryStripVerb
 from ltvn_core import palette
+from ltvn_core.data.recording.map_file import LoadedMap, load_map
+from ltvn_core.data.recording.writer import RecordingWriter
 from ltvn_core.errors import RecordingError
 from ltvn_core.geometry import relative
 from ltvn_core.graph.deltas import Belief, Cause, EdgeAdded, PresenceObserved
@@ -24,10 +26,8 @@ from ltvn_core.navigation.events import (
     StampedEvent,
     WorldChanged,
 )
-from ltvn_core.recording.map_file import LoadedMap, load_map
-from ltvn_core.recording.writer import RecordingWriter
-from ltvn_core.worlds.world_change import DoorMoved, ThingRemoved
-from tests.core.recording import example_recording
+from ltvn_core.worlds import DoorMoved, ThingRemoved
+from tests.core.data.recording import example_recording
 from tests.repository import DEMO_MAP
 
 pytest.importorskip("embreex")

@@ -12,13 +12,13 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from ltvn_core.types import NodeId
-from ltvn_viz.app_setup import open_app_state
-from ltvn_viz.server.thumbnails import ThumbnailStore
-from ltvn_viz.session import commands as c
+from ltvn_viz.app_opening import open_app_state
+from ltvn_viz.session.goals import ThumbnailStore
 from ltvn_viz.session.inspection import QuestionName
 from ltvn_viz.session.options import AppOptions
 from ltvn_viz.session.session_loop import Session
 from ltvn_viz.session.snapshot import Snapshot
+from ltvn_viz.wishes import commands as c
 
 TICKS = 4
 

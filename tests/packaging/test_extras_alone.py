@@ -14,7 +14,7 @@ import pytest
 import viser
 from websockets.sync.client import connect
 
-from ltvn_core.recording.demo_files import DEMO_MAP
+from ltvn_core.data.recording.demo_files import DEMO_MAP
 from tests.packaging import smoke
 from tests.packaging.environments import extras_of, install_with_extra
 from tests.repository import RECORDINGS
@@ -23,7 +23,7 @@ ROOT = Path(__file__).parents[2]
 SCRIPT = Path(__file__).with_name("debug_recording.py")
 PLAIN = ""
 """No extra at all."""
-EXTRAS = (PLAIN, "app", "network", "sim", "place", "train", "import", "ros", "cluster", "docs", "all")
+EXTRAS = (PLAIN, "app", "network", "sim", "place", "train", "import", "ros", "cluster", "docs", "agent", "all")
 EACH_RUN = 2
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
@@ -68,6 +68,7 @@ def _recording(name: str) -> str:
 JOBS: dict[str, tuple[tuple[str, ...], ...]] = {
     PLAIN: (
         ("verify", _recording("demo-fault.rrd")),
+        ("why", _recording("demo-fault.rrd"), "--query", "1"),
         ("plugins",),
         ("export", _recording("demo-fault.rrd"), "--html", "map.html", "--svg", "map.svg"),
     ),
@@ -80,6 +81,7 @@ JOBS: dict[str, tuple[tuple[str, ...], ...]] = {
     "ros": (("serve", "--help"),),
     "cluster": (("evaluate", "--help"),),
     "docs": (("report", "--help"),),
+    "agent": (("mcp", "--help"),),
     "all": (("collect", "--scene", "demo", "--loops", "1", "--output", "drive.rrd"),),
 }
 """What each extra must be able to do."""
@@ -87,10 +89,11 @@ JOBS: dict[str, tuple[tuple[str, ...], ...]] = {
 IMPORTS: dict[str, tuple[str, ...]] = {
     "network": ("from ltvn_core.network.predictor import load_predictor; load_predictor()",),
     "place": ("from ltvn_core.predictors.opening import open_predictor; open_predictor('composed')",),
-    "train": ("import ltvn_core.training_data.shard_generation, ltvn_core.network.optimization.trainer, tensorboard",),
+    "train": ("import ltvn_core.network.training_data.shards, ltvn_core.network.optimization.trainer, tensorboard",),
     "ros": ("import ltvn_core.robots.ros2, zenoh, rosbags",),
     "cluster": ("import distributed, ray",),
-    "docs": ("import ltvn_core.reports.evaluation_page, jinja2, matplotlib, mkdocs, mkdocstrings",),
+    "agent": ("import mcp, ltvn_viz.agent.server",),
+    "docs": ("import ltvn_core.evaluation.reports.evaluation_page, jinja2, matplotlib, mkdocs, mkdocstrings",),
 }
 """What must be importable where no verb shows it in seconds."""
 

@@ -14,7 +14,7 @@ from zipfile import ZipFile
 
 import pytest
 
-from ltvn_core.recording.demo_files import DEMO_MAP, DEMO_RECORDING
+from ltvn_core.data.recording.demo_files import DEMO_MAP, DEMO_RECORDING
 from tests.packaging import smoke
 from tests.packaging.environments import program_of
 
@@ -47,7 +47,7 @@ def test_the_wheel_is_small_and_holds_the_demo_files(wheel: Path) -> None:
     names = set(ZipFile(wheel).namelist())
 
     assert wheel.stat().st_size <= MAX_WHEEL_BYTES
-    assert {f"ltvn_core/recording/demo/{name}" for name in (DEMO_MAP, DEMO_RECORDING)} <= names
+    assert {f"ltvn_core/data/recording/demo/{name}" for name in (DEMO_MAP, DEMO_RECORDING)} <= names
     assert {name.split("/")[0] for name in names} <= {"ltvn_core", "ltvn_viz", _metadata_folder(names)}
 
 
@@ -57,7 +57,7 @@ def test_the_program_says_its_version_and_its_verbs(program: Path, empty_folder:
 
 
 def test_the_demo_map_comes_with_the_package(program: Path, empty_folder: Path) -> None:
-    ask = f"from ltvn_core.recording.demo_files import demo_file; print(demo_file({DEMO_MAP!r}))"
+    ask = f"from ltvn_core.data.recording.demo_files import demo_file; print(demo_file({DEMO_MAP!r}))"
     path = _run(program.with_name("python"), "-c", ask, folder=empty_folder).strip()
 
     assert Path(path).is_relative_to(program.parents[1])

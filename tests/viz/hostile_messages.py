@@ -18,8 +18,9 @@ from viser.infra import _messages as infra_messages
 
 from ltvn_viz.server.drive_messages import MessageError
 from ltvn_viz.server.guarded_server import GuardedServer
-from ltvn_viz.server.keymap import Action, Direction
+from ltvn_viz.server.keymap import Direction
 from ltvn_viz.server.page_messages import read_viser_message
+from ltvn_viz.wishes.wish_table import WISHES, Action
 
 WATCHERS_OWN = frozenset({Action.STOP, Action.TAKE_OVER, Action.RELEASE})
 """A watcher may do this, and it is meant to change something for all."""
@@ -108,7 +109,7 @@ class HostileMessages:
             yield json.dumps(
                 self._random.choice(
                     (
-                        {"type": "action", "action": self._random.choice(actions), "id": self._id()},
+                        {"type": "action", **self._wish(actions)},
                         {
                             "type": "drive",
                             "held": self._random.sample(list(Direction), self._random.randrange(5)),
@@ -225,8 +226,12 @@ class HostileMessages:
     def _numbers(self, count: int) -> list[float]:
         return [self._random.uniform(-10, 10) for _ in range(count)]
 
-    def _id(self) -> int | None:
-        return self._random.choice((None, self._random.randrange(2000), *self._targets.graph_nodes[:20]))
+    def _wish(self, actions: Sequence[Action]) -> dict[str, Any]:
+        action = self._random.choice(actions)
+        number = self._random.choice((self._random.randrange(2000), *self._targets.graph_nodes[:20]))
+        values = (None, number, self._random.randrange(2), self._text(), (self._random.uniform(-9, 9), 1.0))
+        fitting = [value for value in values if WISHES[action].carries.fits(value)]
+        return {"action": action, "value": self._random.choice(fitting)}
 
     def _link(self) -> str:
         name = self._random.choice([*self._targets.recordings, "none.rrd"])

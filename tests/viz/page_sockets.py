@@ -16,7 +16,8 @@ from websockets.sync.client import ClientConnection, connect
 from websockets.sync.connection import Connection
 
 from ltvn_viz.server.guarded_server import GuardedServer
-from ltvn_viz.server.message_pace import Pace
+from ltvn_viz.server.limits import Pace
+from ltvn_viz.wishes.wish_table import Value
 from tests.waiting import PATIENCE_S, until
 
 ANY_PACE = Pace(messages_per_s=1e9, messages_at_once=1e9, bytes_per_s=1e12, bytes_at_once=1e12)
@@ -53,9 +54,9 @@ class PageSockets:
         assert number is not None
         return number
 
-    def ask(self, action: str, target: int | None = None) -> None:
+    def ask(self, action: str, value: Value = None) -> None:
         """Ask for an action."""
-        self.drive.send(json.dumps({"type": "action", "action": action, "id": target}))
+        self.drive.send(json.dumps({"type": "action", "action": action, "value": value}))
 
     def here(self) -> None:
         """Give a sign of life."""
@@ -137,6 +138,7 @@ def _socket(server: GuardedServer, path: str, *, panels: bool = False) -> Client
         subprotocols=[f"viser-v{viser.__version__}"] if panels else None,  # type: ignore[list-item]
         open_timeout=PATIENCE_S,
         max_size=None,
+        ping_interval=None,  # A busy machine may take longer to answer than the default allows.
     )
     socket.send(proof(server.token, panels=panels))
     return socket

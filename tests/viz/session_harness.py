@@ -19,30 +19,27 @@ from ltvn_core.geometry import compose
 from ltvn_core.graph.deltas import GraphDelta
 from ltvn_core.graph.ltvn import ltvn_system
 from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.maps.topological_map import TopologicalMap
 from ltvn_core.navigation.events import GraphChanged, StampedEvent
 from ltvn_core.network.predictor import load_predictor
 from ltvn_core.robots.robot import Robot
-from ltvn_core.topological_map import TopologicalMap
 from ltvn_core.types import CONTROL_STEP_S, FrameId, Observation, Pose, Predictor, RobotState, Twist
 from ltvn_viz.debugger.inspector import Inspector
 from ltvn_viz.debugger.question_registry import all_questions, watching_inspector
-from ltvn_viz.server.thumbnails import ThumbnailStore
-from ltvn_viz.session import commands as c
-from ltvn_viz.session.absent_backend import AbsentFeed
 from ltvn_viz.session.activities.playback import Playback
 from ltvn_viz.session.activities.teleop import Teleop
 from ltvn_viz.session.app_state import AppState
 from ltvn_viz.session.camera_feed import ObservationFeed
 from ltvn_viz.session.fine_tuning import FineTuning
-from ltvn_viz.session.goals import Goals
+from ltvn_viz.session.goals import Goals, ThumbnailStore
 from ltvn_viz.session.live_map import LiveMap
-from ltvn_viz.session.live_robot import LiveRobot
-from ltvn_viz.session.live_run import LiveRun
+from ltvn_viz.session.live_run import LiveRobot, LiveRun
 from ltvn_viz.session.recorder import Recorder, RecordingSink
 from ltvn_viz.session.recording_library import RecordingLibrary
 from ltvn_viz.session.session_loop import Session
 from ltvn_viz.session.snapshot import Snapshot
 from ltvn_viz.session.worker import PatientWorker, Worker
+from ltvn_viz.wishes import commands as c
 from tests.core.flat_world import FlatPredictor, FlatRobot, FlatWorld, one_room, tour
 from tests.waiting import until
 
@@ -209,7 +206,7 @@ class SessionHarness:
             worker=worker,
             library=self.library,
             open_replay=self.open_replay,
-            feed=ObservationFeed(lambda: live.view, robot.clock) if own_robot else AbsentFeed(),
+            feed=ObservationFeed(lambda: live.view, robot.clock),
             goals=goals,
             teleop=teleop,
             fine_tuning=fine_tuning or FineTuning(None, None, InlineExecutor()),

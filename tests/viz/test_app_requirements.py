@@ -4,13 +4,13 @@ from pathlib import Path
 
 import pytest
 
+from ltvn_core.data.importing.drive_import import import_drive
+from ltvn_core.data.importing.import_options import ImportOptions
+from ltvn_core.data.importing.reader_registry import open_drive
 from ltvn_core.errors import LtvnError, MissingLibraryError, SceneError
-from ltvn_core.importing.drive_import import import_drive
-from ltvn_core.importing.import_options import ImportOptions
-from ltvn_core.importing.reader_registry import open_drive
 from ltvn_core.verbs.build import BuildVerb
 from ltvn_viz.app import AppOptions, check_requirements
-from tests.core.importing.drives import EXCERPT
+from tests.core.data.importing.drives import EXCERPT
 from tests.repository import RECORDINGS
 
 MAP = RECORDINGS / "demo-map.rrd"

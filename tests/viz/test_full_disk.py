@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from ltvn_core.recording.damage.integrity import repair
+from ltvn_core.data.recording.damage.integrity import repair
 from tests.repository import ROOT
 from tests.waiting import PATIENCE_S
 
@@ -17,8 +17,8 @@ APP = """
 import os, resource, signal, sys, threading
 from pathlib import Path
 from ltvn_viz.app import AppOptions, open_app
-from ltvn_viz.server.shutdown_signals import stop_on_signals
-from ltvn_viz.session.commands import StartRecording
+from ltvn_viz.server.guarded_server import stop_on_signals
+from ltvn_viz.wishes.commands import StartRecording
 from tests.waiting import until
 
 def watch(app):

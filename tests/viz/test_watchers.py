@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 import viser
 
-from ltvn_viz.painter import OwnParts, PagePart
-from ltvn_viz.server.keymap import Action
+from ltvn_viz.page_layout import OwnParts, PagePart
 from ltvn_viz.session.inspection import NO_INSPECTION, NOTHING_SELECTED, Inspection, QuestionName
-from ltvn_viz.session.modes import Mode
 from ltvn_viz.session.snapshot import Snapshot
+from ltvn_viz.wishes.commands import Mode
+from ltvn_viz.wishes.wish_table import Action
 from tests.browser.flat_app import FlatApp, serving, until_shown
 from tests.viz.hostile_messages import HostileMessages, targets_of
 from tests.viz.page_sockets import PageSockets, open_sockets

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from ltvn_core.recording.reader import Recording
+from ltvn_core.data.recording.reader import Recording
 from tests.core.simulation.two_room_mesh import box_house, save
 from tests.repository import ROOT
 from tests.waiting import PATIENCE_S

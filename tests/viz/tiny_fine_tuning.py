@@ -6,18 +6,18 @@ from pathlib import Path
 
 import torch
 
+from ltvn_core.data.recording.writer import RecordingWriter
+from ltvn_core.maps.topological_map import TopologicalMap
 from ltvn_core.network.network_families import PairNetwork
 from ltvn_core.network.optimization.fine_tuning_loop import FineTuningData, FineTuningPlan
 from ltvn_core.network.optimization.trainer import Hyperparameters
+from ltvn_core.network.training_data.trajectory_pairs import TrajectoryPairs
 from ltvn_core.network.weights_file import save_weights
-from ltvn_core.recording.writer import RecordingWriter
-from ltvn_core.topological_map import TopologicalMap
 from ltvn_core.training.fine_tuning_data import ProgressReporter, ignore_progress
-from ltvn_core.training_data.trajectory_pairs import TrajectoryPairs
 from ltvn_core.types import Observation
 from ltvn_viz.session.fine_tuner import FineTuner
 from tests.core.network.tiny_data import SMALL, tiny_drive, tiny_shard
-from tests.core.training_data.example_drive import observations_at, poses_along
+from tests.core.network.training_data.example_drive import observations_at, poses_along
 from tests.viz.session_harness import SessionHarness
 
 PLAN = FineTuningPlan(

@@ -1,28 +1,26 @@
 """What a story needs to know of a map: from where to where it can play, and when the map would try its door again.
 
-Owns which nodes are thought of as starts and goals, how long ways along nodes are and through which doorways they lead,
-and what makes a story a good one: short, with a way round, and with some way to go before the door and behind it. Reads
-exact poses, for it sets the scene; the robot that plays in it knows nothing of that.
+Owns what makes a story a good one: short, with a way round, and with some way to go before the door and behind it.
+Reads exact poses, for it sets the scene; the robot that plays in it knows nothing of that.
 """
 
 import itertools
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.evaluation.door_story.unknown_way import UnknownWay, find_unknown_way
 from ltvn_core.evaluation.ground_truth import GroundTruth
+from ltvn_core.evaluation.worlds.world_truth import room_at
 from ltvn_core.geometry import relative, wrap_angle
 from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.graph.planner import Planner
 from ltvn_core.graph.presence.presence_plan import plan_by_presence
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.simulation.changes.world import World
-from ltvn_core.simulation.rooms import Doorway
 from ltvn_core.types import FrameId, NodeId, Observation, Pose
 
 _SPEED_M_S, _BACKWARDS_M_S, _TURN_RAD_S = 0.35, 0.1, 0.6
@@ -52,52 +50,6 @@ _YAW_WEIGHT_M = 0.5
 _WAITS_S = (600.0, 1800.0, 3600.0, 2 * 3600.0, 4 * 3600.0, 8 * 3600.0, 16 * 3600.0, 24 * 3600.0)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class MappedWays:
-    """What ways along nodes are in truth."""
-
-    truth: GroundTruth
-    doors: Sequence[Doorway]
-
-    def edges_through(self, edges: Sequence[EdgeKey], door: int) -> list[EdgeKey]:
-        """Return those edges whose straight ways lead through a doorway."""
-        if not edges:
-            return []
-        ends = self.truth.poses([node for edge in edges for node in edge])[:, :2].reshape(-1, 2, 2)
-        return [edges[k] for k in np.flatnonzero(_are_through(ends, self.doors[door])).tolist()]
-
-    def length_m(self, nodes: Sequence[NodeId]) -> float:
-        """Return how long the way along nodes is."""
-        if len(nodes) < 2:
-            return 0.0
-        steps = np.diff(self.truth.poses(list(nodes))[:, :2], axis=0)
-        return float(np.hypot(*steps.T).sum())
-
-    def duration_s(self, nodes: Sequence[NodeId]) -> float:
-        """Return about how long driving along nodes takes; backwards it is slow."""
-        if len(nodes) < 2:
-            return 0.0
-        poses = self.truth.poses(list(nodes))
-        steps = relative(poses[:-1], poses[1:])
-        speeds_m_s = np.where(steps[:, 0] > 0, _SPEED_M_S, _BACKWARDS_M_S)
-        turns_s = np.abs(steps[:, 2]) / _TURN_RAD_S
-        return float((np.hypot(steps[:, 0], steps[:, 1]) / speeds_m_s + turns_s).sum())
-
-    def is_backwards(self, nodes: Sequence[NodeId]) -> bool:
-        """Tell whether driving along nodes means to back up somewhere."""
-        poses = self.truth.poses(list(nodes))
-        return bool((relative(poses[:-1], poses[1:])[:, 0] < -_STANDING_M).any())
-
-
-def _are_through(ends: NDArray[np.float64], doorway: Doorway) -> NDArray[np.bool_]:
-    """Tell which straight ways (N, 2, 2) in metres lead through a doorway, (N,)."""
-    across, along = ends[:, :, doorway.axis] - doorway.wall, ends[:, :, 1 - doorway.axis]
-    passes = across[:, 0] * across[:, 1] < 0
-    gap = np.where(passes, across[:, 0] - across[:, 1], 1.0)
-    at = along[:, 0] + across[:, 0] / gap * (along[:, 1] - along[:, 0])
-    return passes & (at > doorway.low - _BESIDE_M) & (at < doorway.high + _BESIDE_M)
-
-
 @dataclass(frozen=True, slots=True)
 class Stage:
     """Where the story plays."""
@@ -110,7 +62,8 @@ class Stage:
     has_way_round: bool
 
 
-class _Crossing(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class _Crossing:
     """A plan through a door."""
 
     door: int
@@ -121,61 +74,6 @@ class _Crossing(NamedTuple):
     """About what it takes to get there."""
     least_s: float
     """What the whole way takes if the door is open, which is less than any way round does."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class StageSearch:
-    """Looks for stages in a map, as a planner sees it."""
-
-    graph: TopologicalGraph
-    planner: Planner
-    ways: MappedWays
-
-    def best(self, starts: Sequence[NodeId], goals: Sequence[NodeId]) -> Stage | None:
-        """Return the shortest story with a way round, without any the shortest of all."""
-        closings = [self._closing(door) for door in range(len(self.ways.doors))]
-        plans = (self.planner.plan(start, goal).nodes for start in starts for goal in goals)
-        found = (each for there in plans for each in self._crossings(there, closings))
-        shortest_first = sorted(found, key=lambda each: each.least_s)
-        best: Stage | None = None
-        for each in shortest_first:
-            if best is not None and each.least_s >= best.duration_s:
-                break
-            stage = self._round_about(each, closings[each.door])
-            best = stage if stage is not None and (best is None or stage.duration_s < best.duration_s) else best
-        if best is None and shortest_first:
-            first = shortest_first[0]
-            best = Stage(first.door, first.there[0], first.there[-1], first.least_s, has_way_round=False)
-        return best
-
-    def _closing(self, door: int) -> dict[EdgeKey, float]:
-        """Return what a closed door adds to the cost of edges."""
-        return dict.fromkeys(self.ways.edges_through(list(self.graph.edges), door), math.inf)
-
-    def _crossings(self, there: Sequence[NodeId], closings: Sequence[Mapping[EdgeKey, float]]) -> Iterator[_Crossing]:
-        """Yield where a plan leads through one door, far enough from its ends."""
-        for door, closing in enumerate(closings):
-            crossed = [edge for edge in itertools.pairwise(there) if edge in closing]
-            if len(crossed) != 1:
-                continue
-            place = there.index(crossed[0][0])
-            before = there[: place + 1]
-            behind = there[place + 1 :]
-            if self.ways.length_m(before) < BEFORE_DOOR_M or self.ways.length_m(behind) < BEYOND_DOOR_M:
-                continue
-            before_s = self.ways.duration_s(before) + _S_PER_WIDTH_M * self.ways.doors[door].width_m
-            before_s += _BLIND_S * self.ways.is_backwards(there[max(0, place - 2) : place + 2])
-            yield _Crossing(door, there, place, before_s, before_s + self.ways.duration_s(behind))
-
-    def _round_about(self, crossing: _Crossing, closing: Mapping[EdgeKey, float]) -> Stage | None:
-        """Return the story of a crossing where another way leads to the goal that is clearly dearer, or None."""
-        here = crossing.there[crossing.place]
-        goal = crossing.there[-1]
-        around = self.planner.plan(here, goal, closing)
-        if not around.nodes or around.cost - self.planner.plan(here, goal).cost < _DETOUR_COST:
-            return None
-        duration_s = crossing.before_s + self.ways.duration_s(around.nodes)
-        return Stage(crossing.door, crossing.there[0], goal, duration_s, has_way_round=True)
 
 
 class StoryMap:
@@ -193,66 +91,48 @@ class StoryMap:
         self.graph = graph
         self.system = system
         self.world = world
-        self._truth = GroundTruth(world.base.clearance, observation)
-        self._ways = MappedWays(self._truth, world.base.parts.doors)
         self.robot = robot
-        self.unknown_way_found: UnknownWay | None = None
-        """What `unknown_way` found last."""
+        self._truth = GroundTruth(world.base.clearance, observation)
 
     def stage(self) -> Stage | None:
         """Return the shortest story there is from where the robot is, best with a way round; None without any."""
-        start = self._nearest()
-        return None if start is None else self._best([start], self._goals())
+        poses = self._poses(self.graph.nodes)
+        robot = self.robot()
+        if not len(poses) or np.hypot(*(poses[:, :2] - robot[:2]).T).min() > NEAREST_M:
+            return None
+        return self._best_stage([self._nearest(robot)])
 
     def stage_by(self, way: UnknownWay) -> Stage | None:
         """Return the shortest story with a way round that begins where the robot was led; None without any."""
-        near = self._facing_all_ways(way.path[0])
-        best = self._best(near, self._goals())
-        return best if best is not None and best.has_way_round else None
-
-    def stage_anywhere(self) -> Stage | None:
-        """Return a story with a way round, wherever the robot must be carried for it; None without any."""
-        nodes = list(self.graph.nodes)
-        best = self._best(nodes[:: max(1, len(nodes) // DIRECTIONS)], self._goals()) if nodes else None
+        best = self._best_stage(self._facing_all_ways(way.path[0]))
         return best if best is not None and best.has_way_round else None
 
     def unknown_way(self) -> UnknownWay | None:
         """Return a way that the map lacks and that gives it a way round a door; None where there is none."""
-        nodes = list(self.graph.nodes)
-        mapped = self._truth.poses(nodes)[:, :2].reshape(-1, 2)
-        found = find_unknown_way(self.world.base, self.world.state, mapped) if nodes else None
-        self.unknown_way_found = found
-        return found
+        mapped = self._poses(self.graph.nodes)[:, :2]
+        return find_unknown_way(self.world.base, self.world.state, mapped) if len(mapped) else None
 
     def start_of(self, way: UnknownWay) -> NodeId:
         """Return the node at the beginning of a way, the one that looks along it best."""
-        nodes = list(self.graph.nodes)
-        poses, ahead = self._truth.poses(nodes), way.path[min(_AHEAD, len(way.path) - 1)] - way.path[0]
-        away_m = np.hypot(*(poses[:, :2] - way.path[0]).T)
-        turned = np.abs(wrap_angle(poses[:, 2] - np.arctan2(ahead[1], ahead[0])))
-        return nodes[int(np.argmin(away_m + _YAW_WEIGHT_M * turned))]
+        ahead = way.path[min(_AHEAD, len(way.path) - 1)] - way.path[0]
+        return self._nearest(np.array([*way.path[0], np.arctan2(ahead[1], ahead[0])]))
 
     def pose(self, node: NodeId) -> Pose:
         """Return where a node is, (3,)."""
-        return self._truth.poses([node])[0]
+        return self._truth.pose(node)
 
     def room(self, point: NDArray[np.float64]) -> str:
         """Return what the room around a point (2,) is called."""
-        x, y = point
-        kinds = (
-            room.kind.value for room in self.world.base.rooms if room.x0 <= x <= room.x1 and room.y0 <= y <= room.y1
-        )
-        return next(kinds, "scene")
+        room = room_at(self.world.base, *point)
+        return "scene" if room is None else self.world.base.rooms[room].kind.value
 
     def passes(self, nodes: Sequence[NodeId], door: int) -> bool:
         """Tell whether a way leads through a door."""
-        return bool(self._ways.edges_through(list(itertools.pairwise(nodes)), door))
+        return bool(self._edges_through(list(itertools.pairwise(nodes)), door))
 
     def wait_s(self, stage: Stage) -> float:
         """Return after how many seconds the map would try the door of a story again; the longest if never."""
         presence = self.system.presence
-        if presence is None:
-            return _WAITS_S[0]
         for wait_s in _WAITS_S:
             path = plan_by_presence(
                 self._planner(),
@@ -266,34 +146,103 @@ class StoryMap:
                 return wait_s
         return _WAITS_S[-1]
 
-    def _goals(self) -> list[NodeId]:
+    def _best_stage(self, starts: Sequence[NodeId]) -> Stage | None:
+        """Return the shortest story with a way round from one of these nodes, without any the shortest of all."""
         nodes = list(self.graph.nodes)
-        return nodes[:: max(1, len(nodes) // MOST_GOALS)]
+        goals = nodes[:: max(1, len(nodes) // MOST_GOALS)]
+        planner = self._planner()
+        closings = [self._closing(door) for door in range(len(self.world.base.parts.doors))]
+        plans = (planner.plan(start, goal).nodes for start in starts for goal in goals)
+        found = (each for there in plans for each in self._crossings(there, closings))
+        shortest_first = sorted(found, key=lambda each: each.least_s)
+        best: Stage | None = None
+        for each in shortest_first:
+            if best is not None and each.least_s >= best.duration_s:
+                break
+            stage = self._round_about(each, closings[each.door], planner)
+            best = stage if stage is not None and (best is None or stage.duration_s < best.duration_s) else best
+        if best is None and shortest_first:
+            first = shortest_first[0]
+            best = Stage(first.door, first.there[0], first.there[-1], first.least_s, has_way_round=False)
+        return best
 
-    def _best(self, starts: Sequence[NodeId], goals: Sequence[NodeId]) -> Stage | None:
-        return StageSearch(self.graph, self._planner(), self._ways).best(starts, goals)
+    def _crossings(self, there: Sequence[NodeId], closings: Sequence[Mapping[EdgeKey, float]]) -> Iterator[_Crossing]:
+        """Yield where a plan leads through one door, far enough from its ends."""
+        for door, closing in enumerate(closings):
+            crossed = [edge for edge in itertools.pairwise(there) if edge in closing]
+            if len(crossed) != 1:
+                continue
+            place = there.index(crossed[0][0])
+            before = self._steps(there[: place + 1])
+            behind = self._steps(there[place + 1 :])
+            if _length_m(before) < BEFORE_DOOR_M or _length_m(behind) < BEYOND_DOOR_M:
+                continue
+            at_door = self._steps(there[max(0, place - 2) : place + 2])
+            before_s = _duration_s(before) + _S_PER_WIDTH_M * self.world.base.parts.doors[door].width_m
+            before_s += _BLIND_S * bool((at_door[:, 0] < -_STANDING_M).any())
+            yield _Crossing(door, there, place, before_s, before_s + _duration_s(behind))
 
-    def _planner(self) -> Planner:
-        return Planner(self.graph, self.system.method.planning, weight=self.system.edge_weight)
-
-    def _nearest(self) -> NodeId | None:
-        robot = self.robot()
-        nodes = list(self.graph.nodes)
-        if not nodes:
+    def _round_about(self, crossing: _Crossing, closing: Mapping[EdgeKey, float], planner: Planner) -> Stage | None:
+        """Return the story of a crossing where another way leads to the goal that is clearly dearer, or None."""
+        here = crossing.there[crossing.place]
+        goal = crossing.there[-1]
+        around = planner.plan(here, goal, closing)
+        if not around.nodes or around.cost - planner.plan(here, goal).cost < _DETOUR_COST:
             return None
-        poses = self._truth.poses(nodes)
-        away = np.hypot(*(poses[:, :2] - robot[:2]).T)
-        if away.min() > NEAREST_M:
-            return None
-        turned = np.abs(wrap_angle(poses[:, 2] - robot[2]))
-        return nodes[int(np.argmin(away + _YAW_WEIGHT_M * turned))]
+        duration_s = crossing.before_s + _duration_s(self._steps(around.nodes))
+        return Stage(crossing.door, crossing.there[0], goal, duration_s, has_way_round=True)
+
+    def _closing(self, door: int) -> dict[EdgeKey, float]:
+        """Return what a closed door adds to the cost of edges."""
+        return dict.fromkeys(self._edges_through(list(self.graph.edges), door), math.inf)
+
+    def _edges_through(self, edges: Sequence[EdgeKey], door: int) -> list[EdgeKey]:
+        """Return those edges whose straight ways lead through a doorway."""
+        doorway = self.world.base.parts.doors[door]
+        ends = self._poses([node for edge in edges for node in edge])[:, :2].reshape(-1, 2, 2)
+        across = ends[:, :, doorway.axis] - doorway.wall
+        along = ends[:, :, 1 - doorway.axis]
+        passes = across[:, 0] * across[:, 1] < 0
+        gap = np.where(passes, across[:, 0] - across[:, 1], 1.0)
+        at = along[:, 0] + across[:, 0] / gap * (along[:, 1] - along[:, 0])
+        through = passes & (at > doorway.low - _BESIDE_M) & (at < doorway.high + _BESIDE_M)
+        return [edges[k] for k in np.flatnonzero(through).tolist()]
+
+    def _nearest(self, pose: Pose) -> NodeId:
+        """Return the node that is nearest to a pose (3,), its heading counted."""
+        poses = self._poses(self.graph.nodes)
+        away_m = np.hypot(*(poses[:, :2] - pose[:2]).T)
+        turned = np.abs(wrap_angle(poses[:, 2] - pose[2]))
+        return list(self.graph.nodes)[int(np.argmin(away_m + _YAW_WEIGHT_M * turned))]
 
     def _facing_all_ways(self, point: NDArray[np.float64]) -> list[NodeId]:
         """Return nodes near a point (2,), in each ring one for each direction in which one looks."""
         nodes = list(self.graph.nodes)
-        poses = self._truth.poses(nodes)
+        poses = self._poses(nodes)
         away_m = np.hypot(*(poses[:, :2] - point).T)
         directions = np.floor(poses[:, 2] / (2 * np.pi) * DIRECTIONS).astype(int) % DIRECTIONS
         rings = np.floor(away_m / START_WITHIN_M * RINGS).astype(int)
         order = [int(k) for k in np.argsort(away_m) if away_m[k] < START_WITHIN_M]
         return [nodes[k] for k in {(int(rings[k]), int(directions[k])): k for k in reversed(order)}.values()]
+
+    def _steps(self, nodes: Sequence[NodeId]) -> Pose:
+        """Return the moves (N - 1, 3) along N nodes."""
+        poses = self._poses(nodes)
+        return relative(poses[:-1], poses[1:])
+
+    def _poses(self, nodes: Iterable[NodeId]) -> Pose:
+        return self._truth.poses(list(nodes))
+
+    def _planner(self) -> Planner:
+        return Planner(self.graph, self.system.method.planning, weight=self.system.edge_weight)
+
+
+def _length_m(steps: Pose) -> float:
+    return float(np.hypot(steps[:, 0], steps[:, 1]).sum())
+
+
+def _duration_s(steps: Pose) -> float:
+    """Return about how long driving moves (N, 3) takes; backwards it is slow."""
+    speeds_m_s = np.where(steps[:, 0] > 0, _SPEED_M_S, _BACKWARDS_M_S)
+    turns_s = np.abs(steps[:, 2]) / _TURN_RAD_S
+    return float((np.hypot(steps[:, 0], steps[:, 1]) / speeds_m_s + turns_s).sum())

@@ -11,15 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.geometry import lengths_along
-from ltvn_core.simulation.boolean_grid import Mask, connected_components
 from ltvn_core.simulation.changes.changed_scenes import ChangedScenes, piece_cells
 from ltvn_core.simulation.changes.moving_script import BUILT_IN
-from ltvn_core.simulation.clearance_map import PLANNING_CLEARANCE_M, ClearanceMap
-from ltvn_core.simulation.rooms import Doorway
+from ltvn_core.simulation.clearance_map import PLANNING_CLEARANCE_M, ClearanceMap, Mask, connected_components
+from ltvn_core.simulation.rooms import Doorway, FurniturePiece
 from ltvn_core.simulation.scene import Scene
-from ltvn_core.simulation.scene_parts import FurniturePiece
-from ltvn_core.worlds.world_change import OWN_PREFIX, DoorMoved, ThingRemoved
-from ltvn_core.worlds.world_state import WorldState
+from ltvn_core.worlds import OWN_PREFIX, DoorMoved, ThingRemoved, WorldState
 
 UNKNOWN_M = 0.7
 """Floor this far from every node is not in the map."""
@@ -129,7 +126,8 @@ def _unknown_part(
     unknown = np.flatnonzero(away_m > UNKNOWN_M)
     if not len(unknown):
         return None
-    first_m, last_m = at_m[unknown[0]], at_m[unknown[-1]]
+    first_m = at_m[unknown[0]]
+    last_m = at_m[unknown[-1]]
     if not _LEAST_UNKNOWN_M < last_m - first_m < _MOST_UNKNOWN_M:
         return None
     passed = [door.middle for door in scene.parts.doors if _is_on(loop, door)]

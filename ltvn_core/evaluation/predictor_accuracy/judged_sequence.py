@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 
 from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.data.recording.drive_part import WHOLE_DRIVE, DrivePart
+from ltvn_core.data.recording.metadata import is_lens_known
+from ltvn_core.data.recording.reader import Recording
 from ltvn_core.errors import RecordingError
 from ltvn_core.preprocessing import recorded_observation
-from ltvn_core.recording.drive_part import WHOLE_DRIVE, DrivePart
-from ltvn_core.recording.metadata import is_lens_known
-from ltvn_core.recording.reader import Recording
-from ltvn_core.training_data.truth_limits import TrueViews, tilted_camera, true_views
+from ltvn_core.training.drive_path import TrueViews, tilted_camera, true_views
 from ltvn_core.types import Features, FrameId, Observation, Predictor, is_usable
 
 _ENCODED_AT_ONCE = 32

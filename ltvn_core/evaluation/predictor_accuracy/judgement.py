@@ -13,13 +13,26 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ltvn_core.evaluation.perturbations.geometry_perturbations import FrameLoss
-from ltvn_core.evaluation.perturbations.perturbation_registry import DROPPED_FRAMES, open_perturbation, perturb_all
+from ltvn_core.evaluation.perturbations import DROPPED_FRAMES, FrameLoss, open_perturbation, perturb_all
 from ltvn_core.evaluation.predictor_accuracy.judged_sequence import JudgedSequence, encode_sequence
-from ltvn_core.evaluation.predictor_accuracy.localisation_accuracy import LocalisationAccuracy, localisation_accuracy
-from ltvn_core.evaluation.predictor_accuracy.map_accuracy import JudgedMap, MapAccuracy, build_judged_map, map_accuracy
-from ltvn_core.evaluation.predictor_accuracy.pair_accuracy import PairAccuracy, PairScores, pair_accuracy, score_pairs
-from ltvn_core.evaluation.predictor_accuracy.pair_sampling import PairCounts, PairSample, choose_evenly, sample_pairs
+from ltvn_core.evaluation.predictor_accuracy.map_accuracy import (
+    JudgedMap,
+    LocalisationAccuracy,
+    MapAccuracy,
+    build_judged_map,
+    localisation_accuracy,
+    map_accuracy,
+)
+from ltvn_core.evaluation.predictor_accuracy.pair_accuracy import (
+    PairAccuracy,
+    PairCounts,
+    PairSample,
+    PairScores,
+    choose_evenly,
+    pair_accuracy,
+    sample_pairs,
+    score_pairs,
+)
 from ltvn_core.findings import Finding, Severity
 from ltvn_core.geometry import distance, relative
 from ltvn_core.graph.builder import ProgressCallback
@@ -27,7 +40,7 @@ from ltvn_core.graph.map_check import MappedDrive, diagnose
 from ltvn_core.graph.map_coverage import map_coverage
 from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.predictors.request import predictor_card
-from ltvn_core.training_data.truth_limits import TrueViews
+from ltvn_core.training.drive_path import TrueViews
 from ltvn_core.types import Features, Predictor
 
 _FAR_PER_NEAR = 8
@@ -166,7 +179,8 @@ class _Judge:
         )
 
     def _sample(self) -> PairSample | None:
-        looking, mapped = self.looking.views, self.mapped.views
+        looking = self.looking.views
+        mapped = self.mapped.views
         if looking is None or mapped is None:
             return None
         return sample_pairs(looking, mapped, most=self.plan.counts(1), rng=self._rng(1))

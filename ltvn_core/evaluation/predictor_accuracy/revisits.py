@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ltvn_core.data.importing.foreign_files import read_foreign
 from ltvn_core.errors import DatasetError, DriveError
-from ltvn_core.importing.foreign_files import read_foreign
-from ltvn_core.network.metrics.reachability_metrics import auc
+from ltvn_core.network.metrics import auc
 from ltvn_core.types import Features, Predictor
 
 _LEAST_GAP = 15
@@ -96,7 +96,8 @@ def summarise_revisits(score: NDArray[np.float64], same_place: NDArray[np.bool_]
         )
     rows = np.flatnonzero(asked.any(axis=1))
     best = score[rows].argmax(axis=1)
-    sure, right = score[rows, best], same_place[rows, best]
+    sure = score[rows, best]
+    right = same_place[rows, best]
     surest_wrong = sure[~right].max(initial=-1.0)
     queries = int(is_query.sum())
     return RevisitAccuracy(

@@ -8,7 +8,7 @@ import numpy as np
 from ltvn_core.evaluation.confidence_intervals import SampleGroup, estimates
 from ltvn_core.evaluation.query_result import EncounterCounts, PresenceScore, QueryResult
 from ltvn_core.evaluation.results import DoorMove, WorldResult
-from ltvn_core.network.metrics.success_rate import SuccessRate
+from ltvn_core.network.metrics import SuccessRate
 
 LEAST_DETOUR_M = 0.5
 

@@ -1,18 +1,33 @@
-"""Plans of evaluations in a changing world, and the paths of their files.
+"""Plans of evaluations in a changing world, the paths of their files, and their queries.
 
-All maintenances share drive, weights, first map, script and queries. Runs nothing.
+All maintenances share drive, weights, first map, script and queries. The queries (when, from where, to where, and what
+is closed at these moments) are drawn once and kept in a file. Drives no robot.
 """
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from ltvn_core.errors import OptionError
+from ltvn_core.evaluation.ground_truth import GroundTruth
+from ltvn_core.evaluation.preparation import DriveGroundTruth
+from ltvn_core.evaluation.protocol import EpisodePlan
+from ltvn_core.evaluation.results import DoorMove
 from ltvn_core.evaluation.trial_plans import TrialFiles, TrialPlan
+from ltvn_core.evaluation.worlds.world_truth import ClosedEdges
+from ltvn_core.graph.operators import pose_row
+from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
+from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.simulation.changes.script_registry import make_script
-from ltvn_core.simulation.changes.world_script import DAY_S, MORNING_S, WorldScript
+from ltvn_core.simulation.changes.world import World
+from ltvn_core.simulation.changes.world_script import DAY_S, HOUR_S, MORNING_S, WorldScript
+from ltvn_core.simulation.clearance_map import PLANNING_CLEARANCE_M, ClearanceMap
 from ltvn_core.simulation.scene import Scene
 from ltvn_core.simulation.scene_registry import load_scene
-from ltvn_core.types import CONTROL_STEP_S
+from ltvn_core.types import CONTROL_STEP_S, FrameId, NodeId
+from ltvn_core.worlds import DoorMoved
 
 WEEK_DAYS = 7.0
 
@@ -93,3 +108,123 @@ class WorldFiles:
     def result(self) -> Path:
         """All results of this maintenance."""
         return self.world / f"{self.maintenance}.world.json"
+
+
+LATER_S = HOUR_S
+"""Presence is predicted for so much later."""
+_LEAST_WAY_M = 1.0
+"""Start and goal are at least this far apart."""
+_MOST_DRAWS = 1000
+
+
+@dataclass(frozen=True, slots=True)
+class ScheduledQuery:
+    """A query, and the world when it begins."""
+
+    at_s: float
+    episode: EpisodePlan
+    shortest_m: float
+    """Length of the shortest way at that moment."""
+    closed: tuple[EdgeKey, ...]
+    """Edges of the first map that are closed at that moment,"""
+    closed_later: tuple[EdgeKey, ...]
+    """and an hour later."""
+    detour_m: float = 0.0
+    """How much longer the shortest way is than in the scene as it was made."""
+
+
+@dataclass(frozen=True, slots=True)
+class Schedule:
+    """All queries of a plan."""
+
+    queries: tuple[ScheduledQuery, ...]
+    edges: tuple[EdgeKey, ...]
+    """Edges of the first map that are not spurious."""
+    nodes: int
+    """Of the first map."""
+    all_edges: int
+    """Of the first map, the spurious ones too."""
+    first_frame: FrameId
+    """The images of the queries have numbers from this one on."""
+    doors: tuple[DoorMove, ...]
+
+    @property
+    def changing(self) -> tuple[EdgeKey, ...]:
+        """Edges that are closed at one of these moments and open at another; predictions are judged on these."""
+        closed = {edge for query in self.queries for edge in (*query.closed, *query.closed_later)}
+        return tuple(edge for edge in self.edges if edge in closed)
+
+
+def draw_schedule(
+    plan: WorldPlan, scene: Scene, graph: TopologicalGraph, truth: GroundTruth, drive_truth: DriveGroundTruth
+) -> Schedule:
+    """Draw the queries of a plan for its first map. Raises WorldError, and OptionError where no goal can be reached."""
+    rng = np.random.default_rng([plan.trial.seed, 7])
+    script = plan.script(scene)
+    moments = [MORNING_S + (k + rng.uniform(0, 0.5)) * plan.slot_s for k in range(plan.queries)]
+    spurious = truth.spurious(graph)
+    edges = tuple(edge for edge in graph.edges if edge not in spurious)
+    closed_edges = ClosedEdges(scene, truth)
+    closed = {
+        at_s: (tuple(closed_edges.among(edges, clearance)), clearance)
+        for at_s, clearance in _clearances(World(scene, script), sorted({*moments, *(t + LATER_S for t in moments)}))
+    }
+    queries = []
+    for at_s in moments:
+        now, clearance = closed[at_s]
+        episode, shortest_m = _draw(clearance, sorted(graph.nodes), truth, drive_truth, rng)
+        usual_m = float(scene.clearance.path_lengths(episode.start_pose, episode.goal_pose[:2])[0])
+        scheduled = ScheduledQuery(
+            at_s=at_s,
+            episode=episode,
+            shortest_m=shortest_m,
+            detour_m=max(shortest_m - usual_m, 0.0),
+            closed=now,
+            closed_later=closed[at_s + LATER_S][0],
+        )
+        queries.append(scheduled)
+    doors = tuple(
+        DoorMove(timed.at_s, timed.change.door, timed.change.is_open)
+        for timed in script.changes
+        if isinstance(timed.change, DoorMoved)
+    )
+    return Schedule(tuple(queries), edges, len(graph.nodes), len(graph.edges), max(drive_truth.frames) + 1, doors)
+
+
+def _clearances(world: World, moments: Sequence[float]) -> Iterator[tuple[float, ClearanceMap]]:
+    """Yield the clearance map of each moment."""
+    for at_s in moments:
+        if at_s > world.time_s:
+            world.skip(at_s - world.time_s)
+        yield at_s, world.scene.clearance
+
+
+def _draw(
+    clearance: ClearanceMap,
+    nodes: Sequence[NodeId],
+    truth: GroundTruth,
+    drive_truth: DriveGroundTruth,
+    rng: np.random.Generator,
+) -> tuple[EpisodePlan, float]:
+    """Draw a start from the images of the drive and a goal that can be reached from there, with its distance."""
+    goals = truth.poses(nodes)
+    for _ in range(_MOST_DRAWS):
+        row = int(rng.integers(len(drive_truth.frames)))
+        start = np.array(drive_truth.poses[row])
+        if float(clearance.at(start[:2])) < PLANNING_CLEARANCE_M:
+            continue
+        lengths_m = clearance.path_lengths(start, goals[:, :2])
+        free = clearance.at(goals[:, :2]) >= LOCOBOT.clear_radius_m
+        possible = np.flatnonzero(np.isfinite(lengths_m) & (lengths_m > _LEAST_WAY_M) & free)
+        if len(possible):
+            chosen = int(rng.choice(possible))
+            episode = EpisodePlan(
+                start=drive_truth.frames[row],
+                goal=nodes[chosen],
+                start_pose=pose_row(start),
+                goal_pose=pose_row(goals[chosen]),
+            )
+            return episode, float(lengths_m[chosen])
+    raise OptionError(
+        "No goal of the map can be reached from anywhere; the world is closed up. Choose another --world."
+    )

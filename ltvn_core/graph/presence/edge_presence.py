@@ -7,9 +7,13 @@ from collections.abc import Callable, Collection, Mapping
 from typing import Protocol, TypeAlias
 
 from ltvn_core.graph.deltas import PresenceObserved
-from ltvn_core.graph.presence.observation import PresenceObservation
 from ltvn_core.graph.presence.obstruction import Obstruction
-from ltvn_core.graph.presence.presence_filter import PresenceFilter, PresenceTracks, follow_histories
+from ltvn_core.graph.presence.presence_filter import (
+    PresenceFilter,
+    PresenceObservation,
+    PresenceTracks,
+    follow_histories,
+)
 from ltvn_core.graph.presence.presence_observations import obstructed_deltas, seen_open_deltas
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 
@@ -33,6 +37,27 @@ class EdgePresence(Protocol):
     ) -> tuple[PresenceObserved, ...]:
         """Return what the map learns of ways that were seen to be free."""
         ...
+
+
+class AlwaysOpen:
+    """Presence for a system that has no notion of it: every edge that exists is open."""
+
+    def probabilities(self, graph: TopologicalGraph, now_s: float) -> EdgeProbabilities:
+        """Return no edge."""
+        return {}
+
+    def observe(self, graph: TopologicalGraph, obstruction: Obstruction, stamp: float) -> tuple[PresenceObserved, ...]:
+        """Return nothing."""
+        return ()
+
+    def observe_open(
+        self, graph: TopologicalGraph, seen: Collection[EdgeKey], stamp: float
+    ) -> tuple[PresenceObserved, ...]:
+        """Return nothing."""
+        return ()
+
+
+ALWAYS_OPEN = AlwaysOpen()
 
 
 class FilteredPresence:

@@ -72,14 +72,19 @@ def edges_obstructed(graph: TopologicalGraph, obstruction: Obstruction) -> tuple
 
 
 def ways_nearby(graph: TopologicalGraph, node: NodeId) -> dict[EdgeKey, FloatArray]:
-    """Return the straight ways of the edges around one node, each (2, 2): start and end, metres in its frame."""
-    poses, edges = nearby_poses(graph, node), graph.edges
-    keys = [(source, target) for source in poses for target in graph.successors(source)]
-    if not keys:
+    """Return the straight ways of the edges around one node, each (2, 2): start and end, metres in its frame.
+
+    An edge is around it where one of its ends is.
+    """
+    poses = nearby_poses(graph, node)
+    edges = {(edge.source, edge.target): edge for around in poses for edge in _edges_at(graph, around)}
+    if not edges:
         return {}
-    starts = np.array([poses[source] for source, _ in keys])
-    ends = compose(starts, np.array([edges[key].waypoint for key in keys]))
-    return dict(zip(keys, np.stack([starts, ends], axis=1)[..., :2], strict=True))
+    waypoints = np.array([edge.waypoint for edge in edges.values()])
+    near = [poses.get(source, poses.get(target)) for source, target in edges]
+    steps = np.where([[source in poses] for source, _ in edges], 0.0, invert(waypoints))
+    starts = compose(np.array(near), steps)
+    return dict(zip(edges, np.stack([starts, compose(starts, waypoints)], axis=1)[..., :2], strict=True))
 
 
 def closes_way(obstruction: Obstruction, start: FloatArray, end: FloatArray) -> bool:

@@ -34,7 +34,8 @@ def return_probabilities(own: FloatArray, other: FloatArray) -> FloatArray:
         own: (2 I - 1, N) survival of stays in the state, at every half step from 0 on.
         other: (2 I - 1, N) survival of stays away from it.
     """
-    own_steps, other_steps = _StepEnds(own), _StepEnds(other)
+    own_steps = _StepEnds(own)
+    other_steps = _StepEnds(other)
     count = len(own_steps.survival)
     in_state = np.ones_like(own_steps.survival)
     back = np.zeros_like(own_steps.survival)
@@ -131,7 +132,8 @@ class PersistentTracks:
         """Take in one observation of each of M different things, see `PresenceTracks`."""
         self._begin(rows, stamps_s)
         self._cross_silence(rows, present, stamps_s)
-        state, errors = self._state[rows], self._config.errors
+        state = self._state[rows]
+        errors = self._config.errors
         before = self._log_survival(rows, self._last[rows])
         ended = log_ended_between(before, self._log_survival(rows, stamps_s))
         agrees = present == (state == 1)
@@ -181,7 +183,8 @@ class PersistentTracks:
 
     def _learn(self, rows: Rows, stamps_s: FloatArray) -> None:
         """Weigh the kinds of stays by one that has ended before a moment (M,)."""
-        state, prior_stays = self._state[rows], self._config.prior_stays
+        state = self._state[rows]
+        prior_stays = self._config.prior_stays
         survival = self._log_survival(rows, self._last[rows])
         ended = self._stay[rows, None] + log_ended_between(survival, self._log_survival(rows, stamps_s))
         learned = np.log(np.maximum(self._weights[state, rows], 1e-300)) + np.logaddexp(self._left[rows], ended)
@@ -197,7 +200,8 @@ class PersistentTracks:
         self._left[rows] = np.log(np.maximum(1 - probability, 1e-12))[:, None]
 
     def _log_survival(self, rows: Rows, stamps_s: FloatArray) -> FloatArray:
-        state, ages = self._state[rows], stamps_s - self._since[rows]
+        state = self._state[rows]
+        ages = stamps_s - self._since[rows]
         return log_survival(ages[..., None], self._scales[state, rows], self._shapes[state, rows])
 
     def _still(self, rows: Rows, stamps_s: FloatArray) -> FloatArray:
@@ -239,7 +243,9 @@ def _padded(durations: DurationMixture, kinds: int) -> DurationMixture:
     )
 
 
-_MINUTE_S, _HOUR_S, _DAY_S = 60.0, 3600.0, 86400.0
+_MINUTE_S = 60.0
+_HOUR_S = 3600.0
+_DAY_S = 86400.0
 
 EDGE_ERRORS = SightErrors(miss=0.005, false_alarm=0.005)
 """An obstruction is believed only where it lies across the way, and a success only at its end, so both rarely err."""

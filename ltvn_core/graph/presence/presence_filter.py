@@ -5,13 +5,21 @@ Owns the interface, and folding whole histories. The filter that is used is `gra
 
 from collections.abc import Sequence
 from itertools import zip_longest
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.graph.presence.durations import FloatArray
-from ltvn_core.graph.presence.observation import PresenceObservation
+
+
+class PresenceObservation(NamedTuple):
+    """A thing was seen to be there, or not to be there."""
+
+    present: bool
+    stamp_s: float
+    """Seconds on the clock of the world."""
+
 
 Rows = NDArray[np.intp]
 """(M,) numbers of different things."""

@@ -62,7 +62,8 @@ def turn_hues(rgb: Tensor, scene: Tensor, share: float, generator: torch.Generat
     angle = angle * (torch.rand(number, generator=generator, device=rgb.device) < share)
     grey = torch.full((3, 3), 1 / 3, device=rgb.device)
     cross = torch.tensor([[0.0, -1.0, 1.0], [1.0, 0.0, -1.0], [-1.0, 1.0, 0.0]], device=rgb.device) / 3**0.5
-    cos, sin = torch.cos(angle)[:, None, None], torch.sin(angle)[:, None, None]
+    cos = torch.cos(angle)[:, None, None]
+    sin = torch.sin(angle)[:, None, None]
     rotation = cos * torch.eye(3, device=rgb.device) + sin * cross + (1 - cos) * grey
     return torch.einsum("bij,bjhw->bihw", rotation[scene], rgb)
 

@@ -1,14 +1,13 @@
-"""The fine-tuning loop: adapts trained weights to the environment of a robot, with mining, evaluation and checkpoints.
+"""Fine-tuning: adapts trained weights to the environment of a robot, with mining and evaluation between the steps.
 
 Weights are judged on the own drive of the robot, with labels from odometry and without ground truth, and in simulation.
-`ltvn_core.network.optimization.trainer` is one step, `ltvn_core.network.optimization.mixed_batches` draws its batches,
-`ltvn_core.network.metrics.reachability_metrics` defines the metrics.
+`ltvn_core.network.optimization.learning_loop` takes the steps, `ltvn_core.network.training_examples` draws their
+batches, `ltvn_core.network.metrics` defines the metrics.
 """
 
 import hashlib
 import json
 import logging
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,23 +19,26 @@ from numpy.typing import NDArray
 from ltvn_core.errors import WeightsError
 from ltvn_core.geometry import relative
 from ltvn_core.network.base_network import AnyNetwork
-from ltvn_core.network.metrics.pair_evaluation import (
+from ltvn_core.network.metrics import DriveMetrics, PairMetrics, drive_metrics, pair_metrics
+from ltvn_core.network.optimization.acceleration import MixedPrecision
+from ltvn_core.network.optimization.augmentation import Augmentation
+from ltvn_core.network.optimization.hard_negative_mining import hard_negatives_among, mine_hard_negatives
+from ltvn_core.network.optimization.learning_loop import LearningLoop
+from ltvn_core.network.optimization.reachability_calibration import calibrate_after_fine_tuning
+from ltvn_core.network.optimization.trainer import (
+    FineTuningTrainer,
+    Hyperparameters,
+    StepLosses,
+)
+from ltvn_core.network.pair_evaluation import (
     LabelledDrive,
     encode_images,
     evaluate_drives,
     evaluate_pairs,
     predict_pairs,
 )
-from ltvn_core.network.metrics.reachability_metrics import DriveMetrics, PairMetrics, drive_metrics, pair_metrics
-from ltvn_core.network.optimization.augmentation import Augmentation
-from ltvn_core.network.optimization.checkpoint import restore_checkpoint, save_checkpoint
-from ltvn_core.network.optimization.hard_negative_mining import hard_negatives_among, mine_hard_negatives
-from ltvn_core.network.optimization.mixed_batches import LabelledTrajectory, MixedBatchSampler
-from ltvn_core.network.optimization.mixed_precision import MixedPrecision, choose_precision
-from ltvn_core.network.optimization.reachability_calibration import calibrate_after_fine_tuning
-from ltvn_core.network.optimization.trainer import FineTuningTrainer, Hyperparameters
 from ltvn_core.network.predictor import NetworkPredictor
-from ltvn_core.network.training_examples import SceneExamples
+from ltvn_core.network.training_examples import LabelledTrajectory, MixedBatchSampler, SceneExamples
 from ltvn_core.network.weights_file import load_weights, weights_fingerprint
 from ltvn_core.structured_text import parse_json
 from ltvn_core.types import Predictor
@@ -74,7 +76,8 @@ def _far_pairs(
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Draw up to `count` ordered pairs of rows that are certainly far apart, spread over the whole drive."""
     among = np.arange(len(drive.poses))
-    sources, targets = [np.empty(0, np.intp)], [np.empty(0, np.intp)]
+    sources = [np.empty(0, np.intp)]
+    targets = [np.empty(0, np.intp)]
     rows = rng.permutation(among)
     each = max(count // max(len(rows), 1), 1)
     for row in rows[:count]:
@@ -83,9 +86,6 @@ def _far_pairs(
         sources.append(np.full(len(drawn), row))
         targets.append(drawn)
     return np.concatenate(sources), np.concatenate(targets)
-
-
-_CHECKPOINT_SECONDS = 30.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,8 +192,11 @@ def trajectory_fingerprint(drive: LabelledTrajectory) -> str:
     return found.hexdigest()[:12]
 
 
-class _FineTuningRun:
+class _FineTuningRun(LearningLoop):
     """The state of one fine-tuning."""
+
+    checkpoint_every_s = 30.0
+    newest_share = 0.05
 
     def __init__(
         self,
@@ -211,19 +214,19 @@ class _FineTuningRun:
         self.start = load_weights(start)
         self.parent = weights_fingerprint(start)
         _require_same_run(folder / "run.json", {"parent": self.parent, "drive": trajectory_fingerprint(data.drive)})
-        self.sampler = MixedBatchSampler(data.drive, data.scenes, plan.learning.far, evened=plan.learning.evened)
-        self.trainer = FineTuningTrainer(plan.learning, self.start)
-        self.checkpoint = folder / "checkpoint.safetensors"
-        self.elapsed_s = restore_checkpoint(self.trainer, self.checkpoint) if self.checkpoint.exists() else 0.0
-        self.loss = float("nan")
+        self.drive_sampler = MixedBatchSampler(data.drive, data.scenes, plan.learning.far, evened=plan.learning.evened)
+        trainer = FineTuningTrainer(plan.learning, self.start)
+        super().__init__(trainer, self.drive_sampler, folder, minutes=plan.minutes, steps=plan.steps)
+        self.minings = -1
+        """Number of the last search for hard negatives."""
 
     def run(self) -> FineTuningResult | None:
         before = self._judge(self.start, "before")
         # Saved also when cancelled or interrupted, so that the next run with this folder continues here.
         try:
-            finished = self._learn()
+            finished = self.learn()
         finally:
-            self._save()
+            self.save()
         if not finished:
             return None
         self._report("calibrating")
@@ -240,39 +243,27 @@ class _FineTuningRun:
             seconds=self.elapsed_s,
         )
 
-    def _learn(self) -> bool:
-        """Train to the end; return False if it was cancelled."""
-        precision = choose_precision(self.trainer.network)
-        start = time.monotonic() - self.elapsed_s
-        saved = time.monotonic()
-        mined = -1
-        while (share := self._share()) < 1:
-            if self.cancelled.is_set():
-                return False
-            if (due := int(share * self.plan.minings)) > mined and self.plan.minings:
-                self._mine(precision)
-                mined = due
-            loss = self.trainer.step(self.sampler, precision, share).loss
-            self.elapsed_s = time.monotonic() - start
-            self.loss = loss if np.isnan(self.loss) else 0.95 * self.loss + 0.05 * loss
-            self._report("learning")
-            if time.monotonic() - saved > _CHECKPOINT_SECONDS:
-                self._save()
-                saved = time.monotonic()
-        return True
+    def goes_on(self) -> bool:
+        """Return whether nobody has cancelled it."""
+        return not self.cancelled.is_set()
 
-    def _share(self) -> float:
-        if self.plan.minutes is None:
-            return min(self.trainer.steps / self.plan.steps, 1.0)
-        return min(self.elapsed_s / (60 * self.plan.minutes), 1.0)
+    def before_step(self, progress: float, precision: MixedPrecision) -> None:
+        """Search for hard negatives when that is due."""
+        if (due := int(progress * self.plan.minings)) > self.minings and self.plan.minings:
+            self._mine(precision)
+            self.minings = due
+
+    def after_step(self, before: float, losses: StepLosses, precision: MixedPrecision) -> None:
+        """Report the loss."""
+        self._report("learning")
 
     def _mine(self, precision: MixedPrecision) -> None:
         """Search the drive and one simulated scene for hard negatives."""
         rng = np.random.default_rng([self.plan.learning.seed, self.trainer.steps, 2])
         drive = self.data.drive
         network = self.trainer.average
-        number = self.sampler.drive_number
-        rows = np.sort(rng.permutation(self.sampler.learnable)[:800])
+        number = self.drive_sampler.drive_number
+        rows = np.sort(rng.permutation(self.drive_sampler.learnable)[:800])
         found = hard_negatives_among(network, precision, drive, number, rows, drive.far(rows, rows), rng)[:300]
         if self.data.scenes:
             other = int(rng.integers(len(self.data.scenes)))
@@ -299,11 +290,9 @@ class _FineTuningRun:
             evaluate_drives(predictor, self.data.drives, rng, limit=plan.validation_far) if self.data.drives else None,
         )
 
-    def _save(self) -> None:
-        save_checkpoint(self.trainer, self.checkpoint, seconds=self.elapsed_s)
-
     def _report(self, doing: str) -> None:
-        self.on_progress(FineTuningProgress(share=self._share(), steps=self.trainer.steps, loss=self.loss, doing=doing))
+        share = min(self.progress(), 1.0)
+        self.on_progress(FineTuningProgress(share=share, steps=self.trainer.steps, loss=self.loss, doing=doing))
 
 
 def _require_same_run(path: Path, run: dict[str, str]) -> None:

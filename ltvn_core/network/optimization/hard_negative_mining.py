@@ -3,38 +3,17 @@
 Plans and trainers call them `confusions`, a name that is stored in model cards.
 """
 
-from dataclasses import dataclass
-from math import radians
-
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from ltvn_core.geometry import wrap_angle
 from ltvn_core.network.base_network import BaseNetwork
 from ltvn_core.network.device import device_of, to_tensor
 from ltvn_core.network.image_features import FeaturesT, join
-from ltvn_core.network.optimization.mixed_precision import MixedPrecision
+from ltvn_core.network.optimization.acceleration import MixedPrecision
 from ltvn_core.network.predictor import images_to_tensors
-from ltvn_core.network.training_examples import HardNegative, SceneExamples
-from ltvn_core.types import Pose
-
-
-@dataclass(frozen=True, slots=True)
-class FarCriterion:
-    """Limits beyond which a pair is certainly a negative (ours; well beyond the limits of reachability)."""
-
-    distance_m: float = 3.0
-    """Pairs with a larger distance are far,"""
-    yaw_rad: float = radians(92)
-    """and so are pairs with a larger difference of heading."""
-
-    def pairs(self, sources: Pose, targets: Pose) -> NDArray[np.bool_]:
-        """Return (S, T): which of sources (S, 3) and targets (T, 3) are far from each other."""
-        shift = sources[:, None, :2] - targets[None, :, :2]
-        turn = np.abs(wrap_angle(sources[:, None, 2] - targets[None, :, 2]))
-        return (np.hypot(shift[..., 0], shift[..., 1]) > self.distance_m) | (turn > self.yaw_rad)
+from ltvn_core.network.training_examples import FarCriterion, HardNegative, SceneExamples
 
 
 def mine_hard_negatives(
@@ -79,7 +58,8 @@ def hard_negatives_among(
     scores[to_tensor(~apart, scores.device)] = -torch.inf
     shuffled = to_tensor(rng.permutation(scores.numel()), scores.device)
     best = shuffled[scores.flatten()[shuffled].topk(min(candidates, int(apart.sum()))).indices]
-    sources, targets = best // len(rows), best % len(rows)
+    sources = best // len(rows)
+    targets = best % len(rows)
     logits = torch.cat(
         [
             precision.compare(network, features.take(i), features.take(j)).logit

@@ -13,10 +13,9 @@ from scipy.optimize import minimize
 from scipy.special import expit
 
 from ltvn_core.network.base_network import AnyNetwork
-from ltvn_core.network.metrics.pair_evaluation import encode_images, predict_pairs
-from ltvn_core.network.optimization.mixed_batches import LabelledTrajectory
+from ltvn_core.network.pair_evaluation import encode_images, predict_pairs
 from ltvn_core.network.predictor import NetworkPredictor
-from ltvn_core.network.training_examples import SceneExamples
+from ltvn_core.network.training_examples import LabelledTrajectory, SceneExamples
 
 PairSelection: TypeAlias = tuple[SceneExamples, NDArray[np.intp]]
 """A scene and the rows of its labelled pairs that are used."""

@@ -1,27 +1,34 @@
-"""The training loop: steps, hard-negative mining, checkpoints and early stopping.
+"""Training: what is done between the steps of the learning loop, and the weights that are best in unseen scenes.
 
-`ltvn_core.network.optimization.trainer` is one step, `ltvn_core.network.optimization.validation` says which weights are
-best.
+Decides when to validate, to mine hard negatives and to stop. Owns the record of a training: `validation.jsonl` and the
+best weights. The curves for TensorBoard, where it is installed, nothing reads back.
 """
 
+import json
 import logging
 import math
-import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from tqdm import tqdm
 
+from ltvn_core.errors import WeightsError
 from ltvn_core.network.allocator import retain_freed_memory
 from ltvn_core.network.architecture import AnyArchitecture, PairArchitecture
-from ltvn_core.network.metrics.pair_evaluation import LabelledDrive
-from ltvn_core.network.optimization.checkpoint import restore_checkpoint, save_checkpoint
-from ltvn_core.network.optimization.distributed import SINGLE_PROCESS, DistributedContext, run_distributed
+from ltvn_core.network.base_network import AnyNetwork
+from ltvn_core.network.metrics import DriveMetrics, PairMetrics
+from ltvn_core.network.optimization.acceleration import (
+    SINGLE_PROCESS,
+    DistributedContext,
+    MixedPrecision,
+    run_distributed,
+)
 from ltvn_core.network.optimization.hard_negative_mining import mine_hard_negatives
-from ltvn_core.network.optimization.mixed_precision import MixedPrecision, choose_precision
+from ltvn_core.network.optimization.learning_loop import LearningLoop
 from ltvn_core.network.optimization.reachability_calibration import calibrate_reachability
 from ltvn_core.network.optimization.trainer import (
     FineTuningTrainer,
@@ -30,16 +37,19 @@ from ltvn_core.network.optimization.trainer import (
     Trainer,
     learning_rate_schedule,
 )
-from ltvn_core.network.optimization.validation import TensorBoardLog, Validation, ValidationData, ValidationMetrics
+from ltvn_core.network.pair_evaluation import LabelledDrive, evaluate_drives, evaluate_pairs
+from ltvn_core.network.predictor import NetworkPredictor
 from ltvn_core.network.training_examples import BatchSampler, SceneExamples
 from ltvn_core.network.weights_file import load_weights, save_weights
+from ltvn_core.structured_text import parse_json
 
 log = logging.getLogger(__name__)
 
-_CHECKPOINT_SECONDS = 60.0
-
 _SCALARS_EVERY = 20
 """Steps between points of the curves."""
+
+_BEST = "best.json"
+"""Metrics of the best weights so far."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +76,21 @@ class TrainingPlan:
     """Labelled pairs of each validation scene that are compared during training,"""
     validation_far: int = 12000
     """and far pairs of each drive."""
+
+
+@dataclass(frozen=True, slots=True)
+class ValidationMetrics:
+    """Metrics of one validation."""
+
+    steps: int
+    pairs: PairMetrics
+    drives: DriveMetrics | None
+
+    @property
+    def score(self) -> float:
+        """Return the score that decides which weights are best: few false long-range edges first, then AUC and pose."""
+        false_edges = 0.0 if self.drives is None else -math.log10(self.drives.far_fpr_at_tpr60 + 1e-5)
+        return false_edges + 20 * (self.pairs.auc or 0) - 5 * self.pairs.position_median_m
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,8 +163,11 @@ def _train_worker(
     return train(load(), plan, folder, distributed_context)
 
 
-class _TrainingRun:
+class _TrainingRun(LearningLoop):
     """The state of one training."""
+
+    checkpoint_every_s = 60.0
+    newest_share = 0.02
 
     def __init__(
         self,
@@ -149,55 +177,48 @@ class _TrainingRun:
         distributed_context: DistributedContext,
         start: Path | None,
     ) -> None:
+        sampler = BatchSampler(data.scenes, evened=plan.learning.evened)
+        trainer = _create_trainer(plan, distributed_context, start)
+        super().__init__(
+            trainer,
+            sampler,
+            folder,
+            minutes=plan.minutes,
+            steps=plan.steps,
+            distributed_context=distributed_context,
+        )
         self.data = data
         self.plan = plan
         self.folder = folder
-        self.distributed_context = distributed_context
-        self.sampler = BatchSampler(data.scenes, evened=plan.learning.evened)
-        self.trainer = _create_trainer(plan, distributed_context, start)
-        self.checkpoint = folder / "checkpoint.safetensors"
-        self.elapsed_s = restore_checkpoint(self.trainer, self.checkpoint) if self.checkpoint.exists() else 0.0
         self.scalars = TensorBoardLog(folder / "tensorboard") if distributed_context.is_leader else None
-        compared = ValidationData(
-            scenes=data.validation, drives=data.drives, pairs=plan.validation_pairs, far=plan.validation_far
-        )
-        self.validation = Validation(compared, folder, self.scalars)
-
-    def run(self) -> TrainingResult:
-        precision = choose_precision(self.trainer.network)
-        start = time.monotonic() - self.elapsed_s
-        saved = time.monotonic()
-        bar = tqdm(
+        self.validation = Validation(data, plan, folder, self.scalars)
+        self.bar = tqdm(
             total=100.0,
             initial=round(100 * self.progress(), 1),
             desc="training",
             bar_format="{l_bar}{bar}| {elapsed}<{remaining}{postfix}",
-            disable=not self.distributed_context.is_leader,
+            disable=not distributed_context.is_leader,
             mininterval=1.0,
         )
-        mean = math.nan
-        # All processes must agree on when to stop and on the time, or one would wait for gradients for ever.
-        while (before := self.progress()) < 1 and self.distributed_context.broadcast_from_leader(
-            self.validation.without_improvement
-        ) < self.plan.patience:
-            report = self.trainer.step(self.sampler, precision, before, self.distributed_context)
-            self.elapsed_s = self.distributed_context.broadcast_from_leader(time.monotonic() - start)
-            mean = report.loss if math.isnan(mean) else 0.98 * mean + 0.02 * report.loss
-            bar.set_postfix(step=self.trainer.steps, loss=f"{mean:.3f}", refresh=False)
-            bar.update(100 * min(self.progress(), 1) - bar.n)
-            self._plot(report)
-            self._validate_or_mine(before, precision)
-            if self.distributed_context.is_leader and time.monotonic() - saved > _CHECKPOINT_SECONDS:
-                save_checkpoint(self.trainer, self.checkpoint, seconds=self.elapsed_s)
-                saved = time.monotonic()
-        bar.close()
+
+    def run(self) -> TrainingResult:
+        self.learn()
+        self.bar.close()
         return self._finish()
 
-    def progress(self) -> float:
-        """Return the share of training that is done."""
-        if self.plan.minutes is None:
-            return self.trainer.steps / self.plan.steps
-        return self.elapsed_s / (60 * self.plan.minutes)
+    def goes_on(self) -> bool:
+        """Return whether validations still improve; all processes must agree on when to stop."""
+        return self.distributed_context.broadcast_from_leader(self.validation.without_improvement) < self.plan.patience
+
+    def before_step(self, progress: float, precision: MixedPrecision) -> None:
+        """Do nothing."""
+
+    def after_step(self, before: float, losses: StepLosses, precision: MixedPrecision) -> None:
+        """Show the loss; validate and mine when they are due."""
+        self.bar.set_postfix(step=self.trainer.steps, loss=f"{self.loss:.3f}", refresh=False)
+        self.bar.update(100 * min(self.progress(), 1) - self.bar.n)
+        self._plot(losses)
+        self._validate_or_mine(before, precision)
 
     def _plot(self, report: StepLosses) -> None:
         if self.scalars is None or self.trainer.steps % _SCALARS_EVERY:
@@ -243,7 +264,7 @@ class _TrainingRun:
         if self.scalars is not None:
             self.scalars.close()
         if self.distributed_context.is_leader:
-            save_checkpoint(self.trainer, self.checkpoint, seconds=self.elapsed_s)
+            self.save()
             if self.validation.best is None or self.validation.best.steps != self.trainer.steps:
                 self._validate()
             network = load_weights(self.validation.weights)
@@ -270,3 +291,100 @@ def _due(before: float, after: float, times: int, *, begin: float) -> bool:
         return False
     spacing = (1 - begin) / times
     return math.floor((after - begin) / spacing) > math.floor((before - begin) / spacing) and after >= begin + 1e-9
+
+
+class TensorBoardLog:
+    """Named curves over the steps of one training."""
+
+    def __init__(self, folder: Path) -> None:
+        """Write into a folder; does nothing without TensorBoard."""
+        self._writer: Any = None
+        try:
+            from torch.utils.tensorboard import SummaryWriter
+        except ImportError:
+            log.info("No curves for TensorBoard: it is not installed; `pip install tensorboard` adds it.")
+            return
+        self._writer = SummaryWriter(folder)
+        log.info("Curves: tensorboard --logdir %s", folder)
+
+    def add(self, step: int, **values: float) -> None:
+        """Add a point to each of the named curves; two underscores separate group and name."""
+        if self._writer is None:
+            return
+        for name, value in values.items():
+            self._writer.add_scalar(name.replace("__", "/"), value, step)
+
+    def add_metrics(self, step: int, group: str, metrics: Mapping[str, float]) -> None:
+        """Add a point to each curve of a group."""
+        self.add(step, **{f"{group}__{name}": value for name, value in metrics.items()})
+
+    def close(self) -> None:
+        """Write pending points and close the file."""
+        if self._writer is not None:
+            self._writer.close()
+
+
+class Validation:
+    """Compares the weights of one training, and keeps the best ones and all metrics in its folder."""
+
+    def __init__(self, data: TrainingData, plan: TrainingPlan, folder: Path, scalars: TensorBoardLog | None) -> None:
+        self._data = data
+        self._plan = plan
+        self._folder = folder
+        self._scalars = scalars
+        self.weights = folder / "best.safetensors"
+        self.best = _read_best(folder / _BEST)
+        """Metrics of the best weights so far, also of an interrupted training."""
+        self.without_improvement = 0
+        """Validations in a row without a better one."""
+
+    def validate(self, network: AnyNetwork, steps: int, *, seconds: float) -> None:
+        """Evaluate weights after so many steps and seconds, and keep them if they are the best so far."""
+        found = self._evaluate(network, steps)
+        log.info("step %d: score %.3f %s %s", found.steps, found.score, found.pairs, found.drives)
+        is_best = self.best is None or found.score > self.best.score
+        self._write(found, seconds, is_best=is_best)
+        if self._scalars is not None:
+            self._scalars.add_metrics(found.steps, "pairs", asdict(found.pairs))
+            self._scalars.add_metrics(found.steps, "drives", asdict(found.drives) if found.drives else {})
+        if is_best:
+            self.best = found
+            self.without_improvement = 0
+            save_weights(network, self.weights)
+        else:
+            self.without_improvement += 1
+
+    def _evaluate(self, network: AnyNetwork, steps: int) -> ValidationMetrics:
+        predictor = NetworkPredictor(network, "in training")
+        data = self._data
+        # The same pairs in every validation, so that scores are comparable.
+        rng = np.random.default_rng(0)
+        return ValidationMetrics(
+            steps,
+            evaluate_pairs(predictor, data.validation, rng, limit=self._plan.validation_pairs),
+            evaluate_drives(predictor, data.drives, rng, limit=self._plan.validation_far) if data.drives else None,
+        )
+
+    def _write(self, found: ValidationMetrics, seconds: float, *, is_best: bool) -> None:
+        """Append metrics to the log in the folder, and save them separately if they are the best so far."""
+        line = json.dumps({"seconds": round(seconds), "score": found.score, **asdict(found)})
+        try:
+            with (self._folder / "validation.jsonl").open("a", encoding="utf-8") as file:
+                file.write(line + "\n")
+            if is_best:
+                (self._folder / _BEST).write_text(json.dumps(asdict(found)), encoding="utf-8")
+        except OSError as error:
+            raise WeightsError(
+                f"{self._folder}: figures could not be written ({error}); free some space and run again, which goes "
+                "on from the last checkpoint."
+            ) from error
+
+
+def _read_best(path: Path) -> ValidationMetrics | None:
+    """Return the metrics of the best weights of an interrupted training."""
+    try:
+        found = parse_json(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    drives = DriveMetrics(**found["drives"]) if found["drives"] else None
+    return ValidationMetrics(found["steps"], PairMetrics(**found["pairs"]), drives)

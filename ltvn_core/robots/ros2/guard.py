@@ -21,8 +21,7 @@ from ltvn_core.robots.ros2.profile import RobotProfile
 from ltvn_core.robots.ros2.robot_sensors import depth_topic, sensor_depth, sensor_size
 from ltvn_core.robots.ros2.ros_cameras import CAMERA_INFO, is_calibrated, ros_camera
 from ltvn_core.robots.ros2.ros_messages import read_stamp, read_twist, twist_message
-from ltvn_core.robots.ros2.ros_types import TWIST, TWIST_STAMPED
-from ltvn_core.robots.ros2.topic_keys import Topic
+from ltvn_core.robots.ros2.topic_keys import TWIST, TWIST_STAMPED, Topic
 from ltvn_core.robots.ros2.zenoh_link import Complaints, Received, ZenohLink
 from ltvn_core.types import ZERO_TWIST, Depth, Twist
 
@@ -80,7 +79,8 @@ class CommandGate:
                 self._must_stop_first = False
             elif self._must_stop_first:
                 return pause
-            self._heard_s, self._wanted = now_s, self._speeds.bounded(twist)
+            self._heard_s = now_s
+            self._wanted = self._speeds.bounded(twist)
             return self._next(now_s)
 
     def turn(self) -> Twist | None:
@@ -120,7 +120,8 @@ class CommandGate:
         if goal == ZERO_TWIST:
             self._output = ZERO_TWIST
             return ZERO_TWIST
-        faster, most = self._accelerations, self._output
+        faster = self._accelerations
+        most = self._output
         self._output = Twist(
             _towards(
                 most.linear_m_s, goal.linear_m_s, passed_s * faster.linear_m_s2, passed_s * faster.linear_braking_m_s2
@@ -182,7 +183,8 @@ class DepthStop:
             raise RobotError(str(error)) from error
         reason = self._reason(depth, self._profile.mounted(lens))
         with self._lock:
-            self.reason, self._seen_s = reason, received.arrived_s
+            self.reason = reason
+            self._seen_s = received.arrived_s
 
     def _reason(self, depth: Depth, camera: CameraModel) -> str | None:
         """Say why forward is refused."""

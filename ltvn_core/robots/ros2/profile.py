@@ -15,10 +15,10 @@ from typing import Any
 import cattrs
 
 from ltvn_core.cameras.camera_model import MILLIMETRES, CameraModel
-from ltvn_core.close_names import which_name
 from ltvn_core.errors import RobotError
 from ltvn_core.robots.robot_spec import AccelerationLimits, RobotSpec, SpeedLimits
 from ltvn_core.structured_text import parse_toml
+from ltvn_core.terminal_text import which_name
 
 _TOPIC = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
 _LAST_DOMAIN = 232

@@ -9,8 +9,7 @@ import numpy as np
 
 from ltvn_core.findings import Finding, Severity
 from ltvn_core.geometry import wrap_angle
-from ltvn_core.robots.floor_fit import fit_floor
-from ltvn_core.robots.robot_check import RobotReport, TopicReport, TurnReport, robot_findings
+from ltvn_core.robots.robot_check import RobotReport, TopicReport, TurnReport, fit_floor, robot_findings
 from ltvn_core.robots.ros2.ros_robot import RosRobot
 from ltvn_core.robots.ros2.sensor_inbox import Stream
 from ltvn_core.types import Twist
@@ -25,7 +24,8 @@ _PATIENCE_S = 3.0
 def look_over(robot: RosRobot, *, seconds: float, drives: bool) -> RobotReport:
     """Watch a robot, and turn it on the spot for at most 3 s where `drives`. Raises RobotError."""
     topics, age_s = _watch(robot, seconds)
-    camera, depth = robot.spec.camera, robot.observe().require_depth("the check of a robot")
+    camera = robot.spec.camera
+    depth = robot.observe().require_depth("the check of a robot")
     taken = robot.has_listener
     report = RobotReport(
         robot=robot.spec.name,
@@ -52,7 +52,8 @@ def _watch(robot: RosRobot, seconds: float) -> tuple[tuple[TopicReport, ...], fl
     streams = robot.inbox.streams
     counts = [stream.count for stream in streams]
     gaps = [0.0] * len(streams)
-    worst_s, begun_s = 0.0, time.monotonic()
+    worst_s = 0.0
+    begun_s = time.monotonic()
     while (passed_s := time.monotonic() - begun_s) < seconds:
         time.sleep(0.02)
         worst_s = max(worst_s, robot.age_s)

@@ -8,8 +8,7 @@ from typing import Any
 from ltvn_core.errors import LtvnError, RobotError
 from ltvn_core.robots.ros2.profile import RobotProfile
 from ltvn_core.robots.ros2.ros_images import COMPRESSED_IMAGE, IMAGE, decode_colours, decode_metres, image_size
-from ltvn_core.robots.ros2.ros_types import ODOMETRY, TRANSFORMS
-from ltvn_core.robots.ros2.topic_keys import Topic
+from ltvn_core.robots.ros2.topic_keys import ODOMETRY, TRANSFORMS, Topic
 from ltvn_core.types import Depth, Rgb
 
 MOST_PIXELS = 16_000_000

@@ -139,7 +139,9 @@ def _layout(message: Any, known: dict[str, _Layout], source: str) -> _Layout:
 
 def _pixels(message: Any, layout: _Layout, source: str) -> NDArray:
     """Return the data of an image as (rows, W) or (rows, W, channels), without the padding at the end of each line."""
-    width, rows, step = int(message.width), int(message.height * layout.rows_per_line), int(message.step)
+    width = int(message.width)
+    rows = int(message.height * layout.rows_per_line)
+    step = int(message.step)
     dtype = np.dtype(layout.dtype).newbyteorder(">" if message.is_bigendian else "<")
     line = width * layout.channels * dtype.itemsize
     if not (0 < line <= step and rows > 0 and rows * step <= message.data.size):

@@ -12,10 +12,12 @@ from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.errors import RobotError
 from ltvn_core.robots.ros2.ros_cameras import CAMERA_INFO
 from ltvn_core.robots.ros2.ros_images import IMAGE
-from ltvn_core.robots.ros2.ros_types import BUMPER, ODOMETRY, TRANSFORMS, TWIST, TWIST_STAMPED, type_store
+from ltvn_core.robots.ros2.topic_keys import BUMPER, ODOMETRY, TRANSFORMS, TWIST, TWIST_STAMPED, type_store
 from ltvn_core.types import Depth, Pose, Rgb, Twist
 
-BASE_FRAME, ODOMETRY_FRAME, CAMERA_FRAME = "base_link", "odom", "camera_color_optical_frame"
+BASE_FRAME = "base_link"
+ODOMETRY_FRAME = "odom"
+CAMERA_FRAME = "camera_color_optical_frame"
 _UNIT_QUATERNION_TOLERANCE = 0.01
 
 

@@ -32,9 +32,8 @@ from ltvn_core.robots.ros2.robot_sensors import (
 )
 from ltvn_core.robots.ros2.ros_cameras import CAMERA_INFO, is_calibrated, ros_camera
 from ltvn_core.robots.ros2.ros_messages import twist_message
-from ltvn_core.robots.ros2.ros_types import BATTERY, BUMPER, ODOMETRY, TWIST, TWIST_STAMPED
 from ltvn_core.robots.ros2.sensor_inbox import Moment, SensorInbox, Stream
-from ltvn_core.robots.ros2.topic_keys import Topic
+from ltvn_core.robots.ros2.topic_keys import BATTERY, BUMPER, ODOMETRY, TWIST, TWIST_STAMPED, Topic
 from ltvn_core.robots.ros2.zenoh_link import Complaints, ZenohLink
 from ltvn_core.types import CONTROL_STEP_S, ZERO_TWIST, Observation, Pose, RobotState, Twist
 

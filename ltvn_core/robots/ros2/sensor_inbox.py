@@ -139,7 +139,8 @@ class SensorInbox:
         """The last CameraInfo."""
         self.battery: float | None = None
         """How full it is, in [0, 1]; None where the robot does not say."""
-        self._is_touching, self._touched_s = False, -math.inf
+        self._is_touching = False
+        self._touched_s = -math.inf
         self.truth: Stamped | None = None
         """Where it really is, where somebody knows."""
         self._changed = threading.Condition(threading.RLock())
@@ -209,7 +210,8 @@ class SensorInbox:
         """Return the newest moment of which colours, depth and odometry have come."""
         with self._changed:
             for colour in reversed(self.colour.kept):
-                depth, place = self.depth.nearest(colour.stamp_s), self.odometry.nearest(colour.stamp_s)
+                depth = self.depth.nearest(colour.stamp_s)
+                place = self.odometry.nearest(colour.stamp_s)
                 if depth is not None and place is not None:
                     arrived_s = max(colour.arrived_s, depth.arrived_s, place.arrived_s)
                     return Moment(colour.stamp_s, arrived_s, colour.content, depth.content, place.content)

@@ -33,8 +33,7 @@ from ltvn_core.robots.ros2.ros_messages import (
     read_twist,
     transform_message,
 )
-from ltvn_core.robots.ros2.ros_types import BUMPER, ODOMETRY, TWIST, TWIST_STAMPED, type_store
-from ltvn_core.robots.ros2.topic_keys import Topic
+from ltvn_core.robots.ros2.topic_keys import BUMPER, ODOMETRY, TWIST, TWIST_STAMPED, Topic, type_store
 from ltvn_core.robots.ros2.zenoh_link import Complaints, Received, ZenohLink
 from ltvn_core.types import CONTROL_STEP_S, ZERO_TWIST, Depth, Observation, Pose, Rgb, Twist
 
@@ -80,7 +79,8 @@ class ServedRobot:
         """What was wrong with the last command; None where it was obeyed."""
         self._source = profile.topics.command
         self._seen: Observation | None = None
-        topics, domain = profile.topics, profile.domain
+        topics = profile.topics
+        domain = profile.domain
         camera = profile.camera
         self._colour_message = compressed_colour_message if camera.compressed_colour else image_message
         self._depth_message = compressed_depth_message if camera.compressed_depth else image_message

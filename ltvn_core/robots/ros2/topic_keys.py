@@ -1,18 +1,66 @@
-"""How `rmw_zenoh` sends messages: the keys of topics, the tokens of who takes part, and what stands beside a message.
+"""How `rmw_zenoh` sends messages: types and bytes (CDR), keys of topics, and the tokens of who takes part.
 
-Owns the patterns of keys and liveliness tokens with the check of what a key says, and the layout of the 33 bytes beside
-each message: its number, its time and who sent it. A peer that runs ROS reads these without looking, and a wrong one
-ends its process. Sends nothing.
+Owns which edition of the types is spoken, `rosbags` knows the rest; the patterns of keys and liveliness tokens with the
+check of what a key says; and the layout of the 33 bytes beside each message: its number, its time and who sent it. A
+peer that runs ROS reads these without looking, and a wrong one ends its process. Sends nothing.
 """
 
 import hashlib
 import struct
 from dataclasses import dataclass
 from enum import Enum
-from typing import NamedTuple
+from functools import cache
+from typing import Any, NamedTuple
+
+from rosbags.serde.errors import SerdeError
+from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys.store import Typestore
 
 from ltvn_core.errors import RobotError
-from ltvn_core.robots.ros2.ros_types import NO_HASH, dds_name, type_hash
+
+TWIST = "geometry_msgs/msg/Twist"
+TWIST_STAMPED = "geometry_msgs/msg/TwistStamped"
+ODOMETRY = "nav_msgs/msg/Odometry"
+TRANSFORMS = "tf2_msgs/msg/TFMessage"
+BATTERY = "sensor_msgs/msg/BatteryState"
+BUMPER = "std_msgs/msg/Bool"
+
+NO_HASH = "TypeHashNotSupported"
+"""What robots with ROS 2 Humble say in place of a hash."""
+
+
+@cache
+def type_store() -> Typestore:
+    """Return the types of ROS 2 Jazzy; those used here are the same in Humble, Kilted and Lyrical."""
+    return get_typestore(Stores.ROS2_JAZZY)
+
+
+@cache
+def type_hash(name: str) -> str:
+    """Return the RIHS01 hash of a type such as `geometry_msgs/msg/Twist`."""
+    return type_store().hash_rihs01(name)
+
+
+def dds_name(name: str) -> str:
+    """Return the name of a type on the wire: `geometry_msgs::msg::dds_::Twist_`."""
+    package, kind, message = name.split("/")
+    return f"{package}::{kind}::dds_::{message}_"
+
+
+def encode(message: Any) -> bytes:
+    """Return the CDR bytes of a message made by `ros_messages`."""
+    return bytes(type_store().serialize_cdr(message, message.__msgtype__))
+
+
+def decode(payload: bytes, name: str, source: str) -> Any:
+    """Return the message of that type in CDR bytes which came from `source`. Raises RobotError."""
+    try:
+        return type_store().deserialize_cdr(payload, name)
+    except SerdeError as error:
+        raise RobotError(
+            f"{source}: {len(payload):,} bytes are no {name}: {error} Is the message cut, or of another type?"
+        ) from error
+
 
 GID_BYTES = 16
 _LAYOUT = struct.Struct(f"<qqB{GID_BYTES}s")

@@ -18,8 +18,7 @@ from typing import Any, NamedTuple, Self
 import zenoh
 
 from ltvn_core.errors import LtvnError, RobotError
-from ltvn_core.robots.ros2.ros_types import decode, encode
-from ltvn_core.robots.ros2.topic_keys import TOKENS, Attachment, Endpoint, Role, Topic, node_token
+from ltvn_core.robots.ros2.topic_keys import TOKENS, Attachment, Endpoint, Role, Topic, decode, encode, node_token
 
 _LOG = logging.getLogger(__name__)
 _AGAIN_S = 5.0
@@ -37,7 +36,8 @@ class Complaints:
 
     def say(self, error: RobotError) -> None:
         """Log an error, unless one that differs in its numbers alone was logged in the last 5 seconds."""
-        kind, now_s = re.sub(r"[0-9.]+", "#", str(error)), time.monotonic()
+        kind = re.sub(r"[0-9.]+", "#", str(error))
+        now_s = time.monotonic()
         if now_s - self._said_s.get(kind, -_AGAIN_S) >= _AGAIN_S:
             self._said_s[kind] = now_s
             _LOG.warning("%s", error)

@@ -1,4 +1,4 @@
-"""Images that fill one plate and do not repeat: paintings, views from windows, rugs, rows of books, clocks.
+"""Images that fill one plate and do not repeat: paintings, views from windows, rugs, rows of books, goods, clocks.
 
 Repeating materials are in `tiling_textures`. The order of the random draws decides what a seed generates, so it must
 not change.
@@ -51,7 +51,8 @@ def window_view(rng: SeededRng) -> Rgb:
 def rug(rng: SeededRng) -> Rgb:
     """Return a rug with a border and figures, (256, 256, 3)."""
     column, row = pixel_grid()
-    across, down = np.abs(column - TEXTURE_SIZE / 2 + 0.5), np.abs(row - TEXTURE_SIZE / 2 + 0.5)
+    across = np.abs(column - TEXTURE_SIZE / 2 + 0.5)
+    down = np.abs(row - TEXTURE_SIZE / 2 + 0.5)
     square = np.maximum(across, down)
     round_ = np.sqrt(across**2 + down**2)
     diamond = (across + down) * 0.8
@@ -71,7 +72,8 @@ def books(rng: SeededRng) -> Rgb:
     hue = rng.uniform(0, 1)
     left = 0
     while left < 128:
-        width, height = 3 + rng.index(7), 40 + rng.index(22)
+        width = 3 + rng.index(7)
+        height = 40 + rng.index(22)
         back = hsv_colour(hue + rng.uniform(-0.3, 0.3), rng.uniform(0.2, 0.9), rng.uniform(0.25, 0.95))
         if rng.chance(0.92):
             image[64 - height :, left : left + width] = back
@@ -82,10 +84,29 @@ def books(rng: SeededRng) -> Rgb:
     return to_uint8(image)
 
 
+def goods(rng: SeededRng) -> Rgb:
+    """Return packets on a shop's shelf, a few of each kind side by side, (64, 256, 3)."""
+    image = np.full((64, 256, 3), 40.0)
+    left = 1
+    while left < 256:
+        width = 8 + rng.index(20)
+        top = 2 + rng.index(28)
+        label = top + 4 + rng.index(20)
+        packet = _any_colour(rng)
+        print_ = _any_colour(rng)
+        for _ in range(1 + rng.index(4)):
+            image[top:, left : left + width] = packet
+            image[label : label + 14, left + 2 : left + width - 2] = print_
+            image[top:, left + width - 1 : left + width] *= 0.5
+            left += width + 1
+    return to_uint8(image)
+
+
 def clock(rng: SeededRng) -> Rgb:
     """Return the face of a clock, (64, 64, 3)."""
     column, row = pixel_grid(64)
-    across, down = column - 31.5, row - 31.5
+    across = column - 31.5
+    down = row - 31.5
     round_ = np.sqrt(across**2 + down**2)
     image = np.broadcast_to(_any_colour(rng), (64, 64, 3)).copy()
     image[round_ < 27] = (245, 243, 235)
@@ -170,7 +191,8 @@ def _bouquet(rng: SeededRng, size: int) -> ImageArray:
     image = np.broadcast_to(hsv_colour(rng.uniform(0, 1), 0.2, rng.uniform(0.3, 0.95)), (size, size, 3)).copy()
     image[(np.abs(column - size / 2) < size * 0.12) & (row > size * 0.6)] = _any_colour(rng)
     for _ in range(14):
-        x, y = rng.uniform(0.2, 0.8) * size, rng.uniform(0.12, 0.62) * size
+        x = rng.uniform(0.2, 0.8) * size
+        y = rng.uniform(0.12, 0.62) * size
         distance = (column - x) ** 2 + (row - y) ** 2
         image[distance < (size * 0.09) ** 2] = _any_colour(rng) if rng.chance(0.7) else hsv_colour(0.33, 0.6, 0.5)
         image[distance < (size * 0.03) ** 2] = hsv_colour(0.13, 0.8, 0.95)

@@ -3,13 +3,19 @@
 Divides a rectangle into rooms that are all connected, and decides the purpose of each room. Makes no geometry.
 Coordinates are metres; the inner floor of the apartment spans (0, 0) to (width, depth). Inner walls are 10 cm thick and
 centred on the common edges of rooms, outer walls stand outside.
+
+The blocked cells of the floor are on the same grid; the free floor stays connected for a robot.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import combinations
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ltvn_core.simulation.apartments.seeded_rng import SeededRng
+from ltvn_core.simulation.clearance_map import connected_components, distance_transform
 from ltvn_core.simulation.rooms import Doorway, Room, RoomKind
 
 GRID_STEP_M = 0.05
@@ -53,7 +59,10 @@ def _hall(x0: float, y0: float, x1: float, y1: float) -> Room:
 
 def _split(rng: SeededRng, block: Room, room_area_m2: float) -> list[Room]:
     """Halve a block across its longer side until the rooms have about the given area."""
-    x0, y0, x1, y1 = block.x0, block.y0, block.x1, block.y1
+    x0 = block.x0
+    y0 = block.y0
+    x1 = block.x1
+    y1 = block.y1
     longer = max(x1 - x0, y1 - y0)
     if block.area_m2 < 1.5 * room_area_m2 or longer < 4.2:
         return [block]
@@ -137,7 +146,7 @@ def _draw_doorways(rng: SeededRng, rooms: tuple[Room, ...]) -> tuple[Doorway, ..
 
     A minimum spanning tree (Kruskal) by preference, plus some doorways that close loops.
     """
-    candidates = [c for a, b in combinations(range(len(rooms)), 2) if (c := _common_wall(rooms, a, b)) is not None]
+    candidates = [c for a, b in combinations(range(len(rooms)), 2) if (c := common_wall(rooms, a, b)) is not None]
     candidates = sorted(rng.shuffled(candidates), key=lambda gap: _preference(rooms, gap))
     group = list(range(len(rooms)))  # Number of the connected component of each room.
     chosen: list[Doorway] = []
@@ -151,7 +160,7 @@ def _draw_doorways(rng: SeededRng, rooms: tuple[Room, ...]) -> tuple[Doorway, ..
     return tuple(chosen) if len(set(group)) == 1 else None
 
 
-def _common_wall(rooms: tuple[Room, ...], a: int, b: int) -> Doorway | None:
+def common_wall(rooms: tuple[Room, ...], a: int, b: int) -> Doorway | None:
     """Return the whole segment of wall that two rooms share as a doorway; None if no door fits into it."""
     p = rooms[a]
     q = rooms[b]
@@ -238,10 +247,87 @@ def _row_of_rooms(rng: SeededRng, width: float, depth: float) -> FloorPlan:
     edges = [snap(width * i / count) for i in range(count + 1)]
     layout = [Room(kind=RoomKind.BEDROOM, x0=edges[i], y0=0.0, x1=edges[i + 1], y1=depth) for i in range(count)]
     rooms = _assign_kinds(rng, layout)
-    gaps = [_common_wall(rooms, i, i + 1) for i in range(count - 1)]
+    gaps = [common_wall(rooms, i, i + 1) for i in range(count - 1)]
     return FloorPlan(
         width=width,
         depth=depth,
         rooms=rooms,
         doorways=tuple(_narrowed(rng, rooms, gap) for gap in gaps if gap is not None),
     )
+
+
+MARGIN_CELLS = 4
+"""Blocked cells around the floor: the outer walls."""
+
+MIN_PASSAGE_CLEARANCE_M = 0.22
+"""Least clearance of a passage. It belongs to the generator, not to a robot: seeds must make the same apartments."""
+
+_DOOR_APRON_M = 0.7
+"""Floor on both sides of a doorway on which nothing may stand."""
+
+
+@dataclass(frozen=True, slots=True)
+class FloorRectangle:
+    """A rectangle of floor in metres; its edges lie on the grid."""
+
+    x0: float
+    y0: float
+    x1: float
+    y1: float
+
+
+class OccupancyGrid:
+    """The free and blocked cells of an apartment while it is furnished."""
+
+    def __init__(self, plan: FloorPlan) -> None:
+        """Create a grid in which only the outer walls are blocked."""
+        columns = round(plan.width / GRID_STEP_M)
+        rows = round(plan.depth / GRID_STEP_M)
+        self.blocked = np.ones((rows + 2 * MARGIN_CELLS, columns + 2 * MARGIN_CELLS), bool)
+        self.blocked[MARGIN_CELLS:-MARGIN_CELLS, MARGIN_CELLS:-MARGIN_CELLS] = False
+        self._aprons = np.zeros_like(self.blocked)
+        for doorway in plan.doorways:
+            self._aprons[self._cells(_apron(doorway))] = True
+
+    @property
+    def origin(self) -> NDArray[np.float64]:
+        """(2,) x and y of the grid's lower corner in metres."""
+        return np.full(2, -MARGIN_CELLS * GRID_STEP_M)
+
+    def block(self, area: FloorRectangle) -> None:
+        """Block a rectangle without any check, as for walls."""
+        self.blocked[self._cells(area)] = True
+
+    def try_block(self, area: FloorRectangle) -> bool:
+        """Block a rectangle if it is free, keeps doorways clear and leaves the free floor connected.
+
+        Returns:
+            Whether the rectangle was blocked.
+        """
+        cells = self._cells(area)
+        if self.blocked[cells].any() or self._aprons[cells].any():
+            return False
+        self.blocked[cells] = True
+        if self.is_connected():
+            return True
+        self.blocked[cells] = False
+        return False
+
+    def is_connected(self) -> bool:
+        """Return whether the navigable floor is one connected component."""
+        clearance_cells = distance_transform(~self.blocked) - 0.5
+        _, count = connected_components(clearance_cells * GRID_STEP_M > MIN_PASSAGE_CLEARANCE_M)
+        return count == 1
+
+    def _cells(self, area: FloorRectangle) -> tuple[slice, slice]:
+        x0, y0, x1, y1 = (round(edge / GRID_STEP_M) + MARGIN_CELLS for edge in (area.x0, area.y0, area.x1, area.y1))
+        return slice(max(y0, 0), max(y1, 0)), slice(max(x0, 0), max(x1, 0))
+
+
+def _apron(door: Doorway) -> FloorRectangle:
+    """Return the floor on both sides of a doorway that stays clear."""
+    low = door.wall - _DOOR_APRON_M
+    high = door.wall + _DOOR_APRON_M
+    if door.axis == 0:
+        return FloorRectangle(x0=low, y0=door.low, x1=high, y1=door.high)
+    return FloorRectangle(x0=door.low, y0=low, x1=door.high, y1=high)

@@ -6,11 +6,13 @@ middle. Its geometry fills its rectangle on the floor, so that the robot meets n
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import product
 
 from ltvn_core.simulation.apartments import decals
+from ltvn_core.simulation.apartments.floor_plan import snap
 from ltvn_core.simulation.apartments.materials import ApartmentMaterials
 from ltvn_core.simulation.apartments.seeded_rng import SeededRng
-from ltvn_core.simulation.surface_builder import SurfaceBuilder, TextureIndex
+from ltvn_core.simulation.surfaces import SurfaceBuilder, TextureIndex
 from ltvn_core.types import Rgb
 
 
@@ -85,9 +87,15 @@ class FurnitureKind:
     tall: bool = False
     """Whether it hides the wall behind it, so that nothing hangs there."""
 
+    @property
+    def usual_size(self) -> tuple[float, float]:
+        """Width and depth in the middle of their ranges; half of each is a multiple of the floor's grid."""
+        return 2 * snap(sum(self.width) / 4), 2 * snap(sum(self.depth) / 4)
+
 
 def _sofa(c: FurnitureBuilder) -> None:
-    w, d = c.placement.width, c.placement.depth
+    w = c.placement.width
+    d = c.placement.depth
     c.box(c.cloth, (0, 0, 0), (w, d, 0.42), tile_m=0.6)
     c.box(c.cloth, (0, -d / 2 + 0.11, 0.42), (w, 0.22, 0.4), tile_m=0.6)
     for side in (-1, 1):
@@ -97,13 +105,15 @@ def _sofa(c: FurnitureBuilder) -> None:
 
 
 def _armchair(c: FurnitureBuilder) -> None:
-    w, d = c.placement.width, c.placement.depth
+    w = c.placement.width
+    d = c.placement.depth
     c.box(c.cloth, (0, 0, 0), (w, d, 0.4), tile_m=0.5)
     c.box(c.cloth, (0, -d / 2 + 0.1, 0.4), (w, 0.2, 0.45), tile_m=0.5)
 
 
 def _solid_table(c: FurnitureBuilder, height: float) -> None:
-    w, d = c.placement.width, c.placement.depth
+    w = c.placement.width
+    d = c.placement.depth
     c.box(c.wood, (0, 0, height - 0.05), (w, d, 0.05))
     c.box(c.rng.choice(c.materials.paints), (0, 0, 0), (w - 0.08, d - 0.08, height - 0.05))
     for _ in range(c.rng.index(4)):
@@ -146,7 +156,8 @@ def _wardrobe(c: FurnitureBuilder) -> None:
 
 
 def _chest(c: FurnitureBuilder) -> None:
-    w, d = c.placement.width, c.placement.depth
+    w = c.placement.width
+    d = c.placement.depth
     c.box(c.rng.choice((c.wood, *c.materials.paints)), (0, 0, 0), (w, d, 0.9))
     for level in range(3):
         c.box(c.materials.dark, (0, d / 2, 0.28 * level + 0.3), (w - 0.1, 0.006, 0.012))
@@ -156,7 +167,8 @@ def _chest(c: FurnitureBuilder) -> None:
 
 
 def _bed(c: FurnitureBuilder) -> None:
-    w, d = c.placement.width, c.placement.depth
+    w = c.placement.width
+    d = c.placement.depth
     c.box(c.wood, (0, 0, 0), (w, d, 0.3))
     c.box(c.materials.white, (0, 0, 0.3), (w - 0.06, d - 0.08, 0.18))
     c.box(c.cloth, (0, 0.3, 0.42), (w, d - 0.62, 0.12), tile_m=0.7)
@@ -166,7 +178,8 @@ def _bed(c: FurnitureBuilder) -> None:
 
 
 def _desk(c: FurnitureBuilder) -> None:
-    w, d = c.placement.width, c.placement.depth
+    w = c.placement.width
+    d = c.placement.depth
     _solid_table(c, 0.74)
     c.box(c.materials.dark, (0, -d / 2 + 0.1, 0.86), (0.56, 0.04, 0.34))
     c.image_box(decals.painting(c.rng), (0, -d / 2 + 0.13, 0.88), (0.52, 0.01, 0.3))
@@ -174,8 +187,38 @@ def _desk(c: FurnitureBuilder) -> None:
     c.box(c.materials.white, (0.25 * w, 0.05, 0.74), (0.22, 0.3, 0.02))
 
 
+def _chair(c: FurnitureBuilder, x: float, y: float, towards: int) -> None:
+    """Add a chair that faces the side of larger (+1) or smaller (-1) y."""
+    c.box(c.cloth, (x, y, 0), (0.42, 0.42, 0.45), tile_m=0.5)
+    c.box(c.cloth, (x, y - towards * 0.18, 0.45), (0.42, 0.06, 0.4), tile_m=0.5)
+
+
+def _table_with_chairs(c: FurnitureBuilder) -> None:
+    w = c.placement.width
+    d = c.placement.depth
+    c.box(c.wood, (0, 0, 0.7), (w, d - 0.8, 0.05))
+    for side in (-1, 1):
+        c.box(c.materials.metal, (side * (w / 2 - 0.2), 0, 0), (0.06, d - 1.0, 0.7))
+        for place in (-0.33, 0.0, 0.33):
+            _chair(c, place * w, side * (d / 2 - 0.21), -side)
+    c.box(c.rng.choice(c.materials.paints), (c.rng.uniform(-0.3, 0.3) * w, 0, 0.75), (0.14, 0.14, 0.18))
+
+
+def _desk_group(c: FurnitureBuilder) -> None:
+    w = c.placement.width
+    d = c.placement.depth
+    c.box(c.cloth, (0, 0, 0), (w, 0.06, 1.3), tile_m=0.8)
+    for side, place in product((-1, 1), (-0.25, 0.25)):
+        c.box(c.wood, (place * w, side * 0.38, 0.7), (w / 2 - 0.02, 0.7, 0.04))
+        c.box(c.materials.white, (place * w + 0.2 * w, side * 0.38, 0), (0.08 * w, 0.6, 0.7))
+        c.box(c.materials.dark, (place * w, side * 0.2, 0.8), (0.54, 0.04, 0.34))
+        c.image_box(decals.painting(c.rng), (place * w, side * 0.23, 0.82), (0.5, 0.01, 0.3))
+        _chair(c, place * w + c.rng.uniform(-0.2, 0.2), side * (d / 2 - 0.21), -side)
+
+
 def _counter(c: FurnitureBuilder) -> None:
-    w, d = c.placement.width, c.placement.depth
+    w = c.placement.width
+    d = c.placement.depth
     front = c.rng.choice((c.materials.white, *c.materials.paints))
     c.box(front, (0, 0, 0), (w, d - 0.02, 0.88))
     c.box(c.wood, (0, 0, 0.88), (w, d, 0.04))
@@ -188,14 +231,16 @@ def _counter(c: FurnitureBuilder) -> None:
 
 
 def _fridge(c: FurnitureBuilder) -> None:
-    w, d = c.placement.width, c.placement.depth
+    w = c.placement.width
+    d = c.placement.depth
     c.box(c.rng.choice((c.materials.white, c.materials.metal, *c.materials.paints)), (0, 0, 0), (w, d, 1.8))
     c.box(c.materials.dark, (0, d / 2, 1.15), (w, 0.006, 0.015))
     c.box(c.materials.dark, (0.4 * w, d / 2 + 0.02, 1.25), (0.03, 0.03, 0.3))
 
 
 def _television(c: FurnitureBuilder) -> None:
-    w, d = c.placement.width, c.placement.depth
+    w = c.placement.width
+    d = c.placement.depth
     c.box(c.wood, (0, 0, 0), (w, d, 0.5))
     c.box(c.materials.dark, (0, -0.05, 0.55), (0.8 * w, 0.05, 0.64))
     c.image_box(decals.painting(c.rng), (0, -0.02, 0.58), (0.76 * w, 0.014, 0.58))
@@ -215,7 +260,8 @@ def _lamp(c: FurnitureBuilder) -> None:
 
 
 def _toy_chest(c: FurnitureBuilder) -> None:
-    w, d = c.placement.width, c.placement.depth
+    w = c.placement.width
+    d = c.placement.depth
     c.box(c.rng.choice(c.materials.paints), (0, 0, 0), (w, d, 0.45))
     for place in (-0.3, 0.0, 0.3):
         c.box(c.rng.choice(c.materials.paints), (place * w, 0, 0.45), (0.16, 0.16, c.rng.uniform(0.1, 0.3)))
@@ -223,7 +269,8 @@ def _toy_chest(c: FurnitureBuilder) -> None:
 
 
 def _bathtub(c: FurnitureBuilder) -> None:
-    w, d = c.placement.width, c.placement.depth
+    w = c.placement.width
+    d = c.placement.depth
     c.box(c.materials.white, (0, 0, 0), (w, d, 0.56))
     c.box(c.materials.metal, (0, 0, 0.56), (w - 0.2, d - 0.2, 0.01))
     c.box(c.rng.choice(c.materials.cloths), (w / 2 - 0.03, 0, 0.56), (0.04, d, 1.3), tile_m=0.6)
@@ -235,7 +282,8 @@ def _toilet(c: FurnitureBuilder) -> None:
 
 
 def _basin(c: FurnitureBuilder) -> None:
-    w, d = c.placement.width, c.placement.depth
+    w = c.placement.width
+    d = c.placement.depth
     c.box(c.wood, (0, 0, 0), (w, d, 0.8))
     c.box(c.materials.white, (0, 0, 0.8), (w, d, 0.07))
     c.box(c.materials.metal, (0, -d / 2 + 0.02, 1.1), (w * 0.9, 0.02, 0.7))
@@ -253,6 +301,10 @@ DESK = FurnitureKind(name="desk", width=(1.2, 1.6), depth=(0.65, 0.75), draw=_de
 COUNTER = FurnitureKind(name="counter", width=(1.6, 2.8), depth=(0.6, 0.6), draw=_counter, tall=True)
 FRIDGE = FurnitureKind(name="fridge", width=(0.65, 0.7), depth=(0.65, 0.7), draw=_fridge, tall=True)
 TELEVISION = FurnitureKind(name="television", width=(1.2, 1.8), depth=(0.45, 0.45), draw=_television, tall=True)
+TABLE_WITH_CHAIRS = FurnitureKind(
+    name="table-with-chairs", width=(2.0, 2.0), depth=(1.6, 1.6), draw=_table_with_chairs, against_wall=False
+)
+DESK_GROUP = FurnitureKind(name="desk-group", width=(3.2, 3.2), depth=(2.3, 2.3), draw=_desk_group, against_wall=False)
 PLANT = FurnitureKind(name="plant", width=(0.45, 0.45), depth=(0.45, 0.45), draw=_plant)
 LAMP = FurnitureKind(name="lamp", width=(0.4, 0.4), depth=(0.4, 0.4), draw=_lamp)
 TOY_CHEST = FurnitureKind(name="toy-chest", width=(0.8, 1.2), depth=(0.4, 0.45), draw=_toy_chest)

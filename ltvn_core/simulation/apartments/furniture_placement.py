@@ -6,15 +6,13 @@ A piece is placed where it fits, keeps doorways clear and leaves the free floor 
 from collections.abc import Sequence
 
 from ltvn_core.simulation.apartments import furniture as f
-from ltvn_core.simulation.apartments.floor_plan import GRID_STEP_M
+from ltvn_core.simulation.apartments.floor_plan import GRID_STEP_M, FloorRectangle, OccupancyGrid
 from ltvn_core.simulation.apartments.furniture import FurnitureBuilder, FurnitureKind, FurniturePlacement
 from ltvn_core.simulation.apartments.materials import ApartmentMaterials
-from ltvn_core.simulation.apartments.occupancy_grid import FloorRectangle, OccupancyGrid
 from ltvn_core.simulation.apartments.room_shell import WallSide
 from ltvn_core.simulation.apartments.seeded_rng import SeededRng
-from ltvn_core.simulation.rooms import Room, RoomKind
-from ltvn_core.simulation.scene_parts import FurniturePiece
-from ltvn_core.simulation.surface_builder import SurfaceBuilder
+from ltvn_core.simulation.rooms import FurniturePiece, Room, RoomKind
+from ltvn_core.simulation.surfaces import SurfaceBuilder, TextureIndex
 
 _TRIES = 14
 """Random placements that are tried for one piece before it is left out."""
@@ -29,6 +27,7 @@ FURNITURE_BY_ROOM_KIND: dict[RoomKind, Sequence[FurnitureKind]] = {
     RoomKind.STUDY: (f.DESK, f.SHELF, f.SHELF, f.ARMCHAIR, f.PLANT),
     RoomKind.LIBRARY: (f.SHELF, f.SHELF, f.SHELF, f.ARMCHAIR, f.LOW_TABLE, f.LAMP),
     RoomKind.BATH: (f.BATHTUB, f.TOILET, f.BASIN),
+    RoomKind.MEETING: (f.TABLE_WITH_CHAIRS, f.TELEVISION, f.PLANT, f.CHEST),
 }
 
 
@@ -57,21 +56,39 @@ class FurniturePlacer:
             placement, wall, wall_interval = self._place(rng, room, sides, piece, width, depth)
             if placement is None:
                 continue
-            first_face = self._builder.face_count
-            piece.draw(
-                FurnitureBuilder(
-                    builder=self._builder,
-                    placement=placement,
-                    rng=rng,
-                    materials=self._materials,
-                    wood=wood,
-                    cloth=cloth,
-                )
-            )
-            self._note(piece, placement, first_face)
+            self._build(rng, piece, placement, wood=wood, cloth=cloth)
             if piece.tall and wall is not None:
                 hidden[wall].append(wall_interval)
         return hidden
+
+    def place_at(self, rng: SeededRng, kind: FurnitureKind, placement: FurniturePlacement) -> None:
+        """Place one piece where it is told to stand, without any check."""
+        wood = rng.choice(self._materials.woods)
+        cloth = rng.choice(self._materials.cloths)
+        self._occupancy.block(_footprint(placement))
+        self._build(rng, kind, placement, wood=wood, cloth=cloth)
+
+    def _build(
+        self,
+        rng: SeededRng,
+        kind: FurnitureKind,
+        placement: FurniturePlacement,
+        *,
+        wood: TextureIndex,
+        cloth: TextureIndex,
+    ) -> None:
+        first_face = self._builder.face_count
+        kind.draw(
+            FurnitureBuilder(
+                builder=self._builder,
+                placement=placement,
+                rng=rng,
+                materials=self._materials,
+                wood=wood,
+                cloth=cloth,
+            )
+        )
+        self._note(kind, placement, first_face)
 
     def _note(self, kind: FurnitureKind, placement: FurniturePlacement, first_face: int) -> None:
         number = sum(piece.name.startswith(f"{kind.name}-") for piece in self.placed)
@@ -103,12 +120,25 @@ class FurniturePlacer:
         return None, None, (0.0, 0.0)
 
 
+def _footprint(placement: FurniturePlacement) -> FloorRectangle:
+    """Return the rectangle of a piece that is turned by a multiple of a right angle."""
+    lies_along_x = abs(placement.turn[0]) > 0.5
+    across, down = (placement.width, placement.depth) if lies_along_x else (placement.depth, placement.width)
+    return FloorRectangle(
+        x0=placement.x - across / 2,
+        y0=placement.y - down / 2,
+        x1=placement.x + across / 2,
+        y1=placement.y + down / 2,
+    )
+
+
 def _beside(
     rng: SeededRng, side: WallSide, width: float, depth: float
 ) -> tuple[FurniturePlacement | None, FloorRectangle | None]:
     """Draw a placement with its back to a wall, and the rectangle that it needs; None if the wall is too short."""
     inset = 0.05  # Half the thickness of the neighbouring walls.
-    low_end, high_end = side.low + inset, side.high - inset - width
+    low_end = side.low + inset
+    high_end = side.high - inset - width
     if high_end < low_end:
         return None, None
     low = rng.uniform_multiple(low_end, high_end, GRID_STEP_M)

@@ -10,18 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.simulation.apartments import decals
-from ltvn_core.simulation.apartments.floor_plan import GRID_STEP_M, FloorPlan, generate_floor_plan
+from ltvn_core.simulation.apartments.floor_plan import GRID_STEP_M, FloorPlan, OccupancyGrid, generate_floor_plan
 from ltvn_core.simulation.apartments.furniture_placement import FurniturePlacer
 from ltvn_core.simulation.apartments.materials import choose_apartment_materials, choose_room_materials
-from ltvn_core.simulation.apartments.occupancy_grid import OccupancyGrid
 from ltvn_core.simulation.apartments.room_shell import RoomShell, wall_sides
 from ltvn_core.simulation.apartments.seeded_rng import SeededRng
-from ltvn_core.simulation.boolean_grid import Mask, connected_components
-from ltvn_core.simulation.clearance_map import OBSTACLE_HEIGHT_M
-from ltvn_core.simulation.rooms import Room, RoomKind
-from ltvn_core.simulation.scene_parts import SceneParts
-from ltvn_core.simulation.surface_builder import SurfaceBuilder, TextureIndex
-from ltvn_core.simulation.surfaces import Surfaces
+from ltvn_core.simulation.clearance_map import OBSTACLE_HEIGHT_M, Mask, connected_components
+from ltvn_core.simulation.rooms import Room, RoomKind, SceneParts
+from ltvn_core.simulation.surfaces import SurfaceBuilder, Surfaces, TextureIndex
 from ltvn_core.simulation.triangle_rasterization import RasterGrid, Triangles, clip_to_heights
 
 _ROOMS_WITH_RUG = {

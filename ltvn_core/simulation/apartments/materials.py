@@ -10,7 +10,7 @@ from ltvn_core.simulation.apartments import decals, tiling_textures
 from ltvn_core.simulation.apartments.seeded_rng import SeededRng
 from ltvn_core.simulation.apartments.tiling_textures import ColourArray, hsv_colour
 from ltvn_core.simulation.rooms import RoomKind
-from ltvn_core.simulation.surface_builder import SurfaceBuilder, TextureIndex
+from ltvn_core.simulation.surfaces import SurfaceBuilder, TextureIndex
 
 _WET = {RoomKind.BATH, RoomKind.KITCHEN}
 

@@ -24,7 +24,13 @@ from itertools import product
 
 import numpy as np
 
-from ltvn_core.simulation.apartments.floor_plan import GRID_STEP_M, FloorPlan, mirrored, snap
+from ltvn_core.simulation.apartments.floor_plan import (
+    GRID_STEP_M,
+    FloorPlan,
+    OccupancyGrid,
+    mirrored,
+    snap,
+)
 from ltvn_core.simulation.apartments.furniture_placement import FurniturePlacer
 from ltvn_core.simulation.apartments.generation import Building, finished_building
 from ltvn_core.simulation.apartments.materials import (
@@ -32,12 +38,10 @@ from ltvn_core.simulation.apartments.materials import (
     choose_apartment_materials,
     choose_room_materials,
 )
-from ltvn_core.simulation.apartments.occupancy_grid import OccupancyGrid
 from ltvn_core.simulation.apartments.room_shell import RoomShell, wall_sides
 from ltvn_core.simulation.apartments.seeded_rng import SeededRng
-from ltvn_core.simulation.rooms import Doorway, Room, RoomKind
-from ltvn_core.simulation.scene_parts import SceneParts
-from ltvn_core.simulation.surface_builder import SurfaceBuilder
+from ltvn_core.simulation.rooms import Doorway, Room, RoomKind, SceneParts
+from ltvn_core.simulation.surfaces import SurfaceBuilder
 
 ROOMS_IN_ROW = 5
 ROWS = 4
@@ -60,11 +64,12 @@ def generate_office_plan(rng: SeededRng, area_m2: float) -> FloorPlan:
     width = snap(ROOMS_IN_ROW * wide + 2 * corridor)
     door_at = rng.uniform_multiple(0.5, wide - 0.5 - _DOORWAY_M, GRID_STEP_M)
     lows = [0.0, snap(deep + corridor), snap(2 * deep + corridor), snap(3 * deep + 2 * corridor)]
-    halls = _corridors(width, depth, corridor, (lows[0] + deep, lows[2] + deep))
+    halls = corridors(width, depth, corridor, (lows[0] + deep, lows[2] + deep))
     offices: list[Room] = []
-    doorways = [_opening(halls, along, across) for along, across in product((0, 1), (2, 3))]
+    doorways = [opening(halls, along, across) for along, across in product((0, 1), (2, 3))]
     for row, number in product(range(ROWS), range(ROOMS_IN_ROW)):
-        x, y = snap(corridor + number * wide), lows[row]
+        x = snap(corridor + number * wide)
+        y = lows[row]
         room = Room(kind=RoomKind.STUDY, x0=x, y0=y, x1=snap(x + wide), y1=snap(y + deep))
         wall = room.y1 if row % 2 == 0 else room.y0
         low = snap(x + door_at)
@@ -75,14 +80,14 @@ def generate_office_plan(rng: SeededRng, area_m2: float) -> FloorPlan:
     return mirrored(plan, rng)
 
 
-def _corridors(width: float, depth: float, broad: float, lows: tuple[float, float]) -> tuple[Room, ...]:
+def corridors(width: float, depth: float, broad: float, lows: tuple[float, float]) -> tuple[Room, ...]:
     """Return the two corridors along x that begin at some y, and the two that join their ends."""
     along = [(broad, snap(low), snap(width - broad), snap(low + broad)) for low in lows]
     across = [(0.0, 0.0, broad, depth), (snap(width - broad), 0.0, width, depth)]
     return tuple(Room(RoomKind.HALL, *edges) for edges in (*along, *across))
 
 
-def _opening(halls: tuple[Room, ...], along: int, across: int) -> Doorway:
+def opening(halls: tuple[Room, ...], along: int, across: int) -> Doorway:
     """Return the opening between a corridor along x and one that crosses its end."""
     corridor = halls[along]
     other = halls[across]
@@ -99,9 +104,11 @@ def generate_office(seed: int, area_m2: float) -> Building:
     """Generate the office of a seed with a floor area (400 to 600 m2)."""
     rng = SeededRng(np.random.default_rng(seed))
     plan = generate_office_plan(rng.spawn(), area_m2)
-    builder, occupancy = SurfaceBuilder(), OccupancyGrid(plan)
+    builder = SurfaceBuilder()
+    occupancy = OccupancyGrid(plan)
     materials = choose_apartment_materials(builder, rng.spawn())
-    height_m, hue = round(rng.uniform(2.5, 2.75), 2), rng.uniform(0, 1)
+    height_m = round(rng.uniform(2.5, 2.75), 2)
+    hue = rng.uniform(0, 1)
     styles = {
         kind: choose_room_materials(builder, rng.spawn(), kind, hue + shift)
         for kind, shift in ((RoomKind.HALL, 0.0), (RoomKind.STUDY, 0.4))

@@ -1,4 +1,4 @@
-"""Generates a plain building from a seed: bare grey walls and floors, no pictures or windows, hardly any furniture.
+"""Generates a plain building from a seed: bare grey walls and floors, no pictures, windows and hardly any furniture.
 
 There is little to recognise a place by but the shape of its rooms. The same seed gives the same building on every
 machine, as with apartments: the order of the draws is part of the format.
@@ -7,17 +7,15 @@ machine, as with apartments: the order of the draws is part of the format.
 import numpy as np
 
 from ltvn_core.simulation.apartments import tiling_textures
-from ltvn_core.simulation.apartments.floor_plan import FloorPlan, generate_floor_plan
+from ltvn_core.simulation.apartments.floor_plan import FloorPlan, OccupancyGrid, generate_floor_plan
 from ltvn_core.simulation.apartments.furniture_placement import FurniturePlacer
 from ltvn_core.simulation.apartments.generation import Building, finished_building
 from ltvn_core.simulation.apartments.materials import RoomMaterials, choose_apartment_materials
-from ltvn_core.simulation.apartments.occupancy_grid import OccupancyGrid
 from ltvn_core.simulation.apartments.room_shell import RoomShell, wall_sides
 from ltvn_core.simulation.apartments.seeded_rng import SeededRng
 from ltvn_core.simulation.apartments.tiling_textures import hsv_colour
-from ltvn_core.simulation.rooms import RoomKind
-from ltvn_core.simulation.scene_parts import SceneParts
-from ltvn_core.simulation.surface_builder import SurfaceBuilder
+from ltvn_core.simulation.rooms import RoomKind, SceneParts
+from ltvn_core.simulation.surfaces import SurfaceBuilder
 
 _FURNISHED = {RoomKind.KITCHEN, RoomKind.BATH}
 """All other rooms are empty."""

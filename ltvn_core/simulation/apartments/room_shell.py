@@ -4,18 +4,19 @@ Each of two neighbouring rooms builds its half of an inner wall, so that each ha
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ltvn_core.simulation.apartments import decals
-from ltvn_core.simulation.apartments.floor_plan import FloorPlan
+from ltvn_core.simulation.apartments.floor_plan import FloorPlan, FloorRectangle, OccupancyGrid
 from ltvn_core.simulation.apartments.materials import ApartmentMaterials, RoomMaterials
-from ltvn_core.simulation.apartments.occupancy_grid import FloorRectangle, OccupancyGrid
 from ltvn_core.simulation.apartments.seeded_rng import SeededRng
 from ltvn_core.simulation.rooms import Doorway, Room, RoomKind
-from ltvn_core.simulation.surface_builder import SurfaceBuilder, TextureIndex
+from ltvn_core.simulation.surfaces import SurfaceBuilder, TextureIndex
 
 _HALF_WALL_M = 0.05
 _DOOR_TOP_M = 2.05
+_PIECE_OF_WALL_M = 5.0
+"""A long wall has as many windows and paintings in each piece of about this length as a room's wall has."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,10 +114,45 @@ class RoomShell:
         if side.outer and room.kind is not RoomKind.BATH and self._rng.chance(0.8):
             self._add_window(side, taken)
         for _ in range(1 + self._rng.index(3)):
-            self._add_painting(side, taken)
+            self.hang_painting(side, taken)
+
+    def decorate_long(self, room: Room, side: WallSide) -> None:
+        """Add windows and paintings to the wall of a hall, piece by piece."""
+        pieces = max(1, round((side.high - side.low) / _PIECE_OF_WALL_M))
+        length = (side.high - side.low) / pieces
+        for number in range(pieces):
+            low = side.low + number * length
+            self.add_decoration(room, replace(side, low=low, high=low + length), [])
+
+    def hang_painting(self, side: WallSide, taken: list[tuple[float, float]]) -> None:
+        """Hang a painting on a wall where nothing is yet, and note its place in `taken`; none where six draws fail."""
+        width = self._rng.uniform(0.4, 1.1)
+        place = self._free_interval(side, width, taken)
+        if place is None:
+            return
+        height = min(width * self._rng.uniform(0.6, 1.2), 1.0)
+        middle = self._rng.uniform(1.15, 1.5)
+        painting = self._builder.texture(decals.painting(self._rng))
+        self.paintings.append(painting)
+        self.mount(side, place, middle - height / 2, middle + height / 2, painting)
+
+    def mount(
+        self,
+        side: WallSide,
+        place: tuple[float, float],
+        bottom: float,
+        top: float,
+        texture: TextureIndex,
+        *,
+        thick: float = 0.02,
+    ) -> None:
+        """Fix a plate that shows a texture once to a wall; `place` is where it begins and ends along the wall."""
+        middle = side.face + side.inward * thick / 2
+        self._plate(side, middle, thick, *place, bottom, top, texture, None)
 
     def _slabs(self, room: Room, style: RoomMaterials) -> None:
-        x, y = (room.x0 + room.x1) / 2, (room.y0 + room.y1) / 2
+        x = (room.x0 + room.x1) / 2
+        y = (room.y0 + room.y1) / 2
         size = (room.x1 - room.x0, room.y1 - room.y0, 0.04)
         self._builder.box(style.floor, (x, y, -0.02), size, tile_m=style.floor_tile_m)
         self._builder.overhead = True
@@ -190,22 +226,11 @@ class RoomShell:
         if place is None:
             return
         view = self._builder.texture(decals.window_view(self._rng))
-        self._mount(side, place, 0.85, 2.1, view)
+        self.mount(side, place, 0.85, 2.1, view)
         if self._rng.chance(0.7):
             curtain = self._rng.choice(self._materials.cloths)
             for low in (place[0] - 0.3, place[1]):
-                self._mount(side, (low, low + 0.3), 0.1, 2.3, curtain, thick=0.04)
-
-    def _add_painting(self, side: WallSide, taken: list[tuple[float, float]]) -> None:
-        width = self._rng.uniform(0.4, 1.1)
-        place = self._free_interval(side, width, taken)
-        if place is None:
-            return
-        height = min(width * self._rng.uniform(0.6, 1.2), 1.0)
-        middle = self._rng.uniform(1.15, 1.5)
-        painting = self._builder.texture(decals.painting(self._rng))
-        self.paintings.append(painting)
-        self._mount(side, place, middle - height / 2, middle + height / 2, painting)
+                self.mount(side, (low, low + 0.3), 0.1, 2.3, curtain, thick=0.04)
 
     def _free_interval(
         self, side: WallSide, width: float, taken: list[tuple[float, float]]
@@ -222,16 +247,3 @@ class RoomShell:
                 taken.append((low, low + width))
                 return low, low + width
         return None
-
-    def _mount(
-        self,
-        side: WallSide,
-        place: tuple[float, float],
-        bottom: float,
-        top: float,
-        texture: TextureIndex,
-        *,
-        thick: float = 0.02,
-    ) -> None:
-        middle = side.face + side.inward * thick / 2
-        self._plate(side, middle, thick, *place, bottom, top, texture, None)

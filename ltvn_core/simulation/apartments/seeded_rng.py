@@ -26,7 +26,8 @@ class SeededRng:
 
     def uniform_multiple(self, low: float, high: float, step: float = 0.05) -> float:
         """Draw a multiple of `step` between low and high; `low` itself, rounded up to a step, if there is none."""
-        first, last = int(np.ceil(low / step - 1e-6)), int(np.floor(high / step + 1e-6))
+        first = int(np.ceil(low / step - 1e-6))
+        last = int(np.floor(high / step + 1e-6))
         return round((first + self.index(max(last - first, 0) + 1)) * step, 6)
 
     def index(self, count: int) -> int:

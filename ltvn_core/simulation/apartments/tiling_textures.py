@@ -185,7 +185,8 @@ def _stripes(rng: SeededRng) -> NDArray[np.bool_]:
 def _dots(rng: SeededRng) -> NDArray[np.bool_]:
     column, row = pixel_grid()
     pitch = 32 << rng.index(2)
-    across, down = (column + (row // pitch % 2) * pitch // 2) % pitch - pitch / 2, row % pitch - pitch / 2
+    across = (column + (row // pitch % 2) * pitch // 2) % pitch - pitch / 2
+    down = row % pitch - pitch / 2
     return across**2 + down**2 < (pitch * rng.uniform(0.15, 0.3)) ** 2
 
 

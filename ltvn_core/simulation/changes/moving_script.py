@@ -10,14 +10,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ltvn_core.simulation.boolean_grid import Mask
+from ltvn_core import worlds as w
 from ltvn_core.simulation.changes.changed_scenes import piece_cells
 from ltvn_core.simulation.changes.world_script import DAY_S, HOUR_S, TimedChange
-from ltvn_core.simulation.clearance_map import PLANNING_CLEARANCE_M
-from ltvn_core.simulation.rooms import Doorway, Room
+from ltvn_core.simulation.clearance_map import PLANNING_CLEARANCE_M, Mask
+from ltvn_core.simulation.rooms import Doorway, FurniturePiece, Room
 from ltvn_core.simulation.scene import Scene
-from ltvn_core.simulation.scene_parts import FurniturePiece
-from ltvn_core.worlds import world_change as w
 
 _APRON_M = 0.7
 """Floor on both sides of a doorway on which nothing is put."""
@@ -27,7 +25,7 @@ _TRIES = 40
 MEAN_PAUSE_S = HOUR_S
 """Something is moved once an hour on average, while people are awake."""
 _AWAKE_H = (7.0, 23.0)
-BUILT_IN = ("counter", "fridge", "bathtub", "toilet", "basin")
+BUILT_IN = ("counter", "fridge", "bathtub", "toilet", "basin", "goods-shelf", "till")
 """Furniture of these kinds, by the beginnings of its names, nobody moves."""
 _MOST_MOVED_SHARE = 0.25
 """At most this share of the furniture is elsewhere at once."""
@@ -140,7 +138,8 @@ def _wide_enough(blocked: Mask, resolution_m: float) -> NDArray[np.bool_]:
 
 
 def _apron(door: Doorway) -> Rectangle:
-    low, high = door.wall - _APRON_M, door.wall + _APRON_M
+    low = door.wall - _APRON_M
+    high = door.wall + _APRON_M
     if door.axis == 0:
         return Rectangle(low, door.low, high, door.high)
     return Rectangle(door.low, low, door.high, high)

@@ -14,7 +14,7 @@ from ltvn_core.simulation.body import PERSON_RADIUS_M
 from ltvn_core.simulation.changes.world_script import DAY_S, HOUR_S
 from ltvn_core.simulation.clearance_map import ClearanceMap
 from ltvn_core.types import Pose
-from ltvn_core.worlds.world_change import PersonMoved
+from ltvn_core.worlds import PersonMoved
 
 AWAKE_S = (7.5 * HOUR_S, 22.5 * HOUR_S)
 """People are there between these times of the day."""

@@ -13,12 +13,12 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from ltvn_core.close_names import which_name
 from ltvn_core.errors import WorldError
 from ltvn_core.simulation.changes.moving_script import moved_things
 from ltvn_core.simulation.changes.world_script import DAY_S, HOUR_S, STATIC, TimedChange, WorldScript, read_script
 from ltvn_core.simulation.scene import Scene
-from ltvn_core.worlds.world_change import DoorMoved, LightChanged, PicturesExchanged
+from ltvn_core.terminal_text import which_name
+from ltvn_core.worlds import DoorMoved, LightChanged, PicturesExchanged
 
 _CONNECTED_SHARE = 0.6
 """At least this share of the area of all rooms hangs together, whatever is closed,"""
@@ -30,7 +30,9 @@ _UNPUNCTUAL_S = 0.4 * HOUR_S
 MEAN_OPEN_S, MEAN_CLOSED_S = 1800.0, 600.0
 """How long doors that move at random stay open and closed on average (a random telegraph signal)."""
 _LIGHT_EVERY_S = HOUR_S / 4
-_SUNRISE_H, _SUNSET_H, _BEDTIME_H = 6.5, 19.0, 23.0
+_SUNRISE_H = 6.5
+_SUNSET_H = 19.0
+_BEDTIME_H = 23.0
 _NIGHT = LightChanged(0.3, 0.8)
 """One lamp is left on."""
 _EVENING = LightChanged(0.75, 0.7)

@@ -1,33 +1,41 @@
 """A scene that changes over time: applies what a script foretells and what a person does, and tells its followers.
 
 Holds the time of the world, its state, how far its script has come, and the robot that must not be hit. Says where a
-change puts something solid. Physics and camera belong to the robot, which follows; so do recordings and views.
+change puts something solid. Physics and camera belong to the robot, which
+`WorldFollower` lets meet the world as it is now. Recordings and views follow too.
 """
 
 import logging
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from typing import Protocol, assert_never
+from typing import Protocol, assert_never, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ltvn_core.errors import WorldError
+from ltvn_core import worlds as w
+from ltvn_core.errors import SceneError, WorldError
 from ltvn_core.navigation.events import ChangedBy, WorldChanged
-from ltvn_core.simulation.body import PERSON_RADIUS_M
-from ltvn_core.simulation.changes.changed_scenes import ChangedScenes
+from ltvn_core.simulation.body import PERSON_RADIUS_M, SCENE_OBSTACLES, Body
+from ltvn_core.simulation.changes.changed_scenes import ChangedScenes, leaf_outline, person_outline
 from ltvn_core.simulation.changes.people import People
-from ltvn_core.simulation.changes.things import leaf_outline, person_outline
-from ltvn_core.simulation.changes.world_check import check_change, check_floor
-from ltvn_core.simulation.changes.world_script import MORNING_S, STATIC, TimedChange, WorldScript
+from ltvn_core.simulation.changes.world_script import (
+    MORNING_S,
+    STATIC,
+    TimedChange,
+    WorldScript,
+    check_change,
+    check_floor,
+)
+from ltvn_core.simulation.clearance_map import OBSTACLE_HEIGHT_M, ClearanceMap, extrude_blocked_cells
+from ltvn_core.simulation.rooms import FurniturePiece
 from ltvn_core.simulation.scene import Scene
-from ltvn_core.simulation.scene_parts import FurniturePiece
-from ltvn_core.types import Pose
-from ltvn_core.worlds import world_change as w
-from ltvn_core.worlds.world_state import AS_MADE, WorldState
+from ltvn_core.types import Pose, Renderer
+from ltvn_core.worlds import AS_MADE, PersonMoved, WorldState
 
 log = logging.getLogger(__name__)
+
 Follower = Callable[[Sequence[WorldChanged]], None]
 """Is told what changed, in the thread that changed it; `World.scene` is the scene as it is now."""
 _ROOM_M = 0.05
@@ -37,7 +45,7 @@ _TELL_PEOPLE_S = 0.5
 _FURNITURE_HEIGHT_M = 1.0
 
 
-class Body(Protocol):
+class RobotInside(Protocol):
     """The robot, as far as a world needs it."""
 
     @property
@@ -66,9 +74,10 @@ class World:
         """What is changed now."""
         self._scenes = ChangedScenes(scene)
         self._followers: list[Follower] = []
-        self._body: Body | None = None
+        self._body: RobotInside | None = None
         self._radius_m = 0.0
-        self._epoch_s, self._stamp = start_s, 0.0
+        self._epoch_s = start_s
+        self._stamp = 0.0
         self._script = ScriptReader(script)
         self._people = People(script.people, script.seed)
         self._tell_people_s = start_s
@@ -101,9 +110,10 @@ class World:
         """Tell somebody no more."""
         self._followers = [each for each in self._followers if each != follower]
 
-    def enter(self, body: Body, radius_m: float) -> None:
+    def enter(self, body: RobotInside, radius_m: float) -> None:
         """Let a robot in: nothing will be put onto it, and its clock moves the world's. It replaces one before."""
-        self._epoch_s, self._stamp = self.time_s - body.stamp, body.stamp
+        self._epoch_s = self.time_s - body.stamp
+        self._stamp = body.stamp
         self._body = body
         self._radius_m = radius_m
         self.make_room(body.exact_pose)
@@ -113,7 +123,7 @@ class World:
         self._people.send_away_from(pose)
         self._move_people()
 
-    def leave(self, body: Body) -> None:
+    def leave(self, body: RobotInside) -> None:
         """Let a robot out; time stands still until another one comes."""
         if self._body is body:
             self._body = None
@@ -272,7 +282,8 @@ def outline_of(change: w.WorldChange, base: Scene) -> w.Outline | None:
         case w.ThingPlaced(thing, kind, (x, y, yaw), (width, depth, height)):
             if kind is w.ThingKind.FURNITURE:
                 piece = own_piece(base, thing)
-                width, depth = piece.width, piece.depth
+                width = piece.width
+                depth = piece.depth
             return w.Outline(x=x, y=y, yaw=yaw, width=width, depth=depth, height=height)
         case w.ThingReturned(thing):
             piece = own_piece(base, thing)
@@ -299,8 +310,76 @@ def own_piece(base: Scene, thing: str) -> FurniturePiece:
 
 def distance_m(outline: w.Outline, x: float, y: float) -> float:
     """Return how far a place is from an outline in metres; 0 within it."""
-    cos, sin = math.cos(outline.yaw), math.sin(outline.yaw)
-    ahead, aside = x - outline.x, y - outline.y
+    cos = math.cos(outline.yaw)
+    sin = math.sin(outline.yaw)
+    ahead = x - outline.x
+    aside = y - outline.y
     across = max(abs(cos * ahead + sin * aside) - outline.width / 2, 0.0)
     along = max(abs(cos * aside - sin * ahead) - outline.depth / 2, 0.0)
     return math.hypot(across, along)
+
+
+_ADDED_OBSTACLES = "added"
+
+
+@runtime_checkable
+class ChangingRenderer(Protocol):
+    """A renderer that can show another state of its scene."""
+
+    def show(self, scene: "Scene") -> None:
+        """Render this state from now on."""
+        ...
+
+
+class WorldFollower:
+    """Keeps the body and the renderer of one robot up to date."""
+
+    def __init__(self, world: World, body: Body, renderer: Renderer) -> None:
+        """Begin with a world whose present scene the body knows already.
+
+        Raises SceneError for a renderer that cannot show changes.
+        """
+        if not isinstance(renderer, ChangingRenderer):
+            raise SceneError(
+                f"{type(renderer).__name__} cannot show a world that changes: it has no method `show(scene)`. Use "
+                "`open_renderer`, or leave the robot without a world."
+            )
+        self._world = world
+        self._body = body
+        self._renderer = renderer
+        # What belongs to the scene itself is seldom moved and large; the rest is small, and a group of its own.
+        self._own = world.scene.clearance.blocked
+        self._blocked = self._own
+        self._shown: object = None
+        self._people: tuple[PersonMoved, ...] = ()
+        self.show()
+        self.follow_people()
+
+    def show(self) -> None:
+        """Show the camera the world as it is now."""
+        if self._world.state is not self._shown:
+            self._shown = self._world.state
+            self._renderer.show(self._world.scene)
+
+    def follow(self) -> ClearanceMap:
+        """Let the body meet what blocks the floor now, and return the clearance map of it."""
+        clearance = self._world.scene.clearance
+        if clearance.blocked is not self._blocked:
+            self._blocked = clearance.blocked
+            if (self._own & ~self._blocked).any():
+                self._own = self._own & self._blocked
+                self._set(SCENE_OBSTACLES, clearance, self._own)
+            self._set(_ADDED_OBSTACLES, clearance, self._blocked & ~self._own)
+        self.follow_people()
+        return clearance
+
+    def follow_people(self) -> None:
+        """Let the body meet people where they are now."""
+        people = self._world.state.people
+        if people is not self._people:
+            self._people = people
+            self._body.set_people({each.person: each.pose[:2] for each in people})
+
+    def _set(self, group: str, clearance: ClearanceMap, blocked: np.ndarray) -> None:
+        part = ClearanceMap(blocked, clearance.origin, clearance.resolution_m)
+        self._body.set_obstacles(group, *extrude_blocked_cells(part, OBSTACLE_HEIGHT_M))

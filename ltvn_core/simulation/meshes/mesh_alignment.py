@@ -345,7 +345,8 @@ def _cropped(height_m: float, floor: Mask, low: Mask, tall: Mask, origin: NDArra
             tall=np.zeros((3, 3), bool),
             area_m2=0.0,
         )
-    rows, columns = np.flatnonzero(free.any(axis=1)), np.flatnonzero(free.any(axis=0))
+    rows = np.flatnonzero(free.any(axis=1))
+    columns = np.flatnonzero(free.any(axis=0))
     first = np.maximum([rows[0] - 4, columns[0] - 4], 0)
     part = np.s_[first[0] : rows[-1] + 5, first[1] : columns[-1] + 5]
     blocked = np.pad(~free[part], 1, constant_values=True)

@@ -37,7 +37,8 @@ _NORMALISED = "LTVN_normalised"
 """Our mark at a primitive: its accessors of normalised integers, and the number that stands for 1 in each."""
 _ONE = {5120: 127, 5121: 255, 5122: 32767, 5123: 65535}
 """Component type -> the integer that stands for 1."""
-_MAGIC, _JSON = b"glTF", b"JSON"
+_MAGIC = b"glTF"
+_JSON = b"JSON"
 _KTX2 = b"\xabKTX 20\xbb"
 FORMATS = (".glb", ".gltf", ".obj", ".ply")
 _NAMED = 5

@@ -139,7 +139,8 @@ def _places(clearance: ClearanceMap) -> tuple[Room, ...]:
     """Divide the floor into squares, and leave out those with hardly any navigable floor."""
     rows, columns = np.nonzero(clearance.navigable)
     xy = clearance.origin + (np.column_stack([columns, rows]) + 0.5) * clearance.resolution_m
-    low, high = xy.min(axis=0), xy.max(axis=0)
+    low = xy.min(axis=0)
+    high = xy.max(axis=0)
     count = np.maximum(np.rint((high - low) / _PLACE_M).astype(int), 1)
     side = (high - low) / count + 1e-6
     tiles, cells = np.unique(np.floor((xy - low) / side).astype(int), axis=0, return_counts=True)

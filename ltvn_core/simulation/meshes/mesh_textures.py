@@ -107,7 +107,8 @@ class TextureCollector:
         """
         triangles, colours = _divided(mesh)
         red, green, blue = np.clip((colours.mean(1) / 255 * _STEPS).round().astype(int), 0, _STEPS).T
-        column, row = red % 8 * 32 + blue, red // 8 * 64 + green
+        column = red % 8 * 32 + blue
+        row = red // 8 * 64 + green
         uv = np.column_stack([(column + 0.5) / 256, 1 - (row + 0.5) / 256]).astype(np.float32)
         texture = self._add("palette", _palette())
         return TexturedTriangles(

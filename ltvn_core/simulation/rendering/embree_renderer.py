@@ -295,7 +295,8 @@ class EmbreeRenderer:
         centre = pixel_rays(lens)
         n = self._supersampling
         steps = (np.arange(n, dtype=np.float32) + 0.5) / n - 0.5
-        across, down = steps / np.float32(lens.fx), steps / np.float32(lens.fy)
+        across = steps / np.float32(lens.fx)
+        down = steps / np.float32(lens.fy)
         left = (centre.left[pixels] + across[:, None, None] + np.zeros((1, n, 1), np.float32)).reshape(-1)
         up = (centre.up[pixels] + down[None, :, None] + np.zeros((n, 1, 1), np.float32)).reshape(-1)
         rays = Rays(left.astype(np.float32, copy=False), up.astype(np.float32, copy=False))
@@ -346,7 +347,8 @@ def _lit(colours: NDArray[np.float32], light: Light) -> NDArray[np.float32]:
 def _surface_boundaries(surface: NDArray[np.int32]) -> NDArray[np.bool_]:
     """Mark the pixels (H, W) that show another surface than one of their four neighbours."""
     edges = np.zeros(surface.shape, bool)
-    across, down = surface[:, 1:] != surface[:, :-1], surface[1:] != surface[:-1]
+    across = surface[:, 1:] != surface[:, :-1]
+    down = surface[1:] != surface[:-1]
     edges[:, 1:] |= across
     edges[:, :-1] |= across
     edges[1:] |= down

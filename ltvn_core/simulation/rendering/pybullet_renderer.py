@@ -1,8 +1,4 @@
-"""PyBullet's software renderer behind the `Renderer` protocol, for machines without Embree.
-
-Uses a physics client of its own that holds only the visible surfaces. Each texture is reduced to its mean colour:
-enough to try the program, not to compare weights.
-"""
+"""PyBullet's software renderer: slower than Embree, and there where Embree is not."""
 
 import numpy as np
 import pybullet
@@ -93,7 +89,8 @@ class PyBulletRenderer:
 
 def _projection(camera: CameraModel) -> list[float]:
     """Return the projection matrix, shifted by half a pixel, because TinyRenderer samples at the corners of pixels."""
-    across, down = _NEAR_M / camera.fx, _NEAR_M / camera.fy
+    across = _NEAR_M / camera.fx
+    down = _NEAR_M / camera.fy
     left = -camera.cx * across
     right = (camera.width - camera.cx) * across
     bottom = (camera.cy + 1 - camera.height) * down

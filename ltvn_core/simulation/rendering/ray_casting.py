@@ -30,12 +30,14 @@ class Rays(NamedTuple):
 @lru_cache(maxsize=8)
 def pixel_rays(camera: CameraModel) -> Rays:
     """Return where the pixels (H * W) look before the camera is rolled and tilted."""
-    columns, rows = np.arange(camera.width), np.arange(camera.height)
+    columns = np.arange(camera.width)
+    rows = np.arange(camera.height)
     if camera.distortion or camera.fisheye:
         pixels = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2).astype(np.float64)
         right_down = np.nan_to_num(camera.pixels_to_rays(pixels)).astype(np.float32)
         return Rays(-right_down[:, 0], -right_down[:, 1])
-    left, up = _offsets(columns, camera.cx, camera.fx), _offsets(rows, camera.cy, camera.fy)
+    left = _offsets(columns, camera.cx, camera.fx)
+    up = _offsets(rows, camera.cy, camera.fy)
     return Rays(np.tile(left, camera.height), np.repeat(up, camera.width))
 
 
@@ -55,7 +57,8 @@ def _turned(rays: Rays, yaw_rad: float, pitch_rad: float) -> NDArray[np.float32]
 
     Written out per element, because a matrix product would start BLAS threads that cost more than they save here.
     """
-    cos, sin = np.float32(np.cos(yaw_rad)), np.float32(np.sin(yaw_rad))
+    cos = np.float32(np.cos(yaw_rad))
+    sin = np.float32(np.sin(yaw_rad))
     rise = np.float32(np.sin(pitch_rad))
     level = np.float32(np.cos(pitch_rad))
     ahead = level - rise * rays.up

@@ -9,18 +9,17 @@ from pathlib import Path
 
 from ltvn_core.errors import OptionError
 from ltvn_core.network.baseline_training import BaselineCard, baseline_training_plan, evaluate_baseline
-from ltvn_core.network.model_card import TrainingDataSummary
 from ltvn_core.network.network_families import extend_network
 from ltvn_core.network.optimization.training_loop import TrainingData, TrainingPlan, TrainingResult, train
 from ltvn_core.network.predictor import load_predictor
 from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
+from ltvn_core.network.training_data.shards import Shard, split_shards
 from ltvn_core.network.weights_file import load_weights, read_card, save_weights, weights_fingerprint
 from ltvn_core.simulation.scene_registry import scene_names
 from ltvn_core.systems.entry import TemporalLearning
 from ltvn_core.systems.registry import baseline_systems, system_entry
-from ltvn_core.training.held_out_scenes import VALIDATION_SCENES
-from ltvn_core.training.labelled_walks import labelled_walks
-from ltvn_core.training_data.shards import Shard, split_shards
+from ltvn_core.training.held_out_scenes import VALIDATION_SCENES, training_data_summary
+from ltvn_core.training.simulated_scenes import labelled_walks
 from ltvn_core.verbs.baseline import BaselineVerb
 from ltvn_core.verbs.jobs.dataset import DEFAULT_SCENE_PREFIXES
 from ltvn_core.verbs.verb import Summary
@@ -47,7 +46,8 @@ class BaselineSummary:
 def train_baseline(options: BaselineVerb) -> Summary:
     """Walk, label, train and save; raises OptionError, DatasetError, SceneError and WeightsError."""
     _check_options(options)
-    data, plan = _data(options), _plan(options)
+    data = _data(options)
+    plan = _plan(options)
     work = options.work or options.data / options.baseline
     result = train(data, plan, work, start=_start(options, work))
     learned = _learned(options, result.weights)
@@ -133,13 +133,7 @@ def _card(
         start and weights_fingerprint(start),
         read_card(start) if start and _below(options) is None else None,
         asdict(_temporal_learning(options.baseline).rule),
-        TrainingDataSummary(
-            tuple(shard.name for shard in shards),
-            VALIDATION_SCENES,
-            sum(len(shard.rgb) for shard in shards),
-            sum(len(shard.sources) for shard in shards),
-            shards[0].recipe,
-        ),
+        training_data_summary(shards),
         plan,
         result.steps,
         result.pairs,

@@ -6,12 +6,12 @@ from pathlib import Path
 from tqdm import tqdm
 
 from ltvn_core.atomic_files import require_new_path
-from ltvn_core.drives.joined_map import DriveReport
 from ltvn_core.errors import OptionError
 from ltvn_core.findings import Finding, WithDoubts
 from ltvn_core.graph.connectivity import count_strongly_connected_components
 from ltvn_core.graph.map_coverage import GoalReport
-from ltvn_core.recorded_map import BuildOptions, build_recorded_map, save_recorded_map
+from ltvn_core.maps.joined_map import DriveReport
+from ltvn_core.maps.recorded_map import BuildOptions, build_recorded_map, save_recorded_map
 from ltvn_core.verbs.build import BuildVerb
 from ltvn_core.verbs.verb import Summary
 

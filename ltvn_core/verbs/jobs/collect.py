@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
+from ltvn_core.data.recording.recorded_run import record_images
+from ltvn_core.data.recording.writer import RecordingWriter
 from ltvn_core.errors import OptionError, SceneError
 from ltvn_core.findings import Finding, WithDoubts, findings_of
-from ltvn_core.recording.recorded_robot import record_images
-from ltvn_core.recording.writer import RecordingWriter
 from ltvn_core.simulation.body_selection import choose_body
 from ltvn_core.simulation.opening import open_simulation
 from ltvn_core.simulation.scripted_tour import drive_tour

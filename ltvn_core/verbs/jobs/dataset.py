@@ -3,11 +3,10 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from ltvn_core.evaluation.parts import Part
+from ltvn_core.evaluation.workers import Part
+from ltvn_core.network.training_data.shards import DatasetRecipe, generate_shards, read_shard
 from ltvn_core.simulation.scene_registry import scene_names
 from ltvn_core.training.simulated_scenes import open_dataset_scene
-from ltvn_core.training_data.shard_generation import DatasetRecipe, generate_shards
-from ltvn_core.training_data.shards import read_shard
 from ltvn_core.verbs.dataset import DatasetVerb
 from ltvn_core.verbs.verb import Summary
 

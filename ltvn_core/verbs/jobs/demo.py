@@ -1,7 +1,11 @@
-"""The whole main job without a browser: collect, build, navigate with maintenance, record. Part of `ltvn demo`."""
+"""The whole main job without a browser: collect, build, navigate with maintenance, record. Part of `ltvn demo`.
 
+With `--story` a door closes on the planned way, and the map learns.
+"""
+
+import logging
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -9,21 +13,32 @@ from typing import Any
 import numpy as np
 
 from ltvn_core.atomic_files import require_new_path
+from ltvn_core.data.recording.demo_files import DEMO_MAP, demo_file
+from ltvn_core.data.recording.map_file import LoadedMap, load_map
+from ltvn_core.data.recording.recorded_run import RunDescription
 from ltvn_core.errors import OptionError
+from ltvn_core.evaluation.door_story.story import STORY_MAINTENANCE, CallBack, Carry, Change, DoorStory, GoTo, Lead
+from ltvn_core.evaluation.door_story.story_map import StoryMap
+from ltvn_core.evaluation.query_run import run_query
 from ltvn_core.graph.navigation_system import NavigationSystem
+from ltvn_core.maps.topological_map import TopologicalMap
+from ltvn_core.navigation.events import Event, Note
 from ltvn_core.predictors.choice import ImageSource
 from ltvn_core.predictors.opening import open_method, open_predictor, simulated_robot
-from ltvn_core.recording.run_description import RunDescription
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.simulation.body_selection import choose_body
-from ltvn_core.simulation.opening import open_simulation
+from ltvn_core.simulation.opening import Simulation, open_simulation
+from ltvn_core.simulation.scene import door_names
+from ltvn_core.systems.maintenance import with_maintenance
 from ltvn_core.systems.registry import DEFAULT_SYSTEM, open_system
-from ltvn_core.topological_map import TopologicalMap
+from ltvn_core.types import Predictor
 from ltvn_core.verbs.demo import HeadlessDemoVerb
-from ltvn_core.verbs.jobs.headless_runner import HeadlessRunner, QueriesSummary
-from ltvn_core.verbs.jobs.story_demo import StoryOptions, run_story
+from ltvn_core.verbs.jobs.headless_runner import HeadlessRunner
+from ltvn_core.verbs.jobs.robot_queries import QueriesSummary
 from ltvn_core.verbs.jobs.stream import announce_stream
 from ltvn_core.verbs.verb import Summary
+
+_LOG = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,28 +60,33 @@ class DemoSummary(QueriesSummary):
     wall_s: float
 
 
+@dataclass(frozen=True)
+class StorySummary:
+    """What the map learned when a door closed and opened again."""
+
+    absent: int
+    """Edges that were seen blocked."""
+    rerouted: bool
+    """Whether a plan turned away from the closed door."""
+    added: int
+    """Nodes and edges that driving brought in."""
+    returned: int
+    """Edges that were seen blocked, and open again later."""
+    captions: list[str]
+    """The story in words."""
+    recording: Path
+    scene: str
+    predictor: str
+    wall_s: float
+
+
 def run_demo(options: HeadlessDemoVerb) -> Summary:
     """Do the job; raises OptionError, SceneError, RecordingError, MapError and WeightsError."""
     if options.queries < 0 or options.loops < 1:
         raise OptionError(
             f"--queries must be 0 or more and --loops 1 or more, got {options.queries} and {options.loops}."
         )
-    if not options.story:
-        return _run_headless(options)
-    return run_story(
-        StoryOptions(
-            scene=options.scene,
-            seed=options.seed,
-            loops=options.loops,
-            predictor=options.predictor,
-            weights=options.weights,
-            preset=options.preset,
-            recording=options.recording or _dated_path(f"story-{Path(options.scene).stem}-{options.seed}"),
-            stream=options.stream,
-            body=options.body,
-            settings=partial(_settings, options),
-        )
-    )
+    return _run_story(options) if options.story else _run_headless(options)
 
 
 def _settings(options: HeadlessDemoVerb, system: NavigationSystem, predictor: str) -> dict[str, Any]:
@@ -124,3 +144,122 @@ def _run_headless(options: HeadlessDemoVerb) -> DemoSummary:
         seed=options.seed,
         wall_s=time.monotonic() - started,
     )
+
+
+def _run_story(options: HeadlessDemoVerb) -> StorySummary:
+    """Play the story and record it."""
+    started = time.monotonic()
+    rng = np.random.default_rng(options.seed)
+    choice = ImageSource(camera=LOCOBOT.camera).choose(options.predictor)
+    spec = simulated_robot(choice.name)
+    predictor = open_predictor(choice.name, options.scene, options.weights, camera=spec.camera)
+    known = _ready_made(options.scene, predictor)
+    simulation = open_simulation(
+        options.scene,
+        seed=options.seed,
+        spec=spec,
+        first_step=0 if known is None else max(known.observations) + 1,
+        start=None if known is None else known.observations[int(rng.choice(list(known.graph.nodes)))].exact_pose,
+        body=options.body,
+    )
+    recording = options.recording or _dated_path(f"story-{Path(options.scene).stem}-{options.seed}")
+    story = _play_recorded(replace(options, predictor=choice.name), recording, simulation, predictor, known, rng)
+    return StorySummary(
+        absent=len(story.facts.absent),
+        rerouted=story.facts.rerouted,
+        added=story.facts.nodes_added + story.facts.edges_added,
+        returned=len(story.facts.returned),
+        captions=list(story.captions),
+        recording=recording,
+        scene=simulation.scene.name,
+        predictor=choice.name,
+        wall_s=time.monotonic() - started,
+    )
+
+
+def _play_recorded(
+    options: HeadlessDemoVerb,
+    recording: Path,
+    simulation: Simulation,
+    predictor: Predictor,
+    known: LoadedMap | None,
+    rng: np.random.Generator,
+) -> DoorStory:
+    """Map the scene unless a map is known, and play the story in it."""
+    system = with_maintenance(open_system(DEFAULT_SYSTEM, open_method(options.preset, predictor)), STORY_MAINTENANCE)
+    run = RunDescription(
+        scene=simulation.scene.address,
+        config=_settings(options, system, options.predictor) | {"maintenance": STORY_MAINTENANCE},
+        fingerprint=predictor.fingerprint,
+        camera=simulation.robot.spec.camera,
+        scene_glb=simulation.scene.glb(),
+    )
+    begun = TopologicalMap.of(predictor, system) if known is None else TopologicalMap.take(known, predictor, system)
+    with run.open_writer(recording, live_port=announce_stream(options.stream)) as writer:
+        if known is not None:
+            writer.write_map(begun.graph, begun.observations)
+        runner = HeadlessRunner(simulation, writer, begun)
+        if known is None:
+            runner.build(runner.collect(rng, options.loops), rng)
+        story_map = StoryMap(
+            begun.graph, system, runner.world, begun.keyframes.observation, lambda: runner.robot.exact_pose
+        )
+        story = DoorStory(story_map, door_names(simulation.scene))
+        _play(story, runner, rng)
+    return story
+
+
+def _play(story: DoorStory, runner: HeadlessRunner, rng: np.random.Generator) -> None:
+    """Play a story to its end, and write its captions down."""
+    navigator = runner.navigator(rng)
+    told = 0
+    queries = 0
+
+    def tell() -> None:
+        nonlocal told
+        for text in story.captions[told:]:
+            _LOG.info(text)
+            runner.record(Note(text))
+        told = len(story.captions)
+
+    def consume(event: Event) -> None:
+        runner.record(event)
+        story.take(event)
+        tell()
+
+    def led(event: Event) -> None:
+        story.take(event)
+        tell()
+
+    def advance() -> None:
+        step = story.next_step(is_idle=False)
+        tell()
+        if isinstance(step, Change):
+            runner.world.apply(step.change)
+        elif isinstance(step, CallBack):
+            navigator.cancel()
+        runner.advance()
+
+    while (step := story.next_step(is_idle=True)) is not None:
+        tell()
+        match step:
+            case CallBack():
+                pass  # No query is under way.
+            case Change(change):
+                runner.world.apply(change)
+            case Carry(pose):
+                runner.robot.teleport(pose)
+            case Lead(path):
+                runner.lead(path, led)
+            case GoTo(goal):
+                verdict = partial(runner.verdict, queries, goal)
+                run_query(navigator, goal, queries, advance=advance, verdict=verdict, consume=consume)
+                queries += 1
+    tell()
+
+
+def _ready_made(scene: str, predictor: Predictor) -> LoadedMap | None:
+    """Return the map that comes with the demo apartment; None elsewhere, and where other weights are in use."""
+    place = demo_file(DEMO_MAP) if scene == "demo" else None
+    known = None if place is None else load_map(place)
+    return known if known is not None and known.meta.fingerprint == predictor.fingerprint else None

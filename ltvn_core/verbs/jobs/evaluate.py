@@ -11,22 +11,19 @@ from joblib import delayed
 from tqdm import tqdm
 
 from ltvn_core.errors import OptionError
-from ltvn_core.evaluation.conditions import protocol_under
-from ltvn_core.evaluation.failure_recordings import record_failures
 from ltvn_core.evaluation.metrics import compute_metrics
-from ltvn_core.evaluation.parts import Part
-from ltvn_core.evaluation.perturbations.perturbation_registry import chosen_perturbations
-from ltvn_core.evaluation.protocol import EvaluationProtocol
+from ltvn_core.evaluation.perturbations import chosen_perturbations
+from ltvn_core.evaluation.protocol import EvaluationProtocol, protocol_under
 from ltvn_core.evaluation.results import TrialResult
 from ltvn_core.evaluation.trial_plans import TrialFiles, TrialPlan
-from ltvn_core.evaluation.trials import episodes_to_run, run_trials
-from ltvn_core.evaluation.workers import workers
+from ltvn_core.evaluation.trials import episodes_to_run, record_failures, run_trials
+from ltvn_core.evaluation.workers import Part, workers
 from ltvn_core.predictors.choice import ImageSource
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.simulation.body_selection import choose_body
+from ltvn_core.simulation.scene_registry import check_scene
 from ltvn_core.verbs.evaluate import EvaluateVerb, ProtocolOptions
-from ltvn_core.verbs.jobs.evaluation_bar import progress_on_bar
-from ltvn_core.verbs.jobs.part_summary import PartSummary
+from ltvn_core.verbs.jobs.evaluation_progress import PartSummary, progress_on_bar
 
 
 @dataclass(frozen=True)
@@ -74,7 +71,7 @@ def _protocol(options: ProtocolOptions, episodes: int) -> EvaluationProtocol:
 def trial_plans(
     options: ProtocolOptions, system: str, episodes: int, perturbations: tuple[str, ...] = ()
 ) -> list[TrialPlan]:
-    """Return a plan for each scene and seed. Raises OptionError."""
+    """Return a plan for each scene and seed. Raises OptionError and SceneError."""
     if (
         not options.scene
         or not options.seed
@@ -82,6 +79,8 @@ def trial_plans(
         or len({*options.seed}) < len(options.seed)
     ):
         raise OptionError("--scene and --seed need one value at least, and none of them twice.")
+    for scene in options.scene:
+        check_scene(scene)  # Before weights are fine-tuned for any other.
     protocol = _protocol(options, episodes)
     predictor = ImageSource(camera=LOCOBOT.camera).choose(options.predictor).name
     return [
@@ -107,7 +106,8 @@ def evaluate(options: EvaluateVerb) -> EvaluateSummary | PartSummary:
     """Run what is not done yet. Raises OptionError, SceneError, WeightsError, MapError and RecordingError."""
     if options.record_failures < 0:
         raise OptionError(f"--record-failures must be 0 or more, got {options.record_failures}.")
-    started, part = time.monotonic(), Part.parse(options.part)
+    started = time.monotonic()
+    part = Part.parse(options.part)
     plans = trial_plans(options, options.system, options.episodes, chosen_perturbations(options.perturb))
     with (
         workers(options.processes, options.cluster, options.folder) as parallel,

@@ -4,12 +4,12 @@ from dataclasses import replace
 
 from tqdm import tqdm
 
+from ltvn_core.data.recording.drive_part import parse_part
 from ltvn_core.network.optimization.fine_tuning_loop import FineTuningPlan, FineTuningProgress
-from ltvn_core.recording.drive_part import parse_part
+from ltvn_core.network.training_data.trajectory_pairs import OdometryLabelRule
 from ltvn_core.systems.registry import DEFAULT_SYSTEM, system_entry
 from ltvn_core.training.fine_tuning import FineTuningProvenance, fine_tune
 from ltvn_core.training.fine_tuning_data import SimulatedPairs, read_labelled_drive
-from ltvn_core.training_data.trajectory_pairs import OdometryLabelRule
 from ltvn_core.verbs.finetune import FinetuneVerb
 from ltvn_core.verbs.jobs.tune_calibration import check_options, tuning_command
 from ltvn_core.verbs.verb import Summary

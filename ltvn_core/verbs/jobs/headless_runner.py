@@ -4,55 +4,24 @@ Owns the order of driving, recording and judging. The page has its own loop (`lt
 there time is real and a person may interfere.
 """
 
-from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
+from ltvn_core.data.recording.recorded_run import RecordedRobot, record_images
+from ltvn_core.data.recording.writer import RecordingWriter
 from ltvn_core.errors import MapError
 from ltvn_core.evaluation.query_result import QueryResult
 from ltvn_core.evaluation.query_run import judge_goal_reached, random_goals, run_queries
-from ltvn_core.graph.deltas import BULK_CAUSES
-from ltvn_core.navigation.events import Event, GraphChanged, Judged, StampedEvent, WorldChanged
+from ltvn_core.maps.topological_map import TopologicalMap
+from ltvn_core.navigation.events import Event, GraphChanged, Judged, WorldChanged
 from ltvn_core.navigation.navigator import Navigator
-from ltvn_core.recording.recorded_robot import RecordedRobot, record_images
-from ltvn_core.recording.writer import RecordingWriter
 from ltvn_core.simulation.opening import Simulation
 from ltvn_core.simulation.scripted_tour import LED_M_S, TourSettings, drive_along, drive_tour
-from ltvn_core.topological_map import TopologicalMap
 from ltvn_core.types import CONTROL_STEP_S, NodeId, Observation, Pose
-
-
-@dataclass(frozen=True)
-class QueriesSummary:
-    """What a number of queries came to."""
-
-    queries: int
-    reached: int
-    """Queries that ended within 0.72 m and 0.4 rad of the goal by the robot's own decision."""
-    collisions: int
-    """Touches during the queries."""
-    pruned: int
-    """Edges that maintenance took away."""
-    added: int
-    """Edges and nodes that maintenance brought in."""
-    failures: dict[str, int]
-    """How the other queries ended, in the robot's own words; "arrived" means that it was wrong about that."""
-
-    @classmethod
-    def of(cls, results: Sequence[QueryResult]) -> "QueriesSummary":
-        """Sum up queries."""
-        return cls(
-            queries=len(results),
-            reached=sum(each.reached for each in results),
-            collisions=sum(each.collisions for each in results),
-            pruned=sum(each.pruned for each in results),
-            added=sum(each.added_edges + each.added_nodes for each in results),
-            failures=dict(Counter(each.outcome for each in results if not each.reached)),
-        )
+from ltvn_core.verbs.jobs.robot_queries import DrawnRun, QueriesSummary
 
 
 class HeadlessRunner:
@@ -65,6 +34,8 @@ class HeadlessRunner:
         self.world = simulation.world
         self.writer = writer
         self.map = known
+        self._drawn = DrawnRun(simulation.robot, writer, known.graph)
+        self.record = self._drawn.record
         self._record_world(simulation.world.events())
         simulation.world.follow(self._record_world)
 
@@ -84,7 +55,7 @@ class HeadlessRunner:
             built = self.map.build(observations, rng=rng, progress=show)
         for delta in built:
             self.record(GraphChanged(delta))
-        self._draw()
+        self._drawn.draw()
 
     def lead(self, path: NDArray[np.float64], consume: Callable[[Event], None]) -> None:
         """Drive along a path (M, 2) as a person would; what the map learns from it is recorded and handed on.
@@ -101,7 +72,7 @@ class HeadlessRunner:
                 self.map.graph.apply(delta)
                 self.record(GraphChanged(delta))
                 consume(GraphChanged(delta))
-        self._draw()
+        self._drawn.draw()
 
     def run_queries(
         self,
@@ -117,7 +88,7 @@ class HeadlessRunner:
         )
         results: list[QueryResult] = []
         for result in tqdm(queries, desc="navigate", total=len(goals), unit="query"):
-            self._draw()
+            self._drawn.draw()
             results.append(result)
         return QueriesSummary.of(results)
 
@@ -144,17 +115,6 @@ class HeadlessRunner:
             raise MapError(f"Node {node} was not recorded in simulation, so arriving there cannot be judged.")
         return pose
 
-    def record(self, event: Event) -> None:
-        """Write down that something happened now."""
-        state = self.robot.state()
-        self.writer.write_event(StampedEvent(state.step, state.stamp, event))
-        if isinstance(event, GraphChanged) and event.delta.cause not in BULK_CAUSES:
-            self._draw()
-
     def _record_world(self, events: Sequence[WorldChanged]) -> None:
         for event in events:
             self.record(event)
-
-    def _draw(self) -> None:
-        state = self.robot.state()
-        self.writer.draw_graph(self.map.graph, state.step, state.stamp)

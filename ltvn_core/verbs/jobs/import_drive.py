@@ -3,12 +3,11 @@
 from tqdm import tqdm
 
 from ltvn_core.atomic_files import require_new_path
-from ltvn_core.importing.drive_import import import_drive
-from ltvn_core.importing.drive_odometry import OdometrySource
-from ltvn_core.importing.import_options import ImportOptions
-from ltvn_core.importing.raw_frame import ReadOptions
-from ltvn_core.importing.reader_registry import open_drive
-from ltvn_core.importing.source_camera import read_camera_option
+from ltvn_core.data.importing.drive_import import import_drive
+from ltvn_core.data.importing.import_options import ImportOptions, OdometrySource
+from ltvn_core.data.importing.raw_frame import ReadOptions
+from ltvn_core.data.importing.reader_registry import open_drive
+from ltvn_core.data.importing.source_camera import read_camera_option
 from ltvn_core.verbs.import_drive import ImportVerb
 from ltvn_core.verbs.verb import Summary
 

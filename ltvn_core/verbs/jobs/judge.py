@@ -8,8 +8,10 @@ from pathlib import Path
 from tqdm import tqdm
 
 from ltvn_core.atomic_files import atomic_replacement
+from ltvn_core.data.recording.drive_part import WHOLE_DRIVE, DrivePart, parse_part
+from ltvn_core.data.recording.reader import Recording
 from ltvn_core.errors import OptionError
-from ltvn_core.evaluation.perturbations.perturbation_registry import chosen_perturbations
+from ltvn_core.evaluation.perturbations import chosen_perturbations
 from ltvn_core.evaluation.predictor_accuracy.judged_sequence import JudgedSequence, encode_sequence, read_sequence
 from ltvn_core.evaluation.predictor_accuracy.judgement import (
     Condition,
@@ -18,17 +20,14 @@ from ltvn_core.evaluation.predictor_accuracy.judgement import (
     judge,
     judgement_findings,
 )
-from ltvn_core.evaluation.predictor_accuracy.localisation_accuracy import LocalisationAccuracy
-from ltvn_core.evaluation.predictor_accuracy.map_accuracy import MapAccuracy
+from ltvn_core.evaluation.predictor_accuracy.map_accuracy import LocalisationAccuracy, MapAccuracy
 from ltvn_core.evaluation.predictor_accuracy.pair_accuracy import PairAccuracy
 from ltvn_core.evaluation.predictor_accuracy.revisits import RevisitAccuracy, read_revisits, revisit_accuracy
+from ltvn_core.extras import require_libraries
 from ltvn_core.findings import Finding, WithDoubts
 from ltvn_core.graph.ltvn import ltvn_system
 from ltvn_core.predictors.choice import ImageSource, PredictorChoice
 from ltvn_core.predictors.opening import open_method, open_predictor
-from ltvn_core.recording.drive_part import WHOLE_DRIVE, DrivePart, parse_part
-from ltvn_core.recording.reader import Recording
-from ltvn_core.reports.docs_extra import require_docs_extra
 from ltvn_core.types import Predictor
 from ltvn_core.verbs.judge import JudgeVerb
 from ltvn_core.verbs.verb import Summary
@@ -103,7 +102,7 @@ def judge_predictor(options: JudgeVerb) -> Summary:
     """Judge and summarise; raises RecordingError, ImageError, MapError, WeightsError, DatasetError, OptionError."""
     _check(options)
     if options.report is not None:
-        require_docs_extra()
+        require_libraries("matplotlib", "jinja2")
     plan = JudgementPlan(
         pairs=options.pairs,
         left_out=options.left_out,
@@ -170,7 +169,7 @@ def _revisits(
 def _write_report(
     options: JudgeVerb, judgement: Judgement, looking: JudgedSequence, mapped: JudgedSequence, predictor: str
 ) -> None:
-    from ltvn_core.reports.judgement_page import render_judgement  # It needs an extra that judging does not.
+    from ltvn_core.evaluation.reports.judgement_page import render_judgement  # It needs an extra that judging does not.
 
     assert options.report is not None
     html = render_judgement(judgement, looking, mapped, predictor=predictor, most=options.worst)
@@ -214,7 +213,9 @@ def _summary(
 
 
 def _condition_summary(condition: Condition) -> ConditionSummary:
-    pairs, found, looks = condition.pairs, condition.map, condition.localisation
+    pairs = condition.pairs
+    found = condition.map
+    looks = condition.localisation
     return ConditionSummary(
         auc=pairs and pairs.auc,
         near_recall=pairs and pairs.near_recall,

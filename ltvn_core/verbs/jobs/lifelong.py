@@ -9,18 +9,16 @@ from tqdm import tqdm
 
 from ltvn_core.errors import OptionError
 from ltvn_core.evaluation.lifelong_evaluation import LifelongSchedule, run_lifelong
-from ltvn_core.evaluation.lifelong_metrics import LifelongMetrics, lifelong_metrics
-from ltvn_core.evaluation.parts import Part
+from ltvn_core.evaluation.metrics import LifelongMetrics, lifelong_metrics
 from ltvn_core.evaluation.results import LifelongResult, WorldResult
-from ltvn_core.evaluation.workers import workers
+from ltvn_core.evaluation.workers import Part, workers
 from ltvn_core.evaluation.worlds.world_evaluation import run_world_evaluation
 from ltvn_core.evaluation.worlds.world_metrics import WorldMetrics, world_metrics
 from ltvn_core.evaluation.worlds.world_plans import WorldPlan
 from ltvn_core.simulation.scene_registry import load_scene
 from ltvn_core.systems.registry import DEFAULT_SYSTEM
 from ltvn_core.verbs.jobs.evaluate import command, trial_plans
-from ltvn_core.verbs.jobs.evaluation_bar import progress_on_bar
-from ltvn_core.verbs.jobs.part_summary import PartSummary
+from ltvn_core.verbs.jobs.evaluation_progress import PartSummary, progress_on_bar
 from ltvn_core.verbs.lifelong import LifelongVerb
 from ltvn_core.verbs.verb import Summary
 
@@ -128,7 +126,8 @@ def _world_summary(options: LifelongVerb, results: Sequence[WorldResult], wall_s
 
 
 def _without_world(options: LifelongVerb, maintenance: str | None) -> Summary:
-    started, schedule = time.monotonic(), LifelongSchedule(options.queries, options.every, options.episodes)
+    started = time.monotonic()
+    schedule = LifelongSchedule(options.queries, options.every, options.episodes)
     part = Part.parse(options.part)
     plans = [replace(plan, maintenance=maintenance) for plan in trial_plans(options, DEFAULT_SYSTEM, options.episodes)]
     with (

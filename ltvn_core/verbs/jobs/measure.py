@@ -10,10 +10,9 @@ from tqdm import tqdm
 
 from ltvn_core.config import preset
 from ltvn_core.errors import OptionError, WeightsError
-from ltvn_core.evaluation.likelihood_measurement import measure_scene, summarise_measurements
-from ltvn_core.evaluation.parts import Part
-from ltvn_core.evaluation.scene_figures import SceneFigures
+from ltvn_core.evaluation.likelihood_measurement import SceneFigures, measure_scene, summarise_measurements
 from ltvn_core.evaluation.trial_plans import claim_settings
+from ltvn_core.evaluation.workers import Part
 from ltvn_core.network.driving_calibration import DRIVING_SECTION, DrivingMeasurements, likelihoods
 from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
 from ltvn_core.network.weights_file import add_to_card, weights_fingerprint
@@ -25,7 +24,7 @@ from ltvn_core.simulation.body_selection import choose_body
 from ltvn_core.simulation.rendering.renderer_selection import open_renderer
 from ltvn_core.simulation.scene_registry import load_scene
 from ltvn_core.training.held_out_scenes import TEST_SCENES
-from ltvn_core.verbs.jobs.part_summary import PartSummary
+from ltvn_core.verbs.jobs.evaluation_progress import PartSummary
 from ltvn_core.verbs.measure import IMAGES_PER_SCENE, MeasureVerb
 from ltvn_core.verbs.option_types import AUTO
 from ltvn_core.verbs.verb import Summary
@@ -56,7 +55,8 @@ def measure_driving(options: MeasureVerb) -> Summary:
     measured = _measure(options)
     if isinstance(measured, PartSummary):
         return measured
-    refused, constants = None, None
+    refused = None
+    constants = None
     try:
         constants = likelihoods(measured)
     except WeightsError as error:
@@ -86,7 +86,8 @@ def _check(options: MeasureVerb) -> None:
 
 def _measure(options: MeasureVerb) -> DrivingMeasurements | PartSummary:
     """Measure the scenes of this part, and sum up if none is missing any more."""
-    started, part = time.monotonic(), Part.parse(options.part)
+    started = time.monotonic()
+    part = Part.parse(options.part)
     if options.folder is None and part.count > 1:
         raise OptionError("--part needs a --folder, where all parts lay what they measure.")
     mine = part.of(_attempts_in_scenes(options))
@@ -138,7 +139,8 @@ def _file(options: MeasureVerb, name: str) -> Path:
 
 def _measure_scene(options: MeasureVerb, number: int, name: str, attempts: int, bar: "tqdm[NoReturn]") -> SceneFigures:
     choice = ImageSource(camera=LOCOBOT.camera).choose(options.predictor)
-    spec, scene = simulated_robot(choice.name), load_scene(name)
+    spec = simulated_robot(choice.name)
+    scene = load_scene(name)
     return measure_scene(
         scene,
         open_renderer(scene, spec.camera),

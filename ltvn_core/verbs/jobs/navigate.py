@@ -7,21 +7,19 @@ from dataclasses import replace
 import numpy as np
 
 from ltvn_core.cameras.rectification import rectified_camera
+from ltvn_core.data.recording.recorded_run import RunDescription
 from ltvn_core.errors import OptionError
-from ltvn_core.evaluation.open_edges import true_presence
-from ltvn_core.evaluation.true_rooms import true_rooms
-from ltvn_core.recording.run_description import RunDescription
+from ltvn_core.evaluation.worlds.world_truth import true_presence, true_rooms
+from ltvn_core.maps.topological_map import TopologicalMap
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.simulation.body_selection import choose_body
 from ltvn_core.simulation.opening import open_script, open_simulation
 from ltvn_core.systems.maintenance import with_maintenance
-from ltvn_core.topological_map import TopologicalMap
 from ltvn_core.types import NodeId, Pose
 from ltvn_core.verbs.jobs.headless_runner import HeadlessRunner
 from ltvn_core.verbs.jobs.own_robot import navigate_with
 from ltvn_core.verbs.jobs.stream import announce_stream
-from ltvn_core.verbs.navigate import NavigateVerb
-from ltvn_core.verbs.navigate_options import NavigateSummary
+from ltvn_core.verbs.navigate import NavigateSummary, NavigateVerb
 from ltvn_core.verbs.verb import Summary
 
 

@@ -7,22 +7,19 @@ from dataclasses import replace
 
 import numpy as np
 
+from ltvn_core.data.recording.recorded_run import RunDescription, record_images
 from ltvn_core.errors import OptionError
 from ltvn_core.evaluation.query_run import random_goals
 from ltvn_core.predictors.choice import ImageSource
 from ltvn_core.predictors.opening import open_predictor
-from ltvn_core.recording.recorded_robot import record_images
-from ltvn_core.recording.run_description import RunDescription
 from ltvn_core.robots.robot import open_loop_word
-from ltvn_core.robots.robot_view import fit_camera
-from ltvn_core.robots.watched_drive import watch_drive
+from ltvn_core.robots.robot_view import fit_camera, watch_drive
 from ltvn_core.systems.maintenance import with_maintenance
 from ltvn_core.verbs.collect import CollectVerb
 from ltvn_core.verbs.jobs.collect import CollectSummary, depth_findings
-from ltvn_core.verbs.jobs.headless_runner import QueriesSummary
-from ltvn_core.verbs.jobs.robot_queries import RobotQueries, continued_robot, opened_robot
+from ltvn_core.verbs.jobs.robot_queries import QueriesSummary, RobotQueries, continued_robot, opened_robot
 from ltvn_core.verbs.jobs.stream import announce_stream
-from ltvn_core.verbs.navigate_options import NavigateOptions, NavigateSummary
+from ltvn_core.verbs.navigate import NavigateOptions, NavigateSummary
 
 _LOG = logging.getLogger(__name__)
 
@@ -66,7 +63,8 @@ def navigate_with(options: NavigateOptions, name: str) -> NavigateSummary:
         raise OptionError("--world changes a simulated scene; leave it out with a robot of your own.")
     if options.maintenance in ("truth", "brm-rooms"):
         raise OptionError(f"--maintenance {options.maintenance} asks the simulator; choose another with a robot.")
-    started, rng = time.monotonic(), np.random.default_rng(options.seed)
+    started = time.monotonic()
+    rng = np.random.default_rng(options.seed)
     known = options.open_map()
     if options.maintenance is not None:
         known = replace(known, system=with_maintenance(known.system, options.maintenance))

@@ -8,23 +8,24 @@ from typing import Any
 
 import numpy as np
 
+from ltvn_core.data.recording.map_file import LoadedMap, load_map
+from ltvn_core.data.recording.recorded_run import RunDescription
 from ltvn_core.errors import MapError, OptionError
 from ltvn_core.evaluation.fault_injection import Fault, missing_edge, perceptual_alias, spurious_edges
 from ltvn_core.evaluation.ground_truth import GroundTruth
 from ltvn_core.graph.deltas import Cause, FramesReleased
 from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.maps.topological_map import TopologicalMap
 from ltvn_core.predictors.opening import open_method
-from ltvn_core.recording.map_file import LoadedMap, load_map
-from ltvn_core.recording.run_description import RunDescription
 from ltvn_core.simulation.body_selection import choose_body
 from ltvn_core.simulation.opening import open_simulation
 from ltvn_core.simulation.scene_registry import load_scene
 from ltvn_core.systems.maintenance import with_maintenance
 from ltvn_core.systems.registry import recorded_system
-from ltvn_core.topological_map import TopologicalMap
 from ltvn_core.types import Predictor
-from ltvn_core.verbs.jobs.headless_runner import HeadlessRunner, QueriesSummary
+from ltvn_core.verbs.jobs.headless_runner import HeadlessRunner
+from ltvn_core.verbs.jobs.robot_queries import QueriesSummary
 from ltvn_core.verbs.plant import PlantVerb
 from ltvn_core.verbs.verb import Summary
 
@@ -65,7 +66,8 @@ def _drive(options: PlantVerb) -> PlantSummary:
     truth = GroundTruth(load_scene(known.scene).clearance, lambda node: loaded.observations[node])
     faults = tuple(_insert_faults(options, known, truth))
     spurious = truth.spurious(graph)
-    start, first_step = loaded.observations[faults[0].start].exact_pose, max(loaded.observations) + 1
+    start = loaded.observations[faults[0].start].exact_pose
+    first_step = max(loaded.observations) + 1
     simulation = open_simulation(known.scene, seed=options.seed, first_step=first_step, start=start, body=options.body)
     run = RunDescription(
         scene=known.scene,

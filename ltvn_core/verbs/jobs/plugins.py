@@ -3,10 +3,10 @@
 import logging
 from dataclasses import dataclass
 
-from ltvn_core.contracts.contract_check import ContractCheck
-from ltvn_core.contracts.plugin_contracts import PluginRow, contract_checks, installed_plugins, plugin_row
 from ltvn_core.errors import OptionError
 from ltvn_core.plugins import Plugin
+from ltvn_core.verbs.contracts.plugin_contracts import PluginRow, contract_checks, installed_plugins, plugin_row
+from ltvn_core.verbs.contracts.predictor_contract import ContractCheck
 from ltvn_core.verbs.plugins import PluginsVerb
 from ltvn_core.verbs.verb import Summary
 

@@ -1,9 +1,14 @@
-"""`ltvn info | verify | repair`: look after recordings."""
+"""`ltvn info | verify | repair | view`: look after recordings, and open one in the Rerun viewer, in the browser."""
 
-from ltvn_core.recording.damage.integrity import repair, verify
-from ltvn_core.recording.info import read_info
+import logging
+from dataclasses import dataclass
+
+from ltvn_core.data.recording.damage.integrity import repair, verify
+from ltvn_core.data.recording.info import read_info
+from ltvn_core.data.recording.viewer_server import serve_viewer
 from ltvn_core.verbs.recording_files import InfoVerb, RepairVerb, VerifyVerb
 from ltvn_core.verbs.verb import Summary
+from ltvn_core.verbs.view import ViewVerb
 
 
 def tell_info(options: InfoVerb) -> Summary:
@@ -19,3 +24,21 @@ def verify_recording(options: VerifyVerb) -> Summary:
 def repair_recording(options: RepairVerb) -> Summary:
     """Repair the file; raises RecordingError where nothing can be saved."""
     return repair(options.recording, options.output, recording_id=options.recording_id or None)
+
+
+_LOG = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class ViewSummary:
+    """Where the viewer was."""
+
+    url: str
+
+
+def view_recording(options: ViewVerb) -> Summary:
+    """Serve until interrupted; raises RecordingError and ServerError."""
+    with serve_viewer(options.recording, options.port) as viewer:
+        _LOG.info("Open %s (Ctrl-C ends).", viewer.url)
+        viewer.wait()
+    return ViewSummary(viewer.url)

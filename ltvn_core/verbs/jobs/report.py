@@ -7,12 +7,11 @@ from pathlib import Path
 from tqdm import tqdm
 
 from ltvn_core.errors import OptionError
+from ltvn_core.evaluation.reports.evaluation_files import FoundResults, find_results, with_images
+from ltvn_core.evaluation.reports.evaluation_page import fill_results_page, render_page
+from ltvn_core.evaluation.reports.failure_gallery import select_failures
+from ltvn_core.evaluation.reports.figure_style import FIGURE_PALETTE
 from ltvn_core.evaluation.results import save_results
-from ltvn_core.reports.evaluation_blocks import fill_results_page
-from ltvn_core.reports.evaluation_files import FoundResults, find_results, with_images
-from ltvn_core.reports.evaluation_page import render_page
-from ltvn_core.reports.failure_gallery import select_failures
-from ltvn_core.reports.figure_style import FIGURE_PALETTE
 from ltvn_core.verbs.report import ReportVerb
 from ltvn_core.verbs.verb import Summary
 

@@ -3,16 +3,13 @@
 from collections.abc import Iterable
 from pathlib import Path
 
+from ltvn_core.data.importing.played_drive import NamedDrive, look_over_drive, play_drive
 from ltvn_core.errors import MapError, OptionError
-from ltvn_core.importing.drive_check import look_over_drive
-from ltvn_core.importing.named_drive import NamedDrive
-from ltvn_core.importing.played_drive import play_drive
+from ltvn_core.maps.topological_map import TopologicalMap
 from ltvn_core.navigation.passive_localisation import PassiveLocaliser
 from ltvn_core.robots.robot import Robot, WallClock
 from ltvn_core.robots.robot_check import PlaceSeen, PlacesReport
-from ltvn_core.robots.robot_view import fit_camera
-from ltvn_core.robots.watched_drive import watch_drive
-from ltvn_core.topological_map import TopologicalMap
+from ltvn_core.robots.robot_view import fit_camera, watch_drive
 from ltvn_core.types import Observation
 from ltvn_core.verbs.robot import RobotVerb
 from ltvn_core.verbs.verb import Summary
@@ -66,7 +63,8 @@ def _places_of_drive(drive: NamedDrive, path: Path) -> PlacesReport:
 
     Raises DriveError, MapError and RecordingError.
     """
-    known, time = _opened(path), _HurriedTime()
+    known = _opened(path)
+    time = _HurriedTime()
     played = play_drive(drive, WallClock(time.now, time.pass_by))
     played.observe()  # Its time begins at the second look.
     images = watch_drive(fit_camera(played, known.predictor.camera), lambda: played.is_over)

@@ -15,19 +15,18 @@ from typing import Literal, get_args
 
 import numpy as np
 
+from ltvn_core.data.recording.map_file import load_map
+from ltvn_core.data.recording.recorded_run import RunDescription
 from ltvn_core.errors import OptionError
-from ltvn_core.evaluation.query_log import append_to_log, read_query_log
-from ltvn_core.evaluation.query_result import QueryResult
+from ltvn_core.evaluation.query_result import QueryResult, append_to_log, read_query_log
 from ltvn_core.evaluation.query_run import judge_goal_reached, random_goals
-from ltvn_core.network.metrics.success_rate import SuccessRate
-from ltvn_core.recording.map_file import load_map
-from ltvn_core.recording.run_description import RunDescription
+from ltvn_core.network.metrics import SuccessRate
 from ltvn_core.robots.robot import Robot
 from ltvn_core.systems.maintenance import with_maintenance
 from ltvn_core.types import NodeId, Observation, Pose
 from ltvn_core.verbs.evaluate_robot import EvaluateRobotVerb
 from ltvn_core.verbs.jobs.robot_queries import RobotQueries, continued_robot, opened_robot
-from ltvn_core.verbs.navigate_options import NavigateOptions
+from ltvn_core.verbs.navigate import NavigateOptions
 
 _LOG = logging.getLogger(__name__)
 

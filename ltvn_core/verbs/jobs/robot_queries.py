@@ -1,24 +1,29 @@
 """Queries with a robot that is not simulated: time passes by itself, and everything is written down.
 
-Owns the robot's end: it is stopped and closed, whatever happens.
+Owns the robot's end: it is stopped and closed, whatever happens. Simulated runs are written down and summed up in the
+same way.
 """
 
 import logging
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 
 import numpy as np
 
+from ltvn_core.data.importing.played_drive import open_robot
+from ltvn_core.data.recording.recorded_run import RecordedRobot
+from ltvn_core.data.recording.writer import RecordingWriter
 from ltvn_core.errors import RobotError
 from ltvn_core.evaluation.query_result import QueryResult
 from ltvn_core.evaluation.query_run import run_query
-from ltvn_core.importing.played_drive import open_robot
+from ltvn_core.graph.deltas import BULK_CAUSES
+from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.maps.topological_map import TopologicalMap
 from ltvn_core.navigation.events import Event, GraphChanged, StampedEvent
-from ltvn_core.recording.recorded_robot import RecordedRobot
-from ltvn_core.recording.writer import RecordingWriter
 from ltvn_core.robots.robot import Robot, require_drivable
 from ltvn_core.robots.robot_view import ContinuedRobot, fit_camera
-from ltvn_core.topological_map import TopologicalMap
 from ltvn_core.types import CONTROL_STEP_S, NodeId
 
 _LOG = logging.getLogger(__name__)
@@ -46,6 +51,57 @@ def continued_robot(own: Robot, known: TopologicalMap) -> ContinuedRobot:
     return ContinuedRobot(fit_camera(own, known.predictor.camera), last_step=last.step, last_stamp_s=last.stamp)
 
 
+class DrawnRun:
+    """Writes down what happens to a robot that drives by a map, and draws the map anew where that changes it."""
+
+    def __init__(self, robot: Robot, writer: RecordingWriter, graph: TopologicalGraph) -> None:
+        """Take the time from the robot."""
+        self._robot = robot
+        self._writer = writer
+        self._graph = graph
+
+    def record(self, event: Event) -> None:
+        """Write down that something happened now."""
+        state = self._robot.state()
+        self._writer.write_event(StampedEvent(state.step, state.stamp, event))
+        if isinstance(event, GraphChanged) and event.delta.cause not in BULK_CAUSES:
+            self.draw()
+
+    def draw(self) -> None:
+        """Draw the map as it is now."""
+        state = self._robot.state()
+        self._writer.draw_graph(self._graph, state.step, state.stamp)
+
+
+@dataclass(frozen=True)
+class QueriesSummary:
+    """What a number of queries came to."""
+
+    queries: int
+    reached: int
+    """Queries that ended within 0.72 m and 0.4 rad of the goal by the robot's own decision."""
+    collisions: int
+    """Touches during the queries."""
+    pruned: int
+    """Edges that maintenance took away."""
+    added: int
+    """Edges and nodes that maintenance brought in."""
+    failures: dict[str, int]
+    """How the other queries ended, in the robot's own words; "arrived" means that it was wrong about that."""
+
+    @classmethod
+    def of(cls, results: Sequence[QueryResult]) -> "QueriesSummary":
+        """Sum up queries."""
+        return cls(
+            queries=len(results),
+            reached=sum(each.reached for each in results),
+            collisions=sum(each.collisions for each in results),
+            pruned=sum(each.pruned for each in results),
+            added=sum(each.added_edges + each.added_nodes for each in results),
+            failures=dict(Counter(each.outcome for each in results if not each.reached)),
+        )
+
+
 class RobotQueries:
     """Drives a robot to nodes of a map, one after the other."""
 
@@ -57,9 +113,9 @@ class RobotQueries:
         rng: np.random.Generator,
     ) -> None:
         """Drive by a map and maintain it as its system does; images and events go to `writer`."""
-        self._robot = robot
-        self._writer = writer
-        self._graph = known.graph
+        self._clock = robot.clock
+        self._path = writer.path
+        self._drawn = DrawnRun(robot, writer, known.graph)
         self._navigator = known.navigator(RecordedRobot(robot, writer), seed=rng)
 
     def drive_to(self, goal: NodeId, query: int) -> QueryResult:
@@ -69,22 +125,11 @@ class RobotQueries:
                 self._navigator,
                 goal,
                 query,
-                advance=lambda: self._robot.clock.advance(CONTROL_STEP_S),
-                consume=self._record,
+                advance=lambda: self._clock.advance(CONTROL_STEP_S),
+                consume=self._drawn.record,
             )
         except RobotError as error:
-            path = self._writer.path
-            raise RobotError(f"{error} The query to node {goal} is over; {path} has what came before.") from error
+            raise RobotError(f"{error} The query to node {goal} is over; {self._path} has what came before.") from error
         _LOG.info("Node %d: %s after %.1f m.", goal, result.outcome, result.path_m)
-        self._draw()
+        self._drawn.draw()
         return result
-
-    def _draw(self) -> None:
-        state = self._robot.state()
-        self._writer.draw_graph(self._graph, state.step, state.stamp)
-
-    def _record(self, event: Event) -> None:
-        state = self._robot.state()
-        self._writer.write_event(StampedEvent(state.step, state.stamp, event))
-        if isinstance(event, GraphChanged):
-            self._draw()

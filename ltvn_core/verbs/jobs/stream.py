@@ -2,8 +2,8 @@
 
 import logging
 
+from ltvn_core.data.recording.live_server import live_address
 from ltvn_core.errors import OptionError
-from ltvn_core.recording.live_server import live_address
 
 _LOG = logging.getLogger(__name__)
 _LAST_PORT = 65535

@@ -9,13 +9,13 @@ from ltvn_core.network.model_card import (
     HeldOutMetrics,
     InferenceSpeed,
     ModelCard,
-    TrainingDataSummary,
     measure_speed,
 )
 from ltvn_core.network.network_families import default_architecture
 from ltvn_core.network.optimization.trainer import Hyperparameters
 from ltvn_core.network.optimization.training_loop import TrainingData, TrainingPlan, TrainingResult, train_distributed
 from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
+from ltvn_core.network.training_data.shards import Shard, dataset_shards, read_shard, split_shards
 from ltvn_core.network.weights_file import load_weights, save_weights
 from ltvn_core.training.held_out_scenes import (
     TEST_SCENES,
@@ -24,8 +24,8 @@ from ltvn_core.training.held_out_scenes import (
     drives,
     figures,
     measure_network,
+    training_data_summary,
 )
-from ltvn_core.training_data.shards import Shard, dataset_shards, read_shard, split_shards
 from ltvn_core.verbs.train import TrainVerb
 from ltvn_core.verbs.verb import Summary
 
@@ -73,7 +73,8 @@ def train_network(options: TrainVerb) -> Summary:
     measured = _measure(options, result.weights)
     card = _card(options, output, plan, result, measure_speed(network), measured)
     save_weights(network, output, asdict(card))
-    speed, found = card.speed, figures(output, measured)
+    speed = card.speed
+    found = figures(output, measured)
     times = (speed.parameters, speed.encode_ms, speed.pair_ms)
     return TrainSummary(output, card.steps, card.pairs_compared, card.minutes, *times, found)
 
@@ -134,13 +135,7 @@ def _card(
 ) -> ModelCard:
     learned, _ = read_shards(options.data)
     return ModelCard(
-        TrainingDataSummary(
-            tuple(shard.name for shard in learned),
-            VALIDATION_SCENES,
-            sum(len(shard.rgb) for shard in learned),
-            sum(len(shard.sources) for shard in learned),
-            learned[0].recipe,
-        ),
+        training_data_summary(learned),
         plan,
         result.steps,
         result.pairs,

@@ -7,11 +7,11 @@ from typing import cast
 
 from tqdm import tqdm
 
+from ltvn_core.data.recording.drive_part import parse_part
+from ltvn_core.data.recording.reader import Recording
 from ltvn_core.errors import OptionError
 from ltvn_core.predictors.geometric import GeometricPredictor
 from ltvn_core.predictors.opening import open_predictor
-from ltvn_core.recording.drive_part import parse_part
-from ltvn_core.recording.reader import Recording
 from ltvn_core.training.calibration_tuning import tune_calibration
 from ltvn_core.verbs.finetune import FinetuneVerb
 from ltvn_core.verbs.verb import Summary

@@ -10,9 +10,9 @@ from ltvn_core.findings import Finding
 from ltvn_core.graph.deltas import GraphDelta
 from ltvn_core.navigation.events import GraphChanged, Note
 from ltvn_viz.session.live_run import LiveRun
-from ltvn_viz.session.modes import Mode
 from ltvn_viz.session.snapshot import JobProgress
 from ltvn_viz.session.worker import Worker
+from ltvn_viz.wishes.commands import Mode
 
 Rebuild = Callable[[Callable[[int, int], None]], Sequence[GraphDelta]]
 """Builds the map, reporting images done and in all, and returns every change from the old one."""
@@ -44,9 +44,12 @@ class MapBuilding:
 
         `findings` says afterwards what is doubtful of the new map.
         """
-        self._live, self._then, self._findings = live, then, findings
+        self._live = live
+        self._then = then
+        self._findings = findings
         self._cancelled = threading.Event()
-        self._done, self._total = 0, 0
+        self._done = 0
+        self._total = 0
         self.over = False
         live.robot.stop()
         worker.submit(lambda: self._run(rebuild), self._built)
@@ -72,7 +75,8 @@ class MapBuilding:
     def _progress(self, done: int, total: int) -> None:
         if self._cancelled.is_set():
             raise MapBuildingCancelled
-        self._done, self._total = done, total
+        self._done = done
+        self._total = total
 
     def _built(self, deltas: Sequence[GraphDelta] | None) -> None:
         for delta in deltas or ():

@@ -13,8 +13,8 @@ from ltvn_core.errors import RobotError
 from ltvn_core.navigation.events import Event, Tick
 from ltvn_core.types import CONTROL_STEP_S, NodeId
 from ltvn_viz.session.live_run import LiveRun
-from ltvn_viz.session.modes import Mode
 from ltvn_viz.session.worker import Worker
+from ltvn_viz.wishes.commands import Mode
 
 
 class Navigation:
@@ -24,8 +24,11 @@ class Navigation:
         self, live: LiveRun, worker: Worker, goal: NodeId, query: Iterator[Event | Tick], cancel: Callable[[], None]
     ) -> None:
         """Pull `query`; `cancel` makes it end with its events at the next pull and may be called from any thread."""
-        self._live, self._worker, self.goal = live, worker, goal
-        self._query, self._cancel = query, cancel
+        self._live = live
+        self._worker = worker
+        self.goal = goal
+        self._query = query
+        self._cancel = cancel
         self._events: SimpleQueue[Event] = SimpleQueue()
         self._thinking = False
         self._owed_s = 0.0
@@ -127,7 +130,8 @@ class Navigation:
         self._drain()
         if self.is_stopping or not goes_on:
             self._live.robot.stop()
-        self._owed_s, self.over = CONTROL_STEP_S, not goes_on
+        self._owed_s = CONTROL_STEP_S
+        self.over = not goes_on
         self._step_ends_s = self._live.robot.clock.now() + CONTROL_STEP_S
 
     def _drain(self) -> None:

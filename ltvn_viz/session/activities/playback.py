@@ -1,31 +1,87 @@
 """A recording in the page: the same moments as live, at any time one likes.
 
 Owns the place in time and the image on show. Never writes, and keeps no image but the one on show.
+
+What compares its images is the predictor that they or their map ask for; that choice is
+`ltvn_core.predictors.choice`'s.
 """
 
+import logging
 from collections.abc import Callable
 from functools import cached_property
-from typing import Protocol, TypeAlias
+from pathlib import Path
+from typing import NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.cameras.rectification import have_same_rays
+from ltvn_core.config import Method
+from ltvn_core.data.recording.metadata import RecordingMetadata
+from ltvn_core.data.recording.reader import Recording, garbage_collection_paused
 from ltvn_core.errors import LtvnError
-from ltvn_core.predictors.choice import IMPORTED
-from ltvn_core.recording.garbage_collection import garbage_collection_paused
-from ltvn_core.recording.metadata import RecordingMetadata
-from ltvn_core.recording.reader import Recording
+from ltvn_core.predictors.choice import IMPORTED, ImageSource, PredictorChoice
+from ltvn_core.predictors.opening import NETWORK, open_method, open_predictor
 from ltvn_core.robots.robot_spec import LOCOBOT
-from ltvn_core.types import FrameId, NodeId, Observation
+from ltvn_core.systems.registry import open_system
+from ltvn_core.types import FrameId, NodeId, Observation, Predictor
 from ltvn_viz.session.live_run import TICK_S
-from ltvn_viz.session.modes import Mode
+from ltvn_viz.session.options import AppOptions
 from ltvn_viz.session.recording_library import RecordingLibrary
-from ltvn_viz.session.replay_method import ReplayMethod
 from ltvn_viz.session.snapshot import CameraImage, PlaybackStatus
 from ltvn_viz.timeline.breakpoint_monitor import BreakpointMonitor
 from ltvn_viz.timeline.run_moment import TRAJECTORY_POINTS, RunMoment, moment_of
+from ltvn_viz.wishes.commands import Mode
+
+logger = logging.getLogger(__name__)
+
+
+class ReplayMethod(NamedTuple):
+    """How the images of a recording are compared."""
+
+    predictor: Predictor
+    method: Method
+    """The thresholds, with the constants measured for the predictor."""
+
+
+class ReplayMethods:
+    """Opens predictors for recordings, each once. Use it in the worker's thread alone."""
+
+    def __init__(self, options: AppOptions, robots: Predictor) -> None:
+        """Take the options, with the predictor by its own name, and the one that looks through the robot's camera."""
+        self._options = options
+        self._robots = robots
+        self._opened: dict[str, ReplayMethod] = {}
+
+    def of(self, meta: RecordingMetadata) -> ReplayMethod | None:
+        """Return what compares a recording's images.
+
+        None stands for what the robot uses, which also serves where the recording's own cannot be opened here.
+        """
+        try:
+            choice = ImageSource.of(meta).choose()
+            return None if self._is_the_robots(choice, meta.camera) else self._open(choice, meta)
+        except LtvnError as error:
+            logger.info("The images of the recording are compared as the robot's are: %s", error)
+            return None
+
+    def _is_the_robots(self, choice: PredictorChoice, camera: CameraModel) -> bool:
+        if choice.name != self._options.predictor:
+            return False
+        # The network takes images of one camera alone, to which all others are fitted.
+        return choice.name == NETWORK or have_same_rays(camera, self._robots.camera)
+
+    def _open(self, choice: PredictorChoice, meta: RecordingMetadata) -> ReplayMethod:
+        key = repr((choice.name, meta.scene, meta.camera))
+        if key not in self._opened:
+            options = self._options
+            predictor = open_predictor(choice.name, meta.scene, options.start_weights, camera=meta.camera)
+            system = open_system(options.system, open_method(options.preset, predictor))
+            self._opened[key] = ReplayMethod(predictor, system.method)
+        return self._opened[key]
+
 
 MethodChoice: TypeAlias = Callable[[RecordingMetadata], ReplayMethod | None]
 """How a recording's images are to be compared; None as those of the robot."""
@@ -65,11 +121,16 @@ class Playback:
         program took the images, with whatever carried the camera. `method` compares the images; None does it as the
         robot does.
         """
-        self.name, self.scene, self.weights, self.system = name, scene, weights, system
+        self.name = name
+        self.scene = scene
+        self.weights = weights
+        self.system = system
         self.maintenance = maintenance
-        self.camera_model, self.is_imported = camera, is_imported
+        self.camera_model = camera
+        self.is_imported = is_imported
         self.method = method
-        self.timeline, self._observations = timeline, observations
+        self.timeline = timeline
+        self._observations = observations
         self._start_s = timeline.start_s
         self.length_s = max(0.0, timeline.end_s - self._start_s)
         self.time_s = 0.0
@@ -112,7 +173,8 @@ class Playback:
         """Let a tick of recorded time pass."""
         if not self.playing:
             return
-        before, until = self.time_s, self.time_s + TICK_S * self.speed
+        before = self.time_s
+        until = self.time_s + TICK_S * self.speed
         stop = self.breakpoint_monitor.first_between(self.timeline, before, until)
         self.seek(until if stop is None else stop.time_s)
         self.playing = stop is None and self.time_s < self.length_s
@@ -143,15 +205,20 @@ class Playback:
 
 def open_replay(library: RecordingLibrary, name: str, choose_method: MethodChoice = lambda _: None) -> Playback:
     """Read a recording of the library for the page; raises RecordingError."""
+    return read_replay(library.path(name), choose_method)
+
+
+def read_replay(path: Path, choose_method: MethodChoice = lambda _: None) -> Playback:
+    """Read a recording or a map as a replay; raises RecordingError."""
     with garbage_collection_paused():
-        recording = Recording.open(library.path(name))
+        recording = Recording.open(path)
         poses = recording.poses
         drawn = poses.odometry if poses.exact is None else poses.exact
         frames = list(zip(poses.steps.tolist(), poses.stamps.tolist(), drawn, strict=True))
         timeline = Timeline.of(recording.events, frames)
     meta = recording.meta
     return Playback(
-        name,
+        path.name,
         meta.scene,
         timeline,
         recording,

@@ -8,14 +8,14 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from ltvn_core.data.recording.recorded_run import DepthWatch
 from ltvn_core.geometry import relative
 from ltvn_core.graph.deltas import GraphDelta
 from ltvn_core.navigation.events import GraphChanged
-from ltvn_core.recording.recorded_robot import DepthWatch
 from ltvn_core.types import FrameId, Observation, Pose, Twist
 from ltvn_viz.session.live_run import LiveRun
-from ltvn_viz.session.modes import Mode
 from ltvn_viz.session.worker import Worker
+from ltvn_viz.wishes.commands import Mode
 
 KEYFRAME_M = 0.12
 KEYFRAME_RAD = float(np.deg2rad(10))
@@ -30,7 +30,9 @@ class Teleop:
 
     def __init__(self, live: LiveRun, worker: Worker, offer: Callable[[Observation], Sequence[GraphDelta]]) -> None:
         """Drive the live robot; `offer` gives an image to the map in the worker's thread and returns what changed."""
-        self._live, self._worker, self._offer = live, worker, offer
+        self._live = live
+        self._worker = worker
+        self._offer = offer
         self._moving = False
         self._step: FrameId | None = None
         self._waiting: deque[Observation] = deque(maxlen=LAG_LIMIT)
@@ -69,9 +71,8 @@ class Teleop:
     def _look(self) -> None:
         pose = self._live.robot.state().odometry
         if self._captured is not None and np.array_equal(pose, self._captured):
-            # A standing robot sees nothing new for the map, but people walk past a camera that is not simulated.
-            if not self._live.robot.clock.is_simulated:
-                self._live.glance()
+            # A standing robot sees nothing new for the map, but people walk past it, and doors close before it.
+            self._live.glance()
             return
         self._captured = pose
         observation = self._live.capture()

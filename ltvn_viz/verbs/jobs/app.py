@@ -8,9 +8,9 @@ from pathlib import Path
 import viser  # noqa: F401  (first, so that an error names the extra of the page)
 
 from ltvn_core.atomic_files import atomic_output
+from ltvn_core.data.recording.demo_files import demo_file
+from ltvn_core.data.recording.info import read_info
 from ltvn_core.errors import RecordingError
-from ltvn_core.recording.demo_files import demo_file
-from ltvn_core.recording.info import read_info
 from ltvn_core.verbs.jobs.stream import announce_stream
 from ltvn_core.verbs.verb import Summary
 from ltvn_viz.app import AppOptions, run_app

@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+from ltvn_core.data.exporting.recording_export import ExportFormat, export_recording
+from ltvn_core.data.recording.excerpt import Excerpt, time_span, write_excerpt
+from ltvn_core.data.recording.reader import Recording
 from ltvn_core.errors import OptionError
-from ltvn_core.exporting.recording_export import ExportFormat, export_recording
-from ltvn_core.recording.excerpt import Excerpt, time_span, write_excerpt
-from ltvn_core.recording.reader import Recording
 from ltvn_core.verbs.verb import Summary
 from ltvn_viz.debugger.exports import draw_map, write_excerpt_test
 from ltvn_viz.verbs.export import ExportVerb
@@ -92,7 +92,8 @@ def _check_format(options: ExportVerb, to_format: ExportFormat) -> None:
 
 
 def _export(options: ExportVerb, to_format: ExportFormat, to_s: float | None) -> Summary:
-    recording, output = Recording.open(options.recording), options.output or Path()
+    recording = Recording.open(options.recording)
+    output = options.output or Path()
     done = export_recording(recording, output, to_format, from_s=options.from_s, to_s=to_s)
     files = [output] if output.is_file() else [file for file in output.rglob("*") if file.is_file()]
     return _summary(

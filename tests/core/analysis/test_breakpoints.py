@@ -17,6 +17,7 @@ from ltvn_core.analysis.breakpoints import (
 )
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.config import BeliefConfig
+from ltvn_core.data.recording.reader import Recording
 from ltvn_core.errors import OptionError
 from ltvn_core.graph.deltas import (
     Belief,
@@ -32,7 +33,6 @@ from ltvn_core.graph.deltas import (
     PoseRow,
 )
 from ltvn_core.navigation import events as e
-from ltvn_core.recording.reader import Recording
 from tests.repository import DEMO_DRIVE
 
 HERE = PoseRow(0.0, 0.0, 0.0)

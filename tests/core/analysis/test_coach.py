@@ -10,6 +10,7 @@ from ltvn_core.analysis.mapping_advice import (
     one_sided_places,
 )
 from ltvn_core.config import ROBUST
+from ltvn_core.data.recording.reader import Recording
 from ltvn_core.geometry import wrap_angle
 from ltvn_core.graph.builder import build
 from ltvn_core.graph.connectivity import strongly_connected_components
@@ -17,7 +18,6 @@ from ltvn_core.graph.deltas import Belief, Cause, Edge, EdgeAdded, Node, NodeAdd
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.topological_graph import TopologicalGraph
-from ltvn_core.recording.reader import Recording
 from tests.core.flat_world import FlatPredictor, one_room, tour
 from tests.repository import DEMO_DRIVE
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from ltvn_core.analysis.map_comparison import MatchedBy, compare_maps, edge_betweenness, map_metrics
+from ltvn_core.data.recording.reader import Recording
 from ltvn_core.graph.deltas import (
     Belief,
     BeliefUpdated,
@@ -18,7 +19,6 @@ from ltvn_core.graph.deltas import (
     PoseRow,
 )
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
-from ltvn_core.recording.reader import Recording
 from tests.repository import DEMO_DRIVE
 
 

@@ -1,22 +1,55 @@
 """Presence of an edge over time: what was observed, what is expected, and what it would be like at another time."""
 
+import itertools
+
 import pytest
 
 from examples.presence_plugin.presence_filters import FREMEN
 from ltvn_core.analysis.edge_presence_history import (
+    PresenceDecision,
     PresenceState,
     expected_open_s,
+    explain_decision,
     observed_presence,
     presence_as_if,
-    presence_changes,
+    presence_decision,
+    presence_difference,
     presence_strip,
 )
 from ltvn_core.analysis.timeline import Timeline
-from ltvn_core.graph.deltas import Belief, Cause, Edge, EdgeAdded, Node, NodeAdded, PoseRow, PresenceObserved
-from ltvn_core.graph.presence.observation import PresenceObservation
+from ltvn_core.analysis.what_if_changes import format_what_if_change, parse_what_if_change
+from ltvn_core.analysis.what_if_scenario import PresenceMoment, planner_state_at, replan
+from ltvn_core.analysis.world_clock import (
+    clock_text,
+    event_count_at,
+    parse_world_time,
+    time_ahead,
+    time_behind,
+    world_time_at,
+)
+from ltvn_core.config import ROBUST
+from ltvn_core.errors import OptionError
+from ltvn_core.graph.deltas import (
+    Belief,
+    Cause,
+    Edge,
+    EdgeAdded,
+    EdgePruned,
+    Node,
+    NodeAdded,
+    NodeDropped,
+    PoseRow,
+    PresenceObserved,
+)
+from ltvn_core.graph.planner import Planner
+from ltvn_core.graph.presence.edge_presence import FilteredPresence
 from ltvn_core.graph.presence.persistent import PERSISTENT
+from ltvn_core.graph.presence.presence_filter import PresenceObservation
+from ltvn_core.graph.presence.presence_plan import plan_by_presence
 from ltvn_core.graph.topological_graph import TopologicalGraph
-from ltvn_core.navigation.events import GraphChanged, StampedEvent
+from ltvn_core.navigation.events import GraphChanged, Localised, Planned, QueryStarted, StampedEvent, WorldChanged
+from ltvn_core.worlds import DoorMoved, TimePassed
+from tests.core.evaluation.ground_truth_map import map_with_edges
 
 CLOSED_TWICE = [PresenceObservation(present=False, stamp_s=float(at)) for at in (100, 700)]
 OPENED = [*CLOSED_TWICE, PresenceObservation(present=True, stamp_s=4000.0)]
@@ -69,10 +102,157 @@ def test_another_hour_is_another_answer_where_something_happens_every_day() -> N
     for hour in range(96):
         open_now = 8 <= hour % 24 < 20
         graph.apply(PresenceObserved(1, 2, present=open_now, stamp=hour * 3600.0, cause=Cause.SIGHT))
-    daily = FREMEN
-    noon, night = (presence_as_if(graph, daily, (96 + hour) * 3600.0)[1, 2] for hour in (14, 26))
+    noon, night = (presence_as_if(graph, FREMEN, (96 + hour) * 3600.0)[1, 2] for hour in (14, 26))
     assert noon > 0.7 > 0.3 > night
-    changed = presence_changes(graph, daily, (96 + 14) * 3600.0, (96 + 26) * 3600.0)
-    assert [(each.edge, each.before, each.now) for each in changed] == [
-        ((1, 2), pytest.approx(noon), pytest.approx(night))
-    ]
+
+
+HOUR = 3600.0
+EIGHT = 8 * HOUR
+
+
+def through_the_door(around: float) -> list[GraphChanged]:
+    """Return a map with a way 0, 1, 2 by the door 1 -> 2, and one by 3 that is `around` long."""
+    graph = [GraphChanged(NodeAdded(Node(k, PoseRow(0, 0, 0)), Cause.BUILD)) for k in range(4)]
+    for source, target, mu in ((0, 1, 0.5), (1, 2, 0.5), (0, 3, around / 2), (3, 2, around / 2), (1, 0, 0.5)):
+        edge = Edge(source, target, PoseRow(mu, 0, 0), Belief(0.99, mu, 0.02))
+        graph.append(GraphChanged(EdgeAdded(edge, Cause.BUILD)))
+    return graph
+
+
+def run(around: float, waited_s: float) -> Timeline:
+    """Return a run in which the door is seen blocked at 8:00:10, and a plan is made `waited_s` after that."""
+    events = [StampedEvent(0, 0.0, event) for event in through_the_door(around)]
+    events.append(StampedEvent(0, 0.0, WorldChanged(TimePassed(0.0), at_s=EIGHT)))
+    blocked = PresenceObserved(1, 2, present=False, stamp=EIGHT + 10.0, cause=Cause.ATTEMPT)
+    events.append(StampedEvent(100, 10.0, QueryStarted(0, 2)))
+    events.append(StampedEvent(100, 10.0, GraphChanged(blocked, query=0, attempt=0)))
+    events.append(StampedEvent(110, 11.0, WorldChanged(TimePassed(waited_s), at_s=EIGHT + 11.0 + waited_s)))
+    events.append(StampedEvent(120, 12.0, QueryStarted(1, 2)))
+    events.append(StampedEvent(120, 12.0, Localised(1, 120, 0, 0.1, 0.9, None, 0.5, "global")))
+    timeline = Timeline.of(events)
+    graph = timeline.graph_at()
+    open_now = FilteredPresence(PERSISTENT).probabilities(
+        graph, world_time_at(timeline, timeline.instant(len(events) - 1))
+    )
+    planner = Planner(graph, ROBUST.planning)
+    path = plan_by_presence(planner, 0, 2, {}, open_now, belief_weight=ROBUST.planning.belief_weight)
+    timeline.append_event(StampedEvent(121, 12.1, Planned(1, path.nodes, path.cost)))
+    return timeline
+
+
+def decision(timeline: Timeline) -> PresenceDecision:
+    """Return what its last plan chose between."""
+    made = presence_decision(timeline, timeline.plans[-1], ROBUST.planning, PERSISTENT)
+    assert made is not None
+    return made
+
+
+def test_a_try_that_saves_much_is_explained_in_numbers() -> None:
+    made = decision(run(around=12.0, waited_s=60.0))
+    said = " ".join(explain_decision(made))
+    assert made.tried
+    assert made.follows_rule
+    assert made.tries == 0
+    assert made.edge == (1, 2)
+    assert made.expected_cost < made.around.cost
+    assert f"p = {made.p:.2f}" in said
+    assert f"{made.expected_saving:.2f} less than going around" in said
+    assert "day 1, 08:01" in said
+
+
+def test_going_around_is_explained_too_where_a_try_is_not_worth_it() -> None:
+    made = decision(run(around=1.6, waited_s=60.0))
+    assert not made.tried
+    assert made.follows_rule
+    assert made.expected_saving < 0
+    assert "so it went around" in " ".join(explain_decision(made))
+
+
+def test_an_edge_that_is_probably_open_by_now_is_driven_like_any_other() -> None:
+    made = decision(run(around=3.0, waited_s=30 * 24 * HOUR))
+    assert made.tried
+    assert made.counts_as_open
+    assert "so it counted as open" in " ".join(explain_decision(made))
+
+
+def test_a_plan_on_whose_way_nothing_was_seen_blocked_needs_no_explanation() -> None:
+    timeline = run(around=0.8, waited_s=60.0)
+    assert presence_decision(timeline, timeline.plans[-1], ROBUST.planning, PERSISTENT) is None
+
+
+def test_later_the_door_is_probably_open_and_the_plan_leads_through_it() -> None:
+    timeline = run(around=1.6, waited_s=60.0)
+    now = PresenceMoment(PERSISTENT, world_time_at(timeline, timeline.instant(len(timeline.events) - 1)))
+    found = replan(
+        timeline.graph_at(), planner_state_at(timeline), ROBUST, [parse_what_if_change("in 2 d")], presence=now
+    )
+    assert found.old.nodes == (0, 3, 2)
+    assert found.new.nodes == (0, 1, 2)
+    assert found.old_open[1, 2] < 0.5 < found.new_open[1, 2]
+    assert "day 3, 08:01" in " ".join(found.notes)
+
+
+def test_without_presence_a_later_time_changes_nothing_and_says_so() -> None:
+    graph = TopologicalGraph([each.delta for each in through_the_door(3.0)])
+    found = replan(graph, planner_state_at(run(3.0, 1.0)), ROBUST, [parse_what_if_change("at 18:00")])
+    assert found.old == found.new
+    assert "time changes nothing" in found.notes[0]
+
+
+@pytest.mark.parametrize("text", ["at 18:00", "at day 2 07:30", "in 30 min", "in 1 h", "in 2 d"])
+def test_a_time_is_written_as_it_is_read(text: str) -> None:
+    assert format_what_if_change(parse_what_if_change(text)) == text
+
+
+@pytest.mark.parametrize("text", ["at 25:00", "at 12:61", "at noon", "in an hour", "at day 0 12:00"])
+def test_what_is_no_time_is_answered_with_what_is(text: str) -> None:
+    with pytest.raises(OptionError, match="at 18:00"):
+        parse_what_if_change(text)
+
+
+def test_a_time_of_day_is_the_next_one_ahead_and_the_last_one_behind() -> None:
+    now = 24 * HOUR + 12 * HOUR
+    assert clock_text(time_ahead(parse_world_time("at 18:00"), now)) == "day 2, 18:00"
+    assert clock_text(time_ahead(parse_world_time("at 8:00"), now)) == "day 3, 08:00"
+    assert clock_text(time_behind(parse_world_time("at 18:00"), now)) == "day 1, 18:00"
+    assert clock_text(time_behind(parse_world_time("1 d ago"), now)) == "day 1, 12:00"
+    with pytest.raises(OptionError, match="already"):
+        time_ahead(parse_world_time("day 1 9:00"), now)
+    with pytest.raises(OptionError, match="only"):
+        time_behind(parse_world_time("day 3 9:00"), now)
+
+
+def test_the_clock_of_the_world_goes_on_while_that_of_the_robot_stands_still() -> None:
+    timeline = run(around=3.0, waited_s=HOUR)
+    times = [world_time_at(timeline, timeline.instant(number)) for number in range(len(timeline.events))]
+    assert all(earlier <= later for earlier, later in itertools.pairwise(times))
+    assert times[-1] == pytest.approx(EIGHT + 12.1 + HOUR)
+    assert 0 < event_count_at(timeline, EIGHT + 30.0) < event_count_at(timeline, EIGHT + 2 * HOUR)
+
+
+def test_a_map_where_nothing_was_seen_blocked_differs_by_what_is_closed_in_the_other() -> None:
+    timeline = run(around=3.0, waited_s=1.0)
+    here, there = timeline.graph_at(), TopologicalGraph([each.delta for each in through_the_door(3.0)])
+    same = {edge: edge for edge in there.edges}
+    (change,) = presence_difference((here, EIGHT + 20), (there, 0.0), PERSISTENT, edges=same)
+    assert change.edge == (1, 2)
+    assert change.now < 0.5 < change.before == 1.0
+
+
+def test_doors_count_as_the_world_and_not_as_presence() -> None:
+    events = [StampedEvent(1, 1.0, WorldChanged(DoorMoved(0, is_open=False), at_s=50.0))]
+    timeline = Timeline.of(events)
+    assert world_time_at(timeline, timeline.instant(0)._replace(stamp=4.0)) == pytest.approx(53.0)
+    assert timeline.progress_before(1).seen_blocked == 0
+
+
+def test_an_edge_that_left_the_map_is_blocked_no_longer() -> None:
+    blocked = PresenceObserved(1, 2, present=False, stamp=5.0, cause=Cause.SIGHT)
+    made = [GraphChanged(delta) for delta in map_with_edges((1, 2), (2, 1), (5, 6)).deltas()]
+    for leaves in (EdgePruned(1, 2, Cause.ATTEMPT), NodeDropped(2, Cause.HAND), made[0].delta):
+        events = [*made, GraphChanged(blocked), GraphChanged(leaves)]
+        timeline = Timeline.of(StampedEvent(step, float(step), event) for step, event in enumerate(events))
+
+        assert timeline.progress_before(len(events) - 1).blocked == {(1, 2)}
+        assert (1, 2) not in timeline.graph_at().presence
+        assert timeline.progress_before(len(events)).blocked == set()

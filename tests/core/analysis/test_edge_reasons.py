@@ -3,11 +3,11 @@
 import pytest
 
 from ltvn_core.analysis import edge_explanation
-from ltvn_core.analysis.explanation_steps import ExplanationKind
-from ltvn_core.analysis.plan_alternative import plan_alternative
+from ltvn_core.analysis.plan_alternative import ExplanationKind, plan_alternative
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import Instant
 from ltvn_core.config import PAPER, ROBUST, BeliefConfig, PlanningConfig
+from ltvn_core.data.recording.reader import Recording
 from ltvn_core.graph.deltas import (
     Cause,
     FramesReserved,
@@ -20,7 +20,6 @@ from ltvn_core.graph.deltas import (
 )
 from ltvn_core.graph.operators import OperatorThresholds
 from ltvn_core.navigation.events import GraphChanged, Planned, QueryStarted
-from ltvn_core.recording.reader import Recording
 from tests.core.analysis import example_runs
 from tests.repository import DEMO_DRIVE
 
@@ -35,14 +34,14 @@ def test_a_pruned_edge_is_gone_because_of_its_failures() -> None:
         (ExplanationKind.GONE, 140),
     ]
     assert "p from 0.90 to 0.60" in chain[1].text
-    assert "taught nothing" in chain[2].text
+    assert "did not change its belief" in chain[2].text
     assert chain[-1].text == "It was pruned after attempt 4: p = 0.20, below R_p = 0.50, with 2 failures."
     assert all(reason.ids == (1, 2) for reason in chain)
 
 
 def test_an_edge_that_was_not_yet_pruned_then_is_not_gone() -> None:
     chain = edge_explanation.explain_pruned_edge(example_runs.timeline(), 1, 2, at=Instant(100, 10.0))
-    assert chain[-1].text == "Edge 1 -> 2 is not gone: p = 0.60, mu = 1.00."
+    assert chain[-1].text == "Edge 1 -> 2 is not gone: p = 0.60, length (mu) = 1.00."
 
 
 def test_an_edge_goes_with_its_node_or_with_its_map() -> None:
@@ -60,12 +59,14 @@ def test_an_edge_goes_with_its_node_or_with_its_map() -> None:
 
 def test_a_weak_edge_is_weak_because_of_what_driving_taught() -> None:
     chain = edge_explanation.explain_edge_belief(example_runs.timeline(), 1, 2, at=Instant(100, 10.0))
-    assert chain[-1].text == "1 attempt counted, 0 with success: p went from 0.90 to 0.60, mu from 1.00 to 1.00."
+    assert (
+        chain[-1].text == "1 attempt counted, 0 with success: p went from 0.90 to 0.60, length (mu) from 1.00 to 1.00."
+    )
 
 
 def test_an_edge_nobody_drove_is_as_weak_as_the_network_made_it() -> None:
     assert (
-        "as it came in: p = 0.90, mu = 1.50"
+        "as it came in: p = 0.90, length (mu) = 1.50"
         in edge_explanation.explain_edge_belief(example_runs.timeline(), 0, 3)[-1].text
     )
 
@@ -218,3 +219,10 @@ def test_a_recording_cut_anywhere_still_gives_answers(length: int) -> None:
     ):
         assert all(reason.text for reason in chain)
         assert chain
+
+
+def test_a_node_of_a_built_map_was_joined_with_all_neighbours_that_the_map_has_then() -> None:
+    timeline = Timeline.of(Recording.open(DEMO_DRIVE).events)
+    for node in list(timeline.graph_at().nodes)[::20]:
+        neighbours = timeline.graph_at().successors(node)
+        assert f"joined with {len(neighbours)} node" in edge_explanation.explain_node(timeline, node)[1].text

@@ -5,13 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ltvn_core.analysis.edge_history import edge_history
+from ltvn_core.analysis.edge_history import edge_history, pole_in_image
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import Instant
-from ltvn_core.analysis.waypoint_projection import pole_in_image
+from ltvn_core.data.recording.reader import Recording
 from ltvn_core.graph.deltas import Cause, NodeDropped
 from ltvn_core.navigation.events import AttemptEnd, GraphChanged
-from ltvn_core.recording.reader import Recording
 from ltvn_core.robots.robot_spec import LOCOBOT
 from tests.core.analysis import example_runs
 from tests.repository import DEMO_DRIVE

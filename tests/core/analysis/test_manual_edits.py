@@ -10,14 +10,14 @@ from hypothesis import strategies as st
 
 from ltvn_core.analysis import manual_edits
 from ltvn_core.config import ROBUST
+from ltvn_core.data.recording.reader import Recording
+from ltvn_core.data.recording.writer import RecordingWriter
 from ltvn_core.errors import LtvnError
 from ltvn_core.geometry import distance
 from ltvn_core.graph.deltas import Belief, Cause, GraphDelta, Node, NodeAdded, PoseRow
 from ltvn_core.graph.maintenance import AttemptEvidence, update_edge
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import GraphChanged, StampedEvent
-from ltvn_core.recording.reader import Recording
-from ltvn_core.recording.writer import RecordingWriter
 from tests.core.graph.test_topograph import histories
 from tests.repository import ROOT
 

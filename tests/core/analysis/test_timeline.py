@@ -4,10 +4,10 @@ import pytest
 
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import Instant, MarkKind
+from ltvn_core.data.recording.reader import Recording
 from ltvn_core.graph.deltas import Cause, NodeDropped
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import GraphChanged, Outcome, Planned, QueryEnded, QueryStarted
-from ltvn_core.recording.reader import Recording
 from tests.core.analysis import example_runs
 from tests.repository import DEMO_DRIVE, DEMO_MAP
 

@@ -5,9 +5,9 @@ import pytest
 from ltvn_core.analysis.failure_triage import FailureMode, failed_queries, group_by_failure_mode, group_by_place
 from ltvn_core.analysis.lifelong_success import lifelong_success
 from ltvn_core.analysis.timeline import Timeline
+from ltvn_core.data.recording.reader import Recording
 from ltvn_core.errors import OptionError
 from ltvn_core.navigation.events import Collided, Judged, Note, Outcome, Planned, QueryStarted, Severity, StampedEvent
-from ltvn_core.recording.reader import Recording
 from tests.core.analysis import example_runs
 from tests.repository import DEMO_DRIVE
 

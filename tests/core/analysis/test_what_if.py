@@ -23,6 +23,7 @@ from ltvn_core.analysis.what_if_changes import (
 )
 from ltvn_core.analysis.what_if_scenario import PlannerState, planner_state_at, replan
 from ltvn_core.config import PAPER, ROBUST
+from ltvn_core.data.recording.reader import Recording
 from ltvn_core.errors import LtvnError, MapError
 from ltvn_core.graph.builder import build
 from ltvn_core.graph.deltas import Belief, Cause, Edge, EdgeAdded, Node, NodeAdded, PoseRow
@@ -37,7 +38,6 @@ from ltvn_core.navigation.events import (
     QueryStarted,
     StampedEvent,
 )
-from ltvn_core.recording.reader import Recording
 from ltvn_core.systems.registry import open_system
 from tests.core.flat_world import FlatPredictor, one_room, tour
 from tests.repository import DEMO_DRIVE

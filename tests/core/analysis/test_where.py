@@ -8,9 +8,14 @@ from functools import cache
 import numpy as np
 import pytest
 
-from ltvn_core.analysis.localisation_confidence import features_of, localisation_heat_map, localisation_margins
-from ltvn_core.analysis.perceptual_aliases import find_perceptual_aliases
+from ltvn_core.analysis.localisation_confidence import (
+    features_of,
+    find_perceptual_aliases,
+    localisation_heat_map,
+    localisation_margins,
+)
 from ltvn_core.config import PAPER, ROBUST, Method
+from ltvn_core.data.recording.reader import Recording
 from ltvn_core.errors import MapError
 from ltvn_core.graph.deltas import Belief, Cause, Edge, EdgeAdded, EdgePruned, Node, NodeAdded, PoseRow
 from ltvn_core.graph.keyframes import KeyframeStore
@@ -18,7 +23,6 @@ from ltvn_core.graph.localiser import Localiser
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import Localised, StampedEvent
-from ltvn_core.recording.reader import Recording
 from ltvn_core.types import NodeId, Observation
 from tests.core.flat_world import FlatPredictor, FlatWorld, box, observation_at
 from tests.repository import DEMO_DRIVE

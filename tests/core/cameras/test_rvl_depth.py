@@ -8,7 +8,7 @@ from hypothesis.extra.numpy import arrays
 
 from ltvn_core.cameras.encoded_images import decode_rvl
 from ltvn_core.errors import DriveError
-from tests.core.importing.rvl_encoder import encode_rvl
+from tests.core.data.importing.rvl_encoder import encode_rvl
 
 SPARSE = st.one_of(st.just(0), st.integers(0, 2**16 - 1))
 

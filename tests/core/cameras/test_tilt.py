@@ -12,12 +12,12 @@ from scipy.ndimage import binary_erosion
 
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.cameras.original_images import compress_original
+from ltvn_core.data.recording.damage.integrity import verify
+from ltvn_core.data.recording.reader import Recording
+from ltvn_core.data.recording.writer import RecordingWriter
 from ltvn_core.errors import ImageError
 from ltvn_core.image_validity import check_observation
 from ltvn_core.preprocessing import preprocess_observation, recorded_observation, rectify_observation
-from ltvn_core.recording.damage.integrity import verify
-from ltvn_core.recording.reader import Recording
-from ltvn_core.recording.writer import RecordingWriter
 from ltvn_core.types import Observation, Tilt
 from tests.repository import ROOT
 

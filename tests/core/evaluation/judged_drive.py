@@ -14,7 +14,7 @@ from ltvn_core.evaluation.predictor_accuracy.judgement import Judgement, Judgeme
 from ltvn_core.geometry import compose, relative
 from ltvn_core.graph.ltvn import ltvn_system
 from ltvn_core.robots.robot_spec import LOCOBOT
-from ltvn_core.training_data.truth_limits import true_views
+from ltvn_core.training.drive_path import true_views
 from ltvn_core.types import Features, Observation, Pose, Prediction, Predictor
 from tests.core.flat_world import FlatPredictor, one_room, tour
 

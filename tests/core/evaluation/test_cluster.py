@@ -13,14 +13,13 @@ import pytest
 from psutil import Process
 
 from ltvn_core.errors import EngineError, OptionError
-from ltvn_core.evaluation.parts import WHOLE, Part
 from ltvn_core.evaluation.preparation_progress import EvaluationProgress
 from ltvn_core.evaluation.protocol import EvaluationProtocol
 from ltvn_core.evaluation.query_result import QueryResult
 from ltvn_core.evaluation.results import TrialResult
 from ltvn_core.evaluation.trial_plans import TrialPlan
 from ltvn_core.evaluation.trials import run_trials
-from ltvn_core.evaluation.workers import workers
+from ltvn_core.evaluation.workers import WHOLE, Part, workers
 from tests.core.simulation.two_room_mesh import box_house, save
 from tests.platforms import needs_posix
 from tests.waiting import until

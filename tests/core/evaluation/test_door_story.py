@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from ltvn_core.config import ROBUST
+from ltvn_core.data.recording.map_file import LoadedMap, load_map
 from ltvn_core.evaluation.door_story.story import (
     NO_STORY,
     STEPS_AT_DOOR,
@@ -25,12 +26,11 @@ from ltvn_core.graph.operators import node_from_observation, pose_row
 from ltvn_core.graph.planner import Planner
 from ltvn_core.graph.topological_graph import Edge, EdgeKey, TopologicalGraph
 from ltvn_core.navigation.events import Event, GraphChanged, Outcome, Planned, QueryEnded
-from ltvn_core.recording.map_file import LoadedMap, load_map
 from ltvn_core.simulation.changes.world import World
 from ltvn_core.simulation.scene import door_names
 from ltvn_core.simulation.scene_registry import load_scene
 from ltvn_core.systems.maintenance import with_maintenance
-from ltvn_core.worlds.world_change import DoorMoved, ThingRemoved, TimePassed
+from ltvn_core.worlds import DoorMoved, ThingRemoved, TimePassed
 from tests.repository import DEMO_MAP
 
 pytest.importorskip("embreex")
@@ -161,12 +161,13 @@ def test_an_edge_fades_a_plan_turns_a_node_appears_and_an_edge_returns(
     assert isinstance(story.next_step(is_idle=True), Carry)
     assert story.next_step(is_idle=True) == GoTo(stage.goal)
     story.take(seen(edge, present=True, stamp=2.0))
-    assert story.next_step(is_idle=False) == CallBack(), "all edges are back"
-    story.take(ended(stage, Outcome.CANCELLED))
+    assert story.next_step(is_idle=False) is None, "it drives on to its goal"
+    story.take(ended(stage, Outcome.ARRIVED))
     assert story.is_over
     facts = story.facts
     assert (facts.absent, facts.returned, facts.rerouted, facts.nodes_added) == ([edge], {edge}, True, 3)
-    assert "1 edges were absent for a while, 1 of them are back; 3 nodes" in story.captions[-1]
+    assert "1 edges were absent for a while, 1 of them are back; 3 nodes" in story.captions[-2]
+    assert story.captions[-1] == "The story is over: the robot arrived."
 
 
 def test_a_robot_that_finds_some_edges_open_is_not_kept_for_the_others(

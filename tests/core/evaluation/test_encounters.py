@@ -9,7 +9,7 @@ from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.simulation.body import PERSON_RADIUS_M
 from ltvn_core.simulation.clearance_map import ClearanceMap
 from ltvn_core.types import Twist
-from ltvn_core.worlds.world_change import PersonMoved
+from ltvn_core.worlds import PersonMoved
 
 OPEN = ClearanceMap(np.pad(np.zeros((160, 160), bool), 1, constant_values=True), np.array([-4.05, -4.05]))
 TOUCHING_M = LOCOBOT.radius_m + PERSON_RADIUS_M

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from ltvn_core.config import BeliefConfig
+from ltvn_core.data.recording.reader import Recording
 from ltvn_core.errors import MapError
 from ltvn_core.evaluation.edge_accuracy import edge_accuracy
 from ltvn_core.evaluation.fault_injection import (
@@ -15,11 +16,10 @@ from ltvn_core.evaluation.fault_injection import (
     spurious_edge,
     spurious_edges,
 )
-from ltvn_core.evaluation.map_layout import recorded_ground_truth
+from ltvn_core.evaluation.reports.map_svg import recorded_ground_truth
 from ltvn_core.graph.connectivity import count_strongly_connected_components
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.navigation.events import AttemptEnded, Judged, Outcome, Planned, QueryEnded, QueryStarted
-from ltvn_core.recording.reader import Recording
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.types import Features, Observation, Prediction
 from tests.core.evaluation.ground_truth_map import PLACES, map_with_edges, observation_of, truth

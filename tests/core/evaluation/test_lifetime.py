@@ -9,10 +9,11 @@ import pytest
 
 pytest.importorskip("embreex")
 
+from ltvn_core.data.recording.map_file import load_map, save_map
+from ltvn_core.data.recording.reader import Recording
 from ltvn_core.errors import OptionError
 from ltvn_core.evaluation.ground_truth import GroundTruth
-from ltvn_core.evaluation.lifelong_drive import LifelongDrive, bad_edges
-from ltvn_core.evaluation.lifelong_evaluation import LifelongSchedule
+from ltvn_core.evaluation.lifelong_evaluation import LifelongDrive, LifelongSchedule, bad_edges
 from ltvn_core.evaluation.preparation import prepare
 from ltvn_core.evaluation.protocol import EvaluationProtocol
 from ltvn_core.evaluation.query_result import QueryBatch, QueryResult
@@ -23,8 +24,6 @@ from ltvn_core.geometry import relative
 from ltvn_core.graph.deltas import Belief, Cause, Edge, EdgeAdded
 from ltvn_core.graph.operators import pose_row
 from ltvn_core.graph.topological_graph import TopologicalGraph
-from ltvn_core.recording.map_file import load_map, save_map
-from ltvn_core.recording.reader import Recording
 from ltvn_core.simulation.scene_registry import load_scene
 from ltvn_core.verbs.jobs.lifelong import LifelongSummary
 from ltvn_core.verbs.lifelong import LifelongVerb

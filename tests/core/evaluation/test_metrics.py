@@ -1,6 +1,5 @@
 """Figures say what was found and how sure it is."""
 
-import json
 from dataclasses import replace
 from random import Random
 
@@ -16,7 +15,6 @@ from ltvn_core.evaluation.metrics import (
     compare_methods,
     compute_metrics,
     count_failures,
-    metrics_as_json,
     recognition_of,
 )
 from ltvn_core.evaluation.query_result import FailureCause, QueryResult
@@ -111,15 +109,6 @@ def test_nothing_has_no_metrics(trials: list[TrialResult]) -> None:
         compute_metrics(trials)
     with pytest.raises(ValueError, match="at least one"):
         compare_methods(random_trials([0.5]), trials)
-
-
-def test_plain_metrics_are_json_with_one_number_and_one_interval_each() -> None:
-    found = compute_metrics(random_trials([0.6, 0.8]))
-    told = json.loads(json.dumps(metrics_as_json(found)))
-    assert told["success_rate"] == found.success_rate.mean
-    assert told["success_rate_interval"] == [found.success_rate.low, found.success_rate.high]
-    assert {"spl", "collisions_per_episode", "nodes", "edges", "spurious_edges"} <= told.keys()
-    assert told["failures"] == found.failures
 
 
 def test_a_method_does_not_differ_from_itself() -> None:

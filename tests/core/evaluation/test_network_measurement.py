@@ -12,10 +12,8 @@ pytest.importorskip("embreex")
 from ltvn_core.config import ROBUST
 from ltvn_core.errors import OptionError
 from ltvn_core.evaluation.edge_driver import EdgeDriver
-from ltvn_core.evaluation.edge_proposals import EdgeProposal
-from ltvn_core.evaluation.likelihood_measurement import measure_scene, summarise_measurements
-from ltvn_core.evaluation.predicted_drive import predict_drive
-from ltvn_core.evaluation.scene_figures import SceneFigures
+from ltvn_core.evaluation.likelihood_measurement import SceneFigures, measure_scene, summarise_measurements
+from ltvn_core.evaluation.predicted_drive import EdgeProposal, predict_drive
 from ltvn_core.simulation.clearance_map import ClearanceMap
 from ltvn_core.simulation.oracle_predictor import OraclePredictor
 from ltvn_core.simulation.rendering.renderer_selection import open_renderer

@@ -8,16 +8,16 @@ import pytest
 import trimesh
 from joblib import Parallel
 
+from ltvn_core.data.recording.reader import Recording
 from ltvn_core.evaluation import preparation_progress
 from ltvn_core.evaluation.preparation import DriveGroundTruth
 from ltvn_core.evaluation.preparation_progress import EvaluationProgress
 from ltvn_core.evaluation.protocol import EvaluationProtocol
-from ltvn_core.evaluation.query_log import append_to_log, read_query_log
+from ltvn_core.evaluation.query_result import append_to_log, read_query_log
 from ltvn_core.evaluation.results import TrialResult, load_results
 from ltvn_core.evaluation.trial_plans import TrialFiles, TrialPlan
 from ltvn_core.evaluation.trials import run_trials
 from ltvn_core.navigation.events import Note
-from ltvn_core.recording.reader import Recording
 from ltvn_core.verbs.collect import CollectVerb
 from ltvn_core.verbs.jobs.collect import CollectSummary
 from tests.core.simulation.two_room_mesh import box_house, save

@@ -7,15 +7,16 @@ import numpy as np
 import pytest
 
 from ltvn_core.errors import OptionError
-from ltvn_core.evaluation.perturbations.geometry_perturbations import DepthHoles, FrameLoss
-from ltvn_core.evaluation.perturbations.perturbation_registry import (
+from ltvn_core.evaluation.perturbations import (
     DROPPED_FRAMES,
     PERTURBATIONS,
+    DepthHoles,
+    FrameLoss,
+    PerturbedRobot,
     chosen_perturbations,
     open_perturbation,
     perturb_all,
 )
-from ltvn_core.evaluation.perturbations.perturbed_robot import PerturbedRobot
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.types import Observation
 from tests.core.flat_world import FlatRobot, observation_at, one_room

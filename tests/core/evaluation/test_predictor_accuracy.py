@@ -5,13 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ltvn_core.evaluation.perturbations.perturbation_registry import PERTURBATIONS
+from ltvn_core.evaluation.perturbations import PERTURBATIONS
 from ltvn_core.evaluation.predictor_accuracy.judgement import Condition, JudgementPlan, judgement_findings
-from ltvn_core.evaluation.predictor_accuracy.pair_accuracy import PairAccuracy
-from ltvn_core.evaluation.predictor_accuracy.pair_sampling import PairCounts, sample_pairs
+from ltvn_core.evaluation.predictor_accuracy.pair_accuracy import PairAccuracy, PairCounts, sample_pairs
 from ltvn_core.geometry import relative
 from ltvn_core.robots.robot_spec import LOCOBOT
-from ltvn_core.training_data.truth_limits import LIMITS, true_views
+from ltvn_core.training.drive_path import LIMITS, true_views
 from ltvn_core.types import Pose, Predictor
 from tests.core.evaluation.judged_drive import (
     ConstantPredictor,

@@ -5,8 +5,7 @@ from pathlib import Path
 import pytest
 
 from ltvn_core.errors import OptionError
-from ltvn_core.evaluation.query_log import append_to_log, read_query_log
-from ltvn_core.evaluation.query_result import QueryBatch, QueryResult
+from ltvn_core.evaluation.query_result import QueryBatch, QueryResult, append_to_log, read_query_log
 from ltvn_core.evaluation.results import LifelongResult, TrialResult, WorldResult, load_results, save_results
 from ltvn_core.evaluation.worlds.world_metrics import world_metrics
 from tests.repository import ROOT

@@ -7,18 +7,16 @@ from pathlib import Path
 import pytest
 from joblib import Parallel
 
+from ltvn_core.data.recording.map_file import load_map
+from ltvn_core.data.recording.reader import Recording
 from ltvn_core.errors import OptionError
-from ltvn_core.evaluation.conditions import light_under, protocol_under
-from ltvn_core.evaluation.failure_recordings import record_failures
-from ltvn_core.evaluation.map_drawings import load_drawing
 from ltvn_core.evaluation.preparation_progress import EvaluationProgress
-from ltvn_core.evaluation.protocol import EvaluationProtocol
-from ltvn_core.evaluation.results import TrialResult, load_results, save_results
+from ltvn_core.evaluation.protocol import EvaluationProtocol, light_under, protocol_under
+from ltvn_core.evaluation.reports.result_rows import setup_of
+from ltvn_core.evaluation.results import TrialResult, load_drawing, load_results, save_results
 from ltvn_core.evaluation.trial_plans import TrialFiles, TrialPlan
-from ltvn_core.evaluation.trials import run_trials
+from ltvn_core.evaluation.trials import record_failures, run_trials
 from ltvn_core.navigation.events import QueryEnded
-from ltvn_core.recording.reader import Recording
-from ltvn_core.reports.result_rows import setup_of
 from tests.core.simulation.two_room_mesh import box_house, save
 
 EPISODES = 4
@@ -95,6 +93,26 @@ def test_a_goal_that_was_reached_had_all_its_way_crossed(trial: TrialResult) -> 
 
     assert all(episode.checkpoints and episode.crossed == episode.checkpoints for episode in reached)
     assert all(episode.localised and episode.mislocalised == 0 for episode in reached)
+
+
+def test_methods_that_build_alike_share_a_map_as_either_would_build_it(
+    trial: TrialResult, folder: Path, tmp_path: Path
+) -> None:
+    other = ("our-localising", "our-driving", "our-judging", "our-expanding", "our-recovering")
+    plan = _plan(folder)
+    _run(replace(plan, parts_off=other), folder, episodes=1)
+    shared = list(TrialFiles.of(plan, folder).folder.glob("built-*.rrd"))
+    alone = replace(plan, parts_off=other)
+    _run(alone, tmp_path, episodes=1)
+    _run(replace(plan, parts_off=("merging",)), tmp_path, episodes=1)
+
+    assert len(shared) == 1
+    assert len(list(TrialFiles.of(plan, tmp_path).folder.glob("built-*.rrd"))) == 2
+    ours, theirs = (
+        load_map(TrialFiles.of(each, place).map()).graph for each, place in ((plan, folder), (alone, tmp_path))
+    )
+    assert ours.edges == theirs.edges
+    assert list(ours.nodes) == list(theirs.nodes)
 
 
 def test_a_failed_episode_is_recorded_as_it_went(folder: Path) -> None:

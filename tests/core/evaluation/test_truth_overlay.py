@@ -5,13 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ltvn_core.evaluation.edge_accuracy import edge_accuracy
-from ltvn_core.evaluation.edge_calibration import calibration_attempts, calibration_over_queries
+from ltvn_core.data.recording.reader import Recording
+from ltvn_core.evaluation.edge_accuracy import attempt_calibration, calibration_attempts, edge_accuracy
 from ltvn_core.evaluation.ground_truth import GroundTruth
-from ltvn_core.evaluation.map_layout import recorded_ground_truth
+from ltvn_core.evaluation.reports.map_svg import recorded_ground_truth
 from ltvn_core.graph.deltas import Cause, EdgePruned
 from ltvn_core.navigation.events import AttemptEnd, AttemptEnded, GraphChanged, Outcome, QueryEnded, StampedEvent
-from ltvn_core.recording.reader import Recording
 from tests.core.evaluation.ground_truth_map import map_with_edges, observation_of, truth
 from tests.core.simulation.fake_scene import BoxScene
 from tests.repository import DEMO_DRIVE
@@ -54,7 +53,7 @@ def end(query: int) -> StampedEvent:
     return StampedEvent(10 + query, 1.0 + query, QueryEnded(query, 3, Outcome.ARRIVED, 10, 0, 1.0))
 
 
-def test_calibration_grows_with_the_queries_and_knows_who_was_wrong() -> None:
+def test_calibration_grows_with_the_attempts_and_knows_who_was_wrong() -> None:
     built = [StampedEvent(0, 0.0, GraphChanged(delta)) for delta in map_with_edges((1, 2), (5, 6), p=0.8).deltas()]
     known = truth()
     # Image 2 is taken at the end of the first attempt, and image 5 on the wrong side of the wall at the second.
@@ -65,7 +64,10 @@ def test_calibration_grows_with_the_queries_and_knows_who_was_wrong() -> None:
         attempt_ended(1, 5, 6, 5, succeeded=True),
         end(1),
     ]
-    first, second = calibration_over_queries(events, known)
+    attempts = calibration_attempts(events, known)
+    first, second = attempt_calibration(attempts[:1]), attempt_calibration(attempts)
+    assert first is not None
+    assert second is not None
     assert (first.attempts, first.succeeded, first.arrived, first.mean_p) == (1, 1.0, 1.0, pytest.approx(0.8))
     assert (second.attempts, second.succeeded, second.arrived) == (2, 1.0, 0.5)
     assert first.brier == pytest.approx(0.04)
@@ -75,7 +77,8 @@ def test_calibration_grows_with_the_queries_and_knows_who_was_wrong() -> None:
 def test_without_truth_the_robots_own_judgement_counts() -> None:
     built = [StampedEvent(0, 0.0, GraphChanged(delta)) for delta in map_with_edges((1, 2), p=0.8).deltas()]
     events = [*built, attempt_ended(0, 1, 2, 99, succeeded=False), attempt_ended(0, 3, 4, 99, succeeded=True), end(0)]
-    (only,) = calibration_over_queries(events)
+    only = attempt_calibration(calibration_attempts(events))
+    assert only is not None
     assert (only.attempts, only.succeeded, only.arrived) == (1, 0.0, None)
     assert only.brier == pytest.approx(0.64)
     nobody = GroundTruth(BoxScene().clearance, lambda node: replace(observation_of(1), exact_pose=None))
@@ -85,16 +88,17 @@ def test_without_truth_the_robots_own_judgement_counts() -> None:
 def test_fifty_thousand_events_out_of_order_are_counted_whole() -> None:
     built = [StampedEvent(0, 0.0, GraphChanged(delta)) for delta in map_with_edges((1, 2), p=0.8).deltas()]
     many = [each for query in range(25_000) for each in (attempt_ended(query, 1, 2, 2, succeeded=True), end(query))]
-    points = calibration_over_queries([*built, built[-1], *many])
-    assert (len(points), points[-1].attempts) == (25_000, 25_000)
+    assert len(calibration_attempts([*built, built[-1], *many])) == 25_000
 
 
 def test_the_demo_drive_is_calibrated_by_its_own_poses() -> None:
     recording = Recording.open(DEMO_DRIVE)
     known = recorded_ground_truth(recording, recording.final_graph())
     assert known is not None
-    points = calibration_over_queries(recording.events, known)
-    assert [point.query for point in points] == [0, 1]
-    assert points[-1].attempts > 40
-    assert points[-1].arrived is not None
-    assert points[-1].arrived > 0.9
+    attempts = calibration_attempts(recording.events, known)
+    calibration = attempt_calibration(attempts)
+    assert {each.query for each in attempts} == {0, 1}
+    assert calibration is not None
+    assert calibration.attempts > 40
+    assert calibration.arrived is not None
+    assert calibration.arrived > 0.9

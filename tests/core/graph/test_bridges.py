@@ -15,7 +15,7 @@ from ltvn_core.types import Features, FrameId, Observation, Prediction
 from tests.core.flat_world import FlatPredictor, one_room, tour
 
 NEAR_SIGHTED_M = 0.4
-WITHOUT_TURNS = replace(ROBUST, building=replace(ROBUST.building, turning_edges=False))
+WITHOUT_TURNS = replace(ROBUST, building=replace(ROBUST.building, floor_edges=False))
 WITHOUT = replace(ROBUST, building=replace(ROBUST.building, bridges=False))
 
 

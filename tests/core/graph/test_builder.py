@@ -10,8 +10,8 @@ from ltvn_core.config import PAPER, ROBUST, Method
 from ltvn_core.errors import MapError
 from ltvn_core.geometry import compose, distance, relative
 from ltvn_core.graph.builder import build
-from ltvn_core.graph.expansion import reachable_nodes
 from ltvn_core.graph.keyframes import KeyframeStore
+from ltvn_core.graph.ltvn import reachable_nodes
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.types import Observation
 from tests.core.flat_world import FlatPredictor, observation_at, one_room, tour, two_rooms
@@ -44,7 +44,7 @@ def test_the_map_is_sparse_and_in_one_piece(method: Method) -> None:
 @PRESETS
 def test_every_edge_passes_the_operator_and_has_its_way_back(method: Method) -> None:
     images = list(tour(ROUND))
-    graph, _, predictor = built(images, replace(method, building=replace(method.building, turning_edges=False)))
+    graph, _, predictor = built(images, replace(method, building=replace(method.building, floor_edges=False)))
     for (source, target), edge in graph.edges.items():
         assert distance(np.array(edge.waypoint)) < method.building.connect_distance
         assert edge.belief.p <= method.believing.p_cap

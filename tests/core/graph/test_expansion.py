@@ -5,8 +5,8 @@ import pytest
 
 from ltvn_core.config import PAPER, ROBUST, Method
 from ltvn_core.graph.deltas import Cause, EdgePruned, FramesReleased, FramesReserved, NodeAdded
-from ltvn_core.graph.expansion import expand, reachable_nodes
 from ltvn_core.graph.keyframes import KeyframeStore
+from ltvn_core.graph.ltvn import expand, reachable_nodes
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.operators import bidirectional_edges, node_from_observation
 from ltvn_core.graph.planner import Planner

@@ -10,9 +10,8 @@ import pytest
 from ltvn_core.config import ROBUST, Method
 from ltvn_core.errors import MapError
 from ltvn_core.graph.keyframes import KeyframeStore
-from ltvn_core.graph.ltvn import ltvn_system
+from ltvn_core.graph.ltvn import OnlineBuilder, ltvn_system
 from ltvn_core.graph.navigation_system import NavigationSystem
-from ltvn_core.graph.online_builder import OnlineBuilder
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.systems.sptm import sptm_system
 from ltvn_core.systems.ving import ving_system

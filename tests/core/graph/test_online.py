@@ -7,9 +7,8 @@ import numpy as np
 
 from ltvn_core.config import PAPER, ROBUST, Method
 from ltvn_core.graph.deltas import Cause, FramesReleased, GraphDelta
-from ltvn_core.graph.expansion import reachable_nodes
 from ltvn_core.graph.keyframes import KeyframeStore
-from ltvn_core.graph.online_builder import OnlineBuilder
+from ltvn_core.graph.ltvn import OnlineBuilder, reachable_nodes
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.types import Observation
 from tests.core.flat_world import FlatPredictor, observation_at, one_room, tour

@@ -67,5 +67,23 @@ def test_without_closures_odometry_is_all_there_is() -> None:
     assert found.kept.shape == (0,)
 
 
+def test_many_closures_of_one_place_count_no_more_than_a_few_elsewhere() -> None:
+    lap = CORNERS * 8
+    truth, odometry = square(), drifted(square())
+    true = np.array([lap + 3, lap + 11, lap + 19, lap + 27])
+    mistaken = np.repeat([lap + 13, lap + 14], 10)
+    first = np.concatenate([true, mistaken])
+    second = np.concatenate([true - lap, mistaken - lap])
+    poses = relative(truth[first], truth[second])
+    poses[len(true) :, 0] += 3.0  # The next of a row of equal doors.
+    shares = np.repeat([1.0, 3 / len(mistaken)], [len(true), len(mistaken)])
+    closures = RelativePoses(first, second, poses, np.full((len(first), 3), 0.12), shares)
+
+    kept = optimise(odometry, in_a_row(odometry), closures).kept
+
+    assert kept[: len(true)].all()
+    assert not kept[len(true) :].any()
+
+
 def _fields(measured: RelativePoses) -> tuple[np.ndarray, ...]:
     return measured.first, measured.second, measured.poses, measured.deviations

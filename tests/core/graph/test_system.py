@@ -8,9 +8,9 @@ import pytest
 
 from ltvn_core.config import PAPER, ROBUST, Method
 from ltvn_core.errors import OptionError
-from ltvn_core.evaluation.ablation import PARTS, without_parts
 from ltvn_core.evaluation.query_result import QueryResult
 from ltvn_core.evaluation.query_run import judge_goal_reached, run_query
+from ltvn_core.evaluation.trial_plans import PARTS, RULES, without_parts
 from ltvn_core.graph.builder import build
 from ltvn_core.graph.deltas import Cause, EdgePruned, NodeDropped
 from ltvn_core.graph.keyframes import KeyframeStore
@@ -191,6 +191,22 @@ def test_leaving_out_nothing_changes_nothing_and_an_unknown_part_is_refused() ->
     assert without_parts(ROBUST, parts) == without_parts(without_parts(ROBUST, ["expansion", "merging"]), ["pruning"])
     with pytest.raises(OptionError, match=r"'wheels'.*merging, pruning, expansion"):
         without_parts(ROBUST, ["wheels"])
+
+
+def test_without_each_of_our_rules_the_method_is_the_papers() -> None:
+    plain = without_parts(ROBUST, RULES)
+
+    assert replace(plain, believing=PAPER.believing) == replace(PAPER, believing=PAPER.believing)
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_a_rule_can_be_left_out_alone(rule: str) -> None:
+    group, name = rule.split(".")
+    bare = without_parts(ROBUST, [rule])
+
+    assert getattr(getattr(bare, group), name) == getattr(getattr(PAPER, group), name)
+    restored = replace(getattr(bare, group), **{name: getattr(getattr(ROBUST, group), name)})
+    assert replace(bare, **{group: restored}) == ROBUST
 
 
 def test_without_all_our_departures_the_method_is_the_papers_but_for_limits_and_measured_constants() -> None:

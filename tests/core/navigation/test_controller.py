@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from ltvn_core.config import ROBUST
 from ltvn_core.geometry import compose, relative
-from ltvn_core.navigation.controller import drives_backwards, steer
+from ltvn_core.navigation.motion import drives_backwards, steer
 from ltvn_core.types import Waypoint
 
 DRIVING = ROBUST.driving

@@ -6,16 +6,16 @@ from typing import get_args
 import pytest
 import rerun as rr
 
+from ltvn_core import worlds as w
 from ltvn_core.analysis.breakpoints import find_breakpoint_hits, parse_breakpoint
 from ltvn_core.analysis.failure_triage import failed_queries
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import MarkKind
+from ltvn_core.data.recording.drawn_poses import DrawnPoses
+from ltvn_core.data.recording.event_drawing import draw_event
 from ltvn_core.graph import deltas as d
 from ltvn_core.navigation import events as e
 from ltvn_core.navigation.event_text import describe_delta, describe_event
-from ltvn_core.recording.drawn_poses import DrawnPoses
-from ltvn_core.recording.event_drawing import draw_event
-from ltvn_core.worlds import world_change as w
 from tests.core.analysis import example_runs
 
 HERE = d.PoseRow(0.0, 0.0, 0.0)
@@ -51,6 +51,8 @@ EVENTS: tuple[e.Event, ...] = (
     e.WorldChanged(w.DoorMoved(2, is_open=False), e.ChangedBy.HAND, 36_000.0, w.Outline(1.0, 2.0, 0.0, 0.9, 0.1, 2.0)),
 )
 
+REACHED = e.AttemptEnded(3, 1, 4, 7, 25, e.AttemptEnd.REACHED, 0.1, 0.9, False, "driven too often")
+
 
 def test_there_is_an_example_of_each_kind() -> None:
     assert {type(event) for event in EVENTS} == set(get_args(e.Event))
@@ -64,6 +66,7 @@ def test_there_is_an_example_of_each_kind() -> None:
         (EVENTS[2], "at node 4: distance 0.30, reachability 0.95, margin 0.20 to node 7 (local)", "INFO"),
         (EVENTS[3], "plan of 3 nodes, cost 2.50: 4->7->9", "INFO"),
         (EVENTS[5], "attempt 1 along edge 4->7 failed (blocked): not connectable", "WARN"),
+        (REACHED, "attempt 1 along edge 4->7 failed, though it got there: driven too often", "WARN"),
         (EVENTS[6], "collision 2 of query 3", "WARN"),
         (EVENTS[7], "edge 1->2 pruned (attempt)", "WARN"),
         (EVENTS[8], "query 3 ended: no path after 40 steps, 3.2 m, 1 collision", "INFO"),

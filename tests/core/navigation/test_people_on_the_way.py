@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from ltvn_core.cameras.depth_points import are_solid, points_within, transform_points
+from ltvn_core.cameras.depth_scan import DepthScan
 from ltvn_core.navigation.bystanders import Bystanders
-from ltvn_core.navigation.depth_points import are_solid, points_within, transform_points
-from ltvn_core.navigation.depth_scan import DepthScan
 from ltvn_core.navigation.events import AttemptEnd
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.types import Pose

@@ -13,15 +13,15 @@ from ltvn_core.network.baseline_training import baseline_hyperparameters, baseli
 from ltvn_core.network.network_families import PairNetwork
 from ltvn_core.network.optimization.training_loop import TrainingData, train
 from ltvn_core.network.predictor import load_predictor
+from ltvn_core.network.training_data.random_walk import WalkRecipe, label_walks
+from ltvn_core.network.training_data.shards import Shard
 from ltvn_core.network.training_examples import BatchSampler
 from ltvn_core.network.weights_file import load_weights, save_weights
 from ltvn_core.systems.entry import TemporalLearning
 from ltvn_core.systems.registry import system_entry
-from ltvn_core.training_data.random_walk import WalkRecipe, label_walks
-from ltvn_core.training_data.shards import Shard
 from ltvn_core.verbs.baseline import BaselineVerb
 from tests.core.network.tiny_data import SMALL
-from tests.core.training_data.box_world import two_rooms
+from tests.core.network.training_data.box_world import two_rooms
 
 
 def learning_of(rival: str) -> TemporalLearning:

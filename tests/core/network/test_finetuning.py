@@ -18,15 +18,18 @@ from ltvn_core.network.optimization.fine_tuning_loop import (
     FineTuningProgress,
     run_fine_tuning,
 )
-from ltvn_core.network.optimization.hard_negative_mining import FarCriterion
-from ltvn_core.network.optimization.mixed_batches import MixedBatchSampler
 from ltvn_core.network.optimization.reachability_calibration import calibrate_after_fine_tuning
 from ltvn_core.network.optimization.trainer import Hyperparameters, freeze_batch_norm
+from ltvn_core.network.training_data.trajectory_pairs import (
+    OdometryLabelRule,
+    TrajectoryPairs,
+    label_trajectory,
+    select_keyframes,
+)
+from ltvn_core.network.training_examples import FarCriterion, MixedBatchSampler
 from ltvn_core.network.weights_file import load_weights, save_weights, weights_fingerprint
-from ltvn_core.training_data.trajectory import select_keyframes
-from ltvn_core.training_data.trajectory_pairs import OdometryLabelRule, TrajectoryPairs, label_trajectory
 from tests.core.network.tiny_data import SMALL, tiny_drive, tiny_shard
-from tests.core.training_data.example_drive import observations_at, poses_along
+from tests.core.network.training_data.example_drive import observations_at, poses_along
 
 PLAN = FineTuningPlan(
     Hyperparameters(groups=4, confusions=1, hard=6, random=4, rate=1e-3), minutes=None, steps=3, minings=2

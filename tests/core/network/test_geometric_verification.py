@@ -3,9 +3,8 @@
 import pytest
 import torch
 
-from ltvn_core.network.alignment import PlanarMotion
 from ltvn_core.network.architecture import PairArchitecture
-from ltvn_core.network.pair_head import GeometricVerification
+from ltvn_core.network.pair_head import GeometricVerification, PlanarMotion
 
 WALL_M = 3.0
 AHEAD_M = 1.0

@@ -7,9 +7,9 @@ import pytest
 import torch
 
 from ltvn_core.geometry import invert
-from ltvn_core.network.alignment import align
 from ltvn_core.network.loss import contrastive_loss, cross_entropy, pair_loss, place_loss, true_correspondence
 from ltvn_core.network.network_families import PairNetwork
+from ltvn_core.network.pair_head import align
 from ltvn_core.network.predictor import images_to_tensors
 from tests.core.network.tiny_data import SMALL, tiny_shard
 

@@ -19,8 +19,7 @@ from ltvn_core.network.driving_calibration import (
     measured_likelihoods,
     read_driving,
 )
-from ltvn_core.network.metrics.binned_metrics import calibration_table, error_table
-from ltvn_core.network.metrics.success_rate import SuccessRate
+from ltvn_core.network.metrics import SuccessRate, calibration_table, error_table
 from ltvn_core.network.predictor import load_predictor
 from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
 from ltvn_core.network.weights_file import add_to_card, card_path, read_card

@@ -7,7 +7,7 @@ import pytest
 
 from ltvn_core.config import ROBUST
 from ltvn_core.geometry import distance
-from ltvn_core.network.metrics.pair_evaluation import LabelledDrive, encode_images, evaluate_drives
+from ltvn_core.network.pair_evaluation import LabelledDrive, encode_images, evaluate_drives
 from ltvn_core.network.predictor import load_predictor
 from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
 from ltvn_core.network.weights_file import read_card, weights_fingerprint

@@ -11,13 +11,12 @@ from ltvn_core.network.architecture import PairArchitecture, StackedArchitecture
 from ltvn_core.network.image_features import pack
 from ltvn_core.network.model_card import measure_speed
 from ltvn_core.network.network_families import NETWORK_FAMILIES, StackedNetwork, build_network, default_architecture
-from ltvn_core.network.optimization.checkpoint import restore_checkpoint, save_checkpoint
-from ltvn_core.network.optimization.hard_negative_mining import FarCriterion, mine_hard_negatives
-from ltvn_core.network.optimization.mixed_precision import MixedPrecision
-from ltvn_core.network.optimization.trainer import Hyperparameters, Trainer
+from ltvn_core.network.optimization.acceleration import MixedPrecision
+from ltvn_core.network.optimization.hard_negative_mining import mine_hard_negatives
+from ltvn_core.network.optimization.trainer import Hyperparameters, Trainer, restore_checkpoint, save_checkpoint
 from ltvn_core.network.optimization.training_loop import TrainingPlan, train
 from ltvn_core.network.predictor import PREFILTER_FROM, NetworkPredictor, load_predictor
-from ltvn_core.network.training_examples import BatchSampler
+from ltvn_core.network.training_examples import BatchSampler, FarCriterion
 from ltvn_core.network.weights_file import load_weights, save_weights
 from tests.core.network.tiny_data import SMALL, tiny_data, tiny_observations, tiny_shard
 

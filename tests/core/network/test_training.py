@@ -9,15 +9,20 @@ import torch
 
 from ltvn_core.errors import DatasetError, WeightsError
 from ltvn_core.geometry import relative
-from ltvn_core.network.metrics.pair_evaluation import evaluate_all_pairs, evaluate_drives
-from ltvn_core.network.optimization.checkpoint import restore_checkpoint, save_checkpoint
-from ltvn_core.network.optimization.hard_negative_mining import FarCriterion, mine_hard_negatives
-from ltvn_core.network.optimization.mixed_precision import MixedPrecision
+from ltvn_core.network.optimization.acceleration import MixedPrecision
+from ltvn_core.network.optimization.hard_negative_mining import mine_hard_negatives
 from ltvn_core.network.optimization.reachability_calibration import fit_platt
-from ltvn_core.network.optimization.trainer import Hyperparameters, Trainer, learning_rate_schedule
+from ltvn_core.network.optimization.trainer import (
+    Hyperparameters,
+    Trainer,
+    learning_rate_schedule,
+    restore_checkpoint,
+    save_checkpoint,
+)
 from ltvn_core.network.optimization.training_loop import TrainingData, TrainingPlan, train, train_distributed
+from ltvn_core.network.pair_evaluation import evaluate_all_pairs, evaluate_drives
 from ltvn_core.network.predictor import load_predictor
-from ltvn_core.network.training_examples import BatchSampler, HardNegative
+from ltvn_core.network.training_examples import BatchSampler, FarCriterion, HardNegative
 from tests.core.network.tiny_data import SMALL, tiny_data, tiny_drive, tiny_shard
 
 PLAN = Hyperparameters(groups=4, pairs_per_group=10, hard=6, random=4, confusions=1, rate=3e-3)

@@ -5,14 +5,12 @@ from functools import lru_cache
 import numpy as np
 
 from ltvn_core.network.architecture import PairArchitecture
-from ltvn_core.network.metrics.pair_evaluation import LabelledDrive
 from ltvn_core.network.optimization.training_loop import TrainingData
-from ltvn_core.training_data.pose_sampling import ClusterSampling
-from ltvn_core.training_data.shard_generation import DatasetRecipe, make_shard, render_poses
-from ltvn_core.training_data.shards import Shard
-from ltvn_core.training_data.simulated_drives import classify_near_far, sample_drive_poses
+from ltvn_core.network.pair_evaluation import LabelledDrive
+from ltvn_core.network.training_data.pose_sampling import ClusterSampling, classify_near_far, sample_drive_poses
+from ltvn_core.network.training_data.shards import DatasetRecipe, Shard, make_shard, render_poses
 from ltvn_core.types import Observation
-from tests.core.training_data.box_world import two_rooms
+from tests.core.network.training_data.box_world import two_rooms
 
 SMALL = PairArchitecture(stem=8, middle=8, tokens=16, heads=2, descriptor=16, value=8, place=8, hidden=16)
 

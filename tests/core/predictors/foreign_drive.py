@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from ltvn_core.cameras.camera_model import CameraModel
-from ltvn_core.recording.writer import RecordingWriter
+from ltvn_core.data.recording.writer import RecordingWriter
 from ltvn_core.types import Observation
 from tests.core.predictors.textured_room import TexturedRoom
 

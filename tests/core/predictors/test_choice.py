@@ -7,8 +7,7 @@ import pytest
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.errors import OptionError
 from ltvn_core.predictors.choice import ImageSource
-from ltvn_core.predictors.opening import open_predictor
-from ltvn_core.predictors.registry import predictor_names
+from ltvn_core.predictors.opening import open_predictor, predictor_names
 from ltvn_core.robots.robot_spec import LOCOBOT
 
 KINECT = CameraModel.from_fov(640, 480, 1.0, height_m=0.5)

@@ -5,11 +5,11 @@ from pathlib import Path
 import pytest
 
 import ltvn_core as ltvn
+from ltvn_core.data.recording.reader import Recording
 from ltvn_core.errors import MapError
 from ltvn_core.network.architecture import NETWORK_CAMERA
-from ltvn_core.recording.reader import Recording
+from ltvn_core.network.training_data.trajectory_pairs import OdometryLabelRule
 from ltvn_core.training.fine_tuning_data import read_labelled_drive
-from ltvn_core.training_data.trajectory_pairs import OdometryLabelRule
 from ltvn_core.verbs.build import BuildVerb
 from ltvn_core.verbs.jobs.build import BuildSummary
 from tests.core.predictors.foreign_drive import CAMERA, write_foreign_drive

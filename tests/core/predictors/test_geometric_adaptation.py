@@ -12,8 +12,14 @@ from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.errors import WeightsError
 from ltvn_core.predictors.geometric import GeometricPredictor, SurePose
 from ltvn_core.predictors.geometric_adaptation import Comparisons, OwnPairs, Rescaled, adapt, logistic
-from ltvn_core.predictors.geometric_calibration import DEPTHS, Calibration, read_calibration, shipped_calibration
-from ltvn_core.predictors.geometric_evidence import NO_EVIDENCE, Evidence
+from ltvn_core.predictors.geometric_evidence import (
+    DEPTHS,
+    NO_EVIDENCE,
+    Calibration,
+    Evidence,
+    read_calibration,
+    shipped_calibration,
+)
 from ltvn_core.predictors.geometric_features import image_grid
 from ltvn_core.predictors.geometric_pose import ROOM_DEPTH_M
 from ltvn_core.predictors.opening import open_predictor

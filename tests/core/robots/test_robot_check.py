@@ -1,5 +1,6 @@
 """What cannot be right of a drive is told once, and nothing is told of a drive that is in order."""
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -7,14 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.data.recording.reader import Recording
+from ltvn_core.data.recording.recorded_run import RecordedRobot, record_images
+from ltvn_core.data.recording.writer import RecordingWriter
 from ltvn_core.navigation.events import Note, Severity
-from ltvn_core.recording.reader import Recording
-from ltvn_core.recording.recorded_robot import RecordedRobot, record_images
-from ltvn_core.recording.writer import RecordingWriter
-from ltvn_core.robots.robot_check import ObservationCheck, sequence_findings
+from ltvn_core.robots.robot_check import ObservationCheck, fit_floor, sequence_findings
 from ltvn_core.types import Observation
+from tests.core.data.recording import example_recording
 from tests.core.flat_world import FlatRobot, one_room
-from tests.core.recording import example_recording
 from tests.repository import DEMO_DRIVE, DEMO_MAP
 
 
@@ -94,3 +96,36 @@ def test_each_rule_speaks_again_for_another_robot() -> None:
     for _ in range(2):
         check = ObservationCheck()
         assert any([check.findings(seen) for seen in WRONG["jump"][0](drive())])
+
+
+SAID = CameraModel.from_fov(96, 72, math.radians(70), height_m=0.6, pitch_rad=-0.2)
+
+
+def floor_depth(camera: CameraModel) -> np.ndarray:
+    """The depth (72, 96) of an endless floor."""
+    rows, columns = np.mgrid[: camera.height, : camera.width]
+    rays = camera.unproject(np.stack([columns, rows], axis=-1), np.ones(rows.shape)) - [0, 0, camera.height_m]
+    with np.errstate(divide="ignore"):
+        return np.where(rays[..., 2] < -1e-6, -camera.height_m / rays[..., 2], 0).astype(np.float32)
+
+
+@pytest.mark.parametrize(
+    ("pitch_deg", "roll_deg", "height_m"), [(0, 0, 0), (4, 0, 0), (-3, 0, 0), (0, 3, 0), (2, -2, 0.05)]
+)
+def test_the_floor_tells_what_is_off(pitch_deg: float, roll_deg: float, height_m: float) -> None:
+    true = replace(
+        SAID,
+        pitch_rad=SAID.pitch_rad + math.radians(pitch_deg),
+        roll_rad=math.radians(roll_deg),
+        height_m=SAID.height_m + height_m,
+    )
+
+    off = fit_floor(floor_depth(true), SAID)
+
+    assert off is not None
+    assert (off.pitch_off_deg, off.roll_off_deg) == pytest.approx((pitch_deg, roll_deg), abs=0.3)
+    assert off.height_off_m == pytest.approx(height_m, abs=0.02)
+
+
+def test_no_floor_tells_nothing() -> None:
+    assert fit_floor(np.zeros((72, 96), np.float32), SAID) is None

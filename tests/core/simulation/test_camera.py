@@ -17,8 +17,7 @@ from ltvn_core.simulation.clearance_map import ClearanceMap
 from ltvn_core.simulation.rendering.embree_renderer import EmbreeRenderer
 from ltvn_core.simulation.rendering.renderer_selection import open_renderer
 from ltvn_core.simulation.scene_registry import Scene, load_scene
-from ltvn_core.simulation.surface_builder import SurfaceBuilder
-from ltvn_core.simulation.surfaces import Surfaces
+from ltvn_core.simulation.surfaces import SurfaceBuilder, Surfaces
 from ltvn_core.types import Depth, Pose, Renderer
 
 if TYPE_CHECKING:

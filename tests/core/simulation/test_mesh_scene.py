@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import trimesh
 
+from ltvn_core.data.recording.reader import Recording
 from ltvn_core.errors import SceneError
-from ltvn_core.recording.reader import Recording
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.simulation.meshes.mesh_textures import TextureCollector
 from ltvn_core.simulation.opening import open_simulation
@@ -18,7 +18,7 @@ from ltvn_core.simulation.scene_registry import load_scene
 from ltvn_core.types import Twist
 from ltvn_core.verbs.collect import CollectVerb
 from ltvn_core.verbs.jobs.collect import CollectSummary
-from ltvn_viz.layers.cutaway import CUT_HEIGHT_M, cut_away
+from ltvn_viz.layers.scene_assets import CUT_HEIGHT_M, cut_away
 from tests.core.simulation.two_room_mesh import BLUE, HEIGHT, RED, box_house, save
 
 LENS = LOCOBOT.camera

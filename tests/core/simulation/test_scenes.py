@@ -17,8 +17,8 @@ from ltvn_core.errors import SceneError
 from ltvn_core.simulation import scene_registry
 from ltvn_core.simulation.apartments.generation import Building, generate_apartment
 from ltvn_core.simulation.clearance_map import PLANNING_CLEARANCE_M, ClearanceMap
-from ltvn_core.simulation.gltf_export import to_glb
 from ltvn_core.simulation.rooms import Room
+from ltvn_core.simulation.scene import to_glb
 from ltvn_core.simulation.scene_registry import Scene, load_scene, scene_names
 from ltvn_core.simulation.surfaces import Surfaces
 
@@ -56,8 +56,8 @@ def test_all_families_of_scenes_have_names() -> None:
     assert [f"train-{k:02d}" for k in range(40)] == [name for name in names if name.startswith("train-")]
     tuning = [*(f"tune-{k}" for k in range(9)), *(f"tune-twin-{k}" for k in range(4))]
     tuning += [f"tune-narrow-{k}" for k in range(2)] + [f"tune-office-{k}" for k in range(4)]
-    tuning += [f"tune-plain-{k}" for k in range(4)]
-    assert {f"{family}-{k}" for family in ("office", "plain") for k in range(4)} <= set(names)
+    tuning += [f"tune-{family}-{k}" for family in ("plain", "shop", "hall", "wings") for k in range(4)]
+    assert {f"{family}-{k}" for family in ("office", "plain", "shop", "hall", "wings") for k in range(4)} <= set(names)
     assert tuning == [name for name in names if name.startswith("tune-")]
 
 

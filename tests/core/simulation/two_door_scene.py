@@ -6,23 +6,21 @@ from pathlib import Path
 import numpy as np
 
 from ltvn_core.config import ROBUST
+from ltvn_core.data.recording.recorded_run import RunDescription
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.ltvn import ltvn_system
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.predictors.opening import open_predictor
-from ltvn_core.recording.run_description import RunDescription
-from ltvn_core.simulation.apartments.floor_plan import FloorPlan
+from ltvn_core.simulation.apartments.floor_plan import FloorPlan, OccupancyGrid
 from ltvn_core.simulation.apartments.materials import choose_apartment_materials, choose_room_materials
-from ltvn_core.simulation.apartments.occupancy_grid import OccupancyGrid
 from ltvn_core.simulation.apartments.room_shell import RoomShell, wall_sides
 from ltvn_core.simulation.apartments.seeded_rng import SeededRng
 from ltvn_core.simulation.clearance_map import ClearanceMap
 from ltvn_core.simulation.opening import open_simulation
-from ltvn_core.simulation.rooms import Doorway, Room, RoomKind
+from ltvn_core.simulation.rooms import Doorway, Room, RoomKind, SceneParts
 from ltvn_core.simulation.scene import Scene
-from ltvn_core.simulation.scene_parts import SceneParts
 from ltvn_core.simulation.scripted_tour import TourSettings, drive_along
-from ltvn_core.simulation.surface_builder import SurfaceBuilder
+from ltvn_core.simulation.surfaces import SurfaceBuilder
 
 NAME = "two-doors"
 WIDTH_M, DEPTH_M = 4.6, 4.2

@@ -8,17 +8,18 @@ import numpy as np
 import pytest
 
 from ltvn_core.config import PAPER, ROBUST
+from ltvn_core.data.recording.reader import Recording
 from ltvn_core.errors import MapError
 from ltvn_core.evaluation.query_run import judge_goal_reached, run_query
-from ltvn_core.graph.expansion import reachable_nodes
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.localiser import GLOBAL, LOCAL, LocalisationPrior
+from ltvn_core.graph.ltvn import reachable_nodes
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.graph.planner import Planner
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.navigator import Navigator
-from ltvn_core.recording.reader import Recording
+from ltvn_core.network.training_data import temporal_rules
 from ltvn_core.simulation.opening import open_simulation
 from ltvn_core.simulation.oracle_predictor import OraclePredictor
 from ltvn_core.simulation.scene_registry import load_scene
@@ -35,7 +36,6 @@ from ltvn_core.systems.sptm import (
 )
 from ltvn_core.systems.temporal_distance import EDGE_STEPS, reachability_of_steps, temporal_distances
 from ltvn_core.systems.ving import ving_system
-from ltvn_core.training_data import temporal_rules
 from ltvn_core.types import Observation
 from tests.core.flat_world import FlatPredictor, TemporalPredictor, observation_at, one_room, tour
 from tests.repository import DEMO_DRIVE

@@ -26,7 +26,7 @@ def test_every_system_can_have_every_maintenance() -> None:
         for name in MAINTENANCE_NAMES:
             changed = with_maintenance(system, name, truth=truth, room_of=lambda node: 0)
             knows_presence = name in ("persistent", "truth")
-            assert (changed.presence is not None) == knows_presence
+            assert changed.follows_presence == knows_presence
             assert (type(changed.maintenance) is NoMaintenance) == (name == "static")
             assert (changed.views is not None) == knows_presence
             own = {part: getattr(system, part) for part in ("maintenance", "presence", "views")}
@@ -54,7 +54,7 @@ def test_recordings_of_filters_that_left_are_looked_at_with_the_one_that_stayed(
 
 
 def test_a_system_knows_no_presence_unless_it_is_asked_for() -> None:
-    assert ltvn_system(ROBUST).presence is None
+    assert not ltvn_system(ROBUST).follows_presence
 
 
 def test_what_cannot_be_is_refused_with_what_can() -> None:

@@ -8,17 +8,16 @@ from numpy.typing import NDArray
 
 from ltvn_core.config import ROBUST
 from ltvn_core.graph.deltas import Belief, BeliefUpdated, EdgePruned
-from ltvn_core.graph.expansion import reachable_nodes
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.localiser import GLOBAL, LOCAL, LocalisationPrior
+from ltvn_core.graph.ltvn import reachable_nodes
 from ltvn_core.graph.maintenance import AttemptEvidence
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.systems.brm import brm_system, posterior
-from ltvn_core.systems.meng import ADJACENT_P, AnchorMap, meng_system, sparsify
+from ltvn_core.systems.meng import ADJACENT_P, AnchorMap, RememberedReach, meng_system, sparsify
 from ltvn_core.systems.placenav import BayesFilter, placenav_system
-from ltvn_core.systems.remembered_reach import RememberedReach
 from ltvn_core.systems.sgm import MERGE_STEPS, NEAREST_COUNT, merge_consistent, nearest_edges, sgm_system
 from ltvn_core.systems.temporal_distance import EDGE_STEPS
 from ltvn_core.types import Observation, Pose

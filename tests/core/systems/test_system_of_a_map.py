@@ -6,18 +6,18 @@ from pathlib import Path
 
 import pytest
 
+from ltvn_core.data.recording.map_file import load_map
+from ltvn_core.data.recording.reader import Recording
+from ltvn_core.data.recording.writer import RecordingWriter
 from ltvn_core.errors import MapError
 from ltvn_core.graph.map_coverage import GoalReport, Standing
 from ltvn_core.network.weights_file import weights_fingerprint
-from ltvn_core.recording.map_file import load_map
-from ltvn_core.recording.reader import Recording
-from ltvn_core.recording.writer import RecordingWriter
 from ltvn_core.systems.registry import system_entry
 from ltvn_core.verbs.build import BuildVerb
 from ltvn_core.verbs.jobs.build import BuildSummary
 from ltvn_core.verbs.navigate import NavigateVerb
-from ltvn_viz.app_setup import open_app_state
-from ltvn_viz.server.thumbnails import ThumbnailStore
+from ltvn_viz.app_opening import open_app_state
+from ltvn_viz.session.goals import ThumbnailStore
 from ltvn_viz.session.options import AppOptions
 
 pytest.importorskip("embreex")

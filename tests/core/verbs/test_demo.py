@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
+from ltvn_core.data.recording.damage.integrity import verify
+from ltvn_core.data.recording.map_file import load_map
+from ltvn_core.data.recording.reader import Recording
 from ltvn_core.navigation.events import Judged
-from ltvn_core.recording.damage.integrity import verify
-from ltvn_core.recording.map_file import load_map
-from ltvn_core.recording.reader import Recording
 
 pytestmark = pytest.mark.slow
 

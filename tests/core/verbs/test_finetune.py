@@ -8,20 +8,20 @@ import numpy as np
 import pytest
 
 from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.data.recording.drive_part import DrivePart
+from ltvn_core.data.recording.reader import Recording
+from ltvn_core.data.recording.writer import RecordingWriter
 from ltvn_core.errors import DatasetError, OptionError, RecordingError, WeightsError
 from ltvn_core.evaluation.predictor_accuracy.judged_sequence import read_sequence
-from ltvn_core.predictors.geometric_calibration import shipped_calibration
+from ltvn_core.network.training_data.trajectory_pairs import OdometryLabelRule
+from ltvn_core.predictors.geometric_evidence import shipped_calibration
 from ltvn_core.predictors.opening import open_predictor
-from ltvn_core.recording.drive_part import DrivePart
-from ltvn_core.recording.reader import Recording
-from ltvn_core.recording.writer import RecordingWriter
 from ltvn_core.training.fine_tuning_data import SimulatedPairs, ignore_progress, read_labelled_drive
-from ltvn_core.training_data.trajectory_pairs import OdometryLabelRule
 from ltvn_core.types import Observation, Pose
 from ltvn_core.verbs.finetune import FinetuneVerb
 from ltvn_core.verbs.verb import to_json
+from tests.core.network.training_data.example_drive import observations_at, poses_along
 from tests.core.predictors.textured_room import TexturedRoom
-from tests.core.training_data.example_drive import observations_at, poses_along
 
 WAY = poses_along((1.0, 1.0), (3.2, 1.0), (3.2, 3.3))
 

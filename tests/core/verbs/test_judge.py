@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ltvn_core.data.recording.reader import Recording
+from ltvn_core.data.recording.writer import RecordingWriter
 from ltvn_core.errors import LtvnError, OptionError, RecordingError
 from ltvn_core.evaluation.predictor_accuracy.judged_sequence import encode_sequence, read_sequence
-from ltvn_core.recording.reader import Recording
-from ltvn_core.recording.writer import RecordingWriter
-from ltvn_core.reports.judgement_page import render_judgement
+from ltvn_core.evaluation.reports.judgement_page import render_judgement
 from ltvn_core.types import Observation, Predictor
 from ltvn_core.verbs.judge import JudgeVerb
 from ltvn_core.verbs.verb import to_json

@@ -8,9 +8,9 @@ import pytest
 
 from ltvn_core.cli import main
 from ltvn_core.evaluation.results import save_results
-from tests.core.importing.drives import write_tum_folder
-from tests.core.recording import example_recording
-from tests.core.reports.fake_results import make_trial
+from tests.core.data.importing.drives import write_tum_folder
+from tests.core.data.recording import example_recording
+from tests.core.evaluation.reports.fake_results import make_trial
 from tests.platforms import needs_posix
 from tests.repository import DEMO_MAP
 

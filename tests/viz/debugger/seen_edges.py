@@ -5,7 +5,7 @@ from pathlib import Path
 from ltvn_core.graph.deltas import Cause, PresenceObserved
 from ltvn_core.navigation.events import GraphChanged, WorldChanged
 from ltvn_core.systems.maintenance import with_maintenance
-from ltvn_core.worlds.world_change import TimePassed
+from ltvn_core.worlds import TimePassed
 from tests.viz.session_harness import SessionHarness
 
 HOUR = 3600.0

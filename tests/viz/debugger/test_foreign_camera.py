@@ -12,15 +12,16 @@ from ltvn_core.graph.deltas import Cause
 from ltvn_core.navigation.events import GraphChanged, StampedEvent
 from ltvn_core.predictors.opening import open_predictor
 from ltvn_core.robots.robot_spec import LOCOBOT
-from ltvn_viz.app_setup import open_app_state
-from ltvn_viz.server.thumbnails import ThumbnailStore
-from ltvn_viz.session import commands as c
+from ltvn_viz.app_opening import open_app_state
+from ltvn_viz.session.goals import ThumbnailStore
 from ltvn_viz.session.inspection import QuestionName
 from ltvn_viz.session.options import AppOptions
 from ltvn_viz.session.session_loop import Session
 from ltvn_viz.session.snapshot import Snapshot
+from ltvn_viz.wishes import commands as c
 from tests.core.predictors.foreign_drive import CAMERA, foreign_images
 from tests.core.predictors.textured_room import TexturedRoom
+from tests.viz.debugger.answer_links import words
 from tests.viz.session_harness import FakeDriver
 
 
@@ -72,9 +73,9 @@ def test_a_place_is_looked_for_in_a_map_of_another_camera(folder: Path, predicto
         session.send(c.ChooseQuestion(QuestionName.WHERE))
         for _ in ticks(session, 12):
             pass
-        html = shown[-1].inspection.html
-        assert "Margin <b>" in html
-        assert ("recorded with other weights" in html) == (predictor == "network")
+        told = words(shown[-1])
+        assert "near enough" in told
+        assert ("recorded with other weights" in told) == (predictor == "network")
         own_camera = session.state.live_map.predictor.camera == CAMERA
         assert own_camera == (predictor == "auto")
 
@@ -86,7 +87,7 @@ def test_an_app_for_simulated_images_compares_a_recording_as_its_map_was_made(fo
         session.send(c.ChooseQuestion(QuestionName.WHERE))
         for _ in ticks(session, 12):
             pass
-        html = shown[-1].inspection.html
-        assert "Margin <b>" in html
-        assert ("recorded with other weights" in html) == (predictor == "network")
+        told = words(shown[-1])
+        assert "near enough" in told
+        assert ("recorded with other weights" in told) == (predictor == "network")
         assert session.state.live_map.predictor.camera == LOCOBOT.camera

@@ -1,12 +1,13 @@
 """Questions about the past: why it is so, what happened when, what failed; and the keys that go from event to event."""
 
-import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from ltvn_core import palette
+from ltvn_core.analysis.answer import LaneChart
+from ltvn_core.analysis.answer_text import answer_text
 from ltvn_core.analysis.timeline_records import MarkKind
 from ltvn_core.graph.deltas import (
     Belief,
@@ -21,15 +22,15 @@ from ltvn_core.graph.deltas import (
 )
 from ltvn_core.navigation import events as e
 from ltvn_core.types import CONTROL_STEP_S
-from ltvn_viz.server.keymap import Action
-from ltvn_viz.session import commands as c
 from ltvn_viz.session.activities.playback import Playback, open_replay
 from ltvn_viz.session.inspection import QuestionName
-from ltvn_viz.session.modes import Mode
 from ltvn_viz.session.recording_library import RecordingLibrary
 from ltvn_viz.session.snapshot import Snapshot
-from ltvn_viz.session.socket_handlers import command_for
+from ltvn_viz.wishes import commands as c
+from ltvn_viz.wishes.commands import Mode
+from ltvn_viz.wishes.wish_table import Action, command_for
 from tests.repository import RECORDINGS
+from tests.viz.debugger.answer_links import answer_of, follow, words
 from tests.viz.session_harness import SessionHarness
 
 
@@ -84,28 +85,17 @@ def past(tmp_path: Path) -> Past:
     return Past(tmp_path)
 
 
-def words(snapshot: Snapshot) -> str:
-    return re.sub(r"<[^>]+>", "", snapshot.inspection.html)
-
-
-def follow(past: Past, label: str) -> Snapshot:
-    """Follow the first link of which the label contains these words."""
-    found = re.findall(r'data-id="(\d+)">([^<]*)</a>', past.now.inspection.html)
-    number = next(int(number) for number, text in found if label in text)
-    return past.do(c.FollowLink(number))
-
-
 def test_a_pruned_edge_is_told_from_birth_over_its_failed_attempt_to_its_end(past: Past) -> None:
-    told = words(past.do(c.ChooseQuestion(QuestionName.BLAME), c.PointAt(*past.pruned)))
+    told = words(past.do(c.ChooseQuestion(QuestionName.EDGE), c.PointAt(*past.pruned)))
 
     assert "Why is it gone?" in told
     assert told.index("came in") < told.index("Attempt 1 in query 1 failed") < told.index("It was pruned after")
-    assert "too &lt;far&gt;" in told
+    assert "too <far>" in told
     assert "Why was it chosen?" in told
 
 
 def test_before_it_was_pruned_the_same_edge_is_weighed_and_its_end_foretold(past: Past) -> None:
-    past.do(c.ChooseQuestion(QuestionName.BLAME), c.PointAt(*past.pruned))
+    past.do(c.ChooseQuestion(QuestionName.EDGE), c.PointAt(*past.pruned))
 
     told = words(past.do(c.Seek(past.seconds(past.begins_s))))
 
@@ -117,7 +107,7 @@ def test_before_it_was_pruned_the_same_edge_is_weighed_and_its_end_foretold(past
 def test_an_edge_that_never_was_can_be_asked_for_by_numbers_and_is_compared_by_the_network(past: Past) -> None:
     nodes = list(past.state.live_map.graph.nodes)
     source, target = nodes[0], nodes[-1]
-    past.do(c.ChooseQuestion(QuestionName.BLAME))
+    past.do(c.ChooseQuestion(QuestionName.EDGE))
 
     told = words(past.do(c.SubmitText(f"{source} {target}"), ticks=3))
 
@@ -128,11 +118,11 @@ def test_an_edge_that_never_was_can_be_asked_for_by_numbers_and_is_compared_by_t
 
 def test_two_nodes_without_an_edge_offer_the_question_between_them_and_name_what_was_pruned(past: Past) -> None:
     nodes = list(past.state.live_map.graph.nodes)
-    past.do(c.ChooseQuestion(QuestionName.BLAME), c.PickNode(nodes[-1]), c.PickNode(past.pruned[0]))
+    past.do(c.ChooseQuestion(QuestionName.EDGE), c.PickNode(nodes[-1]), c.PickNode(past.pruned[0]))
 
     assert "Why is node" in words(past.now)
     assert "Edges that were pruned here" in words(past.now)
-    assert "There never was" in words(follow(past, "Why is there no edge"))
+    assert "There never was" in words(follow(past, past.now, "Why is there no edge"))
 
 
 def test_a_node_that_looked_different_shows_how_beside_its_own_image(past: Past) -> None:
@@ -141,7 +131,7 @@ def test_a_node_that_looked_different_shows_how_beside_its_own_image(past: Past)
     added = ViewAdded(node, NodeView(frame, PoseRow(0.1, 0.0, 0.0), 9.0, uses=2), Cause.SIGHT)
     graph.apply(added)
     past.happens(e.GraphChanged(added, 2))
-    told = past.do(c.ChooseQuestion(QuestionName.BLAME), c.PickNode(node)).inspection.html
+    told = words(past.do(c.ChooseQuestion(QuestionName.EDGE), c.PickNode(node)))
     assert "when the map was made" in told
     assert f"view {frame}, used in 2 queries" in told
 
@@ -151,7 +141,7 @@ def test_history_counts_marks_and_leads_to_the_one_before_and_back(past: Past) -
 
     assert counted.inspection.answer.overlay.nodes == {90_000: palette.EDGE_ADDED}
     assert len(counted.inspection.answer.overlay.strokes) == 1
-    assert "<svg" in counted.inspection.html
+    assert any(isinstance(block, LaneChart) for block in answer_of(counted).blocks)
 
     before = past.do(c.SeekMark(MarkKind.PRUNE, forwards=False))
     assert before.moment.stamp == pytest.approx(past.pruned_s, abs=1e-3)
@@ -186,22 +176,33 @@ def test_where_there_is_nothing_before_the_page_says_so(past: Past) -> None:
 def test_a_failed_query_leads_to_the_second_before_it_went_wrong(past: Past) -> None:
     listed = past.do(c.ChooseQuestion(QuestionName.FAILURES), ticks=2)
     assert "1 of 2 queries failed" in words(listed)
+    assert "Later" not in words(listed)
+    assert len(listed.inspection.answer.overlay.strokes) == 1
+    assert follow(past, past.now, "edge").inspection.selection.edge == past.pruned
 
-    there = follow(past, f"{past.seconds(past.wrong_s) - 1.0:.1f} s")
+    there = follow(past, past.now, f"{past.seconds(past.wrong_s) - 1.0:.1f} s")
 
     assert there.moment.stamp == pytest.approx(past.wrong_s - 1.0, abs=0.11)
-    assert "Now in query 1" in words(there)
-    assert len(there.inspection.answer.overlay.strokes) == 1
-    assert follow(past, "edge").inspection.selection.edge == past.pruned
+
+
+def test_before_a_query_failed_its_failure_is_told_in_one_line_apart(past: Past) -> None:
+    past.do(c.Seek(past.seconds(past.wrong_s) - 1.0))
+
+    shown = past.do(c.ChooseQuestion(QuestionName.FAILURES), ticks=2)
+
+    told = answer_text(shown.inspection.answer.answer).splitlines()
+    assert [line for line in told if "fail" in line and not line.startswith("Later in this run: ")] == []
+    assert sum(line.startswith("Later in this run: query 1 fails") for line in told) == 1
+    assert not shown.inspection.answer.overlay.strokes
 
 
 def test_failures_can_be_narrowed_down_to_one_cause(past: Past) -> None:
     past.do(c.ChooseQuestion(QuestionName.FAILURES), ticks=2)
 
-    follow(past, "1")
+    follow(past, past.now, "1")
 
     assert "show all" in words(past.now)
-    assert "show all" not in words(follow(past, "show all"))
+    assert "show all" not in words(follow(past, past.now, "show all"))
     assert past.do(c.SubmitText("bad luck")).message is not None
 
 
@@ -214,7 +215,7 @@ def test_the_debugger_works_the_same_in_a_replay(past: Past) -> None:
 
     past.do(c.SeekMark(MarkKind.PRUNE, forwards=True), c.ChooseQuestion(QuestionName.TIME))
     assert len(past.now.inspection.answer.overlay.strokes) == 1
-    past.do(c.ChooseQuestion(QuestionName.BLAME), c.PointAt(*past.pruned))
+    past.do(c.ChooseQuestion(QuestionName.EDGE), c.PointAt(*past.pruned))
     assert "Why is it gone?" in words(past.now)
 
 
@@ -241,13 +242,14 @@ def faulty() -> Playback:
 
 def test_in_the_recording_with_planted_faults_each_failure_leads_to_its_reason(past: Past, faulty: Playback) -> None:
     past.state.open_replay = lambda _: faulty
-    listed = words(past.do(c.OpenRecording("demo-fault.rrd"), c.ChooseQuestion(QuestionName.FAILURES), ticks=3))
-    assert "In the whole run 4 of 4 queries fail" in listed
-    assert all(trouble in listed for trouble in ("way blocked 1", "wrong arrival 1", "no path 1"))
+    opened = past.do(c.OpenRecording("demo-fault.rrd", 1e9), c.ChooseQuestion(QuestionName.FAILURES), ticks=3)
+    assert "4 of 4 queries failed" in words(opened)
+    assert all(trouble in words(opened) for trouble in ("way blocked 1", "wrong arrival 1", "no path 1"))
+    past.do(c.Seek(0.0))
 
     pruned = past.state.shown_run.marks_until(None, MarkKind.PRUNE)[0]
     told = words(
-        past.do(c.SeekMark(MarkKind.PRUNE, forwards=True), c.ChooseQuestion(QuestionName.BLAME), c.PointAt(*pruned.ids))
+        past.do(c.SeekMark(MarkKind.PRUNE, forwards=True), c.ChooseQuestion(QuestionName.EDGE), c.PointAt(*pruned.ids))
     )
     assert "Why is it gone?" in told
     assert "It was pruned after attempt" in told

@@ -1,14 +1,14 @@
 """The Why tab's machinery: questions, links into time, clicks that ask instead of navigate."""
 
-import re
 from pathlib import Path
 
 import pytest
 
-from ltvn_viz.session import commands as c
 from ltvn_viz.session.inspection import QuestionName
-from ltvn_viz.session.modes import Mode
 from ltvn_viz.session.snapshot import Snapshot
+from ltvn_viz.wishes import commands as c
+from ltvn_viz.wishes.commands import Mode
+from tests.viz.debugger.answer_links import links, words
 from tests.viz.session_harness import SessionHarness
 
 
@@ -23,9 +23,7 @@ def an_edge(harness: SessionHarness) -> tuple[int, int]:
 
 
 def link_numbers(snapshot: Snapshot) -> list[int]:
-    return [
-        int(number) for number in re.findall(r'data-ltvn-action="follow" data-id="(\d+)"', snapshot.inspection.html)
-    ]
+    return [number for number, _ in links(snapshot)]
 
 
 def test_without_a_question_nothing_is_asked_and_a_click_navigates(harness: SessionHarness) -> None:
@@ -46,7 +44,7 @@ def test_with_a_question_clicks_on_a_node_and_its_neighbour_ask_about_the_edge_b
 
     assert snapshot.mode is Mode.TELEOP
     assert snapshot.inspection.selection.edge == (source, target)
-    assert f"{source} → {target}" in snapshot.inspection.html
+    assert f"{source} → {target}" in words(snapshot)
     assert {source, target} <= snapshot.inspection.answer.overlay.nodes.keys()
     assert snapshot.inspection.answer.overlay.ghosts
 
@@ -69,7 +67,7 @@ def test_a_link_of_another_question_says_that_it_is_gone(harness: SessionHarness
     source, target = an_edge(harness)
     shown = harness.do(c.ChooseQuestion(QuestionName.EDGE), c.PointAt(source, target))
 
-    gone = harness.do(c.ChooseQuestion(QuestionName.BLAME), c.FollowLink(link_numbers(shown)[0]))
+    gone = harness.do(c.ChooseQuestion(QuestionName.TIME), c.FollowLink(link_numbers(shown)[0]))
 
     assert gone.inspection.selection.edge == (source, target)
     assert gone.message is not None

@@ -1,25 +1,28 @@
 """Where the robot might be: live, and in the demo recording."""
 
+import re
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
 
-from ltvn_viz.app_setup import open_app_state
+from ltvn_core.analysis.answer import StepChart
+from ltvn_core.analysis.answer_text import answer_text
+from ltvn_viz.app_opening import open_app_state
 from ltvn_viz.debugger.background_cache import BackgroundCache
-from ltvn_viz.debugger.context_builder import DebugContextBuilder
+from ltvn_viz.debugger.inspector import DebugContextBuilder
 from ltvn_viz.debugger.localisation_question import LocalisationQuestion
-from ltvn_viz.server.thumbnails import ThumbnailStore
-from ltvn_viz.session import commands as c
+from ltvn_viz.session.goals import ThumbnailStore
 from ltvn_viz.session.inspection import NOTHING_SELECTED, QuestionName
-from ltvn_viz.session.modes import Mode
 from ltvn_viz.session.options import AppOptions
 from ltvn_viz.session.session_loop import Session
 from ltvn_viz.session.snapshot import Snapshot
 from ltvn_viz.timeline.run_moment import RunMoment
+from ltvn_viz.wishes import commands as c
+from ltvn_viz.wishes.commands import Mode
 from tests.repository import RECORDINGS
-from tests.viz.debugger.answer_links import follow
+from tests.viz.debugger.answer_links import follow, words
 from tests.viz.session_harness import FakeDriver, SessionHarness
 
 
@@ -36,10 +39,12 @@ def test_the_node_at_the_robot_is_the_best_and_the_lightest(harness: SessionHarn
 
     colours = shown.inspection.answer.overlay.nodes
     light = {node: sum(colour) for node, colour in colours.items()}
-    here = next(node for node in colours if f"node {node}</a>" in shown.inspection.html)
+    here = next(each.node for each in shown.inspection.answer.links if isinstance(each, c.PointAt))
     assert len(colours) == len(harness.state.live_map.graph.nodes)
     assert light[here] == max(light.values())
-    assert "Margin <b>" in shown.inspection.html
+    near = re.search(r"(\d+) (nodes?) near enough", words(shown))
+    assert near is not None
+    assert (near[1] == "1") == (near[2] == "node")
 
 
 def test_after_a_drive_the_margin_over_time_leads_to_the_least_sure_look(harness: SessionHarness) -> None:
@@ -47,17 +52,18 @@ def test_after_a_drive_the_margin_over_time_leads_to_the_least_sure_look(harness
     harness.until(lambda snapshot: snapshot.mode is Mode.TELEOP)
     end = harness.now.moment.stamp
 
-    shown = harness.until(lambda snapshot: "lt-curve" in snapshot.inspection.html)
+    shown = harness.until(lambda snapshot: "Smallest" in words(snapshot))
     then = follow(harness, shown, " at ")
 
-    assert "lt-curve" in shown.inspection.html
+    curve = next(each for each in shown.inspection.answer.answer.blocks if isinstance(each, StepChart))
+    assert len(curve.points) > 1
     assert then.moment.stamp < end
 
 
 def test_perceptual_aliases_are_searched_on_demand_alone(harness: SessionHarness) -> None:
     shown = follow(harness, harness.wait(3), "look alike")
 
-    assert "perceptual aliases" in shown.inspection.html or "No two places look alike" in shown.inspection.html
+    assert "perceptual aliases" in words(shown).lower()
 
 
 def test_an_empty_map_has_nothing_to_compare_with(tmp_path: Path) -> None:
@@ -67,7 +73,7 @@ def test_an_empty_map_has_nothing_to_compare_with(tmp_path: Path) -> None:
         DebugContextBuilder(BackgroundCache(state.worker, lambda: None)).build(state, RunMoment()), NOTHING_SELECTED
     )
 
-    assert "The map is empty" in shown.html
+    assert "The map is empty" in answer_text(shown.answer)
 
 
 @pytest.fixture
@@ -91,7 +97,10 @@ def replayed() -> Iterator[list[Snapshot]]:
 def test_in_the_demo_recording_images_are_read_bit_by_bit_until_all_are_compared(replayed: list[Snapshot]) -> None:
     last = replayed[-1]
 
-    assert any("to go …" in each.inspection.html for each in replayed)
-    assert "to go …" not in last.inspection.html
-    assert "Margin <b>" in last.inspection.html
+    reading = [each for each in replayed if "to go …" in words(each)]
+    assert reading
+    assert not any("near enough" in words(each) or "may be here" in words(each) for each in reading)
+    assert not any(each.inspection.answer.overlay.nodes for each in reading)
+    assert "to go …" not in words(last)
+    assert "near enough" in words(last)
     assert len(last.inspection.answer.overlay.nodes) == len(last.moment.graph.ids)

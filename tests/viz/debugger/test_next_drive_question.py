@@ -3,16 +3,17 @@
 from pathlib import Path
 
 from ltvn_core.graph.deltas import Cause, EdgePruned
-from ltvn_viz.session import commands as c
 from ltvn_viz.session.inspection import QuestionName
+from ltvn_viz.wishes import commands as c
+from tests.viz.debugger.answer_links import words
 from tests.viz.session_harness import SessionHarness
 
 
 def test_the_coach_says_where_to_drive_and_a_ghost_stands_there(tmp_path: Path) -> None:
     shown = SessionHarness(tmp_path).do(c.ChooseQuestion(QuestionName.COACH), ticks=4)
 
-    assert "in one piece" in shown.inspection.html
-    assert "% new" in shown.inspection.html
+    assert "in one piece" in words(shown)
+    assert "% new" in words(shown)
     assert len(shown.inspection.answer.overlay.ghosts) == 1
 
 
@@ -25,8 +26,8 @@ def test_a_map_that_falls_apart_is_to_be_joined_first(tmp_path: Path) -> None:
 
     shown = harness.do(c.ChooseQuestion(QuestionName.COACH), ticks=4)
 
-    assert "3 pieces" in shown.inspection.html
-    assert "so that they join" in shown.inspection.html
+    assert "3 pieces" in words(shown)
+    assert "so that they join" in words(shown)
     assert shown.inspection.answer.overlay.nodes
 
 
@@ -36,4 +37,4 @@ def test_in_a_recording_the_coach_says_why_it_is_silent(tmp_path: Path) -> None:
 
     shown = harness.do(c.OpenRecording(harness.writers[-1].path.name), c.ChooseQuestion(QuestionName.COACH), ticks=3)
 
-    assert "The coach helps while one drives" in shown.inspection.html
+    assert "The coach helps while one drives" in words(shown)

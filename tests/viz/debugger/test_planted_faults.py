@@ -5,14 +5,15 @@ from contextlib import ExitStack
 
 import pytest
 
-from ltvn_viz.app_setup import open_app_state
-from ltvn_viz.server.thumbnails import ThumbnailStore
-from ltvn_viz.session import commands as c
+from ltvn_viz.app_opening import open_app_state
+from ltvn_viz.session.goals import ThumbnailStore
 from ltvn_viz.session.inspection import QuestionName
 from ltvn_viz.session.options import AppOptions
 from ltvn_viz.session.session_loop import Session
 from ltvn_viz.session.snapshot import Snapshot
+from ltvn_viz.wishes import commands as c
 from tests.repository import RECORDINGS
+from tests.viz.debugger.answer_links import words
 from tests.viz.session_harness import FakeDriver
 
 FAULTS = "demo-fault.rrd"
@@ -58,7 +59,7 @@ def test_without_the_edge_through_the_wall_there_is_a_way_round(do: Do) -> None:
 
     shown = do(c.SubmitText("without 1489->2621"))
 
-    assert "instead of 2 nodes" in shown.inspection.html
+    assert "instead of 2 nodes" in words(shown)
 
 
 def test_with_the_missing_edge_there_is_a_way_where_there_was_none(do: Do) -> None:
@@ -66,4 +67,4 @@ def test_with_the_missing_edge_there_is_a_way_where_there_was_none(do: Do) -> No
 
     shown = do(c.SubmitText("with 1158->2465"))
 
-    assert "instead of no way" in shown.inspection.html
+    assert "instead of no way" in words(shown)

@@ -1,5 +1,6 @@
 """Layers against a real viser server without a browser: what is sent, and that nothing else is."""
 
+import itertools
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
@@ -13,16 +14,14 @@ import viser
 from ltvn_core import palette
 from ltvn_core.analysis.map_history import FadingEdges, GraphArrays
 from ltvn_core.robots.robot_spec import LOCOBOT
-from ltvn_viz.layers.changes_layer import ChangesLayer
-from ltvn_viz.layers.graph_layers import REDRAW_EVERY_S, EdgesLayer, NodesLayer, offset_right
+from ltvn_viz.layers.graph_layers import REDRAW_EVERY_S, ChangesLayer, EdgesLayer, NodesLayer, offset_right
 from ltvn_viz.layers.navigation_layers import GhostLayer, GoalLayer, PlanLayer
-from ltvn_viz.layers.pose_geometry import marker_mesh
-from ltvn_viz.layers.robot_layer import RobotLayer
+from ltvn_viz.layers.robot_layers import CourseLayer, RobotLayer, TrajectoryLayer
 from ltvn_viz.layers.scene_layer import SceneLayer
-from ltvn_viz.layers.trajectory_layer import CourseLayer, TrajectoryLayer
-from ltvn_viz.session import commands as c
+from ltvn_viz.layers.shapes import marker_mesh
 from ltvn_viz.session.snapshot import Snapshot
 from ltvn_viz.timeline.run_moment import RunMoment
+from ltvn_viz.wishes import commands as c
 from tests.viz.session_harness import SessionHarness
 
 
@@ -147,7 +146,7 @@ def test_a_big_map_is_redrawn_at_most_every_so_often(server: viser.ViserServer, 
     for seed in range(60):
         clock.now += 0.1
         layer.show(Snapshot(moment=RunMoment(graph=big_graph(100, 300, seed))))
-    lines = [message for message in wire.taken() if getattr(message, "name", "") == "/graph/edges"]
+    lines = [message for message in wire.taken() if getattr(message, "name", "") == "/graph/edges/likely"]
     redrawn = sum("points" in getattr(message, "updates", {}) for message in lines)
     assert redrawn <= 60 * 0.1 / REDRAW_EVERY_S + 1
 
@@ -160,33 +159,43 @@ def test_the_last_change_of_a_burst_is_drawn_in_the_end(server: viser.ViserServe
     layer.show(last)
     clock.now += REDRAW_EVERY_S
     layer.show(last)
-    assert len(layer.lines.handle.points) == 25
+    assert sum(len(batch.handle.points) for batch in layer.lines.batches) == 25
+
+
+def redrawn_bytes(layer: EdgesLayer, wire: Wire, graph: GraphArrays) -> int:
+    """Return how many bytes of arrays a page gets when the map turns into `graph`."""
+    wire.taken()
+    layer.show(Snapshot(moment=RunMoment(graph=graph)))
+    sent = [value for message in wire.taken() for value in getattr(message, "updates", {}).values()]
+    return sum(value.nbytes for value in sent if isinstance(value, np.ndarray))
 
 
 def test_recolouring_a_big_map_stays_small(server: viser.ViserServer, wire: Wire) -> None:
-    clock, graph = Clock(), big_graph(10_000, 50_000)
-    layer = EdgesLayer(server.scene, clock)
-    layer.show(Snapshot(moment=RunMoment(graph=graph)))
-    wire.taken()
-    clock.now += 1.0
-    layer.show(Snapshot(moment=RunMoment(graph=replace(graph, p=1 - graph.p))))
-    arrays = [value for message in wire.taken() for value in message.updates.values() if isinstance(value, np.ndarray)]
-    assert sum(array.nbytes for array in arrays) <= 400_000
+    graph = big_graph(10_000, 50_000)
+    layer = EdgesLayer(server.scene, itertools.count(step=2 * REDRAW_EVERY_S).__next__)
+    whole = redrawn_bytes(layer, wire, graph)
+    thirds = np.floor(3 * graph.p)
+    assert redrawn_bytes(layer, wire, replace(graph, p=(2 * thirds + 1) / 3 - graph.p)) <= 400_000
+    one_less = np.where(np.arange(len(graph.p)) == graph.p.argmax(), 0.1, graph.p)
+    assert redrawn_bytes(layer, wire, replace(graph, p=one_less)) < whole
 
 
-def test_edges_are_coloured_by_p(server: viser.ViserServer) -> None:
+def test_edges_are_coloured_by_p_and_likely_ones_are_thicker(server: viser.ViserServer) -> None:
     layer = EdgesLayer(server.scene)
-    graph = replace(big_graph(3, 2), p=np.array([0.0, 1.0]))
-    layer.show(Snapshot(moment=RunMoment(graph=graph)))
-    light = palette.srgb_to_linear(palette.probability_colours([0.0, 1.0]))
-    np.testing.assert_array_equal(layer.lines.handle.colors[:, 0], light)
+    p = np.array([0.0, 0.5, 1.0])
+    layer.show(Snapshot(moment=RunMoment(graph=replace(big_graph(3, 3), p=p))))
+    shown = [batch.handle for batch in layer.lines.batches if batch.handle.visible]
+    colours = np.concatenate([handle.colors[:, 0] for handle in shown])
+    np.testing.assert_array_equal(colours, palette.srgb_to_linear(palette.probability_colours(p)))
+    thin, middle, thick = (handle.thickness for handle in shown)
+    assert thin < middle < thick
 
 
 def test_the_goal_and_the_place_of_the_robot_stand_out(server: viser.ViserServer, snapshot: Snapshot) -> None:
     layer = NodesLayer(server.scene, lambda *_: None)
     chosen = int(snapshot.moment.graph.ids[3])
     layer.show(replace(snapshot, selected=chosen))
-    colours = Counter(map(tuple, layer.markers.handle.batched_colors.tolist()))
+    colours = Counter(map(tuple, layer.markers.dots.handle.batched_colors.tolist()))
     assert colours[tuple(palette.srgb_to_linear(np.array(palette.GOAL)).tolist())] == 1
     assert colours[tuple(palette.srgb_to_linear(np.array(palette.NODE)).tolist())] == len(snapshot.moment.graph.ids) - 1
 
@@ -255,11 +264,38 @@ def test_nodes_and_edges_have_a_dark_outline_right_below(server: viser.ViserServ
     nodes.show(Snapshot(moment=RunMoment(graph=graph)))
     edges.show(Snapshot(moment=RunMoment(graph=graph)))
 
-    lines, outline = edges.lines.handle, edges.lines.outline
-    assert outline is not None
-    np.testing.assert_allclose(outline.points[..., :2], lines.points[..., :2])
-    assert np.all(outline.points[..., 2] < lines.points[..., 2])
-    assert outline.colors.max() < 40
-    assert nodes.markers.outline is not None
-    np.testing.assert_array_equal(nodes.markers.outline.batched_positions, nodes.markers.handle.batched_positions)
-    assert nodes.markers.outline.visible
+    drawn = [batch for batch in edges.lines.batches if batch.handle.visible]
+    assert drawn
+    for batch in drawn:
+        lines, outline = batch.handle, batch.outline
+        assert outline is not None
+        np.testing.assert_allclose(outline.points[..., :2], lines.points[..., :2])
+        assert np.all(outline.points[..., 2] < lines.points[..., 2])
+        assert outline.thickness > lines.thickness
+        assert outline.colors.max() < 40
+    dots, rim = nodes.markers.dots.handle, nodes.markers.outline.handle
+    np.testing.assert_allclose(rim.batched_positions[:, :2], dots.batched_positions[:, :2])
+    assert rim.visible
+
+
+def test_nodes_lie_below_edges_and_only_the_selected_one_shows_where_it_looks(
+    server: viser.ViserServer, snapshot: Snapshot
+) -> None:
+    nodes, edges = NodesLayer(server.scene, lambda *_: None), EdgesLayer(server.scene)
+    nodes.show(snapshot)
+    edges.show(snapshot)
+    drawn = [batch.handle for batch in edges.lines.batches if batch.handle.visible]
+    top = nodes.markers.dots.handle.batched_positions[:, 2].max()
+    assert drawn
+    assert all(top < lines.points[..., 2].min() for lines in drawn)
+    assert not nodes.heading.handle.visible
+    nodes.show(replace(snapshot, selected=int(snapshot.moment.graph.ids[3])))
+    assert nodes.heading.handle.visible
+    np.testing.assert_allclose(nodes.heading.handle.batched_positions[:, :2], snapshot.moment.graph.poses[3:4, :2])
+
+
+def test_all_nodes_cost_two_draw_calls_of_few_triangles(server: viser.ViserServer) -> None:
+    layer = NodesLayer(server.scene, lambda *_: None)
+    layer.show(Snapshot(moment=RunMoment(graph=big_graph(500, 10))))
+    assert len(layer.markers.dots.handle.batched_positions) == 500
+    assert len(layer.markers.dots.handle.faces) <= 8

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from ltvn_core.simulation.gltf_export import to_glb
+from ltvn_core.simulation.scene import to_glb
 from ltvn_core.simulation.surfaces import Surfaces
-from ltvn_viz.layers.cutaway import cut_away
-from ltvn_viz.layers.scene_assets import face_light, marked_unlit
+from ltvn_core.worlds import AS_MADE, LightChanged
+from ltvn_viz.layers.scene_assets import cut_away, face_light, marked_unlit, scene_picture
 
 
 def a_box(low: float, high: float) -> Surfaces:
@@ -73,3 +73,16 @@ def test_a_painted_scene_is_a_whole_gltf_without_lit_materials() -> None:
     assert all("KHR_materials_unlit" in material["extensions"] for material in described["materials"])
     scene = trimesh.load_scene(io.BytesIO(glb), file_type="glb")
     assert scene.area == pytest.approx(6.0)
+
+
+def test_a_page_that_draws_the_scene_from_above_shows_its_light() -> None:
+    pytest.importorskip("embreex")
+    bright = scene_picture("apartment-57")
+    dark = scene_picture("apartment-57", replace(AS_MADE, light=LightChanged(0.25)))
+    warm = scene_picture("apartment-57", replace(AS_MADE, light=LightChanged(0.5, 1.0)))
+    assert bright is not None
+    assert dark is not None
+    assert warm is not None
+    assert dark.rgb.mean() == pytest.approx(bright.rgb.mean() / 2, rel=0.02)
+    tint = warm.rgb.mean(axis=(0, 1)) / bright.rgb.mean(axis=(0, 1))
+    assert tint[0] > tint[1] > tint[2]

@@ -3,8 +3,8 @@
 import viser
 
 from ltvn_viz.panels.html_widgets import HtmlBlock
-from ltvn_viz.server.keymap import Action
-from ltvn_viz.session import commands as c
+from ltvn_viz.wishes import commands as c
+from ltvn_viz.wishes.wish_table import Action
 
 
 def nothing(_: c.Command | bytes) -> None:

@@ -5,8 +5,6 @@ from dataclasses import replace
 import pytest
 
 from ltvn_core.navigation.events import Severity
-from ltvn_core.palette import Rgb8
-from ltvn_viz.debugger.charts import Axis, step_chart_svg
 from ltvn_viz.panels.status_panel import Health, health_button, health_numbers, health_of
 from ltvn_viz.server.glossary import TERMS, explained
 from ltvn_viz.session.snapshot import LoopRates, Message, Snapshot
@@ -61,24 +59,3 @@ def test_every_symbol_of_the_answers_explains_itself() -> None:
     assert {"d", "r", "mu", "p", "R_p"} <= symbols
     assert 'title="' in explained("R_p")
     assert explained("no <such> word") == "no &lt;such&gt; word"
-
-
-def test_a_chart_has_axes_with_units_and_a_line_at_the_moment() -> None:
-    chart = step_chart_svg(
-        [(0.0, 0.9), (4.0, 0.2)], Axis("time, s", 0.0, 10.0), Axis("p", 0.0, 1.0), colour=Rgb8(1, 2, 3), now=6.0
-    )
-    assert all(words in chart for words in (">time, s<", ">p<", ">now<", ">0.2<", ">10<"))
-    assert chart.count("<circle") == 2
-    assert "nan" not in chart
-
-
-@pytest.mark.parametrize("span", [1e-6, 0.3, 1.0, 7.0, 95.0, 3600.0])
-def test_an_axis_has_a_few_round_ticks(span: float) -> None:
-    ticks = Axis("time, s", 3.0, 3.0 + span).ticks
-    assert len(ticks) <= 7
-    assert all(3.0 - 1e-9 <= tick <= 3.0 + span + 1e-9 for tick in ticks)
-    assert len(ticks) >= 2 or span < 0.3
-
-
-def test_the_axis_of_a_probability_ends_at_one() -> None:
-    assert Axis("p", 0.0, 1.0).ticks == pytest.approx([0.0, 0.2, 0.4, 0.6, 0.8, 1.0])

@@ -14,7 +14,7 @@ from PIL import Image
 
 from ltvn_core.errors import ImageError
 from ltvn_viz.panels.navigation_panel import NavigationPanel, decode_upload
-from ltvn_viz.session import commands as c
+from ltvn_viz.wishes import commands as c
 
 _MEASURE = """
 import io, re, sys
@@ -45,6 +45,14 @@ def jpeg(width: int = 320, height: int = 240) -> bytes:
 def test_an_image_of_any_size_is_read_upright_and_made_small() -> None:
     assert decode_upload("goal.jpg", jpeg(640, 480)).shape == (480, 640, 3)
     assert max(decode_upload("goal.jpg", jpeg(4000, 3000)).shape) <= 1280
+
+
+def test_a_grey_image_of_16_bits_keeps_its_levels() -> None:
+    levels = np.linspace(0, 65_535, 320 * 240).reshape(240, 320).astype(np.uint16)
+    buffer = io.BytesIO()
+    Image.fromarray(levels).save(buffer, "PNG")
+    found = decode_upload("grey.png", buffer.getvalue())[..., 0].astype(float)
+    np.testing.assert_allclose(found, levels / 257, atol=1.0)
 
 
 @pytest.mark.parametrize("content", [b"", b"not a picture", jpeg()[:200], b"GIF89a" + bytes(100)])

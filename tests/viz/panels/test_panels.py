@@ -10,32 +10,52 @@ import numpy as np
 import pytest
 import viser
 
-from ltvn_core.navigation.events import Severity
-from ltvn_viz.painter import Painter
+from ltvn_core.navigation.events import Outcome, QueryEnded, Severity
+from ltvn_viz.page_layout import Painter
 from ltvn_viz.panels.camera_panel import CameraPanel
-from ltvn_viz.panels.drive_panel import DrivePanel
-from ltvn_viz.panels.fine_tuning_panel import FineTuningPanel
+from ltvn_viz.panels.drive_panel import DrivePanel, FineTuningPanel, PadPanel
 from ltvn_viz.panels.html_widgets import with_keys
 from ltvn_viz.panels.legend_panel import LegendPanel
 from ltvn_viz.panels.navigation_panel import NavigationPanel
-from ltvn_viz.panels.notifications import SECONDS, Notifications
-from ltvn_viz.panels.pad_panel import PadPanel
 from ltvn_viz.panels.replay_panel import ReplayPanel
-from ltvn_viz.panels.status_panel import StatusPanel
-from ltvn_viz.server.keymap import Action
-from ltvn_viz.server.thumbnails import LIMIT, ThumbnailStore
-from ltvn_viz.session.goals import farthest_points
-from ltvn_viz.session.inspection import QuestionAnswer
-from ltvn_viz.session.modes import Mode
-from ltvn_viz.session.overlay import Overlay
+from ltvn_viz.panels.status_panel import AFTERWARDS_S, SECONDS, TITLES, Notifications, StatusPanel, StoryBar, first_tab
+from ltvn_viz.panels.world_panel import WorldPanel
+from ltvn_viz.session.goals import LIMIT, ThumbnailStore, farthest_points
+from ltvn_viz.session.inspection import Inspection, Overlay, QuestionAnswer, QuestionName
 from ltvn_viz.session.snapshot import (
+    DoorView,
+    FloorView,
     JobProgress,
+    LikePlace,
     Message,
     PlaybackStatus,
     RecordingStatus,
     Snapshot,
+    UploadMatch,
+    WorldView,
 )
+from ltvn_viz.session.snapshot_builder import hint
+from ltvn_viz.wishes.commands import Mode
+from ltvn_viz.wishes.wish_table import Action
 from tests.viz.panels.panel_contents import controls, is_enabled, nothing
+
+
+@pytest.mark.parametrize(
+    ("snapshot", "tab"),
+    [
+        (Snapshot(hint="Hold W A S D to drive on through the doors."), 'tab="Drive"'),
+        (Snapshot(hint="Pick an image under “Go”, or ask under “Why”."), 'tab="Go"'),
+        (Snapshot(hint="Press “Back” under “Replay”.", mode=Mode.REPLAY), 'tab="Replay"'),
+        (
+            Snapshot(hint="It ends under “Replay”.", mode=Mode.REPLAY, inspection=Inspection(QuestionName.EDGE)),
+            'tab="Why"',
+        ),
+        (Snapshot(hint="Drive.", work=JobProgress("Opening")), ""),
+    ],
+)
+def test_a_page_opens_with_the_tab_that_its_first_hint_names(snapshot: Snapshot, tab: str) -> None:
+    assert first_tab(snapshot).endswith(tab)
+    assert bool(tab) == bool(first_tab(snapshot))
 
 
 def test_html_in_messages_and_names_is_shown_as_text(server: viser.ViserServer) -> None:
@@ -45,8 +65,8 @@ def test_html_in_messages_and_names_is_shown_as_text(server: viser.ViserServer) 
     status.show(Snapshot(hint=evil, message=Message(evil, Severity.ERROR, 1)))
     now[0] += SECONDS[Severity.ERROR] + 1
     status.show(Snapshot(hint=evil, message=Message(evil, Severity.ERROR, 1)))
-    replay = ReplayPanel(server.gui, nothing)
-    replay.show(Snapshot(mode=Mode.REPLAY, replay=PlaybackStatus(evil, 1.0, 0.0, playing=False), recordings=(evil,)))
+    replay = ReplayPanel(server.gui)
+    replay.show(Snapshot(mode=Mode.REPLAY, replay=PlaybackStatus(evil, 1.0, 0.0, playing=False), recordings={evil: ""}))
     for markup in (status.hint, status.message, replay.about):
         assert "<img" not in markup.content
         assert "&lt;img" in markup.content
@@ -65,8 +85,10 @@ def test_the_status_line_says_mode_health_and_what_is_recorded_and_has_the_numbe
     rates = replace(snapshot.rates, loop_hz=29.7, frame_age_ms=41.0, dropped=7)
     status.show(replace(snapshot, rates=rates, recording=RecordingStatus("a.rrd", 12, 3.0)))
     line = status.line.content
-    for part in ("driving", ">Good<", ">12<", "30 times a second", "41 ms", ">7<"):
+    for part in ("driving", ">Good<", ">12<", "30 times a second", "41 ms", ">7<", "REC 0:03", 'data-ltvn-copy="rec"'):
         assert part in line
+    status.show(snapshot)
+    assert "REC" not in status.line.content
 
 
 def test_numbers_are_refreshed_twice_a_second_but_the_mode_at_once(
@@ -139,7 +161,7 @@ def test_the_legend_is_bright_for_what_is_shown_now(server: viser.ViserServer, s
     assert is_bright("goal")
     assert not is_bright("pruned or blocked edge")
     assert "alike" not in panel.legend.content
-    answer = QuestionAnswer("", overlay=Overlay(is_of_likeness=True))
+    answer = QuestionAnswer(overlay=Overlay(is_of_likeness=True))
     panel.show(replace(snapshot, inspection=replace(snapshot.inspection, answer=answer)))
     assert "alike" in panel.legend.content
 
@@ -162,6 +184,20 @@ def test_the_gallery_offers_images_of_nodes_as_goals(server: viser.ViserServer, 
         assert f'src="/thumb/{node}.jpg?key=k" data-ltvn-action="select" data-id="{node}"' in panel.gallery.content
 
 
+def test_an_upload_stands_under_its_heading_beside_places_with_their_likeness(
+    server: viser.ViserServer, snapshot: Snapshot
+) -> None:
+    panel = NavigationPanel(server.gui, nothing, "{}?key=k".format)
+    panel.show(snapshot)
+    assert panel.upload_match.content == ""
+    places = (LikePlace(17, 0.913), LikePlace(4, -0.2))
+    panel.show(replace(snapshot, upload=UploadMatch("data:image/jpeg;base64,AA==", places)))
+    shown = panel.upload_match.content
+    assert shown.count("<h2>") == 2
+    assert 'src="data:image/jpeg;base64,AA=="' in shown
+    assert re.findall(r"node (\d+), likeness (-?\d\.\d\d)<", shown) == [("17", "0.91"), ("4", "-0.20")]
+
+
 def test_panels_send_nothing_while_nothing_changes(
     server: viser.ViserServer, snapshot: Snapshot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -170,7 +206,7 @@ def test_panels_send_nothing_while_nothing_changes(
         DrivePanel(server.gui),
         FineTuningPanel(server.gui),
         NavigationPanel(server.gui, nothing, "{}?key=k".format),
-        ReplayPanel(server.gui, nothing),
+        ReplayPanel(server.gui),
         CameraPanel(server.gui, nothing),
     ]
     for panel in panels:
@@ -184,11 +220,19 @@ def test_panels_send_nothing_while_nothing_changes(
 
 
 def test_the_replay_tab_leaves_time_to_the_timeline(server: viser.ViserServer, snapshot: Snapshot) -> None:
-    panel = ReplayPanel(server.gui, nothing)
+    panel = ReplayPanel(server.gui)
     replay = PlaybackStatus("a.rrd", 42.0, 21.0, playing=True)
-    panel.show(replace(snapshot, mode=Mode.REPLAY, replay=replay, recordings=("a.rrd",)))
-    assert controls(panel) == 1  # The list of recordings: no slider.
+    panel.show(replace(snapshot, mode=Mode.REPLAY, replay=replay, recordings={"a.rrd": "2026-11-25 21:30, 3.1 MB"}))
+    assert controls(panel) == 3  # The list of recordings, “Open”, and “Back to the robot”: no slider.
     assert "a.rrd: 21.0 of 42.0 s" in panel.about.content
+
+
+def test_of_a_recording_that_is_chosen_one_sees_when_it_was_written_and_how_large_it_is(
+    server: viser.ViserServer, snapshot: Snapshot
+) -> None:
+    panel = ReplayPanel(server.gui)
+    panel.show(replace(snapshot, recordings={"a.rrd": "2026-11-25 21:30, 3.1 MB"}))
+    assert "21:30, 3.1 MB" in panel.about.content
 
 
 def test_the_pad_hears_once_where_the_robot_drives_by_itself(snapshot: Snapshot) -> None:
@@ -216,6 +260,19 @@ def test_each_message_is_notified_once_to_every_page() -> None:
     for number in (1, 1, 2, 2):
         notices.show(Snapshot(message=Message("same words", Severity.INFO, number)))
     assert told == ["same words"] * 4
+
+
+def test_a_message_has_its_own_title_or_that_of_how_grave_it_is() -> None:
+    titles: list[str] = []
+
+    def add_notification(title: str, body: str, **_: object) -> None:
+        titles.append(title)
+
+    clients: Any = [SimpleNamespace(add_notification=add_notification)]
+    notices = Notifications(lambda: clients)
+    notices.show(Snapshot(message=Message("words", Severity.WARN, 1, "Image not found in the map")))
+    notices.show(Snapshot(message=Message("words", Severity.WARN, 2)))
+    assert titles == ["Image not found in the map", TITLES[Severity.WARN]]
 
 
 def test_what_is_said_before_a_page_is_open_is_notified_to_the_first_one() -> None:
@@ -260,3 +317,38 @@ def test_a_part_that_fails_does_not_keep_the_others_from_drawing(
     Painter([Broken(), status], server.atomic).paint(snapshot)
     assert "driving" in status.line.content
     assert "Broken could not be drawn" in caplog.text
+
+
+def test_a_story_has_one_caption_at_a_time_and_its_end_stays_for_a_while(server: viser.ViserServer) -> None:
+    now = [0.0]
+    bar = StoryBar(server.gui, lambda: now[0])
+    bar.show(Snapshot(story=("The <door> closes.", "The plan turns."), story_goes_on=True))
+    assert "The plan turns." in bar.caption.content
+    assert "closes" not in bar.caption.content
+    bar.show(Snapshot(story=("The <door> is open.",), story_goes_on=True))
+    assert "&lt;door&gt;" in bar.caption.content
+    now[0] += AFTERWARDS_S + 1
+    bar.show(Snapshot(story=("The <door> is open.",)))
+    assert "door" not in bar.caption.content
+    over = Snapshot(story=("The story is over.",))
+    bar.show(over)
+    assert "over" in bar.caption.content
+
+
+def test_while_a_story_goes_on_nobody_is_told_to_pick_a_goal_or_can_begin_another(
+    server: viser.ViserServer, snapshot: Snapshot
+) -> None:
+    world = WorldView(FloorView(0, 0, 5, 5), (DoorView(0, "hall", 1, 1, along_x=True, width_m=1),), (), None, 1.0, "")
+    panel = WorldPanel(server.gui)
+    panel.show(replace(snapshot, world=world))
+    assert is_enabled(panel.watch.content, Action.WATCH_IT_LEARN)
+    told = replace(snapshot, world=world, story=("It begins.",), story_goes_on=True)
+    panel.show(told)
+    assert not is_enabled(panel.watch.content, Action.WATCH_IT_LEARN)
+    for mode in (Mode.TELEOP, Mode.NAVIGATING):
+        assert "story" in hint(replace(told, mode=mode))
+    ended = QueryEnded(query=4, goal=7, outcome=Outcome.CANCELLED, steps=1, collisions=0, path_m=0.0)
+    progress = snapshot.moment.progress._replace(ended=ended)
+    over = replace(told, story_goes_on=False, story_query=4, moment=replace(snapshot.moment, progress=progress))
+    assert "story is over" in hint(over)
+    assert "story" not in hint(replace(over, story_query=3))

@@ -6,10 +6,11 @@ import pytest
 
 from ltvn_viz.server.drive_messages import ActionMessage, DriveMessage, MessageError, parse_message
 from ltvn_viz.server.driver_seat import HeldInput
-from ltvn_viz.server.keymap import Action, Direction
+from ltvn_viz.server.keymap import Direction
+from ltvn_viz.wishes.wish_table import MAX_TEXT, Action
 
 DRIVE = {"type": "drive", "held": ["forward"], "stick": [0, 0], "slow": False, "epoch": 3, "age": 40}
-ACTION = {"type": "action", "action": "stop", "id": None}
+ACTION = {"type": "action", "action": "stop", "value": None}
 
 
 def test_a_drive_message_carries_everything_that_is_held() -> None:
@@ -17,7 +18,31 @@ def test_a_drive_message_carries_everything_that_is_held() -> None:
 
 
 def test_an_action_may_name_what_was_clicked() -> None:
-    assert parse_message(json.dumps(ACTION | {"id": 17})) == ActionMessage(Action.STOP, 17)
+    assert parse_message(json.dumps(ACTION | {"action": "pick", "value": 17})) == ActionMessage(Action.PICK, 17)
+
+
+@pytest.mark.parametrize(
+    ("action", "value"),
+    [
+        (Action.STOP, 17),
+        (Action.PICK, None),
+        (Action.PICK, -1),
+        (Action.PICK, 2**60),
+        (Action.PICK, 1.5),
+        (Action.PICK, True),
+        (Action.PICK, "17"),
+        (Action.KEEP_GOING, 2),
+        (Action.OPEN, 3),
+        (Action.OPEN, "x" * (MAX_TEXT + 1)),
+        (Action.PUT_BOX, [1]),
+        (Action.PUT_BOX, [1, "2"]),
+        (Action.PUT_BOX, [1e300, 0]),
+        (Action.PUT_BOX, [float("nan"), 0]),
+    ],
+)
+def test_an_action_with_a_value_that_it_does_not_carry_is_refused(action: Action, value: object) -> None:
+    with pytest.raises(MessageError):
+        parse_message(json.dumps(ACTION | {"action": action, "value": value}))
 
 
 @pytest.mark.parametrize(
@@ -45,7 +70,9 @@ def test_a_drive_message_with_a_wrong_field_is_refused(changed: dict[str, object
         parse_message(json.dumps(DRIVE | changed))
 
 
-@pytest.mark.parametrize("text", ["", "[]", "3", "{", "[" * 900, '{"type": "action", "action": "explode", "id": null}'])
+@pytest.mark.parametrize(
+    "text", ["", "[]", "3", "{", "[" * 900, '{"type": "action", "action": "explode", "value": null}']
+)
 def test_text_that_is_no_message_is_refused(text: str) -> None:
     with pytest.raises(MessageError):
         parse_message(text)

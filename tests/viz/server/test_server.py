@@ -7,6 +7,7 @@ import re
 import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from urllib.parse import urlsplit
 
 import msgspec
@@ -20,8 +21,9 @@ from websockets.sync.connection import Connection
 from ltvn_core.errors import ServerError
 from ltvn_viz.server.drive_socket import DriveListener
 from ltvn_viz.server.guarded_server import GuardedServer
-from ltvn_viz.server.proof import REFUSED_CODE, Proof
-from ltvn_viz.server.viser_client import mended
+from ltvn_viz.server.index_page import mended
+from ltvn_viz.server.requests import REFUSED_CODE, Proof
+from ltvn_viz.session.saved_files import SAVED_ENDING, SAVED_PREFIX, SavedFiles
 from tests.viz.page_sockets import CAMERA, proof
 from tests.waiting import PATIENCE_S
 
@@ -130,7 +132,7 @@ def test_a_socket_from_another_origin_is_refused_even_with_the_token(
 def test_a_socket_hears_nothing_before_the_token_was_shown(server: GuardedServer, path: str) -> None:
     for wrong in (
         proof("wrong", panels=path == "/"),
-        json.dumps({"type": "action", "action": "stop", "id": None}),
+        json.dumps({"type": "action", "action": "stop", "value": None}),
         msgspec.msgpack.encode(CAMERA),
         b"\xc1",
         "[" * 4000,
@@ -179,6 +181,25 @@ def test_a_numbered_image_is_served(server: GuardedServer) -> None:
     assert server.token not in server.file_address("/thumb/17.jpg")
 
 
+def test_a_saved_file_is_handed_out_for_the_token_alone_and_by_its_number_alone(
+    server: GuardedServer, tmp_path: Path
+) -> None:
+    files, written = SavedFiles(), tmp_path / "moment.rrd"
+    written.write_bytes(b"a moment")
+    server.add_route(SAVED_PREFIX, files.read, ending=SAVED_ENDING)
+    address, again = files.offer(written).address, files.offer(written).address
+
+    answer = get(server, address, **shown(server))
+    assert (answer.status, answer.body) == (200, b"a moment")  # type: ignore[attr-defined]
+    assert get(server, address).status == 401
+    assert get(server, server.file_address(address)).status == 401
+    assert address != again
+    assert get(server, f"{SAVED_PREFIX}0.{SAVED_ENDING}", **shown(server)).status == 404
+    assert get(server, f"{SAVED_PREFIX}moment.rrd", **shown(server)).status == 404
+    written.unlink()
+    assert get(server, address, **shown(server)).status == 404
+
+
 @pytest.mark.parametrize(
     "path",
     ["/thumb/18.jpg", "/thumb/../../etc/passwd", "/thumb/%2e%2e%2fx.jpg", "/thumb/17.jpg/x", "/thumb/-1.jpg", "/etc"],
@@ -212,8 +233,9 @@ def test_an_invalid_message_closes_only_its_own_socket(server: GuardedServer, me
         bad.send(message)
         with pytest.raises(ConnectionClosed):
             list(bad)  # Reads what is still under way until the other end closes.
-        good.send(json.dumps({"type": "action", "action": "stop", "id": None}))
-        assert any(json.loads(good.recv(timeout=PATIENCE_S))["reason"] == "stopped" for _ in range(3))
+        good.send(json.dumps({"type": "action", "action": "stop", "value": None}))
+        said = iter(lambda: json.loads(good.recv(timeout=PATIENCE_S)), None)
+        assert any(each.get("reason") == "stopped" for each in said)
 
 
 def test_only_this_machine_can_reach_the_port(server: GuardedServer) -> None:
@@ -223,14 +245,17 @@ def test_only_this_machine_can_reach_the_port(server: GuardedServer) -> None:
             socket.create_connection((str(address), server.port), timeout=2)
 
 
-def test_a_page_that_comes_while_the_app_is_loading_is_shown_and_told_to_wait() -> None:
-    with GuardedServer(is_loading=True) as server:
+def test_a_page_that_comes_while_the_app_is_loading_is_told_at_what_it_is() -> None:
+    with GuardedServer(loading="Loading") as server:
         page = get(server, "/")
         before = get(server, "/ready/0.json", **shown(server))
+        server.say_loading("Starting “it”")
+        meanwhile = get(server, "/ready/0.json", **shown(server))
         server.end_loading()
         after = get(server, "/ready/0.json", **shown(server))
-    assert b"Loading scene" in page.body  # type: ignore[attr-defined]
-    assert [json.loads(each.body) for each in (before, after)] == [False, True]  # type: ignore[attr-defined]
+    assert b"ltvn-loading-text" in page.body  # type: ignore[attr-defined]
+    answers = [json.loads(each.body) for each in (before, meanwhile, after)]  # type: ignore[attr-defined]
+    assert answers == ["Loading", "Starting “it”", ""]
 
 
 def test_pictures_reach_pages_that_are_there_and_the_newest_one_those_that_come(server: GuardedServer) -> None:

@@ -13,17 +13,27 @@ import pytest
 from ltvn_core.errors import WeightsError
 from ltvn_core.navigation.events import Severity
 from ltvn_core.network.optimization.fine_tuning_loop import FineTuningData
+from ltvn_core.network.training_data.trajectory_pairs import OdometryLabelRule, TrajectoryPairs
 from ltvn_core.network.weights_file import read_card, weights_fingerprint
 from ltvn_core.training.fine_tuning import FineTunedWeights
 from ltvn_core.training.fine_tuning_data import DriveSource, ProgressReporter
-from ltvn_core.training_data.trajectory_pairs import OdometryLabelRule, TrajectoryPairs
 from ltvn_core.types import ZERO_TWIST, Twist
-from ltvn_viz.server.keymap import FOR_EVERYBODY, Action
-from ltvn_viz.session import commands as c
 from ltvn_viz.session.fine_tuner import FineTuner, FineTuningRequest
-from ltvn_viz.session.fine_tuning import FineTuning, Tune, far_false_positives_grew, result_lines
-from ltvn_viz.session.modes import Mode
+from ltvn_viz.session.fine_tuning import (
+    CALIBRATING,
+    JUDGING,
+    LEARNING,
+    FineTuning,
+    LearningTime,
+    Tune,
+    besides_words,
+    far_false_positives_grew,
+    result_lines,
+)
 from ltvn_viz.session.snapshot import FineTuningPhase
+from ltvn_viz.wishes import commands as c
+from ltvn_viz.wishes.commands import Mode
+from ltvn_viz.wishes.wish_table import WISHES, Action, Audience
 from tests.viz.session_harness import InlineExecutor, SessionHarness
 from tests.viz.tiny_fine_tuning import PLAN, TUNER, TinyRehearsal, drive, record_drive, show_drive, tiny_weights
 from tests.waiting import PATIENCE_S
@@ -292,4 +302,48 @@ def test_names_of_weights_are_never_taken_twice(folder: Path) -> None:
 
 
 def test_learning_belongs_to_whoever_drives() -> None:
-    assert not FOR_EVERYBODY & {Action.LEARN, Action.STOP_LEARNING, Action.USE_WEIGHTS, Action.LEAVE_WEIGHTS}
+    for action in (Action.LEARN, Action.STOP_LEARNING, Action.USE_WEIGHTS, Action.LEAVE_WEIGHTS):
+        assert WISHES[action].audience is Audience.DRIVER
+
+
+class Clock:
+    """A clock that stands until it is told."""
+
+    def __init__(self) -> None:
+        self.now = 50.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+@pytest.fixture
+def clock() -> Clock:
+    return Clock()
+
+
+def test_one_minute_of_learning_on_a_slow_computer_is_said_to_take_what_it_takes(clock: Clock) -> None:
+    lesson = LearningTime(1, clock)
+    said = [lesson.left]
+    for doing, seconds in (("drawing simulated rooms", 90), (JUDGING, 150), (LEARNING, 60), (CALIBRATING, 170)):
+        lesson.hear(doing)
+        said.append(lesson.left)
+        clock.now += seconds
+    assert said == [
+        "more than 1 min left",
+        "more than 1 min left",
+        "more than 1 min left",
+        "about 4 to 6 min left",
+        "about 3 to 5 min left",
+    ]
+    assert lesson.left == "about 3 min left"
+    assert lesson.besides_s == 410
+    assert "took 7 min on top" in besides_words(lesson.besides_s)
+
+
+def test_a_lesson_that_was_stopped_while_it_learned_says_nothing_of_the_whole(clock: Clock) -> None:
+    lesson = LearningTime(3, clock)
+    lesson.hear(LEARNING)
+    clock.now += 60
+    assert lesson.left == "about 2 min left"
+    assert lesson.besides_s is None
+    assert "once it has measured it" in besides_words(lesson.besides_s)

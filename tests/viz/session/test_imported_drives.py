@@ -8,20 +8,20 @@ from shutil import copytree
 import numpy as np
 import pytest
 
-from ltvn_core.importing.drive_import import import_drive
-from ltvn_core.importing.reader_registry import open_drive
+from ltvn_core.data.importing.drive_import import import_drive
+from ltvn_core.data.importing.reader_registry import open_drive
 from ltvn_core.navigation.events import Severity
 from ltvn_core.preprocessing import preprocess_image
 from ltvn_core.types import Rgb
-from ltvn_viz.app_setup import open_app_state
-from ltvn_viz.server.thumbnails import ThumbnailStore
-from ltvn_viz.session import commands as c
+from ltvn_viz.app_opening import open_app_state
 from ltvn_viz.session.activities.playback import Playback
-from ltvn_viz.session.modes import Mode
+from ltvn_viz.session.goals import ThumbnailStore
 from ltvn_viz.session.options import AppOptions
 from ltvn_viz.session.session_loop import Session
 from ltvn_viz.session.snapshot import Snapshot
-from tests.core.importing.drives import EXCERPT
+from ltvn_viz.wishes import commands as c
+from ltvn_viz.wishes.commands import Mode
+from tests.core.data.importing.drives import EXCERPT
 from tests.viz.session_harness import FakeDriver
 from tests.waiting import until
 

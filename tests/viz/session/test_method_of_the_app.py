@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from ltvn_core.errors import OptionError
-from ltvn_viz.app_setup import open_app_state
-from ltvn_viz.server.thumbnails import ThumbnailStore
+from ltvn_viz.app_opening import open_app_state
+from ltvn_viz.session.goals import ThumbnailStore
 from ltvn_viz.session.options import AppOptions
 from tests.repository import DEMO_MAP
 
@@ -16,8 +16,10 @@ pytest.importorskip("embreex")
 
 @pytest.mark.parametrize("system", ["sorb", "meng"])  # Of which one has weights of its own.
 def test_a_rival_begins_with_an_empty_map_since_the_ready_made_one_is_not_its_own(system: str, tmp_path: Path) -> None:
+    steps: list[str] = []
     with ExitStack() as stack:
-        state = open_app_state(AppOptions(recordings=tmp_path, system=system), stack, ThumbnailStore())
+        state = open_app_state(AppOptions(recordings=tmp_path, system=system), stack, ThumbnailStore(), steps.append)
+        assert any("simulator" in step for step in steps)
         assert state.live_map.system.name == system
         assert not state.live_map.graph.nodes
 

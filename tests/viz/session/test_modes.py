@@ -9,8 +9,9 @@ import pytest
 from ltvn_core.graph.deltas import Cause, EdgePruned
 from ltvn_core.navigation.events import Outcome, Severity
 from ltvn_core.types import ZERO_TWIST, Twist
-from ltvn_viz.session import commands as c
-from ltvn_viz.session.modes import LEGAL_MODES, Mode, refusal
+from ltvn_viz.wishes import commands as c
+from ltvn_viz.wishes.commands import BaseCommand, Mode
+from ltvn_viz.wishes.wish_table import refusal
 from tests.viz.session_harness import SessionHarness
 
 FORWARD = Twist(0.4, 0.0)
@@ -115,11 +116,11 @@ def test_an_illegal_command_is_refused_with_the_legal_ones_named(harness: Sessio
 
 @pytest.mark.parametrize("mode", Mode)
 def test_every_mode_has_a_way_on(mode: Mode) -> None:
-    assert any(mode in modes for kind, modes in LEGAL_MODES.items() if kind not in (c.StopRobot, c.ReportError))
+    assert any(mode in kind.modes for kind in BaseCommand.__subclasses__() if kind not in (c.StopRobot, c.ReportError))
 
 
 def test_every_command_has_a_place_in_the_table() -> None:
-    assert {kind.__name__ for kind in get_args(c.Command)} == {kind.__name__ for kind in LEGAL_MODES}
+    assert {kind.__name__ for kind in get_args(c.Command)} == {kind.__name__ for kind in BaseCommand.__subclasses__()}
 
 
 def test_a_goal_outside_the_map_is_a_clear_error(harness: SessionHarness) -> None:
@@ -195,9 +196,10 @@ def test_a_picture_that_is_like_no_node_is_told_of_and_only_suggested(harness: S
     shown = harness.do(c.NavigateToImage(noise), ticks=3)
     assert shown.mode is Mode.TELEOP
     assert shown.message is not None
-    assert "may not hold your image" in shown.message.text
-    assert shown.selected == shown.similar_nodes[0]
-    harness.do(c.NavigateTo(None), ticks=1)
+    assert "not found" in shown.message.title
+    assert shown.selected is None
+    assert shown.upload is not None
+    harness.do(c.ChooseGoal(shown.upload.places[0].node), ticks=1)
     assert harness.session.mode is Mode.NAVIGATING
 
 
@@ -222,3 +224,34 @@ def test_the_session_runs_in_real_time_until_told_to_stop(harness: SessionHarnes
     harness.session.run(max_ticks=3)
     assert len(harness.shown) >= 4
     assert harness.robot.twist == ZERO_TWIST
+
+
+def test_a_rebuilt_map_says_what_changed_and_the_old_one_comes_back(harness: SessionHarness) -> None:
+    graph = harness.state.live_map.graph
+    old = sorted(graph.nodes), sorted(graph.edges)
+    harness.do(c.BuildMap())
+    shown = harness.until(lambda now: now.mode is Mode.TELEOP and now.can_undo_build)
+    rebuilt = harness.state.live_map.graph
+    assert shown.message is not None
+    assert f"{len(old[0]):,} → {len(rebuilt.nodes):,} nodes" in shown.message.text
+    assert "Undo" in shown.message.text
+    harness.do(c.UndoBuild())
+    shown = harness.until(lambda now: not now.can_undo_build)
+    back = harness.state.live_map.graph
+    assert (sorted(back.nodes), sorted(back.edges)) == old
+    assert sorted(shown.moment.graph.ids.tolist()) == old[0]
+    assert len(shown.moment.graph.p) == len(old[1])
+    again = harness.do(c.UndoBuild())
+    assert again.message is not None
+    assert "no map to bring back" in again.message.text
+
+
+def test_one_may_drive_and_navigate_by_the_map_that_came_back(harness: SessionHarness) -> None:
+    harness.do(c.BuildMap())
+    harness.until(lambda now: now.can_undo_build)
+    harness.do(c.UndoBuild())
+    shown = harness.until(lambda now: not now.can_undo_build)
+    harness.do(c.NavigateTo(int(shown.moment.graph.ids[-1])))
+    ended = harness.until(lambda now: now.moment.progress.ended is not None).moment.progress.ended
+    assert ended is not None
+    assert ended.outcome is Outcome.ARRIVED

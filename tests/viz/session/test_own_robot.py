@@ -13,12 +13,11 @@ from ltvn_core.robots.drive_lease import DriveLease
 from ltvn_core.robots.robot import WallClock
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.types import CONTROL_STEP_S, Features, Observation, RobotState, Twist
-from ltvn_viz.session import commands as c
-from ltvn_viz.session.live_robot import LiveRobot
-from ltvn_viz.session.live_run import TICK_S
-from ltvn_viz.session.modes import Mode
+from ltvn_viz.session.live_run import TICK_S, LiveRobot
 from ltvn_viz.session.snapshot import ImageSource, Snapshot
 from ltvn_viz.session.snapshot_builder import hint
+from ltvn_viz.wishes import commands as c
+from ltvn_viz.wishes.commands import Mode
 from tests.core.flat_world import FlatPredictor, FlatRobot, observation_at
 from tests.viz.session_harness import ONE_ROOM, InlineExecutor, SessionHarness
 from tests.waiting import until

@@ -6,15 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ltvn_viz.server.driver_seat import IDLE_S, DriverSeat
-from ltvn_viz.server.keymap import Action
-from ltvn_viz.server.presence import Absence, Loss
-from ltvn_viz.session import commands as c
+from ltvn_viz.server.driver_seat import IDLE_S, Absence, DriverSeat, Loss
 from ltvn_viz.session.command_handlers import handle
 from ltvn_viz.session.inspection import QuestionName
-from ltvn_viz.session.modes import Mode
 from ltvn_viz.session.session_loop import Session
-from ltvn_viz.session.socket_handlers import command_for
+from ltvn_viz.wishes import commands as c
+from ltvn_viz.wishes.commands import Mode
+from ltvn_viz.wishes.wish_table import Action, command_for
 from tests.viz.server.test_driver_seat import ANN, BOB, Clock
 from tests.viz.session.test_modes import a_far_node
 from tests.viz.session_harness import SessionHarness

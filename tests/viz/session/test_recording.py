@@ -7,8 +7,8 @@ import pytest
 
 from ltvn_core.navigation.events import AttemptEnded, AttemptStarted, Localised
 from ltvn_core.types import Twist
-from ltvn_viz.session import commands as c
-from ltvn_viz.session.modes import Mode
+from ltvn_viz.wishes import commands as c
+from ltvn_viz.wishes.commands import Mode
 from tests.viz.session_harness import SessionHarness
 
 
@@ -30,10 +30,13 @@ def record(harness: SessionHarness, ticks: int = 60) -> None:
 def test_keeping_leaves_a_finished_file_in_the_list(harness: SessionHarness) -> None:
     record(harness)
     name = harness.now.recording.name
+    assert name is not None
     assert harness.now.recording.frames > 10
     harness.do(c.KeepRecording())
     assert harness.writers[0].closed
     assert harness.library.names() == (name,)
+    size_mb = (harness.library.folder / name).stat().st_size / 1e6
+    assert harness.library.words()[name].endswith(f"{size_mb:.1f} MB")
 
 
 def test_recordings_of_the_same_second_get_names_of_their_own(harness: SessionHarness) -> None:

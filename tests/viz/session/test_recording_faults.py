@@ -1,18 +1,20 @@
 """What the page says, and does not wait for, when a recording fails or a disk does not answer."""
 
+import tempfile
 import threading
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from ltvn_core.recording.damage.integrity import verify
-from ltvn_core.recording.reader import Recording
-from ltvn_core.recording.writer import RecordingWriter
+from ltvn_core.data.recording.damage.integrity import repair, verify
+from ltvn_core.data.recording.reader import Recording
+from ltvn_core.data.recording.writer import RecordingWriter
+from ltvn_core.errors import RecordingError
 from ltvn_core.types import Twist
-from ltvn_viz.session import commands as c
-from ltvn_viz.session.modes import Mode
 from ltvn_viz.session.recorder import DaemonExecutor
+from ltvn_viz.wishes import commands as c
+from ltvn_viz.wishes.commands import Mode
 from tests.viz.session_harness import FakeWriter, SessionHarness
 from tests.waiting import until
 
@@ -33,6 +35,15 @@ def begin(harness: SessionHarness) -> Path:
     harness.do(c.StartRecording())
     shown = harness.until(lambda now: now.recording.name is not None)
     return harness.library.folder / str(shown.recording.name)
+
+
+def frames_on_disk(path: Path) -> int:
+    """Return how many images of a recording under way are safe by now."""
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            return repair(path, Path(folder) / "so-far.rrd").frames
+        except RecordingError:
+            return 0  # Not even its description is.
 
 
 def drive_on(harness: SessionHarness) -> None:
@@ -56,6 +67,7 @@ def test_a_query_goes_on_when_its_recording_fails(harness: SessionHarness) -> No
     path = begin(harness)
     harness.do(c.NavigateTo(int(harness.now.moment.graph.ids[-1])))
     harness.until(lambda now: now.mode is Mode.NAVIGATING)
+    until(lambda: frames_on_disk(path) > 0)  # No time passes for the robot meanwhile.
     path.rename(path.with_name("elsewhere.rrd"))
     shown = harness.until(lambda now: now.recording.name is None)
     assert shown.message is not None

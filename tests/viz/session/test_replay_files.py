@@ -7,21 +7,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ltvn_core.data.recording.map_file import save_map
+from ltvn_core.data.recording.writer import RecordingWriter
 from ltvn_core.errors import LtvnError, MapError, OptionError, RecordingError, SceneError
 from ltvn_core.navigation.events import GraphChanged, Note, StampedEvent
-from ltvn_core.recording.map_file import save_map
-from ltvn_core.recording.writer import RecordingWriter
 from ltvn_core.types import Observation
-from ltvn_viz.app_setup import open_app_state
-from ltvn_viz.server.thumbnails import ThumbnailStore
-from ltvn_viz.session import commands as c
+from ltvn_viz.app_opening import open_app_state
 from ltvn_viz.session.activities.playback import open_replay
 from ltvn_viz.session.app_state import AppState
-from ltvn_viz.session.modes import Mode
+from ltvn_viz.session.goals import ThumbnailStore
 from ltvn_viz.session.options import AppOptions
 from ltvn_viz.session.recording_library import RecordingLibrary
 from ltvn_viz.session.session_loop import Session
 from ltvn_viz.session.snapshot import Snapshot
+from ltvn_viz.wishes import commands as c
+from ltvn_viz.wishes.commands import Mode
 from tests.core.flat_world import tour
 from tests.repository import DEMO_MAP, GOLDEN_RECORDING
 from tests.viz.session_harness import FakeDriver, SessionHarness

@@ -6,10 +6,16 @@ import pytest
 
 from ltvn_core.errors import OptionError
 from ltvn_viz.server.drive_messages import LinkMessage, parse_message
-from ltvn_viz.session import commands as c
 from ltvn_viz.session.inspection import QuestionName, Selection
-from ltvn_viz.session.share_links import QUESTION_WORDS, commands_from_link, link, question_commands
-from ltvn_viz.session.viewpoint import Viewpoint, parse_viewpoint
+from ltvn_viz.session.share_links import (
+    QUESTION_WORDS,
+    Viewpoint,
+    commands_from_link,
+    link,
+    parse_viewpoint,
+    question_commands,
+)
+from ltvn_viz.wishes import commands as c
 
 VIEW = Viewpoint((1.0, -2.5, 3.125), (0.0, 0.5, 0.0), (0.0, 0.0, 1.0))
 
@@ -99,7 +105,7 @@ def test_a_link_travels_to_the_server_unread() -> None:
 def test_a_question_is_asked_by_its_word_and_a_wrong_word_names_the_right_ones() -> None:
     (asked,) = question_commands("blame", QUESTION_WORDS)
     assert isinstance(asked, c.ChooseQuestion)
-    assert asked.name == QuestionName.BLAME.value
+    assert asked.name == QuestionName.EDGE.value
     assert question_commands("", QUESTION_WORDS) == ()
     with pytest.raises(OptionError, match=r"--ask, names the tool “why”.*blame"):
         question_commands("why", QUESTION_WORDS)

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from ltvn_core.navigation.events import Severity
-from ltvn_viz.app_setup import open_app_state
-from ltvn_viz.server.thumbnails import ThumbnailStore
+from ltvn_viz.app_opening import open_app_state
+from ltvn_viz.session.goals import ThumbnailStore
 from ltvn_viz.session.options import AppOptions
 from tests.core.simulation.two_room_mesh import box_house, save
 

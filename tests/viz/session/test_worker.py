@@ -10,10 +10,10 @@ import pytest
 
 from ltvn_core.errors import MapError
 from ltvn_core.types import ZERO_TWIST, Depth, Pose, Rgb, Twist
-from ltvn_viz.session import commands as c
-from ltvn_viz.session.camera_feed import CameraFeed
-from ltvn_viz.session.modes import Mode
+from ltvn_viz.session.camera_feed import LargerFeed
 from ltvn_viz.session.worker import Worker
+from ltvn_viz.wishes import commands as c
+from ltvn_viz.wishes.commands import Mode
 from tests.viz.session_harness import InlineExecutor, SessionHarness
 from tests.waiting import PATIENCE_S
 
@@ -145,7 +145,7 @@ def test_the_newest_pose_wins_in_the_persons_camera() -> None:
         return np.zeros((2, 2, 3), np.uint8), np.ones((2, 2), np.float32)
 
     times = iter(np.arange(0.0, 100.0, 1.0))
-    feed = CameraFeed(render, clock=lambda: float(next(times)))
+    feed = LargerFeed(render, clock=lambda: float(next(times)))
     feed.latest_image(np.array([0.0, 0, 0]))
     assert gate.entered.wait(PATIENCE_S)
     for x in (1.0, 2.0, 3.0):

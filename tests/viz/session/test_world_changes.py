@@ -9,18 +9,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ltvn_core.data.recording.reader import Recording
 from ltvn_core.errors import WorldError
 from ltvn_core.evaluation.door_story.story import NO_STORY
 from ltvn_core.navigation.events import ChangedBy, WorldChanged
-from ltvn_core.recording.reader import Recording
-from ltvn_core.worlds.world_change import DoorMoved
-from ltvn_viz.app_setup import open_app_state
-from ltvn_viz.server.thumbnails import ThumbnailStore
-from ltvn_viz.session import commands as c
+from ltvn_core.worlds import DoorMoved
+from ltvn_viz.app_opening import open_app_state
+from ltvn_viz.session.goals import ThumbnailStore
 from ltvn_viz.session.options import AppOptions
 from ltvn_viz.session.session_loop import Session
-from ltvn_viz.session.snapshot import Snapshot
-from ltvn_viz.session.world_view import WorldView
+from ltvn_viz.session.snapshot import Snapshot, WorldView
+from ltvn_viz.wishes import commands as c
 from tests.viz.session_harness import FakeDriver, SessionHarness
 from tests.waiting import until
 
@@ -169,8 +168,7 @@ def test_where_the_map_has_no_way_through_a_door_the_story_says_so_and_changes_n
     system = apartment.session.state.live_map.system
     shown = apartment.do(c.WatchItLearn())
     assert shown.story == (NO_STORY,)
-    assert shown.message is not None
-    assert shown.message.text == NO_STORY
+    assert shown.message is None or shown.message.text != NO_STORY, "captions stand in one place"
     assert apartment.session.state.live_map.system is system
     assert all(each.is_open for each in apartment.view.doors)
 

@@ -8,18 +8,16 @@ import pytest
 
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import Instant
+from ltvn_core.data.recording.reader import Recording
 from ltvn_core.navigation.events import GraphChanged, Outcome, StampedEvent, WorldChanged
-from ltvn_core.recording.reader import Recording
 from ltvn_core.types import CONTROL_STEP_S, Twist
-from ltvn_core.worlds.world_change import DoorMoved
-from ltvn_viz.panels.timeline_panel import TELL_EVERY_S, TimelinePanel
-from ltvn_viz.server.keymap import Action
+from ltvn_core.worlds import DoorMoved
+from ltvn_viz.panels.replay_panel import TELL_EVERY_S, TimelinePanel
 from ltvn_viz.server.strip_kinds import BAR_STYLES, STRIP_STYLES, QueryEnd, StripKind, strip_tables
-from ltvn_viz.session import commands as c
 from ltvn_viz.session.snapshot import Snapshot, TimelineStatus
-from ltvn_viz.session.socket_handlers import command_for
-from ltvn_viz.timeline.adjacent_moments import adjacent_instant
-from ltvn_viz.timeline.strip_marks import STRIP_NUMBERS, StripLibrary, StripMarks
+from ltvn_viz.timeline.strip_marks import STRIP_NUMBERS, StripLibrary, StripMarks, adjacent_instant
+from ltvn_viz.wishes import commands as c
+from ltvn_viz.wishes.wish_table import Action, command_for
 from tests.core.analysis import example_runs
 from tests.repository import DEMO_FAULT
 from tests.viz.session_harness import SessionHarness
@@ -79,6 +77,7 @@ def test_every_kind_of_mark_has_a_sign_of_its_own_and_the_page_knows_it() -> Non
     assert set(STRIP_STYLES) == marks
     assert set(BAR_STYLES) == set(QueryEnd)
     assert len({style.sign for style in STRIP_STYLES.values()}) == len(marks)
+    assert len({style.sign for style in BAR_STYLES.values()}) == len(BAR_STYLES)
     json.dumps(strip_tables())
 
 

@@ -9,15 +9,14 @@ import pytest
 
 pytest.importorskip("embreex")
 
+from ltvn_core.data.recording.map_file import load_map
 from ltvn_core.errors import OptionError
 from ltvn_core.evaluation.query_result import QueryBatch
 from ltvn_core.evaluation.results import WorldResult, load_results
 from ltvn_core.evaluation.segments import run_query_batch
 from ltvn_core.evaluation.trial_plans import TrialFiles
-from ltvn_core.evaluation.worlds.schedule import Schedule
-from ltvn_core.evaluation.worlds.world_drive import WorldDrive
-from ltvn_core.evaluation.worlds.world_plans import WorldFiles, WorldPlan
-from ltvn_core.recording.map_file import load_map
+from ltvn_core.evaluation.worlds.world_evaluation import WorldDrive
+from ltvn_core.evaluation.worlds.world_plans import Schedule, WorldFiles, WorldPlan
 from ltvn_core.simulation.changes.world_script import MORNING_S
 from ltvn_core.verbs.jobs.evaluate import trial_plans
 from ltvn_core.verbs.jobs.lifelong import WorldSummary

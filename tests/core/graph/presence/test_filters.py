@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from ltvn_core.graph.presence.durations import DurationMixture
-from ltvn_core.graph.presence.observation import PresenceObservation
 from ltvn_core.graph.presence.persistent import PERSISTENT, PersistentFilter, SightErrors, return_probabilities
-from ltvn_core.graph.presence.presence_filter import presence_probabilities, presence_probability
+from ltvn_core.graph.presence.presence_filter import PresenceObservation, presence_probabilities, presence_probability
 
 NEVER = DurationMixture.exponential([1e12], [1.0])
 ERRORS = SightErrors(miss=0.2, false_alarm=0.1)

@@ -19,8 +19,7 @@ from ltvn_core.robots.ros2.profile import RobotProfile, read_profile, shipped_pr
 from ltvn_core.robots.ros2.ros_cameras import CAMERA_INFO
 from ltvn_core.robots.ros2.ros_images import IMAGE
 from ltvn_core.robots.ros2.ros_messages import camera_info_message, image_message, odometry_message, read_twist
-from ltvn_core.robots.ros2.ros_types import ODOMETRY, TWIST
-from ltvn_core.robots.ros2.topic_keys import Topic
+from ltvn_core.robots.ros2.topic_keys import ODOMETRY, TWIST, Topic
 from ltvn_core.robots.ros2.zenoh_link import Received, ZenohLink
 from ltvn_core.types import ZERO_TWIST, Twist
 

@@ -10,8 +10,7 @@ import pytest
 
 from ltvn_core.robots.ros2.profile import shipped_profiles
 from ltvn_core.robots.ros2.ros_messages import read_twist, twist_message
-from ltvn_core.robots.ros2.ros_types import TWIST, TWIST_STAMPED
-from ltvn_core.robots.ros2.topic_keys import Topic
+from ltvn_core.robots.ros2.topic_keys import TWIST, TWIST_STAMPED, Topic
 from ltvn_core.robots.ros2.zenoh_link import Received, TopicPublisher, ZenohLink
 from ltvn_core.types import ZERO_TWIST, Twist
 from tests.core.robots.ros2.processes import Program, running

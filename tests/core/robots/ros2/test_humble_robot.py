@@ -10,8 +10,17 @@ import pytest
 from ltvn_core.robots.ros2.guard import Guard
 from ltvn_core.robots.ros2.profile import open_profile
 from ltvn_core.robots.ros2.ros_messages import read_twist, twist_message
-from ltvn_core.robots.ros2.ros_types import NO_HASH, TWIST, TWIST_STAMPED, decode, type_hash
-from ltvn_core.robots.ros2.topic_keys import Attachment, Endpoint, Role, Topic
+from ltvn_core.robots.ros2.topic_keys import (
+    NO_HASH,
+    TWIST,
+    TWIST_STAMPED,
+    Attachment,
+    Endpoint,
+    Role,
+    Topic,
+    decode,
+    type_hash,
+)
 from ltvn_core.robots.ros2.zenoh_link import TopicPublisher, ZenohLink
 from ltvn_core.types import ZERO_TWIST, Twist
 from tests.waiting import until

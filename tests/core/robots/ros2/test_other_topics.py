@@ -15,10 +15,9 @@ from ltvn_core.robots.ros2.profile import RobotProfile
 from ltvn_core.robots.ros2.robot_probe import look_over
 from ltvn_core.robots.ros2.ros_messages import bumper_message, camera_info_message, transform_message
 from ltvn_core.robots.ros2.ros_robot import RosRobot
-from ltvn_core.robots.ros2.ros_types import TRANSFORMS
 from ltvn_core.robots.ros2.sensor_inbox import SensorInbox
 from ltvn_core.robots.ros2.served_robot import compressed_depth_message
-from ltvn_core.robots.ros2.topic_keys import Attachment, Topic
+from ltvn_core.robots.ros2.topic_keys import TRANSFORMS, Attachment, Topic
 from ltvn_core.robots.ros2.zenoh_link import Received, ZenohLink
 from ltvn_core.types import Observation, RobotState, Twist
 from tests.core.flat_world import FlatRobot, one_room

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 
 from ltvn_core.cli import run_verb
+from ltvn_core.data.recording.demo_files import DEMO_MAP, demo_file
+from ltvn_core.data.recording.map_file import LoadedMap, load_map
+from ltvn_core.data.recording.reader import Recording
+from ltvn_core.data.recording.recorded_run import RunDescription
 from ltvn_core.geometry import relative
 from ltvn_core.graph.deltas import Cause, EdgeAdded, EdgePruned, NodeAdded, NodeDropped
 from ltvn_core.navigation.events import GraphChanged, QueryStarted
-from ltvn_core.recording.demo_files import DEMO_MAP, demo_file
-from ltvn_core.recording.map_file import LoadedMap, load_map
-from ltvn_core.recording.reader import Recording
-from ltvn_core.recording.run_description import RunDescription
 from ltvn_core.types import NodeId, Pose
 from ltvn_core.verbs.evaluate_robot import EvaluateRobotVerb
 from ltvn_core.verbs.navigate import NavigateVerb

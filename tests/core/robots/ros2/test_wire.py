@@ -32,9 +32,21 @@ from ltvn_core.robots.ros2.ros_messages import (
     transform_message,
     twist_message,
 )
-from ltvn_core.robots.ros2.ros_types import BUMPER, ODOMETRY, TRANSFORMS, TWIST, TWIST_STAMPED, decode, encode
 from ltvn_core.robots.ros2.served_robot import compressed_colour_message, compressed_depth_message
-from ltvn_core.robots.ros2.topic_keys import Attachment, Endpoint, Role, Topic, node_token
+from ltvn_core.robots.ros2.topic_keys import (
+    BUMPER,
+    ODOMETRY,
+    TRANSFORMS,
+    TWIST,
+    TWIST_STAMPED,
+    Attachment,
+    Endpoint,
+    Role,
+    Topic,
+    decode,
+    encode,
+    node_token,
+)
 from ltvn_core.types import Twist
 
 Them: Any = their_entities

@@ -20,7 +20,8 @@ from ltvn_core.simulation.scene_registry import load_scene
 from ltvn_core.simulation.simulated_robot import SimulatedRobot
 from ltvn_core.simulation.wheel_odometry import OdometryNoise
 from ltvn_core.types import CONTROL_STEP_S, Observation, Pose, Twist
-from ltvn_core.worlds.world_change import (
+from ltvn_core.worlds import (
+    AS_MADE,
     DoorMoved,
     LightChanged,
     PicturesExchanged,
@@ -30,7 +31,6 @@ from ltvn_core.worlds.world_change import (
     ThingReturned,
     WorldChange,
 )
-from ltvn_core.worlds.world_state import AS_MADE
 
 DOOR = 0
 BEFORE_M = 1.0

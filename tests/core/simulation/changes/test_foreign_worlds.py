@@ -14,7 +14,7 @@ from ltvn_core.simulation.opening import open_simulation
 from ltvn_core.simulation.rendering.embree_renderer import EmbreeRenderer
 from ltvn_core.simulation.scene import Scene
 from ltvn_core.simulation.simulated_robot import SimulatedRobot
-from ltvn_core.worlds.world_change import DoorMoved, LightChanged, PersonMoved, ThingKind, ThingPlaced, ThingRemoved
+from ltvn_core.worlds import DoorMoved, LightChanged, PersonMoved, ThingKind, ThingPlaced, ThingRemoved
 from tests.core.simulation.two_room_mesh import box_house, save
 
 

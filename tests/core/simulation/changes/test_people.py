@@ -19,7 +19,7 @@ from ltvn_core.simulation.scene import Scene
 from ltvn_core.simulation.scene_registry import load_scene
 from ltvn_core.simulation.simulated_robot import SimulatedRobot
 from ltvn_core.types import CONTROL_STEP_S, ZERO_TWIST, Twist
-from ltvn_core.worlds.world_change import PersonMoved
+from ltvn_core.worlds import PersonMoved
 
 BEFORE_M = 1.2
 

@@ -5,21 +5,21 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
+from ltvn_core import worlds as w
 from ltvn_core.analysis.timeline import Timeline
+from ltvn_core.data.recording import schema
+from ltvn_core.data.recording.damage.integrity import verify
+from ltvn_core.data.recording.drawn_poses import DrawnPoses
+from ltvn_core.data.recording.event_drawing import draw_event
+from ltvn_core.data.recording.reader import Recording
+from ltvn_core.data.recording.writer import RecordingWriter
 from ltvn_core.evaluation.ground_truth import GroundTruth
 from ltvn_core.navigation.events import ChangedBy, StampedEvent, WorldChanged
-from ltvn_core.recording import schema
-from ltvn_core.recording.damage.integrity import verify
-from ltvn_core.recording.drawn_poses import DrawnPoses
-from ltvn_core.recording.event_drawing import draw_event
-from ltvn_core.recording.reader import Recording
-from ltvn_core.recording.writer import RecordingWriter
 from ltvn_core.simulation.changes.changed_scenes import ChangedScenes
 from ltvn_core.simulation.changes.world_script import MORNING_S, TimedChange, WorldScript
 from ltvn_core.simulation.opening import open_simulation
 from ltvn_core.simulation.scene_registry import load_scene
-from ltvn_core.worlds import world_change as w
-from ltvn_core.worlds.world_state import AS_MADE, WorldState
+from ltvn_core.worlds import AS_MADE, WorldState
 
 SCRIPT = WorldScript(
     "test",

@@ -12,8 +12,7 @@ from ltvn_core.simulation.changes.world import World
 from ltvn_core.simulation.changes.world_script import DAY_S, HOUR_S, WorldScript, read_script, write_script
 from ltvn_core.simulation.scene import Scene
 from ltvn_core.simulation.scene_registry import load_scene
-from ltvn_core.worlds.world_change import DoorMoved, LightChanged, PicturesExchanged, ThingKind, ThingPlaced
-from ltvn_core.worlds.world_state import AS_MADE, WorldState
+from ltvn_core.worlds import AS_MADE, DoorMoved, LightChanged, PicturesExchanged, ThingKind, ThingPlaced, WorldState
 
 TWO_DAYS_S = 2 * DAY_S
 

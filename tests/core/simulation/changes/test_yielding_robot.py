@@ -11,7 +11,7 @@ from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.simulation.opening import open_simulation
 from ltvn_core.simulation.simulated_robot import SimulatedRobot
 from ltvn_core.types import CONTROL_STEP_S, Pose, Twist
-from ltvn_core.worlds.world_change import PersonMoved
+from ltvn_core.worlds import PersonMoved
 
 LOOK_EVERY = 3
 

@@ -1,0 +1,1 @@
+"""Recordings, and drives and maps in the formats of others."""

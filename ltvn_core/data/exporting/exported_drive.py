@@ -1,0 +1,140 @@
+"""A drive as it is handed to other programs: the frames of a recording with what each of them says, still compressed.
+
+Owns the choice of frames and where the camera was in space, in the conventions of other programs. Images are passed on
+as they lie in the recording, because they lose a little each time they are compressed.
+"""
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.data.importing.source_camera import CAMERA_FILE
+from ltvn_core.data.importing.spatial_pose import BODY_FROM_OPTICAL
+from ltvn_core.data.recording.frame_codec import decode_depth
+from ltvn_core.data.recording.metadata import is_lens_known
+from ltvn_core.data.recording.reader import Recording
+from ltvn_core.errors import RecordingError
+from ltvn_core.types import Depth, Pose, Tilt
+
+MILLIMETRES_PER_METRE = 1000
+
+
+class CameraPlace(NamedTuple):
+    """Where the camera's optical frame was, in a frame whose z is up."""
+
+    position: NDArray[np.float64]
+    """(3,) metres."""
+    rotation: Rotation
+    """Takes right, down, forward to the frame."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class ExportedFrame:
+    """One frame of a drive."""
+
+    stamp: float
+    """Seconds on the robot's clock, from 0 on."""
+    jpeg: bytes
+    """The colours."""
+    depth_png: bytes | None
+    """Depth in whole millimetres; None without a depth camera."""
+    odometry: Pose
+    """(3,)."""
+    truth: Pose | None
+    """(3,) in simulation, or where the drive was imported with it."""
+    tilt: Tilt
+    """Of the camera at that moment."""
+
+    @property
+    def depth_m(self) -> Depth | None:
+        """Depth (H, W) in metres."""
+        return None if self.depth_png is None else decode_depth(self.depth_png)
+
+    @property
+    def depth_millimetres(self) -> NDArray[np.uint16] | None:
+        """Depth (H, W) in whole millimetres."""
+        return None if self.depth_m is None else np.rint(self.depth_m * MILLIMETRES_PER_METRE).astype(np.uint16)
+
+
+class ExportedDrive:
+    """The frames of a recording between two moments."""
+
+    def __init__(self, recording: Recording, *, from_s: float | None = None, to_s: float | None = None) -> None:
+        """Choose the frames. Raises RecordingError where there are none."""
+        self._recording = recording
+        self.camera: CameraModel = recording.meta.camera
+        self.name = recording.path.stem
+        stamps = recording.poses.stamps
+        inside = (stamps >= (-np.inf if from_s is None else from_s)) & (stamps <= (np.inf if to_s is None else to_s))
+        self._steps = [int(step) for step in recording.poses.steps[inside]]
+        if not self._steps:
+            raise RecordingError(
+                f"{recording.path} has {len(recording.frames)} frames, and none of them between these moments."
+            )
+        self._offset = min(0.0, float(stamps[inside].min()))
+
+    def write_camera(self, folder: Path, *, units_per_metre: float | None = None) -> None:
+        """Write the `camera.json` of a folder, with the units of a metre in its depth images. Raises OSError.
+
+        Of a lens that was only assumed the focal lengths are null, so that nobody takes it for known.
+        """
+        camera = {**self.camera.to_json(), "depth_scale": units_per_metre}
+        if not is_lens_known(self._recording.meta):
+            camera |= {"fx": None, "fy": None}
+        (folder / CAMERA_FILE).write_text(json.dumps(camera, indent=2), encoding="utf-8")
+
+    def __len__(self) -> int:
+        """Count the frames."""
+        return len(self._steps)
+
+    @cached_property
+    def has_depth(self) -> bool:
+        """Whether every frame has a depth image."""
+        return all(self._recording.stored_frame(step).frame.depth is not None for step in self._steps)
+
+    @cached_property
+    def rate_hz(self) -> float:
+        """The usual number of frames a second."""
+        poses = self._recording.poses
+        gaps = np.diff(poses.stamps[np.isin(poses.steps, self._steps)])
+        return float(1 / np.median(gaps)) if len(gaps) and np.median(gaps) > 0 else 1.0
+
+    @cached_property
+    def turns_camera(self) -> bool:
+        """Whether the camera was not always tilted as it is mounted."""
+        return any(self._recording.stored_frame(step).frame.tilt is not None for step in self._steps)
+
+    def frames(self) -> Iterator[ExportedFrame]:
+        """Yield the frames in order."""
+        usual = Tilt(self.camera.pitch_rad, self.camera.roll_rad)
+        for step in self._steps:
+            frame = self._recording.stored_frame(step).frame
+            yield ExportedFrame(
+                stamp=frame.stamp - self._offset,
+                jpeg=frame.rgb,
+                depth_png=frame.depth,
+                odometry=frame.odometry,
+                truth=frame.exact_pose,
+                tilt=frame.tilt or usual,
+            )
+
+    def on_robot(self, tilt: Tilt) -> CameraPlace:
+        """Return where the camera was on the robot, whose origin is on the floor below it."""
+        body = Rotation.from_euler("ZYX", [0.0, -tilt.pitch_rad, tilt.roll_rad])
+        quarter = Rotation.from_euler("x", -self.camera.quarter_turns * np.pi / 2)
+        turn = body * quarter * Rotation.from_matrix(BODY_FROM_OPTICAL)
+        return CameraPlace(np.array([0.0, 0.0, self.camera.height_m]), turn)
+
+    def in_world(self, pose: Pose, tilt: Tilt) -> CameraPlace:
+        """Return where the camera was in the frame of a pose (3,)."""
+        x, y, yaw = pose
+        position, turn = self.on_robot(tilt)
+        return CameraPlace(np.array([x, y, position[2]]), Rotation.from_euler("z", yaw) * turn)

@@ -1,0 +1,312 @@
+"""Importing a drive: raw frames are checked, chosen, prepared and written as a recording, and what happened is told.
+
+Owns the order of these steps, the count of what was left out, and which images are kept: a map needs images that
+differ, so one whenever the robot has moved on, by its odometry or by what it sees. Knows no format.
+"""
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict, replace
+from itertools import chain, islice
+from pathlib import Path
+from typing import Any, Protocol
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ltvn_core.atomic_files import atomic_output
+from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.data.importing.drive_statistics import TOO_LITTLE_MOTION, KeptFrame, drive_statistics
+from ltvn_core.data.importing.frame_preparation import FramePreparation
+from ltvn_core.data.importing.import_options import ImportOptions, OdometrySource, chosen_odometry
+from ltvn_core.data.importing.import_summary import ImportSummary, import_summary
+from ltvn_core.data.importing.raw_frame import DriveReader, FrameMoment, RawFrame, SelectiveReader
+from ltvn_core.data.recording.metadata import SOURCE_SCENE
+from ltvn_core.data.recording.writer import RecordingWriter
+from ltvn_core.errors import DriveError, ImageError
+from ltvn_core.findings import Finding, findings_of
+from ltvn_core.geometry import wrap_angle
+from ltvn_core.navigation.events import Note, StampedEvent
+from ltvn_core.robots.robot_check import ObservationCheck
+from ltvn_core.types import Depth, Observation, Pose, Rgb, Tilt
+
+MOVED_SHARE = 0.04
+"""An image is kept when half of what is followed moved by this share of the image's width,"""
+LOST_SHARE = 0.5
+"""or when more than this share of it is no longer to be found."""
+_WIDTH_PX = 160
+_POINTS = 120
+_FEWEST_POINTS = 8
+_ROUNDING = 1e-4
+"""Metres and radians that a source's poses may be rounded by: images 0.1 m apart are kept at 0.1 m."""
+_NOISE = 2.0
+"""Images that differ by less, in grey levels of 255 on average, show the same."""
+_DECIDING_FRAMES = 100
+"""The camera's usual tilt is the median of so many images, which are held until the recording begins."""
+_EVERY_PIXEL = 4
+"""Of these the median of depth is taken."""
+Progress = Callable[[int, int | None], None]
+"""Called with the number of images looked at, and of images in all where that is known."""
+
+
+class FrameSelection(Protocol):
+    """Says of each image in turn whether to keep it; it is kept then."""
+
+    def may_keep(self, pose: Pose, tilt: Tilt | None) -> bool:
+        """Tell whether an image that was taken there could be kept, before anybody decodes it."""
+        ...
+
+    def keeps(self, rgb: Rgb, pose: Pose, tilt: Tilt | None) -> bool:
+        """Tell whether the camera moved enough since the last image that was kept."""
+        ...
+
+
+class MotionSelection:
+    """Keeps an image after so many metres or radians, of heading, pitch or roll."""
+
+    def __init__(self, every_m: float, every_rad: float) -> None:
+        """Keep everything where both are 0."""
+        self._every_m = every_m
+        self._every_rad = every_rad
+        self._last: NDArray[np.float64] | None = None
+
+    def may_keep(self, pose: Pose, tilt: Tilt | None) -> bool:
+        """Tell whether the robot drove or turned enough; see `FrameSelection`."""
+        if self._last is None:
+            return True
+        gap = _pose_and_tilt(pose, tilt) - self._last
+        moved_m = np.hypot(*gap[:2])
+        turned_rad = np.abs(wrap_angle(gap[2:])).max()
+        # What is no number has not stood still: it is kept here, and refused with its reason where it is checked.
+        return not (moved_m < self._every_m - _ROUNDING and turned_rad < self._every_rad - _ROUNDING)
+
+    def keeps(self, rgb: Rgb, pose: Pose, tilt: Tilt | None) -> bool:
+        """Tell whether the robot drove or turned enough; see `FrameSelection`."""
+        if not self.may_keep(pose, tilt):
+            return False
+        self._last = _pose_and_tilt(pose, tilt)
+        return True
+
+
+class PictureSelection:
+    """Keeps an image when the picture has moved on; for drives without any odometry."""
+
+    def __init__(self) -> None:
+        """Nothing was seen yet."""
+        self._last: NDArray[np.uint8] | None = None
+
+    def may_keep(self, pose: Pose, tilt: Tilt | None) -> bool:
+        """Want every image, for the picture alone says whether it differs."""
+        return True
+
+    def keeps(self, rgb: Rgb, pose: Pose, tilt: Tilt | None) -> bool:
+        """Tell whether the picture differs enough; see `FrameSelection`."""
+        height = max(round(_WIDTH_PX * rgb.shape[0] / rgb.shape[1]), 1)
+        small = cv2.resize(cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY), (_WIDTH_PX, height), interpolation=cv2.INTER_AREA)
+        grey = np.asarray(small, np.uint8)
+        if self._last is not None and self._last.shape == grey.shape and not _has_moved(self._last, grey):
+            return False
+        self._last = grey
+        return True
+
+
+def _pose_and_tilt(pose: Pose, tilt: Tilt | None) -> NDArray[np.float64]:
+    return np.array([*pose, *(tilt or (0.0, 0.0))])
+
+
+def _has_moved(before: NDArray[np.uint8], now: NDArray[np.uint8]) -> bool:
+    if float(cv2.absdiff(before, now).mean()) < _NOISE:
+        return False
+    points = cv2.goodFeaturesToTrack(before, _POINTS, 0.01, 5)
+    if points is None or len(points) < _FEWEST_POINTS:
+        return True
+    found, status, _ = cv2.calcOpticalFlowPyrLK(before, now, points, None)  # type: ignore[call-overload]
+    followed = status.ravel() == 1
+    if followed.mean() < 1 - LOST_SHARE:
+        return True
+    moved_px = np.linalg.norm((found - points)[followed].reshape(-1, 2), axis=1)
+    return float(np.median(moved_px)) >= MOVED_SHARE * _WIDTH_PX
+
+
+def import_drive(
+    reader: DriveReader,
+    output: Path,
+    options: ImportOptions = ImportOptions(),  # noqa: B008
+    progress: Progress = lambda _done, _total: None,
+) -> ImportSummary:
+    """Write a drive to a new recording, which appears only when it is whole.
+
+    Raises DriveError where nothing of the drive can be used, RecordingError where `output` exists or cannot be written.
+    """
+    with atomic_output(output) as part:
+        return _DriveImport(reader, options, progress).write(part, output)
+
+
+class _DriveImport:
+    """One import, from the first raw frame to the summary."""
+
+    def __init__(self, reader: DriveReader, options: ImportOptions, progress: Progress) -> None:
+        self._reader = reader
+        self._options = options
+        self._progress = progress
+        self._odometry = chosen_odometry(reader, options.odometry)
+        self._selection = _selection(options, self._odometry)
+        self._preparation: FramePreparation | None = None
+        self._dropped: Counter[str] = Counter()
+        self._faults: list[str] = []
+        self._check = ObservationCheck()
+        self._sequence_findings: list[Finding] = []
+        self._stamps: list[float] = []
+        self._kept: list[KeptFrame] = []
+        self._scene = options.scene or f"{SOURCE_SCENE}{reader.facts.place or reader.facts.format}"
+
+    def write(self, path: Path, name: Path) -> ImportSummary:
+        """Write the whole drive to `path`, and return the summary of a file that is called `name`."""
+        observations = self._observations()
+        first = list(islice(observations, _DECIDING_FRAMES))
+        if not first or self._preparation is None:
+            raise DriveError(self._nothing_left())
+        camera = self._mounted_camera(self._preparation.camera)
+        last_step = 0
+        last_stamp = 0.0
+        with RecordingWriter(
+            path, scene=self._scene, config=self._config(self._preparation), fingerprint="", camera=camera
+        ) as writer:
+            for seen in chain(first, observations):
+                writer.write_frame(seen)
+                self._sequence_findings += self._check.findings(seen)
+                last_step = seen.step
+                last_stamp = seen.stamp
+            summary = self._summary(name, self._preparation, camera)
+            for finding in summary.findings:
+                writer.write_event(StampedEvent(last_step, last_stamp, Note(str(finding), finding.severity)))
+        return summary
+
+    def _observations(self) -> Iterator[Observation]:
+        """Yield what is kept; everything else is counted."""
+        for raw in self._wanted_frames():
+            try:
+                observation = self._observation(raw)
+            except ImageError as error:
+                self._faults.append(str(error))
+                self._dropped["image, depth or pose that cannot be"] += 1
+                continue
+            if observation is not None:
+                yield observation
+
+    def _wanted_frames(self) -> Iterator[RawFrame]:
+        """Yield the frames that may be kept, decoded by readers that can tell before."""
+        if isinstance(self._reader, SelectiveReader):
+            return self._reader.frames_where(self._is_wanted)
+        return (raw for raw in self._reader.frames() if self._is_wanted(FrameMoment.of(raw)))
+
+    def _is_wanted(self, moment: FrameMoment) -> bool:
+        """Tell whether the image of a moment may be kept; the reason why not is counted."""
+        self._progress(len(self._stamps) + sum(self._reader.dropped.values()) + 1, self._reader.facts.frames)
+        reason = self._reason_to_drop(moment)
+        if reason is not None:
+            self._dropped[reason] += 1
+        return reason is None
+
+    def _observation(self, raw: RawFrame) -> Observation | None:
+        """Return what a recording holds of a wanted frame, None where it is left out; the reason is counted."""
+        pose = self._odometry.pose(FrameMoment.of(raw))
+        assert pose is not None  # Else it was not wanted.
+        if not self._selection.keeps(raw.rgb, pose, raw.tilt):
+            self._dropped[TOO_LITTLE_MOTION] += 1
+            return None
+        if self._preparation is None:
+            self._preparation = FramePreparation(raw, fov_deg=self._options.fov_deg)
+        observation = self._preparation.observation(raw, step=len(self._kept), odometry=pose)
+        self._kept.append(
+            KeptFrame(
+                stamp=observation.stamp,
+                pose=observation.odometry,
+                odometry=raw.odometry,
+                truth=raw.truth,
+                tilt=raw.tilt,
+                depth_median_m=_median_m(observation.depth),
+            )
+        )
+        return observation
+
+    def _reason_to_drop(self, moment: FrameMoment) -> str | None:
+        before = self._stamps[-1] if self._stamps else -np.inf
+        self._stamps.append(max(moment.stamp, before))
+        if not moment.stamp > before:
+            return "stamp not after the one before"
+        pose = self._odometry.pose(moment)
+        if pose is None:
+            wanted = "true pose" if self._odometry is OdometrySource.TRUTH else "odometry"
+            return f"no {wanted} at that time"
+        return None if self._selection.may_keep(pose, moment.tilt) else TOO_LITTLE_MOTION
+
+    def _mounted_camera(self, camera: CameraModel) -> CameraModel:
+        """Return the camera as it is mounted: as the person says, else as it was tilted for the most part."""
+        height_m = self._options.height_m
+        pitch_deg = self._options.pitch_deg
+        tilts = [frame.tilt.pitch_rad for frame in self._kept if frame.tilt is not None]
+        usual = float(np.median(tilts)) if tilts else camera.pitch_rad
+        return replace(
+            camera,
+            height_m=camera.height_m if height_m is None else height_m,
+            pitch_rad=usual if pitch_deg is None else float(np.radians(pitch_deg)),
+        )
+
+    def _config(self, preparation: FramePreparation) -> Mapping[str, Any]:
+        asked = {name: value for name, value in asdict(self._options).items() if value is not None}
+        found = {**asked, "odometry": str(self._odometry), "is_lens_known": preparation.is_lens_known}
+        if self._odometry is OdometrySource.SOURCE and self._reader.facts.odometry_frame:
+            found["odometry_frame"] = self._reader.facts.odometry_frame
+        return {"verb": "import", "format": self._reader.facts.format, "import": found}
+
+    def _all_dropped(self) -> dict[str, int]:
+        return dict(Counter(self._reader.dropped) + self._dropped)
+
+    def _summary(self, name: Path, preparation: FramePreparation, camera: CameraModel) -> ImportSummary:
+        dropped = self._all_dropped()
+        statistics = drive_statistics(
+            self._kept,
+            self._stamps,
+            dropped,
+            facts=self._reader.facts,
+            odometry=self._odometry,
+            is_spacing_ignored=isinstance(self._selection, PictureSelection) and self._options.has_own_spacing,
+            preparation=preparation,
+            camera=camera,
+        )
+        faults = [f"An image was left out: {fault}" for fault in self._faults[:1]]
+        told = findings_of([*self._reader.doubts, *faults])
+        return import_summary(
+            statistics,
+            recording=name,
+            facts=self._reader.facts,
+            scene=self._scene,
+            dropped=dropped,
+            camera=camera,
+            seconds=self._stamps[-1] - self._stamps[0],
+            told=(*told, *self._sequence_findings),
+        )
+
+    def _nothing_left(self) -> str:
+        streams = ", ".join(f"{each.role or 'unused'} {each.name}" for each in self._reader.facts.streams) or "nothing"
+        reasons = ", ".join(f"{reason}: {count}" for reason, count in self._all_dropped().items())
+        if not reasons:
+            return f"The drive holds no images at all; what was found: {streams}."
+        first = "".join(f" {fault}" for fault in [*self._faults, *self._reader.doubts][:1])
+        return f"None of the images can be used ({reasons}).{first} What was found: {streams}."
+
+
+def _median_m(depth: Depth | None) -> float | None:
+    """Return the median of the pixels with depth; None without a depth image, NaN where it holds none."""
+    if depth is None:
+        return None
+    sparse = depth[::_EVERY_PIXEL, ::_EVERY_PIXEL]
+    return float(np.median(sparse[sparse > 0])) if (sparse > 0).any() else float("nan")
+
+
+def _selection(options: ImportOptions, odometry: OdometrySource) -> FrameSelection:
+    if odometry is OdometrySource.NONE and (options.every_m or options.every_deg):
+        return PictureSelection()
+    return MotionSelection(options.every_m, float(np.radians(options.every_deg)))

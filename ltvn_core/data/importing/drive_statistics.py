@@ -1,0 +1,251 @@
+"""What is known of a drive once it was read, in numbers: frames, poses, tilts, gaps, and what a map would be like.
+
+Owns the arithmetic on poses and stamps. What is doubtful of the numbers is told by `import_summary`.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.config import ROBUST
+from ltvn_core.data.importing.frame_preparation import FramePreparation
+from ltvn_core.data.importing.import_options import OdometrySource
+from ltvn_core.data.importing.raw_frame import DriveFacts
+from ltvn_core.data.importing.stamped_lists import period_s
+from ltvn_core.geometry import compose, distance, relative
+from ltvn_core.graph.bridges import REACH
+from ltvn_core.graph.odometry_gate import JUMP_M, PAUSE_S
+from ltvn_core.graph.revisits import near_pairs, revisits
+from ltvn_core.types import Pose, Tilt
+
+GAP_PERIODS = 5.0
+GAP_S = 1.0
+"""A pause between two images is a gap when it is longer than both."""
+TOO_LITTLE_MOTION = "too little motion"
+"""The one reason to leave an image out that says nothing against it."""
+_MEASURED = ("rgb", "depth", "odometry", "truth")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Drift:
+    """How far odometry strays from the true poses."""
+
+    position_rmse_m: float
+    """Of the whole drive, laid over the truth as well as possible."""
+    per_metre: float
+    """Median error over stretches of a metre or so, as a share of the way."""
+    yaw_deg_per_metre: float
+    """The same of the heading."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TiltRange:
+    """How a camera was tilted over a drive, in degrees; upwards and right side down are positive."""
+
+    pitch_median_deg: float
+    pitch_lowest_deg: float
+    pitch_highest_deg: float
+    roll_largest_deg: float
+    """95 % of the images are rolled by less, to either side."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Coverage:
+    """What a map of the drive would be like at best: all near images joined, and by odometry those in a row."""
+
+    pieces: int
+    """Parts that no chain of such images joins."""
+    largest_share: float
+    """Share of the images in the largest of them."""
+    revisited_share: float
+    """Share of the images that show a place where the drive had been before."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class KeptFrame:
+    """A frame of the recording, without its pictures."""
+
+    stamp: float
+    pose: Pose
+    """(3,): the odometry that was recorded."""
+    odometry: Pose | None
+    """(3,): the source's own."""
+    truth: Pose | None
+    """(3,)."""
+    tilt: Tilt | None
+    depth_median_m: float | None
+    """Of the pixels with depth; None without a depth image, NaN where it holds none."""
+
+    @property
+    def has_depth(self) -> bool:
+        """Whether it has a depth image."""
+        return self.depth_median_m is not None
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class DriveStatistics:
+    """What is known of a drive once it was read."""
+
+    frames: int
+    dropped_as_wrong: int
+    """Images that were left out for another reason than too little motion."""
+    thinned: int
+    """Images that were left out for too little motion."""
+    is_spacing_ignored: bool
+    """Somebody said after how many metres or degrees to keep an image, and there is no odometry to measure them by."""
+    with_depth: int
+    depth_median_m: float | None
+    """Half of the depth is nearer, half is farther; None without any."""
+    used_streams: Sequence[str]
+    """Images and poses in use, by role and name."""
+    possible_depths: Sequence[str]
+    """Streams that could be depth and were not used."""
+    is_lens_known: bool
+    is_depth_registered: bool
+    odometry: OdometrySource
+    poses: Pose
+    """(N, 3) by the odometry that was recorded."""
+    width_px: int
+    """Of the recorded images."""
+    field_of_view_rad: float
+    """Horizontal."""
+    tilt: TiltRange | None
+    coverage: Coverage | None
+    """By the poses; None without any."""
+    drift: Drift | None
+    gaps_s: Sequence[float]
+
+
+def drive_statistics(
+    frames: Sequence[KeptFrame],
+    stamps: Sequence[float],
+    dropped: Mapping[str, int],
+    *,
+    facts: DriveFacts,
+    odometry: OdometrySource,
+    is_spacing_ignored: bool,
+    preparation: FramePreparation,
+    camera: CameraModel,
+) -> DriveStatistics:
+    """Return what is known of a drive from its kept frames and the stamps of all its images in order."""
+    poses = np.array([frame.pose for frame in frames])
+    has_poses = odometry is not OdometrySource.NONE
+    return DriveStatistics(
+        frames=len(frames),
+        dropped_as_wrong=sum(count for reason, count in dropped.items() if reason != TOO_LITTLE_MOTION),
+        thinned=dropped.get(TOO_LITTLE_MOTION, 0),
+        is_spacing_ignored=is_spacing_ignored,
+        with_depth=sum(frame.has_depth for frame in frames),
+        depth_median_m=_depth_median_m(frames),
+        used_streams=[f"{stream.role} {stream.name}" for stream in facts.streams if stream.role in _MEASURED],
+        possible_depths=[stream.name for stream in facts.streams if stream.could_be == "depth"],
+        is_lens_known=preparation.is_lens_known,
+        is_depth_registered=preparation.is_depth_registered,
+        odometry=odometry,
+        poses=poses,
+        width_px=camera.width,
+        field_of_view_rad=camera.horizontal_fov_rad,
+        tilt=tilt_range([frame.tilt for frame in frames if frame.tilt is not None]),
+        coverage=coverage(poses, np.array([frame.stamp for frame in frames])) if has_poses else None,
+        drift=_drift(frames),
+        gaps_s=gaps_s(np.array(stamps)).tolist(),
+    )
+
+
+def _depth_median_m(frames: Sequence[KeptFrame]) -> float | None:
+    medians = [each.depth_median_m for each in frames if each.depth_median_m is not None]
+    known = [median for median in medians if not math.isnan(median)]
+    return float(np.median(known)) if known else None
+
+
+def _drift(frames: Sequence[KeptFrame]) -> Drift | None:
+    both = [(each.odometry, each.truth) for each in frames if each.odometry is not None and each.truth is not None]
+    if len(both) < 2:
+        return None
+    odometry, truth = (np.array(poses) for poses in zip(*both, strict=True))
+    return drift(odometry, truth)
+
+
+def path_m(poses: Pose) -> float:
+    """Return the length of a way through poses (N, 3)."""
+    return float(np.hypot(*np.diff(poses[:, :2], axis=0).T).sum()) if len(poses) > 1 else 0.0
+
+
+def coverage(poses: Pose, stamps: NDArray[np.float64]) -> Coverage:
+    """Return what a map of N images with these poses (N, 3) and stamps (N,) would be like."""
+    near = near_pairs(poses)
+    joined = np.concatenate([near, _bridged_pairs(poses, stamps)])
+    graph = coo_array((np.ones(len(joined)), (joined[:, 0], joined[:, 1])), shape=(len(poses), len(poses)))
+    pieces, labels = connected_components(graph, directed=False)
+    return Coverage(
+        pieces=int(pieces),
+        largest_share=float(np.bincount(labels).max() / len(poses)),
+        revisited_share=len(np.unique(revisits(near, poses, stamps)[:, 1])) / len(poses),
+    )
+
+
+def _bridged_pairs(poses: Pose, stamps: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Return the rows (K, 2) of images that odometry alone may join in a map, because the robot drove between them."""
+    breaks = np.hypot(*np.diff(poses[:, :2], axis=0).T) > JUMP_M if len(poses) > 1 else np.zeros(0, bool)
+    breaks |= np.diff(stamps) > PAUSE_S
+    stretch = np.concatenate([[0], np.cumsum(breaks)])
+    pairs = [np.empty((0, 2), np.intp)]
+    for gap in range(1, min(REACH, len(poses) - 1) + 1):
+        apart = distance(relative(poses[:-gap], poses[gap:]))
+        rows = np.flatnonzero((apart < ROBUST.building.connect_distance) & (stretch[:-gap] == stretch[gap:]))
+        pairs.append(np.column_stack([rows, rows + gap]))
+    return np.concatenate(pairs)
+
+
+def drift(odometry: Pose, truth: Pose) -> Drift | None:
+    """Compare odometry with truth, both (N, 3); None where the drive is too short to say."""
+    way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(truth[:, :2], axis=0).T))])
+    ends = np.searchsorted(way, way + 1.0)
+    starts = np.flatnonzero(ends < len(way))
+    if not len(starts):
+        return None
+    ends = ends[starts]
+    gap = relative(relative(truth[starts], truth[ends]), relative(odometry[starts], odometry[ends]))
+    stretch_m = way[ends] - way[starts]
+    return Drift(
+        position_rmse_m=_aligned_rmse_m(odometry, truth),
+        per_metre=float(np.median(np.hypot(gap[:, 0], gap[:, 1]) / stretch_m)),
+        yaw_deg_per_metre=float(np.degrees(np.median(np.abs(gap[:, 2]) / stretch_m))),
+    )
+
+
+def _aligned_rmse_m(odometry: Pose, truth: Pose) -> float:
+    """Return the root mean square distance after the best rigid alignment in the plane (Umeyama, 1991)."""
+    from_middle = odometry[:, :2].mean(axis=0)
+    to_middle = truth[:, :2].mean(axis=0)
+    left = odometry[:, :2] - from_middle
+    right = truth[:, :2] - to_middle
+    cross = (left[:, 0] * right[:, 1] - left[:, 1] * right[:, 0]).sum()
+    turn = np.array([0.0, 0.0, math.atan2(cross, float((left * right).sum()))])
+    turned = compose(turn, np.column_stack([left, np.zeros(len(left))]))[:, :2]
+    return float(np.sqrt(((turned - right) ** 2).sum(axis=1).mean()))
+
+
+def tilt_range(tilts: Sequence[Tilt]) -> TiltRange | None:
+    """Return how the camera was tilted; None without any tilt."""
+    if not tilts:
+        return None
+    pitch, roll = np.degrees(np.array(tilts)).T
+    return TiltRange(
+        pitch_median_deg=float(np.median(pitch)),
+        pitch_lowest_deg=float(pitch.min()),
+        pitch_highest_deg=float(pitch.max()),
+        roll_largest_deg=float(np.percentile(np.abs(roll), 95)),
+    )
+
+
+def gaps_s(stamps: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the lengths in seconds of the pauses between N images in order that are longer than usual."""
+    pauses = np.diff(stamps)
+    return pauses[pauses > max(GAP_S, GAP_PERIODS * (period_s(stamps) or 0.0))]

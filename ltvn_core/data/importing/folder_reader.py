@@ -1,0 +1,305 @@
+"""Reads a plain folder of pictures, with or without depth, with or without a table of odometry.
+
+Pictures are taken in natural order (2 before 10). `depth/` beside them, or the same folder, holds 16-bit PNGs of the
+same names or numbers in millimetres: many programs save both in one folder, so colours are told from depth by the
+pictures themselves. `odometry.csv` has the columns `file` or `stamp`, `x`, `y`, `yaw`. True poses are read as 7-Scenes,
+ScanNet and Replica write them (`importing.pose_track`). The lens comes from `camera.json`, or roughly from what a phone
+or camera writes into its pictures.
+"""
+
+import io
+import re
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+from PIL import Image
+
+from ltvn_core.cameras.camera_model import MILLIMETRES, CameraModel
+from ltvn_core.cameras.encoded_images import decode_colour, heif_exif, is_heif
+from ltvn_core.data.importing.foreign_files import read_bytes_within
+from ltvn_core.data.importing.image_files import ImageFilesReader, without_low_confidence
+from ltvn_core.data.importing.pose_track import poses_beside
+from ltvn_core.data.importing.raw_frame import NOTHING, DriveFacts, FrameMoment, RawFrame, ReadOptions, SourceFact
+from ltvn_core.data.importing.source_camera import camera_beside
+from ltvn_core.data.importing.stamped_lists import OdometryTable, rate_hz
+from ltvn_core.errors import DriveError
+from ltvn_core.types import Depth
+
+IMAGE_SUFFIXES = frozenset((".jpg", ".jpeg", ".png", ".webp", ".bmp", ".ppm", ".tif", ".tiff", ".heic", ".heif"))
+UNREADABLE_SUFFIXES = frozenset(
+    (".avif", ".jxl", ".jp2", ".dng", ".cr2", ".cr3", ".nef", ".arw", ".orf", ".raf", ".rw2", ".exr", ".tga")
+)
+"""Pictures too, which nothing here reads."""
+IMAGE_FOLDERS = ("", "rgb", "images", "color", "colour", "image", "img", "mono", "left", "results", "frames", "seq")
+"""Where pictures lie: in the folder itself, or in one of these."""
+DEPTH_FOLDER = "depth"
+FEWEST = 2
+_DEPTH_NAME = re.compile(r"(?:^|[^a-z])depth(?![a-z])", re.IGNORECASE)
+_DEEP_SUFFIXES = (".png", ".tif", ".tiff")
+_DEEP_MODES = ("I", "F", "I;16", "I;16B", "I;16L")
+"""Pillow's names of one channel with more than 8 bits."""
+ODOMETRY_FILES = ("odometry.csv", "poses.csv")
+CONFIDENCE_FOLDER = "confidence"
+"""Beside depth of phones: pictures of the same names, see `importing.image_files`."""
+RATE_HZ = 10.0
+"""Pictures without any stamps are taken to be so many a second."""
+_FOCAL_35MM_TAG = 0xA405
+_EXIF_FOLDER_TAG = 0x8769
+_DIAGONAL_35MM = 43.267
+_UNREADABLE = "picture of a kind that is not read"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FolderPictures:
+    """The pictures of one folder, in natural order."""
+
+    colours: Sequence[Path]
+    deep: Sequence[Path]
+    """One channel of more than 8 bits: depth, never colours."""
+    shallow: Sequence[Path]
+    """Named depth, but with 8 bits: pictures of depth for the eye, and neither."""
+    unreadable: Sequence[Path]
+
+    def doubts(self) -> Iterable[str]:
+        """Yield which pictures are left out, in whole sentences."""
+        if self.unreadable:
+            kinds = kinds_of(self.unreadable)
+            yield f"{len(self.unreadable)} pictures are of a kind that is not read ({kinds}). {_conversion(kinds)}"
+        if self.shallow:
+            yield (
+                f"{len(self.shallow)} pictures such as {self.shallow[0].name} are named depth but have 8 bits, which "
+                "is too few for depth, so they were left out. Save depth as PNG of 16 bits in millimetres."
+            )
+
+
+def colour_pictures(folder: Path, wanted: str | None) -> FolderPictures:
+    """Return the pictures of a folder or of the folder in it that holds them. Raises DriveError without colours."""
+    if not folder.is_dir():
+        raise DriveError(f"{folder} is no folder; name the folder that the pictures lie in.")
+    found: list[FolderPictures] = []
+    for name in IMAGE_FOLDERS if wanted is None else (wanted,):
+        found.append(_sorted_out(folder / name))
+        if found[-1].colours:
+            return found[-1]
+    for each in found:
+        if each.unreadable:
+            kinds = kinds_of(each.unreadable)
+            raise DriveError(
+                f"{each.unreadable[0].parent} holds pictures that are not read: {kinds}. {_conversion(kinds)}"
+            )
+        if each.deep or each.shallow:
+            some = [*each.deep, *each.shallow]
+            raise DriveError(
+                f"{some[0].parent} holds {len(some)} pictures of depth ({some[0].name} and others) and none of "
+                "colours; name the folder of the colours by --rgb."
+            )
+    raise DriveError(f"{folder / (wanted or '')} holds no pictures ({', '.join(sorted(IMAGE_SUFFIXES))}).")
+
+
+def holds_pictures(path: Path) -> bool:
+    """Tell whether a folder holds some pictures, readable or not, by their names."""
+    return any(_count(path / name) >= FEWEST for name in IMAGE_FOLDERS)
+
+
+def depth_partners(folder: Path, wanted: str | None, pictures: FolderPictures) -> Mapping[Path, Path]:
+    """Return the depth images by the pictures they belong to: of the same name, or else of the same numbers.
+
+    Raises DriveError where a folder that a person named holds none.
+    """
+    listed = _listed(folder / (wanted or DEPTH_FOLDER), IMAGE_SUFFIXES)
+    if wanted is not None and folder / wanted == pictures.colours[0].parent:
+        listed = list(pictures.deep)
+    if wanted is not None and not listed:
+        raise DriveError(f"{folder / wanted} holds no depth images; give the name of their folder, or none.")
+    found = listed or pictures.deep
+    by_stem = {path.stem: path for path in found}
+    by_numbers = _unique({path: _numbers(path) for path in found})
+    asking = _unique({path: _numbers(path) for path in pictures.colours})
+    numbered = {path: by_numbers[key] for key, path in asking.items() if key in by_numbers}
+    named = {path: by_stem[path.stem] for path in pictures.colours if path.stem in by_stem}
+    return numbered | named
+
+
+def kinds_of(paths: Iterable[Path]) -> str:
+    """Return the endings of files and how many there are of each."""
+    return ", ".join(f"{count} {kind}" for kind, count in sorted(Counter(p.suffix.lower() for p in paths).items()))
+
+
+def _conversion(kinds: str) -> str:
+    suffix = kinds.split()[-1]
+    return f"`magick mogrify -format jpg *{suffix}` writes them as JPEG."
+
+
+def _sorted_out(folder: Path) -> FolderPictures:
+    listed = _listed(folder, IMAGE_SUFFIXES)
+    deep = {path for path in listed if _is_deep(path)}
+    shallow = {path for path in listed if path not in deep and _DEPTH_NAME.search(path.stem)}
+    if len(deep) + len(shallow) == len(listed) and shallow:
+        shallow = set()  # There is nothing else: names alone do not make all of them depth.
+    return FolderPictures(
+        colours=[path for path in listed if path not in deep and path not in shallow],
+        deep=[path for path in listed if path in deep],
+        shallow=[path for path in listed if path in shallow],
+        unreadable=_listed(folder, UNREADABLE_SUFFIXES),
+    )
+
+
+def _listed(folder: Path, suffixes: Iterable[str]) -> list[Path]:
+    """Return the files of a folder that end so, in natural order: 2 before 10."""
+    if not folder.is_dir():
+        return []
+    found = (path for path in folder.iterdir() if path.suffix.lower() in suffixes and not path.name.startswith("."))
+    return sorted(found, key=lambda path: [int(p) if p.isdigit() else p for p in re.split(r"([0-9]+)", path.name)])
+
+
+def _count(folder: Path) -> int:
+    return len(_listed(folder, IMAGE_SUFFIXES | UNREADABLE_SUFFIXES))
+
+
+def _is_deep(path: Path) -> bool:
+    """Tell by the header whether a picture has one channel of more than 8 bits; pipes and damaged ones have not."""
+    if path.suffix.lower() not in _DEEP_SUFFIXES or not path.is_file():
+        return False
+    try:
+        with path.open("rb") as file, Image.open(file, formats=("PNG", "TIFF")) as header:
+            return header.mode in _DEEP_MODES
+    except Exception:  # Pillow's readers raise many kinds; of what is damaged is said where it is decoded.
+        return False
+
+
+def _numbers(path: Path) -> tuple[int, ...]:
+    return tuple(int(digits) for digits in re.findall(r"[0-9]+", path.stem))
+
+
+def _unique(numbers: Mapping[Path, tuple[int, ...]]) -> dict[tuple[int, ...], Path]:
+    """Return the files by their numbers, without those whose numbers others have too."""
+    counts = Counter(numbers.values())
+    return {key: path for path, key in numbers.items() if key and counts[key] == 1}
+
+
+class FolderReader(ImageFilesReader):
+    """A folder of pictures that is open for reading."""
+
+    def __init__(self, folder: Path, options: ReadOptions) -> None:
+        """List the pictures and read the tables beside them. Raises DriveError."""
+        super().__init__(folder, options)
+        pictures = colour_pictures(folder, options.rgb)
+        self._pictures = pictures.colours
+        self._depth: Mapping[Path, Path] = {}
+        if options.depth != NOTHING:
+            self._depth = depth_partners(folder, options.depth, pictures)
+        self._table = _table(folder, options.odometry)
+        self._stamps = self._known_stamps()
+        self._truth = poses_beside(folder, self._pictures)
+        self._described = camera_beside(folder)
+        if pictures.unreadable:
+            self.dropped[_UNREADABLE] = len(pictures.unreadable)
+        self.doubts += pictures.doubts()
+        if self._truth is not None and self._truth.missing:
+            self.doubts.append(f"{self._truth.missing} pictures have no valid pose in {self._truth.name}.")
+        self.facts = DriveFacts(
+            format="folder", frames=len(self._pictures), streams=self._streams(), place=folder.resolve().name
+        )
+
+    @classmethod
+    def recognises(cls, path: Path) -> bool:
+        """Tell whether a path is a folder with some pictures."""
+        try:
+            return path.is_dir() and holds_pictures(path)
+        except OSError:
+            return False
+
+    def _images(self) -> Iterator[tuple[FrameMoment, Path]]:
+        for place, path in enumerate(self._pictures):
+            yield self._moment(place, path), path
+
+    def _moment(self, place: int, path: Path) -> FrameMoment:
+        stamp = self._stamps[place]
+        odometry = None if self._table is None else self._table.pose(path.name, stamp, place)
+        truth = None if self._truth is None else self._truth.at(place)
+        return FrameMoment.with_truth(stamp, truth, odometry)
+
+    def _frame(self, moment: FrameMoment, image: Path) -> RawFrame:
+        name = str(image.relative_to(self._folder))
+        blob = read_bytes_within(self._folder, name)
+        rgb = decode_colour(blob, name)
+        height, width = rgb.shape[:2]
+        camera = self._options.camera or self._described.camera or _exif_camera(blob, width, height)
+        return self._raw_frame(moment, name, rgb, camera=camera, depth_m=self._read_depth(image))
+
+    def _read_depth(self, picture: Path) -> Depth | None:
+        path = self._depth.get(picture)
+        if path is None:
+            return None
+        name = str(path.relative_to(self._folder))
+        unit = self._options.depth_unit_m or self._described.metres_per_unit or MILLIMETRES
+        return self._without_unsure(self._depth_m(name, unit), path)
+
+    def _without_unsure(self, depth_m: Depth, path: Path) -> Depth:
+        """Return depth (H, W) without the pixels of which a phone was least sure."""
+        beside = Path(CONFIDENCE_FOLDER) / path.name
+        if not (self._folder / beside).is_file():
+            return depth_m
+        confidence = self._colours(str(beside))[..., 0]
+        if confidence.shape != depth_m.shape:
+            raise DriveError(
+                f"{beside} has {confidence.shape[1]} x {confidence.shape[0]} pixels and its depth image "
+                f"{depth_m.shape[1]} x {depth_m.shape[0]}; save them at one size, or move {CONFIDENCE_FOLDER}/ away."
+            )
+        return without_low_confidence(depth_m, confidence)
+
+    def _known_stamps(self) -> Sequence[float]:
+        """Return stamps from the names of the pictures, from the table, or by the rate."""
+        if self._options.rate_hz is None:
+            named = [_stamp_in(path.stem) for path in self._pictures]
+            stamps = [stamp for stamp in named if stamp is not None]
+            if len(stamps) == len(named) and all(a < b for a, b in pairwise(stamps)):
+                return stamps
+            if self._table is not None and self._table.stamps_by_place(len(self._pictures)) is not None:
+                return self._table.stamps_by_place(len(self._pictures)) or ()
+        return [place / (self._options.rate_hz or RATE_HZ) for place in range(len(self._pictures))]
+
+    def _streams(self) -> Sequence[SourceFact]:
+        rate = rate_hz(self._stamps)
+        found = [SourceFact("rgb", str(self._pictures[0].parent.relative_to(self._folder)), len(self._pictures), rate)]
+        if self._depth:
+            where = next(iter(self._depth.values())).parent.relative_to(self._folder)
+            found.append(SourceFact("depth", str(where), len(self._depth), rate))
+        if self._table is not None:
+            found.append(SourceFact("odometry", self._table.name, len(self._table), None))
+        if self._truth is not None:
+            found.append(SourceFact("truth", self._truth.name, len(self._truth), None))
+        return found
+
+
+def _table(folder: Path, wanted: str | None) -> OdometryTable | None:
+    names = ODOMETRY_FILES if wanted is None else (wanted,)
+    path = next((folder / name for name in names if (folder / name).is_file()), None)
+    if path is None and wanted is not None:
+        path = Path(wanted)
+    return None if path is None else OdometryTable.read(path)
+
+
+def _stamp_in(stem: str) -> float | None:
+    """Return the seconds in a name such as 1305031452.791720; whole numbers only count the pictures."""
+    return float(stem) if re.fullmatch(r"[0-9]{1,10}\.[0-9]+", stem) else None
+
+
+def _exif_camera(blob: bytes, width: int, height: int) -> CameraModel | None:
+    """Return the lens that a picture names by its focal length on 35 mm film, where it does."""
+    try:
+        if is_heif(blob):
+            exif = heif_exif(blob)
+        else:
+            with Image.open(io.BytesIO(blob)) as image:
+                exif = image.getexif()
+        focal_mm = float(exif.get_ifd(_EXIF_FOLDER_TAG).get(_FOCAL_35MM_TAG, 0))
+    except Exception:  # What strangers write there may be anything.
+        return None
+    if not 5 <= focal_mm <= 1000:
+        return None
+    focal_px = focal_mm / _DIAGONAL_35MM * (width**2 + height**2) ** 0.5
+    return CameraModel(width=width, height=height, fx=focal_px, fy=focal_px, cx=(width - 1) / 2, cy=(height - 1) / 2)

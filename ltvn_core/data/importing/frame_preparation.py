@@ -1,0 +1,141 @@
+"""From a raw frame to an observation of the recorded camera: upright, scaled, depth laid over the colours.
+
+Owns the choice of that camera, the maps from the source's cameras to it, and what is done about a lens that nobody
+knows. The recorded camera has the source's own lens, upright, and at most 320 x 240 pixels. Its distortion stays,
+because an image without is stretched at the rim and cut off, and key points are found best in what the lens saw; who
+measures asks the camera for rays. `ltvn_core.cameras.rectification` makes its images. Chooses no frames.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.cameras.rectification import rectification
+from ltvn_core.data.importing.raw_frame import RawFrame
+from ltvn_core.data.importing.source_camera import HOW_TO, camera_of_fov, fitted
+from ltvn_core.errors import DriveError, ImageError
+from ltvn_core.image_validity import check_observation
+from ltvn_core.preprocessing import ORIGINAL_SIZE
+from ltvn_core.types import Depth, FrameId, Observation, Pose
+
+ASSUMED_FOV_DEG = 60.0
+"""Horizontal; what most cameras of phones, laptops and robots have within 15 degrees."""
+_ASPECT_TOLERANCE = 0.02
+
+
+def recorded_camera(source: CameraModel) -> CameraModel:
+    """Return the camera to whose images those of `source` are turned; pitch and height stay, roll is undone."""
+    upright = _upright(source)
+    long_side = max(upright.width, upright.height)
+    short_side = min(upright.width, upright.height)
+    scale = min(1.0, ORIGINAL_SIZE.long_side / long_side, ORIGINAL_SIZE.short_side / short_side)
+    if scale == 1.0:
+        return upright
+    return upright.scaled(max(round(upright.width * scale), 1), max(round(upright.height * scale), 1))
+
+
+def _upright(source: CameraModel) -> CameraModel:
+    """Return a camera as if it were mounted without quarter turns and roll."""
+    width = source.width
+    height = source.height
+    places = {
+        0: (source.cx, source.cy),
+        1: (source.cy, width - 1 - source.cx),
+        2: (width - 1 - source.cx, height - 1 - source.cy),
+        3: (height - 1 - source.cy, source.cx),
+    }
+    cx, cy = places[source.quarter_turns]
+    level = replace(
+        source,
+        cx=cx,
+        cy=cy,
+        distortion=source.distortion if source.fisheye else _turned(source.distortion, source.quarter_turns),
+        quarter_turns=0,
+        roll_rad=0.0,
+        depth_scale=1.0,
+    )
+    if source.quarter_turns % 2 == 0:
+        return level
+    return replace(level, width=height, height=width, fx=source.fy, fy=source.fx)
+
+
+def _turned(distortion: tuple[float, ...], quarter_turns: int) -> tuple[float, ...]:
+    """Return coefficients for the turned picture: p1 and p2 of k1 k2 p1 p2 ... are a direction and turn with it."""
+    if not distortion:
+        return distortion
+    down, right = distortion[2:4]
+    for _ in range(quarter_turns):
+        right, down = down, -right
+    return (*distortion[:2], down, right, *distortion[4:])
+
+
+class FramePreparation:
+    """Prepares the frames of one drive; its first frame decides on the camera."""
+
+    def __init__(self, first: RawFrame, *, fov_deg: float | None = None) -> None:
+        """Decide on the camera. Raises DriveError where images with depth come from a lens that nobody knows."""
+        height, width = first.rgb.shape[:2]
+        self.is_lens_known = first.camera is not None or fov_deg is not None
+        """Whether the source or a person said what the lens is."""
+        if not self.is_lens_known and first.depth_m is not None:
+            raise DriveError(
+                f"Nothing says what lens took {first.name or 'these images'} ({width} x {height}), and depth means "
+                f"nothing without: {HOW_TO}."
+            )
+        self._source = first.camera or camera_of_fov(width, height, fov_deg or ASSUMED_FOV_DEG)
+        self.camera = recorded_camera(self._source)
+        """The camera of all observations; its tilt is that of the source's mounting."""
+        self.is_depth_registered = first.depth_camera is None
+        """Whether depth shows what the colours show; else it is laid over them by the lenses alone."""
+
+    def observation(self, raw: RawFrame, *, step: FrameId, odometry: Pose) -> Observation:
+        """Return a frame as the recorded camera sees it.
+
+        Raises ImageError for values that cannot be, and for an image that another camera took.
+        """
+        height, width = raw.rgb.shape[:2]
+        try:
+            source = self._mounted(fitted(raw.camera or self._source, width, height, raw.name), raw)
+        except DriveError as error:
+            raise ImageError(str(error)) from error
+        target = replace(self.camera, pitch_rad=source.pitch_rad)
+        checked = check_observation(
+            raw.rgb, None, odometry, stamp=raw.stamp, step=step, tilt=raw.tilt, source=raw.name or "image"
+        )
+        depth = None if raw.depth_m is None else self._depth(raw.depth_m, raw, source, target)
+        return check_observation(
+            rectification(source, target).rectify_rgb(checked.rgb),
+            depth,
+            odometry,
+            stamp=raw.stamp,
+            step=step,
+            exact_pose=None if raw.truth is None else np.asarray(raw.truth, np.float64),
+            tilt=raw.tilt,
+            source=raw.name or "image",
+        )
+
+    def _mounted(self, camera: CameraModel, raw: RawFrame) -> CameraModel:
+        """Return the camera without a tilt where each frame has its own: such an image is kept as it was taken."""
+        return camera if raw.tilt is None else replace(camera, pitch_rad=0.0, roll_rad=0.0)
+
+    def _depth(self, depth_m: Depth, raw: RawFrame, source: CameraModel, target: CameraModel) -> Depth:
+        """Return depth (H, W) as the recorded camera sees it; what is not finite or negative becomes no return."""
+        height, width = depth_m.shape
+        if raw.depth_camera is not None:
+            lens = replace(
+                raw.depth_camera,
+                pitch_rad=source.pitch_rad,
+                roll_rad=source.roll_rad,
+                quarter_turns=source.quarter_turns,
+            )
+        elif abs(width / height / source.aspect - 1) < _ASPECT_TOLERANCE:
+            lens = source.scaled(width, height)
+        else:
+            raise ImageError(
+                f"{raw.name}: the depth image is {width} x {height} and the image {source.width} x {source.height}, "
+                "which is of another aspect, so depth is not registered to the colours; name registered images by "
+                "--depth, or leave depth out by --depth none."
+            )
+        usable = np.where(np.isfinite(depth_m) & (depth_m > 0), depth_m, 0).astype(np.float32)
+        return rectification(lens, target).rectify_depth(usable)

@@ -1,0 +1,124 @@
+"""What the readers of drives share whose images lie in files of a folder: how each is read, and what of damaged ones.
+
+Owns the way from a list of images to raw frames, and how little a phone may trust its own depth for it to be used.
+"""
+
+from abc import ABC, abstractmethod
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.cameras.encoded_images import decode_colour, decode_depth
+from ltvn_core.data.importing.foreign_files import read_bytes_within
+from ltvn_core.data.importing.raw_frame import DriveFacts, FrameFilter, FrameMoment, RawFrame, ReadOptions
+from ltvn_core.data.importing.source_camera import fitted
+from ltvn_core.errors import DriveError
+from ltvn_core.types import Depth, Rgb
+
+_LOWEST_OF_THREE = 0
+_LARGEST_OF_THREE = 2
+_LOW_PERCENT = 34
+"""Confidence is 0, 1, 2 as phones give it, or up to 100; the lowest third counts as no depth."""
+
+
+class ImageFilesReader(ABC):
+    """A drive that is open for reading and whose images lie in files; a `DriveReader`."""
+
+    facts: DriveFacts
+    """What was found."""
+    DAMAGED = "damaged or missing image"
+    """Why an image was left out that cannot be read."""
+    MOST_AT_FIRST: float = 1000
+    """Where so many are damaged before one is not, the images are elsewhere; looking for a million takes minutes."""
+
+    def __init__(self, folder: Path, options: ReadOptions) -> None:
+        """Take the folder in which all images lie, and what a person says of the drive."""
+        self._folder = folder
+        self._options = options
+        self.dropped: Counter[str] = Counter()
+        """How many images were left out, by reason."""
+        self.doubts: list[str] = []
+        """What is doubtful of the drive."""
+
+    @classmethod
+    def open(cls, path: Path, options: ReadOptions) -> Self:
+        """Open a drive: the lists are read, and no image yet. Raises DriveError."""
+        return cls(path, options)
+
+    def frames(self) -> Iterator[RawFrame]:
+        """Yield the images in order with all that belongs to each."""
+        return self.frames_where(lambda _: True)
+
+    def frames_where(self, wanted: FrameFilter) -> Iterator[RawFrame]:
+        """Yield the frames without those whose moment is not wanted, whose images are not read.
+
+        One that cannot be read is counted, and the first of them is a doubt. Raises DriveError where a drive begins
+        with nothing but images that cannot be read.
+        """
+        found_any = False
+        for moment, image in self._images():
+            if not wanted(moment):
+                continue
+            try:
+                yield self._frame(moment, image)
+                found_any = True
+            except DriveError as error:
+                if not self.dropped[self.DAMAGED]:
+                    self.doubts.append(f"An image was left out: {error}")
+                self.dropped[self.DAMAGED] += 1
+                if not found_any and self.dropped[self.DAMAGED] >= self.MOST_AT_FIRST:
+                    raise DriveError(
+                        f"None of the first {self.MOST_AT_FIRST:,} images can be read. {self.doubts[-1]}"
+                    ) from error
+
+    @abstractmethod
+    def _images(self) -> Iterable[tuple[FrameMoment, Any]]:
+        """Return the moments of the drive, each with what `_frame` needs to know of its image."""
+
+    @abstractmethod
+    def _frame(self, moment: FrameMoment, image: Any) -> RawFrame:
+        """Read one image. Raises DriveError where that is impossible."""
+
+    def _colours(self, name: str) -> Rgb:
+        """Return the colours (H, W, 3) of a file in the folder. Raises DriveError."""
+        return decode_colour(read_bytes_within(self._folder, name), name)
+
+    def _depth_m(self, name: str, unit_m: float) -> Depth:
+        """Return the depth (H, W) in metres of a file in the folder, whose unit is known. Raises DriveError."""
+        return decode_depth(read_bytes_within(self._folder, name), unit_m, name)
+
+    def _raw_frame(
+        self,
+        moment: FrameMoment,
+        name: str,
+        rgb: Rgb,
+        *,
+        camera: CameraModel | None,
+        depth_m: Depth | None = None,
+        depth_camera: CameraModel | None = None,
+    ) -> RawFrame:
+        """Return the frame of a moment, with the camera fitted to its image. Raises DriveError where it cannot be."""
+        height, width = rgb.shape[:2]
+        return RawFrame(
+            stamp=moment.stamp,
+            rgb=rgb,
+            depth_m=depth_m,
+            camera=None if camera is None else fitted(camera, width, height, name),
+            depth_camera=depth_camera,
+            odometry=moment.odometry,
+            truth=moment.truth,
+            tilt=moment.tilt,
+            name=name,
+        )
+
+
+def without_low_confidence(depth_m: Depth, levels: NDArray[np.uint8]) -> Depth:
+    """Return depth (H, W) that is 0, no return, where its levels of confidence (H, W) are low."""
+    is_of_three = levels.max(initial=0) <= _LARGEST_OF_THREE
+    is_low = levels <= _LOWEST_OF_THREE if is_of_three else levels < _LOW_PERCENT
+    return np.where(is_low, 0, depth_m).astype(np.float32)

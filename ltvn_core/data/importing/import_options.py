@@ -1,0 +1,82 @@
+"""What a person can ask of an import, and where the odometry of a drive then comes from."""
+
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from ltvn_core.data.importing.raw_frame import DriveReader, FrameMoment
+from ltvn_core.errors import DriveError, OptionError
+from ltvn_core.types import Pose
+
+EVERY_M, EVERY_DEG = 0.1, 8.0
+"""Metres and degrees after which an image is kept, unless somebody says others."""
+
+
+class OdometrySource(StrEnum):
+    """Where the recorded odometry comes from."""
+
+    AUTO = "auto"
+    """The source's odometry, else its true poses, else none."""
+    SOURCE = "source"
+    TRUTH = "truth"
+    NONE = "none"
+
+    def pose(self, moment: FrameMoment) -> Pose | None:
+        """Return the pose (3,) of a moment, zeros where there is to be none; None where it is missing."""
+        match self:
+            case OdometrySource.TRUTH:
+                return moment.truth
+            case OdometrySource.NONE:
+                return np.zeros(3)
+            case OdometrySource.SOURCE | OdometrySource.AUTO:
+                return moment.odometry
+
+
+def chosen_odometry(reader: DriveReader, wanted: OdometrySource = OdometrySource.AUTO) -> OdometrySource:
+    """Return where odometry is to come from. Raises DriveError where the source has none of the wanted kind."""
+    roles = {stream.role for stream in reader.facts.streams}
+    offered = {OdometrySource.SOURCE: "odometry", OdometrySource.TRUTH: "truth"}
+    if wanted is OdometrySource.AUTO:
+        return next((source for source, role in offered.items() if role in roles), OdometrySource.NONE)
+    if wanted in offered and offered[wanted] not in roles:
+        found = ", ".join(sorted(roles)) or "nothing"
+        raise DriveError(
+            f"--odometry-from {wanted}: the drive has no {offered[wanted]}; found {found}. Leave the option out to "
+            "take what there is."
+        )
+    return wanted
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ImportOptions:
+    """How raw frames become a recording. Raises OptionError for a number that cannot be."""
+
+    odometry: OdometrySource = OdometrySource.AUTO
+    every_m: float = EVERY_M
+    """An image is kept after so many metres,"""
+    every_deg: float = EVERY_DEG
+    """or degrees of heading or tilt; 0 and 0 keep all."""
+    fov_deg: float | None = None
+    """Horizontal field of view of a camera of which nothing else is known."""
+    height_m: float | None = None
+    """Height of the camera above the floor, where the source does not say."""
+    pitch_deg: float | None = None
+    """Tilt of a mounted camera, upwards positive."""
+    scene: str = ""
+    """What the recording calls the place; made from the source's name where it is empty."""
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        if not (0 <= self.every_m < math.inf and 0 <= self.every_deg < math.inf):
+            raise OptionError(f"--every-m and --every-deg are 0 or more, got {self.every_m} and {self.every_deg}.")
+        if self.height_m is not None and not 0 <= self.height_m < 100:
+            raise OptionError(f"--height is metres above the floor, got {self.height_m}.")
+        if self.pitch_deg is not None and not abs(self.pitch_deg) < 90:
+            raise OptionError(f"--pitch is degrees from level, between -90 and 90, got {self.pitch_deg}.")
+
+    @property
+    def has_own_spacing(self) -> bool:
+        """Whether somebody said after how many metres or degrees to keep an image."""
+        return (self.every_m, self.every_deg) != (EVERY_M, EVERY_DEG)

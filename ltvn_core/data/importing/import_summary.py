@@ -1,0 +1,301 @@
+"""What an import brings home, as people and programs read it: its summary, and what is doubtful of the drive.
+
+Owns the limits of what is doubtful, the likely cause, and what to do about it. Refuses nothing.
+"""
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.data.importing.drive_statistics import Drift, DriveStatistics, TiltRange, path_m
+from ltvn_core.data.importing.frame_preparation import ASSUMED_FOV_DEG
+from ltvn_core.data.importing.import_options import OdometrySource
+from ltvn_core.data.importing.raw_frame import DriveFacts
+from ltvn_core.data.importing.source_camera import HOW_TO, HOW_TO_SCALE
+from ltvn_core.findings import Finding, WithDoubts
+from ltvn_core.geometry import wrap_angle
+from ltvn_core.graph.revisits import NEAR_M
+
+STEEP_DEG = 20.0
+"""A predictor that looks level sees less than two thirds of a picture that is tilted by more."""
+ROLLED_DEG = 60.0
+"""No robot carries a camera that is rolled by more, if it holds it upright at all."""
+NARROW_PX = 160
+"""In narrower images the geometric predictor, which real ones are compared by, finds too little."""
+NEAREST_MEDIAN_M = 0.1
+FARTHEST_MEDIAN_M = 10.0
+"""Half of what a depth camera sees from a robot is farther than the first and nearer than the second."""
+MUCH_DRIFT = 0.15
+FEW_FRAMES = 20
+MANY_GAPS = 3
+_MOST_NAMES = 10
+_KEEP_ALL = "--every-m 0 --every-deg 0 keeps every image."
+_APART_SHARE = 0.1
+_DROPPED_SHARE = 0.1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ImportedCamera:
+    """The camera of the images of an imported recording."""
+
+    width: int
+    height: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    horizontal_fov_deg: float
+    vertical_fov_deg: float
+    height_m: float
+    """Above the floor; 0 where nobody says."""
+    pitch_deg: float
+    is_lens_known: bool
+    """False where the field of view was assumed."""
+
+    @classmethod
+    def of(cls, camera: CameraModel, *, is_lens_known: bool) -> "ImportedCamera":
+        """Describe a camera."""
+        return cls(
+            width=camera.width,
+            height=camera.height,
+            fx=round(camera.fx, 3),
+            fy=round(camera.fy, 3),
+            cx=round(camera.cx, 3),
+            cy=round(camera.cy, 3),
+            horizontal_fov_deg=round(math.degrees(camera.horizontal_fov_rad), 2),
+            vertical_fov_deg=round(math.degrees(camera.vertical_fov_rad), 2),
+            height_m=round(camera.height_m, 3),
+            pitch_deg=round(math.degrees(camera.pitch_rad), 2),
+            is_lens_known=is_lens_known,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ImportSummary(WithDoubts):
+    """What an import found, left out and wrote."""
+
+    recording: Path
+    format: str
+    """Name of the reader."""
+    scene: str
+    """What the recording calls the place."""
+    frames: int
+    """Images of the recording."""
+    dropped: Mapping[str, int]
+    """Images that were left out, by reason."""
+    without_depth: int
+    """Images of the recording without any depth."""
+    rates_hz: Mapping[str, float]
+    """How many images, poses and the like the source has a second."""
+    camera: ImportedCamera
+    odometry: OdometrySource
+    """Where the recorded odometry comes from."""
+    seconds: float
+    """From the first to the last image, on the source's clock."""
+    path_m: float | None
+    """Length of the way by odometry; None where there is none."""
+    pieces_expected: int | None
+    """Parts that a map would fall into at best: near images joined, and by odometry those in a row; None without
+    poses."""
+    largest_piece_expected: float | None
+    """Share of the images in the largest of them."""
+    revisited_share: float | None
+    """Share of the images that show a place where the drive had been before: loops."""
+    gaps: int
+    """Pauses between images that are much longer than usual,"""
+    longest_gap_s: float
+    tilt: TiltRange | None
+    """How the camera was tilted, where that changes."""
+    drift: Drift | None
+    """How odometry strays from the true poses, where the source has both."""
+    findings: tuple[Finding, ...]
+    """What is doubtful, with the likely cause and what to do; nothing where all is well."""
+    next_step: str
+    """What to do now, and what that will tell."""
+
+
+def import_summary(
+    found: DriveStatistics,
+    *,
+    recording: Path,
+    facts: DriveFacts,
+    scene: str,
+    dropped: Mapping[str, int],
+    camera: CameraModel,
+    seconds: float,
+    told: tuple[Finding, ...],
+) -> ImportSummary:
+    """Put a summary together, with what was `told` before and what is doubtful of the numbers."""
+    rates = {stream.role: stream.rate_hz for stream in facts.streams if stream.role and stream.rate_hz}
+    return ImportSummary(
+        recording=recording,
+        format=facts.format,
+        scene=scene,
+        frames=found.frames,
+        dropped=dropped,
+        without_depth=found.frames - found.with_depth,
+        rates_hz={role: round(rate, 2) for role, rate in rates.items()},
+        camera=ImportedCamera.of(camera, is_lens_known=found.is_lens_known),
+        odometry=found.odometry,
+        seconds=seconds,
+        path_m=path_m(found.poses) if found.coverage else None,
+        pieces_expected=found.coverage.pieces if found.coverage else None,
+        largest_piece_expected=found.coverage.largest_share if found.coverage else None,
+        revisited_share=found.coverage.revisited_share if found.coverage else None,
+        gaps=len(found.gaps_s),
+        longest_gap_s=max(found.gaps_s, default=0.0),
+        tilt=found.tilt,
+        drift=found.drift,
+        findings=(*told, *_drive_findings(found)),
+        next_step=(
+            f"`ltvn build {recording} --output map.rrd` makes a map, and its `known_share` says of how much of the "
+            "drive the map knows the place; below 80 % it says where, and likely causes."
+        ),
+    )
+
+
+def _drive_findings(drive: DriveStatistics) -> Iterator[Finding]:
+    """Yield what is doubtful of a drive, with the likely cause and what to do."""
+    for check in (_camera, _depth, _tilt, _odometry, _frames, _overlap, _dropped):
+        yield from check(drive)
+
+
+def _camera(drive: DriveStatistics) -> Iterator[Finding]:
+    if not drive.is_lens_known:
+        yield Finding(
+            f"Nothing says what lens took the images; {ASSUMED_FOV_DEG:.0f} degrees were assumed, and distances will "
+            f"be wrong by as much as that is: {HOW_TO}."
+        )
+    if drive.width_px < NARROW_PX:
+        yield Finding(
+            f"The images are {drive.width_px} pixels wide, and in less than {NARROW_PX} hardly anything is recognised; "
+            "a map of them may know a small part of the drive.",
+            remedy="Record larger images where the camera can.",
+        )
+
+
+def _depth(drive: DriveStatistics) -> Iterator[Finding]:
+    if not drive.is_depth_registered:
+        yield Finding(
+            "The depth images are not registered to the colours; they were laid over them by the two lenses alone, and "
+            "lie a few centimetres off.",
+            remedy="Name a registered stream by --depth where there is one.",
+        )
+    if not drive.with_depth:
+        yield _no_depth(drive)
+    elif drive.with_depth < drive.frames:
+        missing = drive.frames - drive.with_depth
+        yield Finding(f"{missing} of {drive.frames} images have no depth, and are not used where it is needed.")
+    median_m = drive.depth_median_m
+    if median_m is not None and not NEAREST_MEDIAN_M <= median_m <= FARTHEST_MEDIAN_M:
+        side = "nearer" if median_m < NEAREST_MEDIAN_M else "farther"
+        yield Finding(
+            f"Half of the depth is {side} than {median_m:.3g} m, where {NEAREST_MEDIAN_M:g} to {FARTHEST_MEDIAN_M:g} m "
+            f"are usual, so its unit is probably another: {HOW_TO_SCALE}."
+        )
+
+
+def _no_depth(drive: DriveStatistics) -> Finding:
+    less = "predictors that need it cannot use this drive, and the others estimate distances less well."
+    if drive.possible_depths:
+        names = ", ".join(drive.possible_depths[:_MOST_NAMES])
+        return Finding(f"No depth was used: {less}", remedy=f"It could be in {names}; name the right one by --depth.")
+    used = ", ".join(drive.used_streams[:_MOST_NAMES]) or "images alone"
+    remedy = "Record the depth camera too where the robot has one."
+    return Finding(f"There is no depth among {used}: {less}", remedy=remedy)
+
+
+def _tilt(drive: DriveStatistics) -> Iterator[Finding]:
+    tilt = drive.tilt
+    if tilt is not None and abs(tilt.pitch_median_deg) > STEEP_DEG:
+        way = "down" if tilt.pitch_median_deg < 0 else "up"
+        yield Finding(
+            f"The camera looks {way} by {abs(tilt.pitch_median_deg):.0f} degrees; a predictor for a level camera sees "
+            "little of such images.",
+            remedy="Use `--predictor geometric`, or mount the camera nearly level.",
+        )
+    if tilt is not None and tilt.roll_largest_deg > ROLLED_DEG:
+        yield Finding(
+            f"By its poses the camera rolls by up to {tilt.roll_largest_deg:.0f} degrees, and pitches from "
+            f"{tilt.pitch_lowest_deg:.0f} to {tilt.pitch_highest_deg:.0f}.",
+            remedy="If the quaternions are written with w first, write them as qx qy qz qw; if the poses are of the "
+            "robot's body, turn them to the camera's optical frame (x right, y down, z forward).",
+        )
+
+
+def _odometry(drive: DriveStatistics) -> Iterator[Finding]:
+    if drive.odometry is OdometrySource.NONE:
+        yield Finding(
+            "There is no odometry, so all images are recorded at one place: distances between them are what the "
+            "predictor says, and nothing contradicts it.",
+            remedy="Give odometry by --odometry where the robot has some.",
+        )
+    if drive.is_spacing_ignored:
+        yield Finding(
+            "--every-m and --every-deg were ignored, for without odometry nobody knows how far the camera moved: an "
+            "image was kept where the picture had changed.",
+            remedy=_KEEP_ALL,
+        )
+    if drive.odometry is OdometrySource.TRUTH:
+        yield Finding(
+            "There is no odometry of its own; the true poses stand in for it, so a map of this drive is better than "
+            "wheels would make it."
+        )
+    if drive.drift is not None and drive.drift.per_metre > MUCH_DRIFT:
+        yield Finding(
+            f"Odometry strays from the true poses by {drive.drift.per_metre:.0%} of the way; is it in metres, of the "
+            "same robot, and turned as x forward, y left?"
+        )
+
+
+def _frames(drive: DriveStatistics) -> Iterator[Finding]:
+    if drive.frames < FEW_FRAMES:
+        text = f"Only {drive.frames} images are left; a map needs a drive of some metres."
+        yield Finding(text, remedy=_thinned(drive))
+    if len(drive.gaps_s) >= MANY_GAPS or sum(drive.gaps_s) > MANY_GAPS * 10:
+        yield Finding(
+            f"For {len(drive.gaps_s)} times, {sum(drive.gaps_s):.0f} s in all, no images came; did the recorder lose "
+            "messages?"
+        )
+
+
+def _overlap(drive: DriveStatistics) -> Iterator[Finding]:
+    if drive.coverage is None or drive.frames < 2:
+        return
+    steps = np.diff(drive.poses, axis=0)
+    apart = np.hypot(steps[:, 0], steps[:, 1]) > NEAR_M
+    apart |= np.abs(wrap_angle(steps[:, 2])) > drive.field_of_view_rad / 2
+    if apart.mean() > _APART_SHARE:
+        yield Finding(
+            f"{apart.sum()} of {len(apart)} images in a row do not overlap with the one before: farther than {NEAR_M} "
+            "m, or turned by more than half of what the camera sees.",
+            remedy=f"Drive slower, or record more images a second. {_thinned(drive)}".rstrip(),
+        )
+    if drive.coverage.pieces > 1:
+        yield Finding(
+            f"By its poses the drive falls into {drive.coverage.pieces} pieces, the largest with "
+            f"{drive.coverage.largest_share:.0%} of the images, and a map will fall apart likewise, for neither near "
+            "images nor odometry join them. Do the gaps or jumps belong there?",
+            remedy="Drive the missing ways, and come back to where you began.",
+        )
+
+
+def _thinned(drive: DriveStatistics) -> str:
+    """Return how more of the images are kept; nothing where none was left out for that."""
+    if not drive.thinned:
+        return ""
+    if drive.odometry is OdometrySource.NONE:
+        return f"{drive.thinned} were left out because the picture had hardly changed. {_KEEP_ALL}"
+    return f"{drive.thinned} were left out for too little motion; lower --every-m and --every-deg to keep more."
+
+
+def _dropped(drive: DriveStatistics) -> Iterator[Finding]:
+    if drive.dropped_as_wrong > _DROPPED_SHARE * (drive.frames + drive.dropped_as_wrong):
+        yield Finding(
+            f"{drive.dropped_as_wrong} images could not be used, see `dropped` for the reasons; is the file cut, or "
+            "were its streams recorded by different clocks?"
+        )

@@ -1,0 +1,246 @@
+"""The files of a LeRobotDataset: what it says of itself, its episodes, and their rows.
+
+Where the files of an episode are is in `layouts`. Every path that the data set names is looked up within its folder.
+Owns how depth is encoded in videos (12 bits a pixel, finer near the camera than far away), and how much of a Parquet
+table may be in memory at once: a value that occurs again and again is stored once, and so are images that are all zero,
+so that a kilobyte of a table can stand for terabytes.
+"""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
+
+from ltvn_core.data.importing.foreign_files import is_from_lfs, read_foreign, require_plain, require_within
+from ltvn_core.data.importing.lerobot.layouts import Episode, Layout, LayoutV2, LayoutV3, unreadable
+from ltvn_core.errors import DriveError
+from ltvn_core.structured_text import parse_json
+from ltvn_core.types import Depth
+
+LARGEST_CODE = 4095
+_MOST_ROWS = 32
+_BYTES_AT_ONCE = 2**28
+_MOST_PART_BYTES = 2**29
+"""Of a column in one group of rows; a whole file of a LeRobotDataset has a fifth of it."""
+_MOST_NUMBERS = 1024
+"""In a row of a column, as the joints of a robot."""
+INFO = "meta/info.json"
+_MOST_BYTES = 20_000_000
+_LARGEST_CHUNK = 10**6
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DepthCodes:
+    """What the codes 0 to 4095 mean. Code 0 also stands for everything nearer, and for no return."""
+
+    depth_min: float = 0.01
+    """Metres at code 0,"""
+    depth_max: float = 10.0
+    """and at the largest code."""
+    shift: float = 3.5
+    """Metres that are added before the logarithm."""
+    use_log: bool = True
+    """Steps grow with the distance; else they are equal."""
+
+    def __post_init__(self) -> None:
+        """Refuse a range that has no logarithm. Raises DriveError."""
+        numbers = (self.depth_min, self.depth_max, self.shift)
+        if not (all(map(math.isfinite, numbers)) and self.depth_max > self.depth_min > -self.shift):
+            raise DriveError(
+                f"Depth between {self.depth_min} and {self.depth_max} m, shifted by {self.shift}, is none."
+            )
+
+    def metres(self, codes: NDArray[np.uint16]) -> Depth:
+        """Return depth in metres of codes (H, W), 0 for no return."""
+        low, high = self._ends()
+        value = low + codes.astype(np.float32) * ((high - low) / LARGEST_CODE)
+        metres = np.exp(value) - self.shift if self.use_log else value
+        return np.where((codes > 0) & (metres > 0), metres, 0).astype(np.float32)
+
+    def codes(self, metres: Depth) -> NDArray[np.uint16]:
+        """Return the codes of depth (H, W) in metres; what is farther than the largest code becomes no return."""
+        low, high = self._ends()
+        with np.errstate(divide="ignore", invalid="ignore"):
+            value = np.log(metres + self.shift) if self.use_log else metres
+        codes = np.rint((value - low) / (high - low) * LARGEST_CODE)
+        return np.where((metres > 0) & (metres <= self.depth_max), codes.clip(1, LARGEST_CODE), 0).astype(np.uint16)
+
+    def _ends(self) -> tuple[float, float]:
+        if not self.use_log:
+            return self.depth_min, self.depth_max
+        return math.log(self.depth_min + self.shift), math.log(self.depth_max + self.shift)
+
+
+def rows_at_once(metadata: pq.FileMetaData, columns: Sequence[str]) -> int:
+    """Return how many rows of some columns may be read together. Raises DriveError where one may be too much."""
+    largest = 1
+    for part, rows in _parts(metadata, columns):
+        if part.total_uncompressed_size > _MOST_PART_BYTES or part.num_values > rows * _MOST_NUMBERS:
+            raise DriveError(
+                f"The column {part.path_in_schema!s:.80} unpacks to {part.total_uncompressed_size:,} bytes and "
+                f"{part.num_values:,} values in {rows:,} rows, which no drive has."
+            )
+        largest = max(largest, part.total_uncompressed_size)
+    # Each row may hold the column's largest value, which is at most as large as all of them.
+    return max(1, min(_MOST_ROWS, _BYTES_AT_ONCE // largest))
+
+
+def _parts(metadata: pq.FileMetaData, columns: Sequence[str]) -> Iterator[tuple[pq.ColumnChunkMetaData, int]]:
+    """Yield the stored parts of some columns with the number of their rows."""
+    for number in range(metadata.num_row_groups):
+        group = metadata.row_group(number)
+        for place in range(group.num_columns):
+            part = group.column(place)
+            if any(part.path_in_schema == name or part.path_in_schema.startswith(f"{name}.") for name in columns):
+                yield part, group.num_rows
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Feature:
+    """A column of the data set, or a video beside it."""
+
+    key: str
+    dtype: str
+    """`video`, `image`, or a kind of number."""
+    names: tuple[str, ...] = ()
+    """Of the numbers of a row."""
+    is_depth: bool = False
+    metres_per_unit: float = 0.001
+    """Of depth images."""
+    codes: DepthCodes = field(default_factory=DepthCodes)
+    """Of depth videos."""
+
+    @property
+    def is_image(self) -> bool:
+        """Whether it holds images."""
+        return self.dtype in ("video", "image")
+
+
+class LerobotDataset:
+    """A data set that was looked into. Raises DriveError where it is damaged or of another version."""
+
+    def __init__(self, folder: Path) -> None:
+        """Read what it says of itself, and its episodes."""
+        self.folder = folder
+        self._info = _read_info(folder)
+        self._layout = _layout(folder, self._info)
+        self.fps = _positive(self._info.get("fps"), "fps")
+        features = self._info.get("features")
+        if not isinstance(features, dict):
+            raise DriveError(f"{folder / INFO} names no features.")
+        self.features = {key: _feature(key, said) for key, said in features.items() if isinstance(said, dict)}
+        self.episodes = self._layout.episodes()
+
+    def video(self, key: str, episode: Episode) -> Path:
+        """Return the file of a video."""
+        return self._within(self._layout.video(key, episode))
+
+    def video_span(self, key: str, episode: Episode) -> tuple[float, float]:
+        """Return from when to when in that video the episode is, in seconds."""
+        return self._layout.video_span(key, episode)
+
+    def rows(self, episode: Episode, columns: Sequence[str]) -> Iterator[Mapping[str, Any]]:
+        """Yield the rows of an episode with some columns."""
+        path = self._within(self._layout.table(episode))
+        wanted = ["episode_index", *columns]
+        try:
+            with pq.ParquetFile(path) as file:
+                missing = [name for name in wanted if name not in file.schema_arrow.names]
+                if missing:
+                    raise DriveError(f"{path} lacks the columns {', '.join(missing)}.")
+                at_once = rows_at_once(file.metadata, wanted)
+                for batch in file.iter_batches(batch_size=at_once, columns=wanted):
+                    yield from (row for row in batch.to_pylist() if row["episode_index"] == episode.number)
+        except (OSError, pa.ArrowException, MemoryError, ValueError) as error:
+            raise unreadable(path, error) from error
+
+    def _within(self, name: str) -> Path:
+        """Return a file of the data set. Raises DriveError where it is elsewhere, missing or no plain file."""
+        path = self.folder / name
+        require_within(path, self.folder)
+        try:
+            require_plain(path)
+        except FileNotFoundError as error:
+            missing = " ".join(name.split())
+            raise DriveError(f"{self.folder} lacks {missing!s:.160}. {self._how_to_get()}") from error
+        except OSError as error:
+            raise unreadable(path, error) from error
+        return path
+
+    def _how_to_get(self) -> str:
+        if is_from_lfs(self.folder):
+            return f"It is kept in Git LFS: run `git lfs pull` in {self.folder}."
+        return "Copy the whole data set, with the folders data, meta and videos."
+
+
+def _read_info(folder: Path) -> Mapping[str, Any]:
+    path = folder / INFO
+    try:
+        info = parse_json(read_foreign(path, most_bytes=_MOST_BYTES, what="description of a data set"))
+    except (OSError, ValueError) as error:
+        raise unreadable(path, error) from error
+    if not isinstance(info, dict):
+        raise DriveError(f"{path} describes no data set; expected a JSON object.")
+    return info
+
+
+def _layout(folder: Path, info: Mapping[str, Any]) -> Layout:
+    """Return where the files of a data set are, by its version. Raises DriveError for versions that are not read."""
+    version = str(info.get("codebase_version", ""))
+    data = info.get("data_path")
+    video = info.get("video_path")
+    if version.startswith("v3"):
+        return LayoutV3(folder, data, video)
+    if version.startswith("v2"):
+        size = info.get("chunks_size", LayoutV2.CHUNK)
+        if not isinstance(size, int) or not 0 < size <= _LARGEST_CHUNK:
+            raise DriveError(f"{folder / INFO}: chunks_size is {size!r:.20}, and must be a number of episodes.")
+        return LayoutV2(folder, data, video, size)
+    raise DriveError(
+        f"{folder} is a LeRobotDataset of version {version!r:.20}, and versions 2.0, 2.1 and 3 are read; convert it "
+        "to one of these with a release of LeRobot that reads it."
+    )
+
+
+def _feature(key: str, said: Mapping[str, Any]) -> Feature:
+    info = said.get("info") or said.get("video_info")
+    info = info if isinstance(info, dict) else {}
+
+    def told(name: str, otherwise: Any) -> Any:
+        for found in (said.get(name), info.get(name), info.get(f"video.{name}")):
+            if isinstance(found, type(otherwise)) or (isinstance(otherwise, float) and isinstance(found, int)):
+                return found
+        return otherwise
+
+    usual = DepthCodes()
+    return Feature(
+        key=key,
+        dtype=str(said.get("dtype", "")),
+        names=_names(said.get("names")),
+        is_depth=told("is_depth_map", False),
+        metres_per_unit=1.0 if told("depth_unit", "mm") == "m" else 0.001,
+        codes=DepthCodes(
+            depth_min=told("depth_min", usual.depth_min),
+            depth_max=told("depth_max", usual.depth_max),
+            shift=told("shift", usual.shift),
+            use_log=told("use_log", usual.use_log),
+        ),
+    )
+
+
+def _names(said: object) -> tuple[str, ...]:
+    if isinstance(said, dict):
+        said = next(iter(said.values()), ())
+    return tuple(map(str, said)) if isinstance(said, list) else ()
+
+
+def _positive(value: object, name: str) -> float:
+    if not isinstance(value, int | float) or not 0 < value < 10_000:
+        raise DriveError(f"{name} is {value!r:.20}, and must be images a second.")
+    return float(value)

@@ -1,0 +1,260 @@
+"""A recorded drive that plays a robot: its images come as they were taken, whatever anybody commands (open loop).
+
+Any format that can be imported can be played. Owns the names of such drives, which are their paths, or PROFILE@PATH
+where a profile knows the robot's topics, its camera's mounting and its size; the pace; opening a robot by a name that
+may be a drive's; and the look over a drive's beginning, as a robot is looked over before anybody drives it. Reading is
+the reader's, and fitting the camera that of `frame_preparation`.
+"""
+
+import logging
+import math
+import threading
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.data.importing.frame_preparation import FramePreparation
+from ltvn_core.data.importing.import_options import OdometrySource, chosen_odometry
+from ltvn_core.data.importing.raw_frame import DriveReader, FrameMoment, RawFrame, ReadOptions
+from ltvn_core.data.importing.reader_registry import open_drive
+from ltvn_core.errors import DriveError, ImageError
+from ltvn_core.findings import Finding, findings_of
+from ltvn_core.plugins import ROBOTS, find_plugins
+from ltvn_core.robots.robot import Robot, WallClock
+from ltvn_core.robots.robot_check import RobotReport, TopicReport, fit_floor, robot_findings
+from ltvn_core.robots.robot_plugins import check_robot
+from ltvn_core.robots.robot_plugins import open_robot as open_live_robot
+from ltvn_core.robots.robot_spec import LOCOBOT, RobotSpec
+from ltvn_core.robots.ros2.profile import RobotProfile, open_profile
+from ltvn_core.types import CONTROL_STEP_S, ZERO_TWIST, Observation, RobotState, Twist
+
+_FROM_TREE = "tf"
+_LOG = logging.getLogger(__name__)
+
+
+class NamedDrive(NamedTuple):
+    """A drive on disk, and what is known of the robot that recorded it."""
+
+    path: Path
+    profile: RobotProfile | None = None
+
+    @classmethod
+    def find(cls, wanted: str) -> Self | None:
+        """Return the drive of that name; None where no such file or folder exists. Raises RobotError."""
+        if Path(wanted).exists():
+            return None if wanted.endswith(".py") else cls(Path(wanted))
+        name, at, place = wanted.rpartition("@")
+        return cls(Path(place), open_profile(name)) if at and place and Path(place).exists() else None
+
+    def open(self) -> DriveReader:
+        """Open it for reading, by the topics of the profile. Raises DriveError."""
+        return open_drive(self.path, options=None if self.profile is None else _options(self.profile))
+
+    def mounted(self, raw: RawFrame) -> RawFrame:
+        """Return a frame whose camera sits as the profile says."""
+        if self.profile is None or raw.camera is None:
+            return raw
+        return replace(raw, camera=self.profile.mounted(raw.camera), tilt=None)
+
+    def spec(self, camera: CameraModel) -> RobotSpec:
+        """Return what the toolkit asks of a robot, whose images `camera` takes; a LoCoBot's size without a profile."""
+        spec = LOCOBOT if self.profile is None else self.profile.spec(camera)
+        return replace(spec, name=f"{self.path.name} (recorded)", camera=camera)
+
+
+def _options(profile: RobotProfile) -> ReadOptions:
+    topics = profile.topics
+    return ReadOptions(
+        rgb=topics.colour,
+        depth=topics.depth,
+        odometry=topics.odometry or _FROM_TREE,
+        camera_info=topics.camera_info,
+    )
+
+
+def open_robot(wanted: str) -> Robot:
+    """Make a robot by its name, by `path/to/file.py:factory` or by PROFILE@ADDRESS, or let a recorded drive play one.
+
+    A drive is named by its file or folder, of any format that can be imported, or by PROFILE@PATH. One image is taken;
+    nothing is driven. Raises PluginError, RobotError and DriveError.
+    """
+    drive = None if wanted in find_plugins(ROBOTS) else NamedDrive.find(wanted)
+    if drive is None:
+        return open_live_robot(wanted)
+    robot = play_drive(drive)
+    check_robot(robot, wanted)
+    return robot
+
+
+def play_drive(drive: NamedDrive, clock: WallClock | None = None) -> "PlayedDrive":
+    """Open a drive of any format that can be imported, to play it. Raises DriveError where it cannot be used."""
+    try:
+        return PlayedDrive(drive, clock or WallClock())
+    except DriveError as error:
+        raise DriveError(
+            f"{error} Options are for `ltvn import`, which makes a recording of it; a robot's profile says topics and "
+            "mounting here, too (PROFILE@drive.mcap)."
+        ) from error
+
+
+class PlayedDrive:
+    """A drive as a robot. Implements `ltvn_core.robots.robot.Robot`.
+
+    Its time begins at the second look: who opens a robot looks once, and may take long to open the rest. At its end the
+    last image stays.
+    """
+
+    def __init__(self, drive: NamedDrive, clock: WallClock) -> None:
+        """Play a drive. Raises DriveError where no image can be used."""
+        self.clock = clock
+        self._drive = drive
+        self._name = drive.path.name
+        reader = drive.open()
+        self.open_loop = (
+            f"{self._name} is a recorded drive, played open loop: it shows what was seen, and obeys no command. Goals "
+            "need a robot; where it led, `ltvn robot check --map` says."
+        )
+        """Why commands do nothing."""
+        self._odometry = chosen_odometry(reader)
+        self._frames = (
+            drive.mounted(raw) for raw in reader.frames() if self._odometry.pose(FrameMoment.of(raw)) is not None
+        )
+        self._lock = threading.RLock()
+        self._looks = 0
+        self._begun_s = 0.0
+        self._told = False
+        self._observation, self._seen_s = self._first(self._frames)
+        self._raw: RawFrame | None = None
+        """The newest frame, until somebody looks at it."""
+        self._pose = self._observation.odometry
+        self._next = next(self._frames, None)
+
+    @property
+    def spec(self) -> RobotSpec:
+        """The robot's size, with the drive's own camera, upright."""
+        return self._drive.spec(self._preparation.camera)
+
+    @property
+    def is_over(self) -> bool:
+        """Whether its last image was looked at."""
+        with self._lock:
+            self._play()
+            return self._looks > 1 and self._raw is None and self._next is None
+
+    def observe(self) -> Observation:
+        """Return the image that was taken last by now, at the recorded pace."""
+        with self._lock:
+            self._looks += 1
+            if self._looks == 2:
+                self._begun_s = self.clock.now()
+            self._play()
+            if self._raw is not None:
+                raw = self._raw
+                self._raw = None
+                self._look(raw)
+            return self._observation
+
+    def state(self) -> RobotState:
+        """Return the recorded odometry; the bumper is not known."""
+        with self._lock:
+            self._play()
+            step = max(self._observation.step, int(self._now_s / CONTROL_STEP_S))
+            return RobotState(self._pose, self._now_s, step, bumper_pressed=False)
+
+    def drive(self, twist: Twist) -> None:
+        """Do nothing; say so once."""
+        if not self._told and twist != ZERO_TWIST:
+            self._told = True
+            _LOG.warning(self.open_loop)
+
+    def stop(self) -> None:
+        """Do nothing."""
+
+    @property
+    def _now_s(self) -> float:
+        """Seconds since the first image."""
+        return self.clock.now() - self._begun_s if self._looks > 1 else 0.0
+
+    def _first(self, frames: Iterator[RawFrame]) -> tuple[Observation, float]:
+        """Return the first image and its stamp, and learn the camera."""
+        fault = ""
+        for raw in frames:
+            try:
+                self._preparation = FramePreparation(raw)
+                return self._prepared(raw, step=0, begun_s=raw.stamp), raw.stamp
+            except ImageError as error:
+                fault = fault or f" {error}"
+        raise DriveError(f"None of the images of {self._name} can be used.{fault}")
+
+    def _play(self) -> None:
+        """Take the frames whose time has come; the newest is kept."""
+        while self._next is not None and self._next.stamp - self._seen_s <= self._now_s:
+            self._raw = self._next
+            pose = self._odometry.pose(FrameMoment.of(self._raw))
+            assert pose is not None  # Else it was left out.
+            self._pose = pose
+            self._next = next(self._frames, None)
+            if self._next is None:
+                _LOG.info("%s is over; its last image stays.", self._name)
+
+    def _look(self, raw: RawFrame) -> None:
+        """Prepare a frame; one that cannot be used is left out."""
+        step = max(self._observation.step + 1, int((raw.stamp - self._seen_s) / CONTROL_STEP_S))
+        try:
+            self._observation = self._prepared(raw, step=step, begun_s=self._seen_s)
+        except ImageError as error:
+            _LOG.warning("An image was left out: %s", error)
+
+    def _prepared(self, raw: RawFrame, *, step: int, begun_s: float) -> Observation:
+        pose = self._odometry.pose(FrameMoment.of(raw))
+        assert pose is not None  # Else it was left out.
+        prepared = self._preparation.observation(raw, step=step, odometry=pose)
+        return replace(prepared, stamp=raw.stamp - begun_s, exact_pose=None)
+
+
+def look_over_drive(drive: NamedDrive, *, seconds: float) -> RobotReport:
+    """Look at the first seconds of a drive, and at its first image. Raises DriveError where it cannot be used."""
+    robot = play_drive(drive)
+    camera = robot.spec.camera
+    seen = robot.observe()
+    reader = drive.open()
+    report = RobotReport(
+        robot=robot.spec.name,
+        address="",
+        topics=_watch(reader, seconds),
+        image=f"{camera.width} x {camera.height}",
+        field_of_view_deg=(math.degrees(camera.horizontal_fov_rad), math.degrees(camera.vertical_fov_rad)),
+        depth_share=0.0 if seen.depth is None else float(np.mean(seen.depth > 0)),
+        age_s=None,
+        floor=None if seen.depth is None or camera.height_m == 0 else fit_floor(seen.depth, camera),
+        commands_taken=False,
+        driving=None,
+    )
+    return replace(report, findings=(*robot_findings(report), *_findings(reader), *findings_of(reader.doubts)))
+
+
+def _watch(reader: DriveReader, seconds: float) -> tuple[TopicReport, ...]:
+    """Return what the streams in use do; of images also the longest gap in the first seconds."""
+    stamps: list[float] = []
+    for raw in reader.frames():
+        stamps.append(raw.stamp)
+        if raw.stamp - stamps[0] >= seconds:
+            break
+    gap_s = float(np.diff(stamps).max()) if len(stamps) > 1 else None
+    return tuple(
+        TopicReport(stream.name, stream.rate_hz, gap_s if stream.role == "rgb" else None, ())
+        for stream in reader.facts.streams
+        if stream.role in ("rgb", "depth", "odometry") and stream.rate_hz is not None
+    )
+
+
+def _findings(reader: DriveReader) -> Iterator[Finding]:
+    if chosen_odometry(reader) is OdometrySource.NONE:
+        yield Finding("It has no odometry: every image seems to be taken at one place.")
+    if reader.dropped:
+        counts = ", ".join(f"{count} with {reason}" for reason, count in reader.dropped.items())
+        yield Finding(f"Left out: {counts}.")

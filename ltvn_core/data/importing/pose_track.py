@@ -1,0 +1,233 @@
+"""A trajectory in space as others write it, turned so that z is up.
+
+Owns two notations, and finding out which axis of the world is up. One has `stamp tx ty tz qx qy qz qw` a line (TUM's
+format, which evo, ORB-SLAM and RTAB-Map write too). The other has a matrix for each picture, camera to world: 7-Scenes
+writes `frame-000000.pose.txt` beside `frame-000000.color.png`, ScanNet `pose/0.txt` for `color/0.jpg`, each with a
+4 x 4 matrix; Replica writes `traj.txt` with 16 numbers a row, row k for picture k.
+"""
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from ltvn_core.data.importing.spatial_pose import SpatialPose, are_rotations, pose_between, spatial_pose
+from ltvn_core.data.importing.stamped_lists import list_lines, period_s, stamped_lines
+from ltvn_core.errors import DriveError
+
+LARGEST_GAP_S = (0.25, 1.0)
+"""Between samples that are farther apart nothing is known: the first, or twice their usual distance up to the
+second."""
+_COLUMNS = 8
+_UPRIGHT = 0.25
+"""Where the camera's up is within 75 degrees of z on average, z is up, as nearly always; it may look down steeply."""
+_CLEARLY_UP = 0.8
+"""Else the axis is up that is so near to the camera's up on average, as the cosine."""
+_UNIT_TOLERANCE = 0.1
+_BESIDE_S = 0.025
+"""A sample so near in time is the pose, where there is none on the other side."""
+_AXES = {"z": (0, 0, 1), "-y": (0, -1, 0), "y": (0, 1, 0), "-z": (0, 0, -1)}
+"""What programs take for up: z in robotics, -y where the world is the first camera, y in graphics."""
+POSE_FOLDERS = ("pose", "poses")
+ROWS_FILE = "traj.txt"
+_NUMBERS = 16
+_MOST_M = 1e6
+_RIGID_TOLERANCE = 0.01
+_FIRST_NUMBER = re.compile(r"[0-9]+")
+
+
+class StampedPoses(NamedTuple):
+    """Poses of one file."""
+
+    stamps: NDArray[np.float64]
+    """(N,) seconds, rising."""
+    positions: NDArray[np.float64]
+    """(N, 3) metres."""
+    rotations: Rotation
+    """N of them, from the frame whose pose it is to the world."""
+    doubt: str | None
+    """What is doubtful of the stamps."""
+
+
+class PoseTrack:
+    """Poses of a camera's optical frame over time."""
+
+    def __init__(
+        self,
+        stamps: NDArray[np.float64],
+        positions: NDArray[np.float64],
+        rotations: Rotation,
+        doubt: str | None = None,
+        *,
+        up_axis: str | None = None,
+    ) -> None:
+        """Take N stamps in rising order, positions (N, 3) in metres and as many rotations, optical to world.
+
+        `up_axis` is "z" where the source says so; without, it is found out.
+        """
+        self.stamps = stamps
+        self.doubt = doubt
+        """What is doubtful of its stamps."""
+        self.up_axis = up_axis or _up_axis(rotations)
+        """Which axis of the source's world is up; positions and rotations are turned so that it is z."""
+        turn = Rotation.align_vectors([[0, 0, 1]], [_AXES[self.up_axis]])[0] if self.up_axis != "z" else None
+        self._positions = positions if turn is None else turn.apply(positions)
+        self._rotations = rotations if turn is None else turn * rotations
+        least_s, most_s = LARGEST_GAP_S
+        self._largest_gap_s = min(max(least_s, 2 * (period_s(stamps) or 0.0)), most_s)
+
+    @classmethod
+    def read(cls, path: Path) -> "PoseTrack":
+        """Read a file. Raises DriveError that names the first line that cannot be right."""
+        return cls(*read_poses(path))
+
+    def at(self, stamp: float) -> SpatialPose | None:
+        """Return the pose at a time, between samples in proportion; None where there is no sample nearby."""
+        after = int(np.searchsorted(self.stamps, stamp))
+        if after < len(self.stamps) and self.stamps[after] == stamp:
+            return self._sample(after)
+        if not 0 < after < len(self.stamps) or self.stamps[after] - self.stamps[after - 1] > self._largest_gap_s:
+            return self._nearest(stamp)
+        before_s = self.stamps[after - 1]
+        after_s = self.stamps[after]
+        share = (stamp - before_s) / (after_s - before_s)
+        around = slice(after - 1, after + 1)
+        pose = pose_between(self._positions[around], self._rotations[around], share)
+        return spatial_pose(pose[:3, 3], pose[:3, :3])
+
+    def _nearest(self, stamp: float) -> SpatialPose | None:
+        place = int(np.argmin(np.abs(self.stamps - stamp)))
+        return self._sample(place) if abs(self.stamps[place] - stamp) <= _BESIDE_S else None
+
+    def _sample(self, place: int) -> SpatialPose:
+        return spatial_pose(self._positions[place], self._rotations[place].as_matrix())
+
+
+def read_poses(path: Path, *, scalar_first: bool = False, unit_s: float | None = None) -> StampedPoses:
+    """Read lines of a stamp, a position and a quaternion; of lines with one stamp the first.
+
+    Args:
+        path: The file, as `stamped_lines` reads it; further columns are passed over.
+        scalar_first: Whether w is the first of the quaternion's columns, and not the last.
+        unit_s: Seconds that a stamp counts; found out by its size without.
+
+    Raises:
+        DriveError: The file holds no poses, or one that cannot be right, which is named.
+    """
+    columns = f"stamp tx ty tz {'qw qx qy qz' if scalar_first else 'qx qy qz qw'}"
+    lines, doubt = stamped_lines(path, least_columns=_COLUMNS, unit_s=unit_s)
+    if not lines:
+        raise DriveError(f"{path} holds no poses; it needs lines of {columns}.")
+    try:
+        numbers = np.array([[stamp, *map(float, words[: _COLUMNS - 1])] for stamp, words in lines])
+    except ValueError as error:
+        raise DriveError(f"{path}: a pose is no row of numbers ({error!s:.80}).") from error
+    numbers = numbers[np.unique(numbers[:, 0], return_index=True)[1]]
+    norms = np.linalg.norm(numbers[:, 4:], axis=1)
+    wrong = ~np.isfinite(numbers).all(axis=1) | (np.abs(norms - 1) > _UNIT_TOLERANCE)
+    if wrong.any():
+        raise DriveError(
+            f"{path}: the pose at {numbers[np.argmax(wrong), 0]} is not finite, or its quaternion is not of length 1; "
+            f"the columns are {columns}."
+        )
+    rotations = Rotation.from_quat(numbers[:, [5, 6, 7, 4] if scalar_first else [4, 5, 6, 7]])
+    return StampedPoses(numbers[:, 0], numbers[:, 1:4], rotations, doubt)
+
+
+def _up_axis(rotations: Rotation) -> str:
+    """Return the axis of the world that is up, for a camera that is carried upright for the most part."""
+    up = rotations.apply([0.0, -1.0, 0.0]).mean(axis=0)
+    length = np.linalg.norm(up)
+    if length == 0 or up[2] / length >= _UPRIGHT:
+        return "z"
+    best = max(_AXES, key=lambda name: float(up @ _AXES[name]))
+    return best if float(up @ _AXES[best]) / length >= _CLEARLY_UP else "z"
+
+
+class PicturePoses:
+    """Poses of pictures by their place in the drive; z is up, however the source's world is turned."""
+
+    def __init__(self, matrices: NDArray[np.float64], name: str) -> None:
+        """Take (N, 4, 4) camera to world, one for each picture; rows that are no pose hold no rotation."""
+        self.name = name
+        """The file or folder that they come from."""
+        known = _are_rigid(matrices)
+        self.missing = int(len(known) - known.sum())
+        """Pictures without a pose."""
+        places = np.flatnonzero(known)
+        good = matrices[known]
+        self._places = set(places.tolist())
+        self._track = None
+        if len(good):
+            self._track = PoseTrack(places.astype(np.float64), good[:, :3, 3], Rotation.from_matrix(good[:, :3, :3]))
+
+    def at(self, place: int) -> SpatialPose | None:
+        """Return the pose of a picture by its place; None where it has none."""
+        if self._track is None or place not in self._places:
+            return None
+        return self._track.at(place)
+
+    def __len__(self) -> int:
+        """Return how many pictures have a pose."""
+        return len(self._places)
+
+
+def poses_beside(folder: Path, pictures: Sequence[Path]) -> PicturePoses | None:
+    """Return the poses that lie beside a folder's pictures; None where there are none. Raises DriveError."""
+    rows = folder / ROWS_FILE
+    if rows.is_file():
+        return PicturePoses(_rows(rows, len(pictures)), ROWS_FILE)
+    beside = pictures[0].parent
+    where = "*.pose.txt"
+    listed = list(beside.glob("*.pose.txt"))
+    for name in POSE_FOLDERS:
+        if not listed:
+            where = name
+            listed = list((folder / name).glob("*.txt"))
+    by_number = {_number(path): path for path in listed if path.is_file()}
+    if not any(_number(picture) in by_number for picture in pictures):
+        return None
+    matrices = [_matrix(by_number.get(_number(picture))) for picture in pictures]
+    return PicturePoses(np.array(matrices), where)
+
+
+def _number(path: Path) -> int | None:
+    found = _FIRST_NUMBER.search(path.name)
+    return None if found is None else int(found.group()[:18])
+
+
+def _matrix(path: Path | None) -> NDArray[np.float64]:
+    """Return the matrix of a file, (4, 4); of NaN where the picture has no file or its file no matrix."""
+    numbers = [] if path is None else _numbers(path)
+    return np.array(numbers if len(numbers) == _NUMBERS else [np.nan] * _NUMBERS).reshape(4, 4)
+
+
+def _rows(path: Path, count: int) -> NDArray[np.float64]:
+    numbers = _numbers(path)
+    if not numbers or len(numbers) % _NUMBERS or len(numbers) // _NUMBERS != count:
+        raise DriveError(
+            f"{path} holds {len(numbers)} numbers, which are not 16 for each of the {count} pictures (a 4 x 4 matrix, "
+            "camera to world, row by row). Complete the file, or move it away to import the pictures without poses."
+        )
+    return np.array(numbers).reshape(count, 4, 4)
+
+
+def _numbers(path: Path) -> list[float]:
+    try:
+        return [float(word) for _, _, words in list_lines(path, "list of poses") for word in words]
+    except ValueError as error:
+        raise DriveError(
+            f"{path} cannot be read as poses ({error!s:.80}); it needs 4 x 4 numbers, camera to world."
+        ) from error
+
+
+def _are_rigid(matrices: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Tell (N,) which of (N, 4, 4) are finite and turn without stretching."""
+    finite = np.asarray((np.isfinite(matrices) & (np.abs(matrices) < _MOST_M)).all(axis=(1, 2)))
+    turns = np.zeros((len(matrices), 3, 3))
+    turns[finite] = matrices[finite, :3, :3]
+    return finite & are_rotations(turns, _RIGID_TOLERANCE)

@@ -1,0 +1,113 @@
+"""Which formats can be read: the readers that installed packages offer in the entry-point group `ltvn.readers`.
+
+Owns the choice of a reader for a path. Ours are found as other people's are, and a reader's module is imported only
+when its turn comes.
+"""
+
+import logging
+from collections.abc import Mapping
+from itertools import islice
+from pathlib import Path
+from typing import cast
+
+from ltvn_core.data.importing.foreign_files import require_own_files, require_plain
+from ltvn_core.data.importing.raw_frame import DriveReader, ReaderClass, ReadOptions
+from ltvn_core.errors import DriveError, LtvnError
+from ltvn_core.plugins import READERS, Plugin, find_plugins
+
+log = logging.getLogger(__name__)
+
+AUTO = "auto"
+_MOST_ENTRIES = 100
+"""Of a folder that no reader knows, so many entries are looked at."""
+_SCENES = (".glb", ".gltf", ".obj", ".ply")
+"""What `--scene` takes (`mesh_file.FORMATS`; a reader knows nothing of simulation)."""
+LAST = "folder"
+"""Folders of every format look like a folder of pictures as well, so this reader is asked last."""
+
+
+def reader_names() -> tuple[str, ...]:
+    """Return the names of all readers, in the order in which they are asked."""
+    return tuple(_readers())
+
+
+def open_drive(path: Path, name: str = AUTO, options: ReadOptions | None = None) -> DriveReader:
+    """Open a drive by the reader of that name, or by the first that recognises it.
+
+    Raises DriveError where there is no such file or no reader knows it, PluginError and MissingLibraryError where the
+    reader cannot be loaded.
+    """
+    if not path.exists():
+        raise DriveError(f"There is no file or folder {path}.")
+    reader = _recognised(path) if name == AUTO else _named(name)
+    _require_own_files(path)
+    return reader.open(path, options or ReadOptions())
+
+
+def _require_own_files(path: Path) -> None:
+    try:
+        require_own_files(path)
+    except OSError as error:
+        raise DriveError(f"{path} cannot be looked through ({error!s:.120}); change its permissions.") from error
+
+
+def is_drive(path: Path) -> bool:
+    """Tell whether any reader recognises a file or folder; one that cannot be loaded or fails is left out."""
+    for plugin in _readers().values():
+        try:
+            if _load(plugin).recognises(path):
+                return True
+        except Exception as error:  # Another package's reader may raise anything; a list is shown all the same.
+            log.debug("the reader %s cannot look at %s: %s", plugin.name, path, error)
+    return False
+
+
+def _recognised(path: Path) -> ReaderClass:
+    broken: list[LtvnError] = []
+    for plugin in _readers().values():
+        try:
+            reader = _load(plugin)
+        except LtvnError as error:
+            broken.append(error)
+            continue
+        if reader.recognises(path):
+            return reader
+    if broken:
+        raise broken[0]
+    if inside := _drives_in(path):
+        raise DriveError(
+            f"{path} is no drive itself but holds {len(inside)}; import each by its own path: {inside[0]}."
+        )
+    if path.suffix.lower() in _SCENES:
+        raise DriveError(f"{path} is a scene and no drive: `ltvn app --scene {path}` opens it, to drive in.")
+    require_plain(path)  # A pointer of Git LFS is not recognised as what it stands for.
+    raise DriveError(
+        f"{path} is in no format that can be read ({', '.join(reader_names())}); name the file or folder of one drive, "
+        "and the format by --format where it was not recognised."
+    )
+
+
+def _drives_in(path: Path) -> list[Path]:
+    """Return which of the first entries of a folder are drives."""
+    if not path.is_dir():
+        return []
+    return [each for each in sorted(islice(path.iterdir(), _MOST_ENTRIES)) if is_drive(each)]
+
+
+def _named(name: str) -> ReaderClass:
+    readers = _readers()
+    if name not in readers:
+        raise DriveError(f"No reader is called {name!r}; there are {AUTO}, {', '.join(readers)}.")
+    return _load(readers[name])
+
+
+def _load(plugin: Plugin) -> ReaderClass:
+    reader = plugin.load()
+    if not (callable(getattr(reader, "recognises", None)) and callable(getattr(reader, "open", None))):
+        raise plugin.refusal("is no reader: it lacks the class methods recognises and open")
+    return cast(ReaderClass, reader)
+
+
+def _readers() -> Mapping[str, Plugin]:
+    found = find_plugins(READERS)
+    return {name: found[name] for name in sorted(found, key=lambda name: (name == LAST, name))}

@@ -1,0 +1,197 @@
+"""Pickles of strangers, of which only numbers, texts, lists, mappings and numpy's arrays come out.
+
+A pickle is a program. Here it may call nothing but what puts an array together, in forms that allocate no more than
+the file itself holds. Owns that list, and how deep values may be nested: Python hashes, compares and frees
+values by calls that call themselves, some without a limit, so that a deep value ends the process. The depth is found
+out without running the program, by following its stack, what it remembers, and the depth of each value.
+"""
+
+import io
+import pickle
+import pickletools
+import re
+from collections import OrderedDict
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NoReturn
+
+import numpy as np
+
+from ltvn_core.data.importing.foreign_files import read_foreign
+from ltvn_core.errors import DriveError
+
+MOST_STEPS = 1_000_000
+"""Steps of a program."""
+MOST_LEVELS = 50
+"""Values within one another; a trajectory has about eight."""
+_READ = ("GET", "BINGET", "LONG_BINGET", "DUP")
+_REMEMBER = ("PUT", "BINPUT", "LONG_BINPUT", "MEMOIZE")
+_FILL = ("APPEND", "APPENDS", "SETITEM", "SETITEMS", "ADDITEMS", "BUILD")
+"""These put values into the one below them."""
+_TOO_FEW = "it takes more values than it made"
+MOST_BYTES = 50_000_000
+"""A million poses; a longer file is no trajectory."""
+_NUMPY_TYPE = re.compile("[<>|=]?[?biufcSUO][0-9]{0,4}")
+"""Numbers and texts; numpy parses longer descriptions for minutes."""
+
+
+def check_program(data: bytes) -> None:
+    """Raise ValueError for a program that is too long, makes values that are too deep, or is no program."""
+    depths = _Depths()
+    for count, (step, argument, _) in enumerate(pickletools.genops(data)):
+        if count > MOST_STEPS:
+            raise ValueError(f"it has more than {MOST_STEPS:,} steps")
+        # The interpreter makes a list as long as the number, whatever was put into it.
+        if step.name.endswith("PUT") and isinstance(argument, int) and argument > count:
+            raise ValueError("it numbers what it remembers too high")
+        depths.follow(step, argument)
+
+
+class _Value:
+    """How deep a value is nested, and whether the program holds it in a second place."""
+
+    __slots__ = ("is_shared", "levels")
+
+    def __init__(self, levels: int) -> None:
+        self.levels = levels
+        self.is_shared = False
+
+
+_MARK = _Value(0)
+
+
+class _Depths:
+    """The stack and the memory of a program, with depths in place of values."""
+
+    def __init__(self) -> None:
+        self._stack: list[_Value] = []
+        self._memory: dict[int, _Value] = {}
+
+    def follow(self, step: pickletools.OpcodeInfo, argument: Any) -> None:
+        """Do what a step does. Raises ValueError where that is too deep or impossible."""
+        if step.name == "MARK":
+            self._stack.append(_MARK)
+        elif step.name in _READ:
+            self._read(step.name, argument)
+        elif step.name in _REMEMBER:
+            self._memory[len(self._memory) if step.name == "MEMOIZE" else int(argument)] = self._top()
+        elif step.name in _FILL:
+            self._fill(step)
+        else:
+            self._make(step)
+
+    def _read(self, name: str, argument: Any) -> None:
+        value = self._top() if name == "DUP" else self._memory.get(int(argument))
+        if value is None:
+            raise ValueError("it reads what it never remembered")
+        value.is_shared = True
+        self._stack.append(value)
+
+    def _fill(self, step: pickletools.OpcodeInfo) -> None:
+        within = self._taken(step.stack_before[1:])
+        target = self._top()
+        if target.is_shared:
+            # What holds it already would become deeper unseen, and it could come to hold itself.
+            raise ValueError("it goes on filling what it has put elsewhere")
+        target.levels = max(target.levels, _around(within))
+
+    def _make(self, step: pickletools.OpcodeInfo) -> None:
+        within = self._taken(step.stack_before)
+        if step.stack_after:
+            self._stack.append(_Value(_around(within)))
+
+    def _taken(self, wanted: Sequence[pickletools.StackObject]) -> list[_Value]:
+        """Take from the stack what a step uses: as many values as it names, or all down to the last mark."""
+        taken: list[_Value] = []
+        if pickletools.markobject in wanted:
+            while (value := self._pop()) is not _MARK:
+                taken.append(value)
+            wanted = wanted[: list(wanted).index(pickletools.markobject)]
+        return taken + [self._pop() for _ in wanted]
+
+    def _pop(self) -> _Value:
+        if not self._stack:
+            raise ValueError(_TOO_FEW)
+        return self._stack.pop()
+
+    def _top(self) -> _Value:
+        if not self._stack or self._stack[-1] is _MARK:
+            raise ValueError(_TOO_FEW)
+        return self._stack[-1]
+
+
+def _around(within: Sequence[_Value]) -> int:
+    levels = 1 + max((value.levels for value in within), default=0)
+    if levels > MOST_LEVELS:
+        raise ValueError(f"its values are nested more than {MOST_LEVELS} levels deep")
+    return levels
+
+
+def load_pickle(path: Path) -> Any:
+    """Return what a pickle holds. Raises DriveError where it is damaged, or wants to do anything else."""
+    try:
+        data = read_foreign(path, most_bytes=MOST_BYTES, what="trajectory")
+        check_program(data)
+        return _ArrayUnpickler(io.BytesIO(data)).load()
+    except DriveError:
+        raise
+    except Exception as error:  # A damaged program fails in as many ways as there are steps.
+        raise DriveError(f"{path} is no pickle of a trajectory ({' '.join(str(error).split())!s:.120}).") from error
+
+
+class _ArrayUnpickler(pickle.Unpickler):
+    """Finds what puts arrays together, and nothing else."""
+
+    def find_class(self, module: str, name: str) -> Any:
+        """Return our own form of what a pickle calls."""
+        module = module.replace("numpy.core.", "numpy._core.")
+        found = _ALLOWED.get(f"{module}.{name}")
+        if found is None:
+            raise pickle.UnpicklingError(
+                f"it wants to call {module:.60}.{name:.60}, which a trajectory needs not, and was not called"
+            )
+        return found
+
+    def persistent_load(self, pid: Any) -> NoReturn:
+        """Refuse what lies outside of the file."""
+        raise pickle.UnpicklingError("it refers to something outside of the file")
+
+
+class _Marker:
+    """Stands for numpy's array class, which could allocate any size."""
+
+
+def _empty_array(subtype: object, shape: object, dtype: object) -> np.ndarray:
+    """Return the empty array that numpy's pickles begin with; their state fills it."""
+    return np.empty(0, np.int8)
+
+
+def _array(buffer: bytes, dtype: np.dtype, shape: tuple[int, ...], order: str) -> np.ndarray:
+    return np.frombuffer(buffer, dtype=dtype).reshape(shape, order="F" if order == "F" else "C")
+
+
+def _dtype(text: object, *_: object) -> np.dtype:
+    if not isinstance(text, str) or not _NUMPY_TYPE.fullmatch(text):
+        raise pickle.UnpicklingError(f"{text!r:.20} is no type of numbers")
+    return np.dtype(text, copy=True)  # What the state then changes must not be numpy's own.
+
+
+def _scalar(dtype: np.dtype, data: bytes) -> Any:
+    return np.frombuffer(data, dtype=dtype, count=1)[0]
+
+
+def _latin(text: str, encoding: str) -> bytes:
+    if encoding not in ("latin1", "latin-1"):
+        raise pickle.UnpicklingError(f"it uses the encoding {encoding!r:.20}")
+    return text.encode("latin1")
+
+
+_ALLOWED: dict[str, Callable[..., Any]] = {
+    "numpy.ndarray": _Marker,
+    "numpy.dtype": _dtype,
+    "numpy._core.multiarray._reconstruct": _empty_array,
+    "numpy._core.multiarray.scalar": _scalar,
+    "numpy._core.numeric._frombuffer": _array,
+    "_codecs.encode": _latin,
+    "collections.OrderedDict": OrderedDict,
+}

@@ -1,0 +1,336 @@
+"""The files of a bag as one stream of messages in the order of recording, whatever ROS wrote them.
+
+Owns opening, the limits of memory, and turning each failure of the library into one clear line. The
+library `rosbags` has no limit of what it decompresses, and a kilobyte may claim a terabyte: here nothing becomes larger
+than `MAX_CHUNK_BYTES`. Owns also what the library has to be lenient about in MCAP files that ROS 2 did not write, or
+not alone, and which of them are refused. The types of messages are known beforehand, most of them from `rosbags`:
+definitions that lie in the file are never read, because the library makes code of them.
+"""
+
+import bz2
+import io
+import os
+import shutil
+import struct
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, BinaryIO, NamedTuple, Protocol, cast
+
+import lz4.frame
+from backports import zstd
+from rosbags.interfaces import Connection, MessageDefinition, MessageDefinitionFormat, Qos
+from rosbags.rosbag1 import Reader as Reader1
+from rosbags.rosbag1 import reader as rosbag1_reader
+from rosbags.rosbag2 import Reader as Reader2
+from rosbags.rosbag2 import storage_mcap
+
+from ltvn_core.data.importing.rosbag.message_forms import MessageReader, Written
+from ltvn_core.errors import DriveError
+
+MAX_CHUNK_BYTES = 2**28
+"""Chunks of bags have about a megabyte, and must hold an image; 256 MB is 60 megapixels of raw colours."""
+ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
+"""A message that was compressed by itself begins so; one that was not begins with a zero."""
+_MAGIC = b"\x89MCAP0\r\n"
+_HEADER = struct.Struct("<BQI")
+"""After the magic: the kind of the first record, its length, and the length of the profile's name."""
+_MOST_NAME_BYTES = 100
+_PROFILE = "ros2"
+"""All that the library opens."""
+_OFFERS = "offered_qos_profiles"
+"""The key of the metadata that the library asks for."""
+_SCHEMAS = ("ros2msg", "ros2idl", "omgidl", "")
+_NANOSECONDS = 1e-9
+_MAGICS = {".mcap": b"\x89MCAP0\r\n", ".bag": b"#ROSBAG V", ".db3": b"SQLite format 3\0"}
+"""How files of each kind begin."""
+_COMPRESSED = ".zstd"
+"""So a file ends that ROS 2 compressed as a whole."""
+_MAX_OVERLAPPING_BYTES = 2**30
+"""Chunks of an MCAP whose times overlap are in memory together."""
+_MAX_RATIO = 1000
+"""Images do not compress so well; a file that unpacks to more was made to fill the disk."""
+
+
+class _Opener(Protocol):
+    def __call__(self, file: BinaryIO, /) -> object: ...
+
+
+def bound_decompression() -> None:
+    """Have `rosbags` decompress no more than a chunk says it holds, and no chunk of more than `MAX_CHUNK_BYTES`."""
+    storage_mcap.DECOMPRESSORS.update(
+        lz4=lambda data, size: _declared(lz4.frame.LZ4FrameFile, data, size),
+        zstd=lambda data, size: _declared(zstd.ZstdFile, data, size),
+    )
+    rosbag1_reader.decompressors.update(
+        lz4=lambda data: _limited(lz4.frame.LZ4FrameFile, data), bz2=lambda data: _limited(bz2.BZ2File, data)
+    )
+
+
+def decompress_message(data: bytes) -> bytes:
+    """Return a message of a bag that compresses each by itself. Raises DriveError where it is too large."""
+    return _limited(zstd.ZstdFile, data)
+
+
+def _declared(opener: _Opener, data: bytes, size: int) -> bytes:
+    if size > MAX_CHUNK_BYTES:
+        raise _too_large(f"{size:,} bytes")
+    # One more byte than declared, so that the library notices a lie.
+    return _read(opener, data, size + 1)
+
+
+def _limited(opener: _Opener, data: bytes) -> bytes:
+    raw = _read(opener, data, MAX_CHUNK_BYTES + 1)
+    if len(raw) > MAX_CHUNK_BYTES:
+        raise _too_large("more")
+    return raw
+
+
+def _read(opener: _Opener, data: bytes, most: int) -> bytes:
+    with cast(BinaryIO, opener(io.BytesIO(data))) as stream:
+        return stream.read(most)
+
+
+def _too_large(size: str) -> DriveError:
+    return DriveError(
+        f"A compressed part of the bag unpacks to {size}, where {MAX_CHUNK_BYTES:,} bytes are the most that is "
+        "read at once; write the bag again with smaller chunks, for instance with `ros2 bag convert`."
+    )
+
+
+def tolerate_foreign_channels() -> None:
+    """Have `rosbags` open an MCAP of any profile whose schemas are of encodings that it does not know, or no text.
+
+    Channels say one by one how they are encoded.
+    """
+    known = storage_mcap.get_msgdef
+
+    def definition(schema: storage_mcap.Schema | None) -> MessageDefinition:
+        is_known = schema is None or schema.encoding in _SCHEMAS
+        return known(schema) if is_known else MessageDefinition(MessageDefinitionFormat.NONE, "")
+
+    def text(stream: BinaryIO) -> str:
+        is_first = stream.tell() == 0  # As the profile is, and the first key of a channel's metadata.
+        said = storage_mcap.read_bytes(stream).decode(errors="replace")
+        return _PROFILE if is_first and said != _OFFERS else said
+
+    offered = storage_mcap.get_qos
+
+    def offers(text: bytes) -> list[Qos]:
+        try:
+            return offered(text)
+        except Exception:  # Strangers write there what they like, and reading needs none of it.
+            return []
+
+    if known.__module__ == storage_mcap.__name__:  # Not done yet.
+        storage_mcap.get_msgdef = definition
+        storage_mcap.read_string = text
+        storage_mcap.get_qos = offers
+
+
+def refuse_ros1(file: Path) -> None:
+    """Raise DriveError where an MCAP says that it holds messages of ROS 1."""
+    try:
+        with file.open("rb") as stream:
+            head = stream.read(len(_MAGIC) + _HEADER.size + _MOST_NAME_BYTES)
+    except OSError:
+        return  # Whoever opens it says so.
+    if not head.startswith(_MAGIC) or len(head) < len(_MAGIC) + _HEADER.size:
+        return
+    _, _, length = _HEADER.unpack_from(head, len(_MAGIC))
+    begin = len(_MAGIC) + _HEADER.size
+    profile = head[begin : begin + min(length, _MOST_NAME_BYTES)].decode(errors="replace")
+    if profile == "ros1":
+        raise DriveError(
+            f"{file} was not written by ROS 2: it holds messages of ROS 1 (profile ros1). Import the .bag that it was "
+            "made of, or convert it to a .bag of ROS 1 or a bag of ROS 2."
+        )
+
+
+class RawMessage(NamedTuple):
+    """A message as it lies in the bag."""
+
+    topic: str
+    msgtype: str
+    """As `nav_msgs/msg/Odometry`: of ROS, also where it was written in another form."""
+    log_s: float
+    """When it was recorded, in seconds."""
+    data: bytes
+    written: Written
+    """How it is to be decoded."""
+
+
+@dataclass(slots=True)
+class BagTopic:
+    """A topic of a bag."""
+
+    name: str
+    msgtype: str
+    """The type of ROS as which its messages are read."""
+    written: Written
+    """How they lie in the file."""
+    count: int = 0
+    """Messages."""
+
+
+class BagFiles:
+    """A bag that was looked into: what topics it has, and how to read their messages."""
+
+    def __init__(self, path: Path, files: Sequence[Path]) -> None:
+        """Look into every file of the bag at a path, in the order in which they were written. Raises DriveError."""
+        bound_decompression()
+        tolerate_foreign_channels()
+        self.path = path
+        self.topics: dict[str, BagTopic] = {}
+        self.foreign: dict[str, str] = {}
+        """Topics that are not read, and how their messages are encoded."""
+        self.duration_s = 0.0
+        """From the first message to the last."""
+        self._files = files
+        self._reader = MessageReader(ros1=self._files[0].suffix == ".bag")
+        begin = float("inf")
+        end = float("-inf")
+        for file in self._files:
+            with _opened(file) as reader:
+                self._count(reader.connections)
+                if any(each.msgcount for each in reader.connections):
+                    begin = min(begin, reader.start_time * _NANOSECONDS)
+                    end = max(end, reader.end_time * _NANOSECONDS)
+        self.duration_s = max(end - begin, 0.0)
+
+    def messages(self, topics: Collection[str]) -> Iterator[RawMessage]:
+        """Yield the messages of some topics as they were recorded. Raises DriveError where the bag is damaged."""
+        for file in self._files:
+            with _opened(file) as reader:
+                wanted = [each for each in reader.connections if each.topic in topics and self._is_read(each)]
+                stream = reader.messages(connections=wanted) if wanted else iter(())
+                while True:
+                    with _explained(file):
+                        found = next(stream, None)
+                        if found is None:
+                            break
+                        message = _raw_message(*found)
+                    yield message
+
+    def decode(self, message: RawMessage) -> Any:
+        """Return the fields of a message as an object of its type. Raises DriveError where it is damaged."""
+        try:
+            return self._reader.read(message.data, message.written)
+        except Exception as error:  # The library reads lengths from the message and trusts them.
+            raise DriveError(
+                f"{self.path}: a message of {message.topic} is no {message.written.schema} ({_said(error)})."
+            ) from error
+
+    def _count(self, connections: Collection[Connection]) -> None:
+        for each in connections:
+            written = Written.of(each)
+            if written.msgtype is None:
+                self.foreign[each.topic] = written.encoding
+                continue
+            topic = self.topics.setdefault(each.topic, BagTopic(each.topic, written.msgtype, written))
+            topic.count += each.msgcount * self._is_read(each)
+
+    def _is_read(self, connection: Connection) -> bool:
+        """Tell whether a channel is of the type that the first channel of its topic has; of others none is used."""
+        topic = self.topics.get(connection.topic)
+        return topic is not None and Written.of(connection).msgtype == topic.msgtype
+
+
+@contextmanager
+def _opened(file: Path) -> Iterator[Reader1 | Reader2]:
+    with ExitStack() as stack:
+        with _explained(file):
+            if file.suffix == _COMPRESSED:
+                file = _decompressed(file, Path(stack.enter_context(TemporaryDirectory())))
+        if file.suffix == ".mcap":
+            refuse_ros1(file)
+        with _explained(file):
+            reader = Reader1(file) if file.suffix == ".bag" else Reader2(file)
+            stack.enter_context(reader)
+            _limit_memory(reader)
+        yield reader
+
+
+def _decompressed(file: Path, folder: Path) -> Path:
+    target = folder / file.stem
+    most = min(file.stat().st_size * _MAX_RATIO, shutil.disk_usage(folder).free // 2)
+    with zstd.open(file, "rb") as packed, target.open("wb") as unpacked:
+        while piece := packed.read(2**20):
+            if unpacked.tell() > most:
+                raise DriveError(
+                    f"{file} unpacks to more than {most:,} bytes, which is more than images do or than half of the "
+                    "free disk; unpack it yourself with `zstd -d` and name the unpacked file."
+                )
+            unpacked.write(piece)
+    return target
+
+
+def _limit_memory(reader: Reader1 | Reader2) -> None:
+    """Refuse an MCAP of which too much is needed at once, and have sqlite make no value larger than a chunk."""
+    storage = getattr(reader, "storage", None)
+    if (database := getattr(storage, "dbconn", None)) is not None:
+        import apsw
+
+        database.limit(apsw.SQLITE_LIMIT_LENGTH, MAX_CHUNK_BYTES)
+    changes = []
+    for chunk in getattr(storage, "chunks", ()):
+        changes.append((chunk.message_start_time, chunk.uncompressed_size))
+        changes.append((chunk.message_end_time + 1, -chunk.uncompressed_size))
+    held = 0
+    for _, change in sorted(changes):
+        held += change
+        if held > _MAX_OVERLAPPING_BYTES:
+            raise DriveError(
+                f"chunks of more than {_MAX_OVERLAPPING_BYTES:,} bytes have messages of the same time; sort the bag "
+                "with `mcap sort`"
+            )
+
+
+def _raw_message(connection: Connection, time_ns: int, data: bytes) -> RawMessage:
+    if data[:4] == ZSTD_MAGIC:
+        data = decompress_message(data)
+    if len(data) > MAX_CHUNK_BYTES:
+        raise DriveError(f"a message of {connection.topic} has {len(data):,} bytes, more than any image")
+    written = Written.of(connection)
+    return RawMessage(connection.topic, str(written.msgtype), time_ns * _NANOSECONDS, data, written)
+
+
+@contextmanager
+def _explained(file: Path) -> Iterator[None]:
+    """Raise DriveError, whatever the library raises: it trusts a file, so a damaged one ends in any exception."""
+    try:
+        yield
+    except FileNotFoundError as error:
+        raise DriveError(f"{file} does not exist; name a bag or its folder.") from error
+    except Exception as error:
+        raise DriveError(f"{file} cannot be read as a bag: {_said(error)}.{_remedy(file, error)}") from error
+
+
+def _remedy(file: Path, error: Exception) -> str:
+    """Return what to do about a file that cannot be read, where its first and last bytes tell."""
+    magic = _MAGICS.get(file.suffix)
+    try:
+        with file.open("rb") as stream:
+            begin = stream.read(16)
+            stream.seek(-min(16, file.stat().st_size), os.SEEK_END)
+            end = stream.read()
+    except OSError:
+        return ""
+    if magic is None:
+        return ""
+    if not begin:
+        return " The file is empty; name one that holds the drive."
+    if not begin.startswith(magic):
+        return f" It does not begin as a {file.suffix} does, so it is another file of that name; name a bag."
+    if file.suffix == ".mcap" and not end.endswith(magic):
+        return " It was cut while recording or copying: `mcap recover` writes a new file of what is whole."
+    if file.suffix == ".bag" and "index" in str(error).lower():
+        return " It was cut while recording or copying: `rosbag reindex` mends it."
+    return ""
+
+
+def _said(error: Exception) -> str:
+    words = " ".join(str(error).split()).rstrip(".")
+    return f"{words or type(error).__name__:.200}"

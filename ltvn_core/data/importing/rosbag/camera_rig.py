@@ -1,0 +1,129 @@
+"""How the camera sits on the robot and moves with it, read from the tree of frames.
+
+Owns the guesses where a bag says too little: which frame is the robot, which is the ground, and whether the frame of
+the images is an optical one.
+"""
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ltvn_core.data.importing.rosbag.transform_tree import TransformTree
+from ltvn_core.data.importing.spatial_pose import (
+    BODY_FROM_OPTICAL,
+    LOWEST_M,
+    CameraMounting,
+    SpatialPose,
+    Transform,
+    spatial_pose,
+)
+
+_ODOMETRY_FRAMES = ("odom", "odometry", "odom_combined")
+_GROUND_FRAMES = ("base_footprint", "base_link_footprint", "footprint")
+_ROBOT_FRAMES = ("base_link", "base_footprint", "base")
+_STEEP_RAD = np.radians(60.0)
+"""A camera that seems to look up or down so steeply is rather one whose frame is not optical."""
+
+
+class FrameEdge(NamedTuple):
+    """The odometry's own frames."""
+
+    parent: str
+    child: str
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class CameraRig:
+    """Where the camera is on the robot."""
+
+    world: str
+    """The frame in which odometry counts; "" where there is none."""
+    carrier: str
+    """The frame that is followed there: the camera's own, or the robot's where nobody says where the camera is."""
+    turn: NDArray[np.float64]
+    """(3, 3): takes directions of the optical frame to the carrier."""
+    image_turn: NDArray[np.float64]
+    """(3, 3): takes directions of the optical frame to the frame that the images name."""
+    mounting: CameraMounting
+    """Where the camera is on the robot; without a tilt where that is unknown."""
+
+    def pose(self, tree: TransformTree, stamp: float) -> SpatialPose | None:
+        """Return where the camera was at a moment, None where the tree does not tell."""
+        found = tree.lookup(self.world, self.carrier, stamp) if self.world else None
+        return None if found is None else spatial_pose(found[:3, 3], found[:3, :3] @ self.turn)
+
+
+def find_rig(tree: TransformTree, camera_frame: str, odometry: FrameEdge | None, stamp: float) -> CameraRig:
+    """Return how the camera sits on the robot.
+
+    Args:
+        tree: Frames as `/tf` and `/tf_static` have them.
+        camera_frame: The frame that the images name.
+        odometry: The frames that an odometry topic names; None where the tree has to say it.
+        stamp: A moment for which the tree is known, for a camera on a moving head.
+    """
+    world, robot = odometry or _motion(tree, list(tree.ancestors(camera_frame)))
+    robot = robot or robot_frame(tree)
+    on_robot = tree.lookup(robot, camera_frame, stamp)
+    if on_robot is None:
+        return _bare_rig(world, robot)
+    turn = _optical(camera_frame, on_robot)
+    camera_on_robot = on_robot.copy()
+    camera_on_robot[:3, :3] = on_robot[:3, :3] @ turn
+    mounting = CameraMounting.of(camera_on_robot)
+    if robot == camera_frame or "optical" in robot:
+        mounting = CameraMounting(camera_on_robot=camera_on_robot)
+    else:
+        mounting = replace(mounting, height_m=_height(tree, camera_frame, mounting.height_m, stamp))
+    return CameraRig(world=world, carrier=camera_frame, turn=turn, image_turn=turn, mounting=mounting)
+
+
+def robot_frame(tree: TransformTree) -> str:
+    """Return the frame that is called like a robot's own; "base_link" where there is none."""
+    frames = sorted(tree.frames)
+    return next((frame for name in _ROBOT_FRAMES for frame in frames if _last(frame) == name), _ROBOT_FRAMES[0])
+
+
+def _bare_rig(world: str, robot: str) -> CameraRig:
+    return CameraRig(
+        world=world,
+        carrier=robot,
+        turn=BODY_FROM_OPTICAL,
+        image_turn=np.eye(3),
+        mounting=CameraMounting.unknown(),
+    )
+
+
+def _motion(tree: TransformTree, way: list[str]) -> FrameEdge:
+    """Return the frames between which the robot drives: odometry's own, or else the uppermost that move."""
+    moving = [FrameEdge(parent, child) for parent, child in tree.motions]
+    carrying = [edge for edge in moving if edge.child in way]
+    robots = carrying or [edge for edge in moving if _last(edge.child) in _ROBOT_FRAMES]
+    driven = [edge for edge in robots if _last(edge.parent) in _ODOMETRY_FRAMES]
+    if driven or not carrying:
+        return (driven or robots or [FrameEdge("", "")])[0]
+    # A head that moves on the robot lies below the motion of the robot itself.
+    return max(carrying, key=lambda edge: way.index(edge.child))
+
+
+def _optical(frame: str, on_robot: Transform) -> NDArray[np.float64]:
+    """Return how optical directions lie in the frame of the images; simulators often name the camera's body there."""
+    if "optical" in frame:
+        return np.eye(3)
+    as_optical = spatial_pose(on_robot[:3, 3], on_robot[:3, :3]).tilt
+    as_body = spatial_pose(on_robot[:3, 3], on_robot[:3, :3] @ BODY_FROM_OPTICAL).tilt
+    is_body = abs(as_optical.pitch_rad) > _STEEP_RAD > abs(as_body.pitch_rad)
+    return BODY_FROM_OPTICAL if is_body else np.eye(3)
+
+
+def _height(tree: TransformTree, camera_frame: str, on_robot_m: float, stamp: float) -> float:
+    ground = next((frame for frame in sorted(tree.frames) if _last(frame) in _GROUND_FRAMES), None)
+    over_ground = None if ground is None else tree.lookup(ground, camera_frame, stamp)
+    height = on_robot_m if over_ground is None else float(over_ground[2, 3])
+    return height if height > LOWEST_M else 0.0
+
+
+def _last(frame: str) -> str:
+    return frame.rpartition("/")[2]

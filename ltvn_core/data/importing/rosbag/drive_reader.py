@@ -1,0 +1,296 @@
+"""A bag of ROS as a drive: colours with the depth and the pose of the same moment, one after the other.
+
+Owns the way from messages to raw frames. The bag streams past once after a look at its beginning, whatever its size.
+"""
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from ltvn_core.data.importing.raw_frame import (
+    NOTHING,
+    DriveFacts,
+    FrameFilter,
+    FrameMoment,
+    RawFrame,
+    ReadOptions,
+    SourceFact,
+)
+from ltvn_core.data.importing.rosbag.bag_files import BagFiles, RawMessage
+from ltvn_core.data.importing.rosbag.bag_survey import (
+    TRANSFORMS,
+    BagSurvey,
+    add_transforms,
+    frame_name,
+    is_static,
+    ros_pose,
+    stamp_s,
+    survey,
+)
+from ltvn_core.data.importing.rosbag.bag_topics import ChosenTopics, choose_topics, video_depth_text
+from ltvn_core.data.importing.rosbag.camera_rig import CameraRig, FrameEdge, find_rig, robot_frame
+from ltvn_core.data.importing.rosbag.frame_decoder import FrameDecoder
+from ltvn_core.data.importing.rosbag.image_matching import MatchedImages, PendingImage, StampMatcher
+from ltvn_core.data.importing.rosbag.transform_tree import MovingFrame
+from ltvn_core.data.importing.rosbag.video_stream import DAMAGED, VideoStream, is_video
+from ltvn_core.data.importing.spatial_pose import SpatialPose, spatial_pose, transform
+from ltvn_core.errors import DriveError
+from ltvn_core.types import Pose
+
+_CLOCKS_APART_S = 5.0
+"""Stamps that differ so much for messages recorded together come from different clocks."""
+_CLOCK_BEGINS_S = 60.0
+"""Where the first stamps above 0 are smaller, the clock began at 0 with the recording, as a simulator's does."""
+_TOLERANCES_S = (0.01, 0.1)
+"""Colours and depth belong together within half a frame, within these limits."""
+_MOST_DOUBTS = 10
+
+NO_POSE = "no pose of that moment"
+NO_DEPTH = "no depth image of that moment"
+NOT_LATER = "not later than the image before"
+
+
+class BagDrive:
+    """A bag that is open for reading; a `DriveReader`."""
+
+    def __init__(self, files: BagFiles, found: BagSurvey, topics: ChosenTopics, options: ReadOptions) -> None:
+        """Prepare reading; `open_bag` is the way in."""
+        self._files = files
+        self._topics = topics
+        self._samples = found.samples
+        self._tree = found.tree
+        self._truth = MovingFrame()
+        self.dropped: Counter[str] = Counter()
+        """How many images were left out, by reason."""
+        self.doubts: list[str] = []
+        """What is doubtful of the bag."""
+        self._by_log = self._lacks_stamps(found) or self._has_clocks_apart(found.ahead_s)
+        self._is_zero_a_time = any(stamp < _CLOCK_BEGINS_S for stamp in found.earliest_s.values())
+        self._edge = self._odometry_frames(options)
+        self._rig = self._find_rig()
+        self._decoder = FrameDecoder(topics, self._samples, self._tree, self._rig, options=options, doubt=self._doubt)
+        self._last_stamp = float("-inf")
+        self._video = self._video_of(self._samples.get(topics.rgb))
+        if files.foreign:
+            said = ", ".join(f"{name} ({encoding})" for name, encoding in [*files.foreign.items()][:_MOST_DOUBTS])
+            self._doubt(f"Topics in encodings or schemas that are not read are left out: {said}.")
+        for name in topics.lost_depths:
+            self._doubt(
+                f"{name} is called depth, but its images have 8 bits, in which no distances fit, so it is not used. "
+                "Record the depth images as they are (16UC1 or 32FC1), or the topic that ends in /compressedDepth."
+            )
+
+        for name in topics.depth_videos:
+            self._doubt(video_depth_text(name))
+
+    @property
+    def facts(self) -> DriveFacts:
+        """What was found."""
+        roles = self._topics.roles()
+        if self._rig.world and self._topics.odometry is None:
+            roles |= dict.fromkeys(self._transform_topics(), "odometry")
+        seconds = self._files.duration_s
+        streams = [
+            SourceFact(
+                role=roles.get(topic.name, ""),
+                name=topic.name,
+                count=topic.count,
+                rate_hz=topic.count / seconds if seconds > 0 else None,
+                could_be="depth" if topic.name in self._topics.unused_depths else "",
+            )
+            for topic in self._files.topics.values()
+        ]
+        frames = self._files.topics[self._topics.rgb].count
+        return DriveFacts(
+            format="rosbag",
+            frames=frames,
+            streams=streams,
+            place=self._files.path.resolve().stem,
+            odometry_frame=self._rig.world,
+        )
+
+    def frames(self) -> Iterator[RawFrame]:
+        """Yield the frames in the order of their stamps. Raises DriveError where the bag is damaged or none fits."""
+        return self.frames_where(lambda _: True)
+
+    def frames_where(self, wanted: FrameFilter) -> Iterator[RawFrame]:
+        """Yield the frames without those whose moment is not wanted, whose images are not decoded."""
+        # What the look at the beginning found comes again now, perhaps by another clock or from another topic.
+        self._tree.forget_motion()
+        for matched in self._matches():
+            frame = self._frame(matched, wanted)
+            if frame is not None:
+                yield frame
+        if self._last_stamp == float("-inf"):
+            said = ", ".join(f"{count} with {reason}" for reason, count in self.dropped.items()) or "it holds none"
+            raise DriveError(
+                f"{self._files.path}: no image of {self._topics.rgb} can be used ({said}); {' '.join(self.doubts)} "
+                "Choose other topics by --rgb, --depth and --odometry; `none` leaves one out."
+            )
+
+    def _matches(self) -> Iterator[MatchedImages]:
+        matcher = StampMatcher(
+            needs_depth=self._topics.depth is not None,
+            tolerance_s=self._tolerance_s(),
+            is_known=lambda stamp: self._known_s() >= stamp,
+        )
+        for raw in self._files.messages({*self._topics.roles(), *self._transform_topics()}):
+            self._take(raw, matcher)
+            yield from matcher.ready(raw.log_s)
+        for picture in [] if self._video is None else self._video.rest():
+            matcher.add_colours(picture)
+        yield from matcher.ready(float("inf"))
+
+    def _take(self, raw: RawMessage, matcher: StampMatcher) -> None:
+        message = self._files.decode(raw)
+        if raw.msgtype in TRANSFORMS:
+            skip = "" if self._edge is None else self._edge.child
+            add_transforms(self._tree, message, raw, by_log=self._by_log, skip=skip)
+            return
+        image = PendingImage(self._stamp(message, raw), raw.log_s, message, len(raw.data))
+        if raw.topic == self._topics.rgb:
+            self._take_colours(image, matcher)
+        elif raw.topic == self._topics.depth:
+            matcher.add_depth(image)
+        elif raw.topic in (self._topics.odometry, self._topics.truth):
+            self._take_pose(raw.topic, message, image.stamp)
+        else:
+            self._samples.setdefault(raw.topic, message)
+
+    def _take_colours(self, image: PendingImage, matcher: StampMatcher) -> None:
+        if self._video is None and self._topics.rgb not in self._samples:  # It kept silent at the beginning.
+            self._samples.setdefault(self._topics.rgb, image.message)
+            self._video = self._video_of(image.message)
+        for each in [image] if self._video is None else self._video.pictures(image):
+            matcher.add_colours(each)
+
+    def _video_of(self, message: Any) -> VideoStream | None:
+        """Return the decoder of the colours where they are a video. Raises DriveError, and MissingLibraryError."""
+        form = str(getattr(message, "format", ""))
+        return VideoStream(self._topics.rgb, form, self._drop_packet) if is_video(form) else None
+
+    def _drop_packet(self, reason: str) -> None:
+        self.dropped[reason] += 1
+        if reason == DAMAGED:
+            self._doubt(
+                f"Packets of the video {self._topics.rgb} cannot be decoded; images from there up to the next key "
+                "frame are left out. Where packets get lost, have the encoder send key frames more often."
+            )
+
+    def _stamp(self, message: Any, raw: RawMessage) -> float:
+        """Return the stamp of a message, or when it was recorded where it has none."""
+        stamp = 0.0 if self._by_log else stamp_s(message)
+        is_stamped = stamp > 0 or (self._is_zero_a_time and not self._by_log)
+        return stamp if is_stamped else raw.log_s
+
+    def _take_pose(self, topic: str, message: Any, stamp: float) -> None:
+        pose = transform(*ros_pose(message))
+        if pose is None:
+            self._doubt(f"Some poses of {topic} are not finite; they are left out.")
+        elif topic == self._topics.truth:
+            self._truth.add(stamp, pose)
+        elif self._edge is not None:
+            self._tree.add_moving(self._edge.parent, self._edge.child, stamp, pose)
+
+    def _known_s(self) -> float:
+        return self._tree.newest_s(self._rig.world, self._rig.carrier) if self._rig.world else float("inf")
+
+    def _frame(self, matched: MatchedImages, wanted: FrameFilter) -> RawFrame | None:
+        """Return a frame, or None where it had to be dropped or nobody wants it."""
+        pose = self._rig.pose(self._tree, matched.colours.stamp)
+        if matched.colours.stamp <= self._last_stamp:
+            reason = NOT_LATER
+        elif self._topics.depth is not None and matched.depth is None:
+            reason = NO_DEPTH
+        elif self._rig.world and pose is None:
+            reason = NO_POSE
+        else:
+            try:
+                return self._wanted_frame(matched, pose, wanted)
+            except DriveError as error:
+                reason = DAMAGED
+                if not self.dropped[DAMAGED]:
+                    self._doubt(f"An image was left out: {error}")
+        self.dropped[reason] += 1
+        return None
+
+    def _wanted_frame(self, matched: MatchedImages, pose: SpatialPose | None, wanted: FrameFilter) -> RawFrame | None:
+        """Return a frame; None where nobody wants it. Raises DriveError for a damaged one."""
+        moment = FrameMoment(
+            stamp=matched.colours.stamp,
+            odometry=None if pose is None else pose.planar,
+            truth=self._true_pose(matched.colours.stamp),
+            tilt=None if pose is None else self._rig.mounting.own_tilt(pose.tilt),
+        )
+        frame = self._decoder.decode(matched, moment) if wanted(moment) else None
+        self._last_stamp = moment.stamp
+        return frame
+
+    def _true_pose(self, stamp: float) -> Pose | None:
+        robot = self._truth.at(stamp)
+        if robot is None:
+            return None
+        camera = robot @ self._rig.mounting.camera_on_robot
+        return spatial_pose(camera[:3, 3], camera[:3, :3]).planar
+
+    def _transform_topics(self) -> list[str]:
+        return [name for name, topic in self._files.topics.items() if topic.msgtype in TRANSFORMS]
+
+    def _lacks_stamps(self, found: BagSurvey) -> bool:
+        """Tell whether the stamps of all topics in use are 0, so that none says when a message was sent."""
+        used = [topic for topic in self._topics.moments() if topic in found.ahead_s]
+        if not used or any(topic in found.earliest_s for topic in used):
+            return False
+        self._doubt(
+            f"The messages of {', '.join(used)} have no stamps, so the time of recording counts instead; have the "
+            "drivers of the robot set header.stamp."
+        )
+        return True
+
+    def _has_clocks_apart(self, ahead_s: Mapping[str, float]) -> bool:
+        moving = [] if self._topics.odometry else [name for name in self._transform_topics() if not is_static(name)]
+        used = [ahead_s[topic] for topic in (*self._topics.moments(), *moving) if topic in ahead_s]
+        if not used or max(used) - min(used) < _CLOCKS_APART_S:
+            return False
+        self._doubt(
+            f"The stamps of the topics differ by up to {max(used) - min(used):.3g} s for messages that were recorded "
+            "together, so the time of recording counts instead; set the clocks of all machines before you record."
+        )
+        return True
+
+    def _odometry_frames(self, options: ReadOptions) -> FrameEdge | None:
+        """Return the frames of the odometry topic; None where the tree of frames is to say it."""
+        if options.odometry == NOTHING:
+            return FrameEdge("", robot_frame(self._tree))
+        odometry = self._samples.get(self._topics.odometry or "")
+        if odometry is None:
+            return None
+        child = frame_name(getattr(odometry, "child_frame_id", "")) or robot_frame(self._tree)
+        return FrameEdge(frame_name(odometry.header.frame_id) or "odom", child)
+
+    def _find_rig(self) -> CameraRig:
+        image = self._samples.get(self._topics.rgb)
+        camera_frame = "" if image is None else frame_name(image.header.frame_id)
+        rig = find_rig(self._tree, camera_frame, self._edge, 0.0 if image is None else stamp_s(image))
+        if rig.world and rig.mounting.tilt is None and rig.carrier != camera_frame:
+            self._doubt(
+                f"The bag does not say where {camera_frame or 'the camera'} is on {rig.carrier}; it is taken to look "
+                "straight ahead from there. Record /tf_static as well."
+            )
+        return rig
+
+    def _tolerance_s(self) -> float:
+        period_s = self._files.duration_s / max(self._files.topics[self._topics.rgb].count, 1)
+        return min(max(period_s / 2, _TOLERANCES_S[0]), _TOLERANCES_S[1])
+
+    def _doubt(self, sentence: str) -> None:
+        if sentence not in self.doubts and len(self.doubts) < _MOST_DOUBTS:
+            self.doubts.append(sentence)
+
+
+def open_bag(path: Path, paths: Sequence[Path], options: ReadOptions) -> BagDrive:
+    """Look into the files of the bag at a path and choose its topics. Raises DriveError."""
+    files = BagFiles(path, paths)
+    found = survey(files)
+    return BagDrive(files, found, choose_topics(files, found, options), options)

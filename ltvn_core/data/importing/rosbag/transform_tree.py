@@ -1,0 +1,185 @@
+"""ROS's tree of frames: which frame hangs on which, where it is there, and how it moves.
+
+Owns the tree, the limits of what may be guessed between two poses of a frame, and no message: `/tf`, `/tf_static` and
+odometry all come in as (parent, child, pose).
+"""
+
+from bisect import bisect_right
+from collections.abc import Iterator
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from ltvn_core.data.importing.spatial_pose import Transform, inverse, pose_between
+
+_LONGEST_GAP_S = 0.5
+"""Between two poses farther apart nobody knows where the robot was, unless it stood still,"""
+_STANDING_M = 0.03
+_STANDING_RAD = np.radians(2.0)
+"""which is what so little motion means."""
+_LATEST_S = 0.1
+"""So long before the first pose and behind the last it counts as where the robot was."""
+_KEPT = 4096
+"""Poses; images wait for their pose, and not the other way round, so older ones are not asked for."""
+_DEEPEST = 64
+"""Robots have a dozen frames between the ground and a camera; more is a circle."""
+_SAID_OFTEN = 3
+"""Poses of a frame that moves, while another was said once and for all."""
+_MOST_FRAMES = 10_000
+"""So many frames has no robot; further ones are not taken in."""
+
+
+class MovingFrame:
+    """Poses of a frame in its parent in the order of their stamps; what comes late is left out."""
+
+    def __init__(self) -> None:
+        """Begin without any pose."""
+        self._stamps: list[float] = []
+        self._poses: list[Transform] = []
+
+    @property
+    def newest_s(self) -> float:
+        """Stamp of the last pose; minus infinity without any."""
+        return self._stamps[-1] if self._stamps else float("-inf")
+
+    @property
+    def count(self) -> int:
+        """How many poses are known."""
+        return len(self._stamps)
+
+    @property
+    def last(self) -> Transform:
+        """The last pose; there must be one."""
+        return self._poses[-1]
+
+    def add(self, stamp: float, pose: Transform) -> bool:
+        """Take in a pose; False where it is not newer than the last, and thus left out."""
+        if stamp <= self.newest_s:
+            return False
+        self._stamps.append(stamp)
+        self._poses.append(pose)
+        if len(self._stamps) > 2 * _KEPT:
+            del self._stamps[:_KEPT], self._poses[:_KEPT]
+        return True
+
+    def at(self, stamp: float) -> Transform | None:
+        """Return the pose at a moment; None where the poses do not tell."""
+        after = bisect_right(self._stamps, stamp)
+        if 0 < after < len(self._stamps):
+            return self._between(after, stamp)
+        if not self._stamps:
+            return None
+        nearest = -1 if after else 0
+        return self._poses[nearest] if abs(self._stamps[nearest] - stamp) <= _LATEST_S else None
+
+    def _between(self, after: int, stamp: float) -> Transform | None:
+        begin = self._stamps[after - 1]
+        end = self._stamps[after]
+        first = self._poses[after - 1]
+        second = self._poses[after]
+        turn = Rotation.from_matrix([first[:3, :3], second[:3, :3]])
+        if end - begin > _LONGEST_GAP_S and not _stands(first, second, turn):
+            return None
+        places = np.array([first[:3, 3], second[:3, 3]])
+        return pose_between(places, turn, (stamp - begin) / (end - begin))
+
+
+def _stands(first: Transform, second: Transform, turn: Rotation) -> bool:
+    moved = float(np.linalg.norm(second[:3, 3] - first[:3, 3]))
+    return moved < _STANDING_M and float((turn[0].inv() * turn[1]).magnitude()) < _STANDING_RAD
+
+
+class TransformTree:
+    """Frames by name. A frame hangs on the parent that was last named for it."""
+
+    def __init__(self) -> None:
+        """Begin without any frame."""
+        self._parents: dict[str, str] = {}
+        self._fixed: dict[str, Transform] = {}
+        self._moving: dict[str, MovingFrame] = {}
+        self._settled: set[str] = set()
+        """Frames that are fixed because they were said once, as long as nobody says otherwise."""
+
+    def add_fixed(self, parent: str, child: str, pose: Transform) -> None:
+        """Hang a frame onto another for good."""
+        if parent != child and child not in self._moving and len(self._parents) < _MOST_FRAMES:
+            self._parents[child] = parent
+            self._fixed[child] = pose
+
+    def add_moving(self, parent: str, child: str, stamp: float, pose: Transform) -> None:
+        """Say where a frame is in another at a moment."""
+        if parent == child or len(self._parents) >= _MOST_FRAMES:
+            return
+        if child in self._settled and self._parents[child] == parent and np.allclose(self._fixed[child], pose):
+            return
+        self._settled.discard(child)
+        if (held := self._fixed.pop(child, None)) is not None and self._parents[child] not in self._parents:
+            # What the frame hung on hangs on it from now on: `base_link` below a `base_footprint` that moves.
+            self._fixed[self._parents[child]] = inverse(held)
+            self._parents[self._parents[child]] = child
+        if self._parents.get(child) != parent:
+            self._parents[child] = parent
+            self._moving[child] = MovingFrame()
+        self._moving.setdefault(child, MovingFrame()).add(stamp, pose)
+
+    def settle(self) -> None:
+        """Fix the frames of which one pose was said while others were said again and again.
+
+        In Foxglove's files a pose holds until the next one; in ROS's it is of its moment.
+        """
+        if any(moving.count >= _SAID_OFTEN for moving in self._moving.values()):
+            for child in [child for child, moving in self._moving.items() if moving.count == 1]:
+                self._fixed[child] = self._moving.pop(child).last
+                self._settled.add(child)
+
+    @property
+    def frames(self) -> set[str]:
+        """Names of all frames."""
+        return {*self._parents, *self._parents.values()}
+
+    def ancestors(self, frame: str) -> Iterator[str]:
+        """Yield the frames that a frame hangs on, itself first."""
+        for _ in range(_DEEPEST):
+            yield frame
+            if frame not in self._parents:
+                return
+            frame = self._parents[frame]
+
+    def forget_motion(self) -> None:
+        """Forget where frames were, and keep on what they hang."""
+        self._moving = {child: MovingFrame() for child in self._moving}
+
+    @property
+    def motions(self) -> list[tuple[str, str]]:
+        """(parent, child) of all frames that move in their parent."""
+        return [(self._parents[child], child) for child in self._moving]
+
+    def newest_s(self, target: str, source: str) -> float:
+        """Return up to which moment it is known where `source` was in `target`, which it hangs on."""
+        newest = float("inf")
+        for frame in self.ancestors(source):
+            if frame == target:
+                return newest
+            if frame in self._moving:
+                newest = min(newest, self._moving[frame].newest_s)
+        return float("-inf")
+
+    def lookup(self, target: str, source: str, stamp: float) -> Transform | None:
+        """Return where `source` was in `target` at a moment; None where the tree does not tell."""
+        way = list(self.ancestors(source))
+        other = list(self.ancestors(target))
+        shared = next((frame for frame in way if frame in other), None)
+        if shared is None:
+            return None
+        rise = self._rise(way[: way.index(shared)], stamp)
+        fall = self._rise(other[: other.index(shared)], stamp)
+        return None if rise is None or fall is None else inverse(fall) @ rise
+
+    def _rise(self, frames: list[str], stamp: float) -> Transform | None:
+        pose = np.eye(4)
+        for frame in frames:
+            step = self._moving[frame].at(stamp) if frame in self._moving else self._fixed[frame]
+            if step is None:
+                return None
+            pose = step @ pose
+        return pose

@@ -1,0 +1,162 @@
+"""A video whose packets are messages of a bag: what the format of such a message says, and the decoder (PyAV).
+
+Owns which formats are video, and whether of depth. Owns the state between packets: until a key frame has come, and from
+a damaged packet up to the next key frame, images would be made of what is missing, so they are left out. A packet that
+was never recorded is noticed in H.265, and not in H.264, where FFmpeg goes on from the picture before.
+"""
+
+import re
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ltvn_core.data.importing.rosbag.image_matching import PendingImage
+from ltvn_core.errors import DriveError
+from ltvn_core.extras import naming_the_extra
+from ltvn_core.types import Rgb
+
+_VIDEO = "video/"
+"""Begins the format of messages that hold nothing but video."""
+_CODECS = {
+    "h264": re.compile(r"[hx]\.?264|avc"),
+    "hevc": re.compile(r"[hx]\.?265|hevc"),
+    "av1": re.compile(r"av1"),
+    "vp9": re.compile(r"vp9"),
+}
+"""FFmpeg's name of a decoder -> how formats and encoders are called."""
+_DEPTH = re.compile(r"gray1\d|16uc1|mono16|32fc1|64fc1|y16")
+KNOWN = ", ".join(_CODECS)
+"""Codecs that are read, for messages."""
+BEFORE_KEY_FRAME = "no key frame of the video before"
+NO_PICTURE = "no picture in the packet of the video"
+DAMAGED = "damaged image"
+_MOST_PIXELS = 35_651_584
+"""Of a picture at the highest level of H.264 and of H.265."""
+_MOST_PENDING = 64
+"""Packets whose picture may still come: H.264 delays a picture by 16 at most."""
+_START_CODE = b"\0\0\1"
+
+
+def as_video(form: str) -> str:
+    """Return the format of a compressed image for the encoding of a packet of video, whatever its codec."""
+    return _VIDEO + form
+
+
+def is_video(form: str) -> bool:
+    """Tell whether a compressed image of this format is a packet of a video."""
+    return form.startswith(_VIDEO) or video_codec(form) is not None
+
+
+def video_codec(form: str) -> str | None:
+    """Return FFmpeg's name of the decoder for a format, as `h264` for `libx264;yuv420p`; None where none is known."""
+    codec = form.removeprefix(_VIDEO).lower().partition(";")[0]
+    return next((name for name, pattern in _CODECS.items() if pattern.search(codec)), None)
+
+
+def is_depth_video(form: str) -> bool:
+    """Tell whether a video was made of depth images: behind the codec it names the formats of the pixels."""
+    return is_video(form) and _DEPTH.search(form.lower().partition(";")[2]) is not None
+
+
+class VideoPicture(NamedTuple):
+    """A picture of a video in place of an image message."""
+
+    header: Any
+    """Of the message that held its packet."""
+    frame: Any
+    """PyAV's own."""
+
+    def colours(self) -> Rgb:
+        """Return the colours (H, W, 3)."""
+        return np.asarray(self.frame.to_ndarray(format="rgb24"), np.uint8)
+
+
+class VideoStream:
+    """Decodes the packets of one topic in the order of recording."""
+
+    def __init__(self, topic: str, form: str, drop: Callable[[str], None]) -> None:
+        """Open a decoder.
+
+        Args:
+            topic: What messages call the video.
+            form: The format of its messages.
+            drop: Called with the reason for each packet of which no picture is used.
+
+        Raises:
+            DriveError: The video is of a kind that is not read.
+            MissingLibraryError: PyAV is not installed.
+        """
+        codec = video_codec(form)
+        if codec is None:
+            raise DriveError(
+                f"{topic} is video in {form.partition('/')[2] or 'no named format'!r:.40}, which is not read: expected "
+                f"{KNOWN}. Choose other colours by --rgb."
+            )
+        with naming_the_extra():
+            import av
+        self._av = av
+        self._drop = drop
+        self._has_start_codes = codec in ("h264", "hevc")
+        self._decoder: Any = av.CodecContext.create(codec, "r")
+        # One packet, one picture: threads would deliver it later, and take more memory.
+        self._decoder.thread_count = 1
+        self._decoder.options = {"max_pixels": str(_MOST_PIXELS)}
+        self._pending: dict[int, PendingImage] = {}
+        self._count = 0
+        self._awaits_key = True
+        self._has_key = False
+
+    def pictures(self, image: PendingImage) -> list[PendingImage]:
+        """Return the pictures that are whole once a packet has come; most often its own."""
+        data = bytes(image.message.data)
+        packet = self._av.Packet(data)
+        packet.pts = self._count
+        self._pending[self._count] = image
+        self._count += 1
+        try:
+            # Nothing at all would tell the decoder that the video is at its end.
+            found = self._decoder.decode(packet) if data else None
+        except Exception:  # FFmpeg has an error of its own for each way of being damaged.
+            found = None
+        if found is None:
+            self._forget(packet.pts, self._reason(data))
+            self._awaits_key = True
+            return []
+        if len(self._pending) > _MOST_PENDING:
+            self._forget(next(iter(self._pending)), NO_PICTURE)
+        return self._usable(found)
+
+    def rest(self) -> list[PendingImage]:
+        """Return the pictures that the decoder still holds at the end of the video."""
+        try:
+            found = self._usable(self._decoder.decode(None))
+        except Exception:  # As above.
+            found = []
+        for pts in list(self._pending):
+            self._forget(pts, NO_PICTURE if self._has_key else BEFORE_KEY_FRAME)
+        return found
+
+    def _reason(self, data: bytes) -> str:
+        is_foreign = self._has_start_codes and _START_CODE not in data
+        return DAMAGED if self._has_key or is_foreign else BEFORE_KEY_FRAME
+
+    def _usable(self, frames: Any) -> list[PendingImage]:
+        """Return the frames that are whole, with the stamps of their packets; a decoder may put them in order."""
+        usable = []
+        for frame in frames:
+            image = self._pending.pop(frame.pts, None)
+            if image is None:
+                continue
+            self._awaits_key = frame.is_corrupt or (self._awaits_key and not frame.key_frame)
+            if self._awaits_key:
+                self._drop(DAMAGED if self._has_key or frame.is_corrupt else BEFORE_KEY_FRAME)
+                continue
+            self._has_key = True
+            picture = VideoPicture(image.message.header, frame)
+            usable.append(image._replace(message=picture, size_bytes=frame.width * frame.height * 3))
+        return usable
+
+    def _forget(self, pts: int, reason: str) -> None:
+        del self._pending[pts]
+        self._drop(reason)

@@ -1,0 +1,64 @@
+"""The reader of ROS bags as the entry-point group knows it; the library `rosbags` is imported when a bag is opened.
+
+Owns how the files of bags are called, and their order.
+"""
+
+import re
+from pathlib import Path
+
+from ltvn_core.data.importing.raw_frame import DriveReader, ReadOptions
+from ltvn_core.errors import DriveError
+from ltvn_core.extras import naming_the_extra
+
+_SUFFIXES = (".mcap", ".db3", ".bag")
+_COMPRESSED = ".zstd"
+"""Appended to a file's name where ROS 2 compressed the whole file."""
+
+
+class RosbagReader:
+    """Bags of ROS 2 (MCAP, sqlite3) and of ROS 1: a file, or a folder with the files of one bag."""
+
+    @classmethod
+    def recognises(cls, path: Path) -> bool:
+        """Tell whether a path is a bag, by the names of files alone; never raises."""
+        try:
+            return bool(_named_as_bag(path))
+        except OSError:
+            return False
+
+    @classmethod
+    def open(cls, path: Path, options: ReadOptions) -> DriveReader:
+        """Open a bag. Raises DriveError, and MissingLibraryError without the library."""
+        with naming_the_extra():
+            from ltvn_core.data.importing.rosbag.drive_reader import open_bag
+        return open_bag(path, _bag_files(path), options)
+
+
+def _named_as_bag(path: Path) -> list[Path]:
+    """Return the files at a path that are called like bags, unsorted. Raises OSError."""
+    candidates = path.iterdir() if path.is_dir() else [path]
+    return [file for file in candidates if _plain_suffix(file) in _SUFFIXES and file.is_file()]
+
+
+def _plain_suffix(file: Path) -> str:
+    """Return the ending of a file's name before it was compressed."""
+    return Path(file.stem).suffix if file.suffix == _COMPRESSED else file.suffix
+
+
+def _bag_files(path: Path) -> list[Path]:
+    """Return the files of a bag in the order in which they were written. Raises DriveError where there are none."""
+    try:
+        found = sorted(_named_as_bag(path), key=_natural_order)
+    except OSError as error:
+        raise DriveError(f"{path} cannot be read ({error.strerror}).") from error
+    kinds = {_plain_suffix(file) for file in found}
+    if not found:
+        raise DriveError(f"{path} holds no bag: expected files that end in {', '.join(_SUFFIXES)}.")
+    if len(kinds) > 1:
+        raise DriveError(f"{path} holds bags of several kinds ({', '.join(sorted(kinds))}); name one of its files.")
+    return found
+
+
+def _natural_order(file: Path) -> list[tuple[int, str]]:
+    """Sort `bag_10.mcap` behind `bag_9.mcap`."""
+    return [(int(part), "") if part.isdigit() else (0, part) for part in re.split(r"([0-9]{1,18})", file.name)]

@@ -1,0 +1,318 @@
+"""RTAB-Map's database as rows: nodes with their poses and cameras, images on demand, loop closures, the optimised map.
+
+Owns the file, the queries and the limits, and both layouts of the calibration blobs (lens, size, and place on the
+robot): floats alone before version 0.18, and since then a head of whole numbers, matrices of doubles and the place in
+floats. Images in a database are rectified, so the projection matrix holds and no distortion is left. Opens the file for
+reading alone, and believes no length that it names.
+"""
+
+import re
+import sqlite3
+import struct
+import zlib
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.data.importing.spatial_pose import Transform
+from ltvn_core.errors import CameraError, DriveError
+
+POSE_FLOATS = 12
+"""A pose is (3, 4) floats in rows: rotation and place."""
+_MONO = 0
+_STEREO = 1
+_MONO_HEAD = struct.Struct("<11i")
+"""Version in three numbers, kind, width, height, then how many numbers K, D, R, P and the place have."""
+_STEREO_HEAD = struct.Struct("<10i")
+"""Version, kind, how many doubles follow in four matrices, then how many bytes the left and the right camera have."""
+_MOST_CAMERAS = 16
+_MOST_BYTES = 100_000
+MAX_BLOB_BYTES = 2**27
+"""The largest value; images have a few megabytes."""
+_OLDEST = (0, 10)
+_CLOSURES = (1, 2, 3, 4)
+"""Types of links between places that are not neighbours in time: global, near in space, near in time, by hand."""
+_MOST_STEPS = 100_000
+"""Steps of sqlite's machine between two looks at the watch."""
+_MOST_LOOKS = 20_000
+"""Looks in one query: minutes. A query over a table as RTAB-Map makes it ends in seconds."""
+_MATRIX_TAIL = 12
+"""Behind a compressed matrix stand its rows, columns and type."""
+
+
+class RigCamera(NamedTuple):
+    """A camera of the rig."""
+
+    lens: CameraModel | None
+    """Level; None where the database does not say its size."""
+    place: Transform
+    """(4, 4): its optical frame in the robot's frame."""
+    focal: tuple[float, float, float, float]
+    """fx, fy, cx, cy in pixels."""
+    is_stereo: bool = False
+    """It is the left one of two, and what is stored as its depth is the right one's image."""
+
+    def fitted(self, width: int, height: int) -> CameraModel:
+        """Return the lens for images of a size. Raises CameraError."""
+        if self.lens is not None:
+            return self.lens if (self.lens.width, self.lens.height) == (width, height) else self._scaled(width, height)
+        fx, fy, cx, cy = self.focal
+        return CameraModel(width=width, height=height, fx=fx, fy=fy, cx=cx, cy=cy)
+
+    def _scaled(self, width: int, height: int) -> CameraModel:
+        assert self.lens is not None
+        if abs(width / height / self.lens.aspect - 1) > 0.02:
+            raise CameraError(
+                f"the images are {width} x {height}, but their calibration is of {self.lens.width} x {self.lens.height}"
+            )
+        return self.lens.scaled(width, height)
+
+
+def parse_pose(blob: object) -> Transform | None:
+    """Return a pose (4, 4) from its blob, None where there is none or where it is not finite."""
+    if not isinstance(blob, bytes) or len(blob) != 4 * POSE_FLOATS:
+        return None
+    rows = np.frombuffer(blob, "<f4").astype(np.float64).reshape(3, 4)
+    if not np.isfinite(rows).all() or not 0.5 < np.linalg.det(rows[:, :3]) < 1.5:
+        return None
+    left, _, right = np.linalg.svd(rows[:, :3])  # Floats are rotations up to a millionth.
+    pose = np.eye(4)
+    pose[:3, :3] = left @ right
+    pose[:3, 3] = rows[:, 3]
+    return pose
+
+
+def parse_calibration(blob: bytes, version: tuple[int, ...], source: str) -> list[RigCamera]:
+    """Return the cameras of a calibration, of a stereo camera the left one. Raises DriveError where it is damaged."""
+    try:
+        if len(blob) > _MOST_BYTES:
+            raise ValueError(f"it has {len(blob):,} bytes")
+        cameras = _floats(blob, version) if version < (0, 18) else _records(blob)
+        if not cameras:
+            raise ValueError("it has no camera")
+        return cameras
+    except (ValueError, struct.error, CameraError, IndexError) as error:
+        raise DriveError(
+            f"{source}: the calibration is damaged ({error!s:.120}); give the lens by --camera."
+        ) from error
+
+
+def _records(blob: bytes) -> list[RigCamera]:
+    cameras: list[RigCamera] = []
+    start = 0
+    while start < len(blob) and len(cameras) < _MOST_CAMERAS:
+        kind = struct.unpack_from("<4i", blob, start)[3]
+        if kind == _STEREO:
+            counts = _STEREO_HEAD.unpack_from(blob, start)[4:]
+            left = start + _STEREO_HEAD.size + 8 * sum(_counted(counts[:4]))
+            camera = _record(blob, left)[0]._replace(is_stereo=True)
+            length = _STEREO_HEAD.size + 8 * sum(counts[:4]) + sum(_counted(counts[4:]))
+        elif kind == _MONO:
+            camera, length = _record(blob, start)
+        else:
+            raise ValueError(f"a camera of kind {kind}")
+        cameras.append(camera)
+        start += length
+    return cameras
+
+
+def _record(blob: bytes, start: int) -> tuple[RigCamera, int]:
+    """Return the camera that begins at a byte, and of how many bytes it is."""
+    *_, width, height, k, d, r, p, place = _MONO_HEAD.unpack_from(blob, start)
+    k, d, r, p, place = _counted((k, d, r, p, place))
+    at = start + _MONO_HEAD.size
+    numbers = np.frombuffer(blob, "<f8", k + d + r + p, at)
+    matrix, rows = (numbers[k + d + r :], 4) if p == 12 else (numbers[:k], 3)
+    if p != 12 and k != 9:
+        raise ValueError("it has no camera matrix")
+    focal = (float(matrix[0]), float(matrix[rows + 1]), float(matrix[2]), float(matrix[rows + 2]))
+    at += 8 * len(numbers)
+    pose = parse_pose(blob[at : at + 4 * place]) if place == POSE_FLOATS else None
+    return _camera(focal, width, height, pose), at + 4 * place - start
+
+
+def _counted(counts: tuple[int, ...]) -> tuple[int, ...]:
+    if any(not 0 <= count <= _MOST_BYTES for count in counts):
+        raise ValueError(f"lengths of {counts}")
+    return counts
+
+
+def _floats(blob: bytes, version: tuple[int, ...]) -> list[RigCamera]:
+    """Return cameras of fx, fy, cx, cy, of a stereo camera the baseline, since 0.11.2 the size, and the place."""
+    numbers = np.frombuffer(blob, "<f4")
+    count = 6 if version >= (0, 11, 2) else 4
+    is_stereo = len(numbers) % (count + POSE_FLOATS) > 0
+    count += is_stereo
+    if len(numbers) % (count + POSE_FLOATS):
+        raise ValueError(f"{len(numbers)} numbers")
+    cameras = []
+    for each in numbers.reshape(-1, count + POSE_FLOATS)[:_MOST_CAMERAS]:
+        fx, fy, cx, cy = map(float, each[:4])
+        width, height = map(int, each[count - 2 : count]) if count > 5 else (0, 0)
+        camera = _camera((fx, fy, cx, cy), width, height, parse_pose(each[count:].tobytes()))
+        cameras.append(camera._replace(is_stereo=is_stereo))
+    return cameras
+
+
+def _camera(focal: tuple[float, float, float, float], width: int, height: int, place: Transform | None) -> RigCamera:
+    fx, fy, cx, cy = focal
+    lens = CameraModel(width=width, height=height, fx=fx, fy=fy, cx=cx, cy=cy) if width and height else None
+    return RigCamera(lens, np.eye(4) if place is None else place, focal)
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Node:
+    """A place that RTAB-Map remembers."""
+
+    id: int
+    session: int
+    """Counts drives; odometry begins anew in each."""
+    stamp: float
+    """Seconds; 0 where the program did not say."""
+    odometry: Transform | None
+    """(4, 4) of the robot."""
+    truth: Transform | None
+    """(4, 4) of the robot in the world, where the program was told."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class NodeImages:
+    """What was seen from a place, as it is stored."""
+
+    colours: bytes
+    depth: bytes | None
+    """Of a stereo camera it is the right image."""
+    calibration: bytes
+
+
+class RtabmapDatabase:
+    """A database that was looked into. Raises DriveError where it is damaged or another program's."""
+
+    def __init__(self, path: Path) -> None:
+        """Look into the file and check that it is RTAB-Map's."""
+        self.path = path
+        self._looks = 0
+        tables = {row[0] for row in self._rows("SELECT name FROM sqlite_master WHERE type = 'table'")}
+        if not {b"Node", b"Data", b"Admin"} <= tables:
+            raise DriveError(f"{path} is no database of RTAB-Map: it lacks its tables Node, Data and Admin.")
+        self.version = self._version()
+        if self.version < _OLDEST:
+            raise DriveError(
+                f"{path} was written by RTAB-Map {'.'.join(map(str, self.version))}, and databases are read from 0.10 "
+                "on; open it in a newer RTAB-Map, which converts it."
+            )
+
+    def nodes(self) -> list[Node]:
+        """Return all nodes that have an image, in the order of their ids."""
+        truth = "ground_truth_pose" if "ground_truth_pose" in self._columns("Node") else "NULL"
+        rows = self._rows(
+            f"SELECT Node.id, map_id, stamp, pose, {truth} FROM Node JOIN Data ON Node.id = Data.id "
+            "WHERE length(image) > 0 ORDER BY Node.id"
+        )
+        return [
+            Node(
+                id=_whole(number),
+                session=_whole(session),
+                stamp=float(stamp) if isinstance(stamp, float | int) and np.isfinite(stamp) else 0.0,
+                odometry=parse_pose(pose),
+                truth=parse_pose(true_pose),
+            )
+            for number, session, stamp, pose, true_pose in rows
+        ]
+
+    def images(self, node: Node) -> NodeImages:
+        """Return what was seen from a node."""
+        query = "SELECT image, depth, calibration FROM Data WHERE id = ?"
+        colours, depth, calibration = next(self._rows(query, (node.id,)), (None, None, None))
+        if not isinstance(colours, bytes):
+            raise DriveError(f"{self.path}: node {node.id} has no image.")
+        return NodeImages(
+            colours=colours,
+            depth=depth if isinstance(depth, bytes) and len(depth) > 4 else None,
+            calibration=calibration if isinstance(calibration, bytes) else b"",
+        )
+
+    def closures(self) -> int:
+        """Return between how many pairs of nodes RTAB-Map found a loop closure."""
+        if not self._columns("Link"):
+            return 0
+        places = ", ".join("?" * len(_CLOSURES))
+        query = f"SELECT count(*) FROM Link WHERE type IN ({places}) AND from_id > to_id"
+        return _whole(next(self._rows(query, _CLOSURES))[0])
+
+    def optimised(self) -> dict[int, Transform]:
+        """Return the poses (4, 4) of the optimised map by node; empty where there is none, or none that can be read."""
+        if not {"opt_ids", "opt_poses"} <= self._columns("Admin"):
+            return {}
+        ids, poses = next(self._rows("SELECT opt_ids, opt_poses FROM Admin LIMIT 1"), (None, None))
+        numbers = _matrix(ids, "<i4")
+        floats = _matrix(poses, "<f4")
+        if numbers is None or floats is None or len(floats) != POSE_FLOATS * len(numbers):
+            return {}
+        found = {
+            int(number): parse_pose(row.tobytes()) for number, row in zip(numbers, floats.reshape(-1, 12), strict=True)
+        }
+        return {number: pose for number, pose in found.items() if pose is not None}
+
+    def _version(self) -> tuple[int, ...]:
+        (text,) = next(self._rows("SELECT version FROM Admin LIMIT 1"), (None,))
+        words = text.decode(errors="replace") if isinstance(text, bytes) else ""
+        found = re.match(r"(\d{1,4})\.(\d{1,4})(?:\.(\d{1,4}))?", words)
+        if found is None:
+            raise DriveError(f"{self.path} is no database of RTAB-Map: its version is {words!r:.40}.")
+        return tuple(int(part or 0) for part in found.groups())
+
+    def _columns(self, table: str) -> set[str]:
+        return {row[1].decode(errors="replace") for row in self._rows(f"PRAGMA table_info({table})")}
+
+    def _rows(self, query: str, values: tuple[int, ...] = ()) -> Iterator[tuple[Any, ...]]:
+        self._looks = 0
+        with self._explained(), closing(self._connect()) as connection:
+            yield from connection.execute(query, values)
+
+    def _connect(self) -> sqlite3.Connection:
+        connection = sqlite3.connect(f"{self.path.resolve().as_uri()}?mode=ro&immutable=1", uri=True)
+        connection.text_factory = bytes
+        connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, MAX_BLOB_BYTES)
+        connection.execute("PRAGMA trusted_schema = OFF")
+        connection.set_progress_handler(self._watch, _MOST_STEPS)
+        return connection
+
+    def _watch(self) -> int:
+        """Stop a query that takes minutes; a table can be made so that it never ends."""
+        self._looks += 1
+        return int(self._looks > _MOST_LOOKS)
+
+    @contextmanager
+    def _explained(self) -> Iterator[None]:
+        try:
+            yield
+        except (sqlite3.Error, OverflowError, MemoryError, UnicodeError, ValueError) as error:
+            raise DriveError(
+                f"{self.path} cannot be read as a database of RTAB-Map ({error!s:.120}); if the program was ended "
+                "early, mend it with `rtabmap-recovery`."
+            ) from error
+
+
+def _whole(value: object) -> int:
+    return value if isinstance(value, int) else 0
+
+
+def _matrix(blob: object, dtype: str) -> np.ndarray | None:
+    """Return the numbers of a matrix that OpenCV held and zlib compressed; None where it is damaged."""
+    if not isinstance(blob, bytes) or len(blob) <= _MATRIX_TAIL:
+        return None
+    rows, columns, _ = np.frombuffer(blob[-_MATRIX_TAIL:], "<i4")
+    size = int(rows) * int(columns) * np.dtype(dtype).itemsize
+    if not 0 < size <= MAX_BLOB_BYTES:
+        return None
+    try:
+        raw = zlib.decompressobj().decompress(blob[:-_MATRIX_TAIL], size + 1)
+    except zlib.error:
+        return None
+    return np.frombuffer(raw, dtype) if len(raw) == size else None

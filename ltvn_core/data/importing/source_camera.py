@@ -1,0 +1,243 @@
+"""The camera of a drive as people write it down: numbers on the command line, `camera.json`, or a little of YAML.
+
+Owns these notations, Replica's `cam_params.json`, and the fit of a camera to the images that were found. Guesses
+nothing: where nobody says what the lens is, there is no camera. Of YAML it reads what calibration files use, words and
+lists of numbers behind names, as OpenCV and EuRoC write it: no library is needed for that, and YAML's references and
+tags, by which a small file can stand for a large one, mean nothing here.
+"""
+
+import math
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.data.importing.foreign_files import read_foreign
+from ltvn_core.data.importing.spatial_pose import Transform, is_rigid
+from ltvn_core.errors import CameraError, DriveError
+from ltvn_core.structured_text import parse_json
+
+CAMERA_FILE = "camera.json"
+REPLICA_FILE = "cam_params.json"
+"""As NICE-SLAM's copy of Replica has it, for all its rooms or beside one."""
+HOW_TO = (
+    "say it by --camera fx,fy,cx,cy,width,height (in pixels, then the distortion k1,k2,p1,p2,k3 where there is one), "
+    "or roughly by --fov DEGREES, the horizontal field of view"
+)
+"""What a message advises where the lens is not known."""
+HOW_TO_SCALE = (
+    'write {"depth_scale": N} into a camera.json, where N is how many units a metre has (1000 for millimetres), and '
+    "name the file by --camera"
+)
+"""What a message advises where depth is in another unit."""
+
+_SIX = 6
+_ASPECT_TOLERANCE = 0.02
+_MOST_BYTES = 1_000_000
+_MOST_YAML_BYTES = 100_000
+_NAME = re.compile(r"^([A-Za-z_]\w*)[ \t]*:", re.MULTILINE)
+_COMMENT = re.compile(r"(?:^|(?<=\s))#.*$", re.MULTILINE)
+_LIST = re.compile(r"\[([^\[\]]*)\]")
+
+
+class CameraFile(NamedTuple):
+    """What a `camera.json` says; None for what it leaves open."""
+
+    camera: CameraModel | None
+    """Of the colour images."""
+    depth_focal_px: float | None
+    """Focal length of depth images that are not registered to the colours, `depth_fx_nominal`."""
+    metres_per_unit: float | None
+    """Of the depth images."""
+
+
+def parse_camera(text: str) -> CameraModel:
+    """Read `fx,fy,cx,cy,width,height[,k1,k2,p1,p2[,k3[,k4,k5,k6]]]`. Raises DriveError."""
+    try:
+        numbers = [float(part) for part in text.split(",")]
+        fx, fy, cx, cy, width, height = numbers[:_SIX]
+        return _camera(fx, fy, cx, cy, width=width, height=height, distortion=numbers[_SIX:])
+    except (ValueError, OverflowError, CameraError) as error:
+        raise DriveError(f"--camera {text!s:.80} is no camera ({error!s:.160}); {HOW_TO}.") from error
+
+
+def read_camera_option(text: str) -> CameraFile:
+    """Read what a person said of a camera: numbers, or the name of a `camera.json`, which may name the unit of depth
+    alone. Raises DriveError."""
+    if not text.endswith(".json"):
+        return CameraFile(parse_camera(text), None, None)
+    said = read_camera_file(Path(text))
+    if said.camera is None and said.metres_per_unit is None:
+        raise DriveError(
+            f"{text} says neither what the lens is, which needs width, height, fx, fy, cx and cy in pixels, nor what "
+            "the unit of depth is, which is depth_scale."
+        )
+    return said
+
+
+def read_camera_file(path: Path) -> CameraFile:
+    """Read a `camera.json`.
+
+    It has `width`, `height`, `fx`, `fy`, `cx`, `cy`, and where they are known `distortion`, `fisheye`, `height_m`,
+    `pitch_rad`, `roll_rad`, `quarter_turns` and `depth_scale`. A `depth_scale` above 1 counts units per metre (5000 in
+    TUM's files), one up to 1 metres per unit. A focal length of null says that the lens is not known. Raises
+    DriveError where the file cannot be right.
+    """
+    try:
+        fields = parse_json(read_foreign(path, most_bytes=_MOST_BYTES, what="camera.json"))
+        if not isinstance(fields, dict):
+            raise ValueError("it is no JSON object")
+        return CameraFile(_file_camera(fields), _positive(fields, "depth_fx_nominal"), _depth_unit(fields))
+    except (OSError, ValueError, TypeError, KeyError, OverflowError, CameraError) as error:
+        raise DriveError(
+            f"{path} describes no camera ({type(error).__name__}: {error!s:.160}); it needs width, height, fx, fy, cx "
+            "and cy in pixels. Mend it, or take it away and use --camera."
+        ) from error
+
+
+def camera_beside(folder: Path) -> CameraFile:
+    """Read the `camera.json` of a folder, or Replica's own; nothing is known without. Raises DriveError."""
+    path = folder / CAMERA_FILE
+    if path.is_file():
+        return read_camera_file(path)
+    replica = folder / REPLICA_FILE
+    return _replica_camera(replica) if replica.is_file() else CameraFile(None, None, None)
+
+
+def _replica_camera(path: Path) -> CameraFile:
+    """Read {"camera": {"w", "h", "fx", "fy", "cx", "cy", "scale"}}. Raises DriveError where it cannot be right."""
+    try:
+        fields = parse_json(read_foreign(path, most_bytes=_MOST_BYTES, what="cam_params.json"))["camera"]
+        named = {**fields, "width": fields["w"], "height": fields["h"], "depth_scale": fields.get("scale")}
+        return CameraFile(_file_camera(named), None, _depth_unit(named))
+    except (OSError, ValueError, TypeError, KeyError, OverflowError, CameraError) as error:
+        raise DriveError(
+            f"{path} describes no camera ({type(error).__name__}: {error!s:.160}); it needs w, h, fx, fy, cx, cy and "
+            "scale under camera. Mend it, or take it away and use --camera."
+        ) from error
+
+
+def read_calibration(path: Path, width: int, height: int) -> CameraModel:
+    """Read a `calibration.txt` as ETH3D's SLAM benchmark has it: fx fy cx cy in pixels. Raises DriveError."""
+    try:
+        fx, fy, cx, cy = map(float, _text(path).replace(",", " ").split()[:4])
+        return CameraModel(width=width, height=height, fx=fx, fy=fy, cx=cx, cy=cy)
+    except (OSError, ValueError, OverflowError, CameraError) as error:
+        raise DriveError(f"{path} describes no camera ({error!s:.120}); it needs fx fy cx cy in pixels.") from error
+
+
+def camera_of_fov(width: int, height: int, horizontal_fov_deg: float) -> CameraModel:
+    """Return a camera with a centred lens without distortion. Raises DriveError for an impossible angle."""
+    try:
+        return CameraModel.from_fov(width, height, math.radians(horizontal_fov_deg))
+    except CameraError as error:
+        raise DriveError(f"--fov {horizontal_fov_deg:g}: {error}") from error
+
+
+def fitted(camera: CameraModel, width: int, height: int, source: str) -> CameraModel:
+    """Return a camera scaled to images of a size. Raises DriveError where they are of another aspect."""
+    if (camera.width, camera.height) == (width, height):
+        return camera
+    if abs(width / height / camera.aspect - 1) > _ASPECT_TOLERANCE:
+        raise DriveError(
+            f"{source}: the images are {width} x {height}, but the camera takes {camera.width} x {camera.height}, "
+            f"which is of another aspect, so it is not the camera of these images; {HOW_TO}."
+        )
+    return camera.scaled(width, height)
+
+
+def _text(path: Path) -> str:
+    return read_foreign(path, most_bytes=_MOST_BYTES, what="calibration").decode()
+
+
+def _file_camera(fields: dict[str, Any]) -> CameraModel | None:
+    if any(fields.get(name) is None for name in ("fx", "fy", "cx", "cy")):
+        return None
+    return _camera(
+        *(float(fields[name]) for name in ("fx", "fy", "cx", "cy")),
+        width=float(fields["width"]),
+        height=float(fields["height"]),
+        distortion=[float(number) for number in fields.get("distortion") or ()],
+        fisheye=bool(fields.get("fisheye", False)),
+        height_m=float(fields.get("height_m") or 0.0),
+        pitch_rad=float(fields.get("pitch_rad") or 0.0),
+        roll_rad=float(fields.get("roll_rad") or 0.0),
+        quarter_turns=int(fields.get("quarter_turns") or 0),
+    )
+
+
+def _camera(
+    fx: float, fy: float, cx: float, cy: float, *, width: float, height: float, distortion: list[float], **mounting: Any
+) -> CameraModel:
+    if not (width.is_integer() and height.is_integer()):
+        raise CameraError(f"width and height are whole numbers of pixels, got {width} and {height}")
+    if not any(distortion) and not mounting.get("fisheye"):
+        distortion = []
+    return CameraModel(
+        width=int(width),
+        height=int(height),
+        fx=fx,
+        fy=fy,
+        cx=cx,
+        cy=cy,
+        distortion=tuple(distortion),
+        **mounting,
+    )
+
+
+def _depth_unit(fields: dict[str, Any]) -> float | None:
+    scale = _positive(fields, "depth_scale")
+    return None if scale is None else (1 / scale if scale > 1 else scale)
+
+
+def _positive(fields: dict[str, Any], name: str) -> float | None:
+    if fields.get(name) is None:
+        return None
+    number = float(fields[name])
+    if not 0 < number < math.inf:
+        raise ValueError(f"{name} must be positive, got {number}")
+    return number
+
+
+class CalibrationYaml:
+    """What a file says, by the names that stand at the beginning of a line."""
+
+    def __init__(self, path: Path) -> None:
+        """Read a file. Raises DriveError where it is no text or too long."""
+        self._path = path
+        try:
+            text = read_foreign(path, most_bytes=_MOST_YAML_BYTES, what="calibration").decode("utf-8-sig")
+        except (OSError, UnicodeDecodeError) as error:
+            raise DriveError(f"{path} cannot be read as text ({error!s:.120}).") from error
+        parts = _NAME.split(_COMMENT.sub("", text))
+        self._values = dict(zip(parts[1::2], parts[2::2], strict=True))
+
+    def word(self, name: str) -> str:
+        """Return what stands behind a name on its line, empty where the file has no such name."""
+        return (self._values.get(name, "").strip().splitlines() or [""])[0].strip().strip("\"'")
+
+    def numbers(self, name: str) -> Sequence[float]:
+        """Return the list of a name, or its `data`; empty where the file has none. Raises DriveError."""
+        found = _LIST.search(self._values.get(name, ""))
+        try:
+            numbers = [float(word) for word in found.group(1).split(",") if word.strip()] if found else []
+        except ValueError as error:
+            raise DriveError(f"{self._path}: {name} is no list of numbers ({error!s:.80}).") from error
+        if not np.isfinite(numbers).all():
+            raise DriveError(f"{self._path}: {name} holds numbers that are not finite.")
+        return numbers
+
+    def transform(self, name: str) -> Transform | None:
+        """Return a pose in space from 3 or 4 rows of 4 numbers, None where there is none. Raises DriveError."""
+        numbers = self.numbers(name)
+        if not numbers:
+            return None
+        matrix = np.eye(4)
+        if len(numbers) in (12, 16):
+            matrix[:3] = np.reshape(numbers[:12], (3, 4))
+        if len(numbers) not in (12, 16) or not is_rigid(matrix):
+            raise DriveError(f"{self._path}: {name} is no pose; it needs 3 or 4 rows of 4 numbers, a rotation first.")
+        return matrix

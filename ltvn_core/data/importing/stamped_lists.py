@@ -1,0 +1,214 @@
+"""Lists that somebody else wrote, a row a line: trajectories, images with their times, tables of odometry.
+
+Owns how such a text is decoded, which of its lines say something and how many there may be, the unit of their stamps,
+and which stamp of one list belongs to which of another. A table of odometry has `file` or `stamp`, `x`, `y`, `yaw`,
+with or without a heading; a picture's row is found by its file's name, by its stamp, or by its place. Owns no clock.
+"""
+
+import codecs
+import csv
+import io
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ltvn_core.data.importing.foreign_files import read_foreign
+from ltvn_core.errors import DriveError
+from ltvn_core.types import Pose
+
+MOST_LINES = 1_000_000
+"""Nine hours at 30 images a second; a drive is imported in parts where it is longer."""
+_MOST_BYTES = 100_000_000
+_UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+"""With these a text begins that Windows' PowerShell wrote."""
+_SECONDS_BELOW = 1e11
+"""Stamps are in seconds below this, the year 5138."""
+_UNITS = (("milliseconds", 1e-3), ("microseconds", 1e-6), ("nanoseconds", 1e-9))
+_TABLE_COLUMNS = 4
+_LEAST_SLACK_S = 0.02
+_KEYS = ("file", "filename", "image", "stamp", "timestamp", "time", "t")
+_TABLE_NEEDS = "it needs the columns file (or stamp in seconds), x, y in metres, and yaw in radians"
+
+
+def _read_list(path: Path, what: str) -> str:
+    """Return the text of a list.
+
+    Args:
+        path: The file, in UTF-8 or UTF-16.
+        what: What messages call it, as "list of poses".
+
+    Raises:
+        DriveError: It cannot be read as text, or is longer than any such list.
+    """
+    try:
+        blob = read_foreign(path, most_bytes=_MOST_BYTES, what=what)
+        text = blob.decode("utf-16" if blob.startswith(_UTF_16) else "utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise DriveError(f"{path} cannot be read as text ({error!s:.120}).") from error
+    if max(text.count("\n"), text.count("\r")) > MOST_LINES:
+        raise DriveError(f"{path} has more than {MOST_LINES:,} lines, which no {what} has; import the drive in parts.")
+    return text
+
+
+def list_lines(path: Path, what: str) -> Iterator[tuple[int, str, list[str]]]:
+    """Yield number, text and words of each line that is neither empty nor a comment (#); numbers begin at 1.
+
+    White space or commas separate words. Raises DriveError as `_read_list` does.
+    """
+    for number, line in enumerate(_read_list(path, what).splitlines(), start=1):
+        words = line.replace(",", " ").split()
+        if words and not words[0].startswith("#"):
+            yield number, line, words
+
+
+class StampedLines(NamedTuple):
+    """A list of stamps and what belongs to each."""
+
+    rows: Sequence[tuple[float, list[str]]]
+    """Stamps in seconds, in rising order, and the words that follow."""
+    doubt: str | None
+    """Says that the stamps of the file are in another unit."""
+
+
+def stamped_lines(path: Path, *, least_columns: int, unit_s: float | None = None) -> StampedLines:
+    """Return the lines of a text file as stamps and the words that follow, in the order of the stamps.
+
+    Lines that begin with # are comments. Stamps are in units of `unit_s` seconds; without it, those in thousandths of a
+    second or less are recognised by their size. Raises DriveError that names the first line that cannot be right.
+    """
+    lines: list[tuple[float, list[str]]] = []
+    for number, line, words in list_lines(path, "list of images or poses"):
+        try:
+            stamp = float(words[0])
+        except ValueError:
+            stamp = np.nan
+        if not np.isfinite(stamp) or len(words) < least_columns:
+            raise DriveError(
+                f"{path}, line {number}: expected a stamp in seconds and {least_columns - 1} more columns, got "
+                f"{line!s:.60}."
+            )
+        lines.append((stamp, words[1:]))
+    rows = sorted(lines, key=lambda line: line[0])
+    if unit_s is not None:
+        return StampedLines([(stamp * unit_s, words) for stamp, words in rows], None)
+    return _in_seconds(rows, path)
+
+
+def _in_seconds(rows: list[tuple[float, list[str]]], path: Path) -> StampedLines:
+    middle = abs(rows[len(rows) // 2][0]) if rows else 0.0
+    if middle < _SECONDS_BELOW:
+        return StampedLines(rows, None)
+    name, unit_s = next((each for each in _UNITS if middle * each[1] < _SECONDS_BELOW), _UNITS[-1])
+    doubt = f"The stamps of {path.name} are too large for seconds ({middle:.0f}), and were read as {name}."
+    return StampedLines([(stamp * unit_s, words) for stamp, words in rows], doubt)
+
+
+def period_s(stamps: ArrayLike) -> float | None:
+    """Return the usual time between two of N stamps in order, None where there are too few."""
+    steps = np.diff(np.asarray(stamps, np.float64))
+    steps = steps[steps > 0]
+    return float(np.median(steps)) if len(steps) else None
+
+
+def rate_hz(stamps: ArrayLike) -> float | None:
+    """Return how many of N stamps in order there are in a second."""
+    period = period_s(stamps)
+    return None if period is None else 1 / period
+
+
+def nearest(stamps: Sequence[float], others: Sequence[float], *, slack_s: float) -> list[int | None]:
+    """Return for each stamp the place of the nearest among `others`; None where none is within half a frame.
+
+    Both are in rising order. Half a frame is half of the usual time between two stamps, and at least `slack_s`.
+    """
+    if not len(others):
+        return [None] * len(stamps)
+    wanted = np.asarray(stamps, np.float64)
+    offered = np.asarray(others, np.float64)
+    after = np.clip(np.searchsorted(offered, wanted), 1, max(len(offered) - 1, 1))
+    before = after - 1
+    after = np.minimum(after, len(offered) - 1)
+    place = np.where(np.abs(offered[before] - wanted) <= np.abs(offered[after] - wanted), before, after)
+    within = np.abs(offered[place] - wanted) <= max((period_s(wanted) or 0.0) / 2, slack_s)
+    return [int(k) if ok else None for k, ok in zip(place, within, strict=True)]
+
+
+class OdometryTable:
+    """Rows of odometry."""
+
+    def __init__(self, name: str, keys: Sequence[str], poses: Pose) -> None:
+        """Take N keys, names of files or stamps, and poses (N, 3)."""
+        self.name = name
+        self._poses = poses
+        self._stamps = _numbers(keys)
+        self._places = {Path(key).name: place for place, key in enumerate(keys)}
+        self._stems = {Path(key).stem: place for place, key in enumerate(keys)}
+
+    def __len__(self) -> int:
+        """Return the number of rows."""
+        return len(self._poses)
+
+    @classmethod
+    def read(cls, path: Path) -> "OdometryTable":
+        """Read a CSV file. Raises DriveError that names the first line that cannot be right."""
+        try:
+            lines = csv.reader(io.StringIO(_read_list(path, "table of odometry"), newline=""))
+            rows = [row for row in lines if row and not row[0].startswith("#")]
+        except csv.Error as error:
+            raise DriveError(f"{path} cannot be read as a table ({error!s:.120}); {_TABLE_NEEDS}.") from error
+        return cls(path.name, *_parsed(rows, path))
+
+    def stamps_by_place(self, images: int) -> list[float] | None:
+        """Return the stamps of as many pictures in order; None where rows have no stamps or are not as many."""
+        if self._stamps is None or len(self._poses) != images or not (np.diff(self._stamps) > 0).all():
+            return None
+        return self._stamps.tolist()
+
+    def pose(self, file: str, stamp: float, place: int) -> Pose | None:
+        """Return the pose (3,) of a picture by its file's name, its stamp, or its place; None where no row fits."""
+        row = self._places.get(file, self._stems.get(Path(file).stem))
+        if row is None and self._stamps is not None:
+            row = self._row_at(stamp)
+        return None if row is None else self._poses[row]
+
+    def _row_at(self, stamp: float) -> int | None:
+        assert self._stamps is not None  # Asked for where there are some.
+        row = int(np.argmin(np.abs(self._stamps - stamp)))
+        slack_s = max((period_s(self._stamps) or 0.0) / 2, _LEAST_SLACK_S)
+        return row if abs(self._stamps[row] - stamp) <= slack_s else None
+
+
+def _parsed(rows: list[list[str]], path: Path) -> tuple[list[str], Pose]:
+    order = list(range(_TABLE_COLUMNS))
+    if rows and _numbers(rows[0][1:_TABLE_COLUMNS]) is None:
+        order = _columns([name.strip().lower() for name in rows.pop(0)], path)
+    keys: list[str] = []
+    poses: list[list[float]] = []
+    for number, row in enumerate(rows, start=1):
+        try:
+            keys.append(row[order[0]].strip())
+            poses.append([float(row[column]) for column in order[1:]])
+        except (IndexError, ValueError) as error:
+            raise DriveError(f"{path}, row {number} is {','.join(row)!s:.60}; {_TABLE_NEEDS}.") from error
+    if not poses:
+        raise DriveError(f"{path} holds no rows; {_TABLE_NEEDS}.")
+    return keys, np.array(poses)
+
+
+def _columns(names: list[str], path: Path) -> list[int]:
+    try:
+        key = next(names.index(name) for name in _KEYS if name in names)
+        return [key, *(names.index(name) for name in ("x", "y", "yaw"))]
+    except (StopIteration, ValueError) as error:
+        raise DriveError(f"{path} has the columns {', '.join(names)!s:.80}; {_TABLE_NEEDS}.") from error
+
+
+def _numbers(texts: Sequence[str]) -> np.ndarray | None:
+    try:
+        numbers = np.array([float(text) for text in texts])
+    except ValueError:
+        return None
+    return numbers if np.isfinite(numbers).all() else None

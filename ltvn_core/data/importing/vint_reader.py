@@ -1,0 +1,157 @@
+"""Reads trajectories as GNM, ViNT and NoMaD are trained from: `0.jpg`, `1.jpg`, ... and `traj_data.pkl`.
+
+The pickle holds `position` (T, 2) in metres and `yaw` (T,) in radians; row and image have one number. There is no
+depth and no stamp; the lens is that of a `camera.json`, where there is one.
+"""
+
+import math
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+
+from ltvn_core.data.importing.foreign_files import require_within
+from ltvn_core.data.importing.image_files import ImageFilesReader
+from ltvn_core.data.importing.raw_frame import DriveFacts, FrameFilter, FrameMoment, RawFrame, ReadOptions, SourceFact
+from ltvn_core.data.importing.restricted_pickle import load_pickle
+from ltvn_core.data.importing.source_camera import camera_beside
+from ltvn_core.errors import DriveError
+from ltvn_core.types import Pose
+
+TRAJECTORY = "traj_data.pkl"
+DEFAULT_RATE_HZ = 4.0
+"""At which GNM's data sets are sampled."""
+
+_SUFFIXES = (".jpg", ".jpeg", ".png")
+_LARGEST_M = 1e5
+_LISTED = 10
+_LONGEST_ROW = 16
+"""Numbers of one pose."""
+_NUMBERS = (int, float, np.number)
+
+NO_POSE = "without a row of poses"
+
+
+class VintReader(ImageFilesReader):
+    """A trajectory that is open for reading."""
+
+    DAMAGED = "damaged image"
+    MOST_AT_FIRST = math.inf
+
+    def __init__(self, folder: Path, options: ReadOptions) -> None:
+        """Read the poses and list the images. Raises DriveError."""
+        super().__init__(folder, options)
+        self._camera = options.camera or camera_beside(folder).camera
+        self._rate_hz = options.rate_hz or DEFAULT_RATE_HZ
+        self._poses = _poses(folder)
+        self._numbered = _images(folder)
+        if options.rate_hz is None:
+            self.doubts.append(f"The images have no stamps; {DEFAULT_RATE_HZ:g} a second are assumed, --rate says it.")
+        self.facts = DriveFacts(
+            format="vint",
+            frames=len(self._numbered),
+            streams=(
+                SourceFact("rgb", "*.jpg", len(self._numbered), self._rate_hz),
+                SourceFact("odometry", TRAJECTORY, len(self._poses), self._rate_hz),
+            ),
+            place=folder.resolve().name,
+        )
+
+    @classmethod
+    def recognises(cls, path: Path) -> bool:
+        """Tell whether a path is a folder with a trajectory, or one of such folders; never raises."""
+        try:
+            return (path / TRAJECTORY).is_file() or bool(_trajectories(path))
+        except OSError:
+            return False
+
+    @classmethod
+    def open(cls, path: Path, options: ReadOptions) -> Self:
+        """Open a trajectory. Raises DriveError, which lists those of a whole data set."""
+        if not (path / TRAJECTORY).is_file() and (several := _trajectories(path)):
+            names = ", ".join(several[:_LISTED]) + (" ..." if len(several) > _LISTED else "")
+            raise DriveError(f"{path} holds {len(several)} trajectories; name one of them: {names}.")
+        return cls(path, options)
+
+    def frames_where(self, wanted: FrameFilter) -> Iterator[RawFrame]:
+        """Yield the frames as all readers do. Raises DriveError where no image can be read."""
+        yield from super().frames_where(wanted)
+        if self.dropped[self.DAMAGED] == len(self._numbered):
+            raise DriveError(f"{self._folder} has no image that can be read. {' '.join(self.doubts)}")
+
+    def _images(self) -> Iterator[tuple[FrameMoment, str]]:
+        for number, name in self._numbered.items():
+            pose = self._poses[number] if number < len(self._poses) else None
+            yield FrameMoment(number / self._rate_hz, pose), name
+
+    def _frame(self, moment: FrameMoment, image: str) -> RawFrame:
+        return self._raw_frame(moment, image, self._colours(image), camera=self._camera)
+
+
+def _trajectories(path: Path) -> list[str]:
+    if not path.is_dir():
+        return []
+    return sorted(each.name for each in path.iterdir() if (each / TRAJECTORY).is_file())
+
+
+def _poses(folder: Path) -> Pose:
+    """Return the poses (T, 3). Raises DriveError where the pickle holds none."""
+    path = folder / TRAJECTORY
+    if not path.is_file():
+        raise DriveError(f"{folder} has no {TRAJECTORY}, which holds position (T, 2) and yaw (T,).")
+    require_within(path, folder)
+    held = load_pickle(path)
+    if not isinstance(held, Mapping) or not {"position", "yaw"} <= held.keys():
+        raise DriveError(f"{path} holds no trajectory: expected a mapping with position (T, 2) and yaw (T,).")
+    position = _numbers(held["position"])
+    yaw = _numbers(held["yaw"])
+    if position.ndim != 2 or position.shape[1] < 2 or len(position) != yaw.size or not len(position):
+        raise DriveError(f"{path}: position of shape {position.shape} and yaw of {yaw.shape} are no (T, 2) and (T,).")
+    poses = np.column_stack([position[:, :2], yaw.reshape(-1)])
+    if not np.isfinite(poses).all() or np.abs(poses[:, :2]).max() > _LARGEST_M:
+        raise DriveError(f"{path}: poses must be finite, in metres and radians.")
+    return poses
+
+
+def _numbers(held: object) -> np.ndarray:
+    if isinstance(held, list | tuple):
+        # Lists may hold one another, and so stand for more numbers than there are bytes in the world.
+        array = np.asarray(held) if all(map(_is_short_row, held)) else np.empty(0)
+    else:
+        array = held if isinstance(held, np.ndarray) else np.empty(0)
+    if array.dtype.kind == "O":
+        array = _plain(array)
+    return array.astype(np.float64) if array.dtype.kind in "fiu" else np.empty(0)
+
+
+def _plain(objects: np.ndarray) -> np.ndarray:
+    """Return an array of objects as one of numbers: (T,) rows become (T, n), rows of one number that number."""
+    rows = objects.ravel().tolist()
+    if not rows or not all(map(_is_short_row, rows)):
+        return np.empty(0)
+    flat = [np.asarray(row).ravel() for row in rows]
+    if len({row.size for row in flat}) != 1:
+        return np.empty(0)
+    shape = objects.shape if flat[0].size == 1 else (*objects.shape, flat[0].size)
+    return np.stack(flat).reshape(shape)
+
+
+def _is_short_row(row: object) -> bool:
+    """Tell whether an object is a number or a few of them."""
+    if isinstance(row, np.ndarray):
+        return row.size <= _LONGEST_ROW and row.dtype.kind in "fiu"
+    if isinstance(row, list | tuple):
+        return len(row) <= _LONGEST_ROW and all(isinstance(each, _NUMBERS) for each in row)
+    return isinstance(row, _NUMBERS)
+
+
+def _images(folder: Path) -> dict[int, str]:
+    """Return the images by their numbers, in order. Raises DriveError where there are none."""
+    found: dict[int, str] = {}
+    for path in folder.iterdir():
+        if path.suffix.lower() in _SUFFIXES and path.stem.isdecimal() and len(path.stem) < 10:
+            found.setdefault(int(path.stem), path.name)
+    if not found:
+        raise DriveError(f"{folder} has no images; expected 0.jpg, 1.jpg and so on beside {TRAJECTORY}.")
+    return dict(sorted(found.items()))

@@ -1,0 +1,264 @@
+"""Says whether a recording is whole, gives back what is whole of a damaged one, and says what it has lost.
+
+Owns `verify` and `repair`, and the wording of what is lost, which follows from what the file says it held and from what
+is left. Never changes the file it is given and never overwrites another.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence, Set
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+from ltvn_core.atomic_files import atomic_output
+from ltvn_core.data.recording import schema
+from ltvn_core.data.recording.damage.salvage import Salvage, open_salvage
+from ltvn_core.data.recording.reader import Recording
+from ltvn_core.data.recording.rewriting import rewrite
+from ltvn_core.data.recording.rrd_contents import open_contents, require_file
+from ltvn_core.data.recording.rrf2.closing_record import ClosingRecord
+from ltvn_core.errors import MapError, RecordingError
+from ltvn_core.graph.deltas import NodeAdded
+from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.navigation.events import GraphChanged, StampedEvent
+from ltvn_core.types import FrameId
+
+_NAMED = 12
+"""So many frames or places are named one by one."""
+_NO_RECORD = (
+    "rewritten by Rerun, or older than checksums: frames and events carry their own checksums and are right; "
+    "the file's own table of checksums is not there"
+)
+
+
+class Losses(NamedTuple):
+    """What is left out of a repaired recording."""
+
+    lines: Sequence[str]
+    """For people, one thing each; without events, since some are left out only when the map is put together."""
+    frames: Sequence[FrameId]
+    """Frames that are known by name."""
+    more_frames: int | None
+    """How many beside them, None where nobody knows."""
+    events_written: int
+    lost_bytes: int
+    only_behind: FrameId | None
+    """In a recording that was only cut, the last frame: nothing before it is lost."""
+
+    @property
+    def frame_count(self) -> int:
+        """How many frames are lost, as far as that is known."""
+        return len(self.frames) + (self.more_frames or 0)
+
+    def without_image(self, recording: Recording, saved: Sequence[FrameId]) -> Set[FrameId]:
+        """Return the nodes whose image is lost. A recording may have been made without images, then none is."""
+        nodes = set(_nodes(recording)) - set(saved)
+        if not saved or (self.more_frames == 0 and not self.frames):
+            return set()
+        if self.more_frames == 0:
+            return nodes & set(self.frames)
+        if self.only_behind is not None:
+            return {node for node in nodes if node > self.only_behind} | nodes & set(self.frames)
+        return nodes
+
+
+def find_losses(salvage: Salvage, saved: Sequence[FrameId]) -> Losses:
+    """Compare what was salvaged, of which the frames `saved` are whole, with what the file held once."""
+    recording = salvage.recording
+    record = salvage.record
+    known = sorted({*recording.half_frames, *recording.frames} - set(saved))
+    events = len(recording.stored_events)
+    more: int | None = None
+    if record is not None and record.rows:
+        more = max(0, record.rows.get(schema.RGB, 0) - len(saved) - len(known))
+        events = max(events, record.rows.get(schema.EVENTS, 0))
+    elif salvage.ended and not salvage.lost_places:
+        more = 0
+    highest = max((stored.event.sequence + 1 for stored in recording.stored_events), default=0)
+    only_cut = not salvage.ended and not salvage.lost_places
+    return Losses(
+        lines=tuple(_lines(salvage, known, more)),
+        frames=known,
+        more_frames=more,
+        events_written=max(events, highest),
+        lost_bytes=salvage.lost_bytes,
+        only_behind=max(saved, default=None) if only_cut else None,
+    )
+
+
+def _lines(salvage: Salvage, frames: Sequence[FrameId], more: int | None) -> Iterable[str]:
+    recording = salvage.recording
+    record = salvage.record
+    if not salvage.ended:
+        yield "what was recorded last: the file was never finished, was cut, or has the ending of another"
+    if frames:
+        yield f"{len(frames)} frames: {_listed(frames)}"
+    if more:
+        yield f"{more} frames{' more' if frames else ''}, of which nothing is left"
+    if not salvage.described:
+        yield "the description (scene, settings, camera); the camera of the usual robot stands in for its own"
+    if record is not None:
+        if (originals := record.rows.get(schema.ORIGINAL, 0) - (recording.row_count(schema.ORIGINAL) or 0)) > 0:
+            yield f"{originals} of the camera's own pictures"
+        if record.static_rows.get(schema.SCENE) and recording.scene_glb() is None:
+            yield "the drawn scene"
+    if salvage.lost_places:
+        places = [f"{position:,} to {position + size:,}" for position, size in salvage.lost_places]
+        yield f"damaged bytes {_listed(places)}"
+
+
+def _listed(things: Sequence[object]) -> str:
+    named = ", ".join(map(str, things[:_NAMED]))
+    return f"{named} and {len(things) - _NAMED} more" if len(things) > _NAMED else named
+
+
+def _nodes(recording: Recording) -> Iterable[FrameId]:
+    for stored in recording.stored_events:
+        change = stored.event.decoded().event if stored.intact else None
+        if isinstance(change, GraphChanged) and isinstance(change.delta, NodeAdded):
+            yield change.delta.node.id
+
+
+@dataclass(frozen=True, slots=True)
+class VerifiedRecording:
+    """A recording that is whole."""
+
+    recording: Path
+    frames: int
+    events: int
+    size_bytes: int
+    checksummed: bool
+    """Every byte has a checksum. An older recording has them only for its frames and events."""
+    note: str | None = None
+    """What the file lacks although everything that is read back is right."""
+
+
+@dataclass(frozen=True, slots=True)
+class RepairedRecording:
+    """What was saved of a damaged recording."""
+
+    recording: Path
+    output: Path
+    frames: int
+    """Whole frames saved."""
+    events: int
+    """Events saved."""
+    last_step: int | None
+    """Step of the last frame saved."""
+    damaged_frames: int
+    """Frames left out because a part of them is missing or changed, as far as that is known."""
+    damaged_events: int
+    """Events left out because they are missing or changed, or because the images that they speak of are lost."""
+    lost_bytes: int
+    """Bytes of which nothing could be saved."""
+    left_out: tuple[str, ...]
+    """What is missing in the output, a line each."""
+
+
+def verify(path: Path | str) -> VerifiedRecording:
+    """Check that a recording is finished, of our making, and that every frame and event is as it was written.
+
+    Raises RecordingError otherwise; a cut, unfinished or damaged file names `ltvn repair`.
+    """
+    path = Path(path)
+    contents = open_contents(path)
+    recording = Recording(path, contents)
+    if contents.record is not None:
+        _check_rows(recording, contents.record)
+    if recording.half_frames:
+        raise _changed(path, f"of frame {recording.half_frames[0]} only the picture or only the depth is there")
+    damaged = [frame for frame in recording.frames if not recording.is_intact(frame)]
+    if damaged:
+        changed = f"{len(damaged)} of {len(recording.frames)} frames changed since they were written, the first is"
+        raise _changed(path, f"{changed} {damaged[0]}")
+    _check_events(recording)
+    return VerifiedRecording(
+        recording=path,
+        frames=len(recording.frames),
+        events=len(recording.events),
+        size_bytes=path.stat().st_size,
+        checksummed=contents.record is not None,
+        note=None if contents.record is not None else _NO_RECORD,
+    )
+
+
+def repair(path: Path | str, output: Path | str, *, recording_id: str | None = None) -> RepairedRecording:
+    """Write all whole frames and events of a damaged or unfinished recording to a new file `output`.
+
+    What is damaged is left out and named. Raises RecordingError when `output` exists, when `path` is not ours, or when
+    it is damaged and no frame and no event in it is whole. A file with several recordings needs a `recording_id`.
+    """
+    path = Path(path)
+    output = Path(output)
+    require_file(path)
+    salvage = open_salvage(path, recording_id)
+    recording = salvage.recording
+    frames = [frame for frame in recording.frames if recording.is_intact(frame)]
+    losses = find_losses(salvage, frames)
+    events = list(_consistent_events(recording, losses.without_image(recording, frames)))
+    # Of a recording that was cut before its first frame, the description and the scene are all there is.
+    if not frames and not events and (salvage.ended or salvage.lost_places):
+        raise RecordingError(f"{path} holds no whole frame and no whole event; nothing in it can be saved.")
+    with atomic_output(output) as part:
+        rewrite(recording, part, frames, events)
+    return _report(recording, output, frames, events, losses)
+
+
+def _report(
+    recording: Recording,
+    output: Path,
+    frames: Sequence[FrameId],
+    events: Sequence[StampedEvent],
+    losses: Losses,
+) -> RepairedRecording:
+    damaged_events = losses.events_written - len(events)
+    return RepairedRecording(
+        recording=recording.path,
+        output=output,
+        frames=len(frames),
+        events=len(events),
+        last_step=frames[-1] if frames else None,
+        damaged_frames=losses.frame_count,
+        damaged_events=damaged_events,
+        lost_bytes=losses.lost_bytes,
+        left_out=(*losses.lines, *([f"{damaged_events} events"] if damaged_events else [])),
+    )
+
+
+def _check_rows(recording: Recording, record: ClosingRecord) -> None:
+    """Raise RecordingError when fewer rows can be read than were written."""
+    for entity, written in record.rows.items():
+        found = recording.row_count(entity)
+        if found is not None and found != written:
+            raise _changed(recording.path, f"{written} rows of {entity} were written and {found} are there")
+
+
+def _check_events(recording: Recording) -> None:
+    for place, stored in enumerate(recording.stored_events):
+        if not stored.intact or stored.event.sequence != place:
+            raise _changed(recording.path, f"event {place} is missing or changed since it was written")
+    recording.final_graph()  # Raises MapError when the deltas do not fit together.
+
+
+def _changed(path: Path, what: str) -> RecordingError:
+    return RecordingError(
+        f"{path}: {what}. Restore the file from a copy, or run `ltvn repair {path} --output NEW.rrd` to get back what "
+        "is whole."
+    )
+
+
+def _consistent_events(recording: Recording, without_image: Set[FrameId]) -> Iterator[StampedEvent]:
+    """Yield the events that are intact and whose changes of the map fit what was saved."""
+    graph = TopologicalGraph()
+    for stored in recording.stored_events:
+        if not stored.intact:
+            continue
+        stamped = stored.event.decoded()
+        change = stamped.event
+        if isinstance(change, GraphChanged):
+            if isinstance(change.delta, NodeAdded) and change.delta.node.id in without_image:
+                continue
+            try:
+                graph.apply(change.delta)
+            except MapError:
+                continue
+        yield stamped

@@ -1,0 +1,193 @@
+"""Makes the best of a message that is damaged: repairs a single flipped bit, or puts what is left into a new message.
+
+Owns the arithmetic of the checksum, the layout of the messages that hold rows, and the decompression of damaged LZ4
+blocks. Without a checksum of the message nobody knows which of its rows are right; whoever reads them compares the
+checksums of their own.
+"""
+
+import re
+import zlib
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from ltvn_core.data.recording.rrf2.framing import CHUNK_KIND, MESSAGE_HEADER
+from ltvn_core.protobuf_fields import bytes_field, number_field
+
+_LONG = 15
+"""A length of four bits that goes on in the bytes that follow."""
+_SHORTEST_MATCH = 4
+_MOST_RATIO = 255
+"""No block grows by more."""
+_MOST_BYTES = 1 << 30
+_SHIFTS = 8
+_STORE = 1
+_COMPRESSION = 2
+_SIZE = 3
+_ENCODING = 4
+_TABLE = 5
+_CHUNK_ID = 6
+_UNCOMPRESSED = 1
+_ARROW = 1
+_TABLE_START = re.compile(rb"\x18(?P<size>[\x80-\xff]{0,5}[\0-\x7f])\x20\x01\x2a(?P<length>[\x80-\xff]{0,5}[\0-\x7f])")
+"""Size, encoding (Arrow) and the beginning of the table, which stand one behind the other."""
+_BEFORE_TABLE = 256
+"""All of these stand in so many bytes at the beginning of a message."""
+_POLYNOMIAL = 0xEDB88320
+
+
+class _Sequence(NamedTuple):
+    """Some bytes as they are, and then some that stand further up already."""
+
+    literals: bytes
+    back: int
+    """How far up the bytes to repeat begin; 0 in the last sequence."""
+    match: int
+    """How many bytes to repeat."""
+
+
+def decompressed(block: bytes, size: int) -> Iterator[bytes]:
+    """Yield what a damaged block of once `size` bytes may have held, `size` bytes each; the likeliest first.
+
+    Damage to a length moves all that stands behind it. So where the sizes do not fit, the bytes behind some places are
+    moved back to where they must have stood.
+    """
+    if not 0 < size <= min(_MOST_BYTES, _MOST_RATIO * len(block)):
+        return
+    sequences = list[_Sequence]()
+    total = 0
+    for sequence in _sequences(block):
+        sequences.append(sequence)
+        total += len(sequence.literals) + sequence.match
+        if total > 2 * size + _MOST_RATIO:
+            break  # A length that became very large.
+    yield _joined(sequences, size, len(sequences), 0)
+    if total != size and len(sequences) > 1:
+        for part in range(1, _SHIFTS):
+            yield _joined(sequences, size, part * len(sequences) // _SHIFTS, size - total)
+
+
+def _joined(sequences: list[_Sequence], size: int, moved_from: int, by: int) -> bytes:
+    """Return what sequences say, those from number `moved_from` on moved `by` bytes."""
+    out = bytearray(size)
+    place = 0
+    for number, (literals, back, match) in enumerate(sequences):
+        if number == moved_from:
+            place = max(0, place + by)
+        if place >= size:
+            break
+        fitting = literals[: size - place]
+        out[place : place + len(fitting)] = fitting
+        place += len(literals)
+        if 0 < back <= place < size:
+            _repeat(out, place, back, min(match, size - place))
+        place += match
+    return bytes(out)
+
+
+def _repeat(out: bytearray, place: int, back: int, count: int) -> None:
+    repeated = out[place - back : min(place - back + count, place)]
+    out[place : place + count] = (repeated * (count // len(repeated) + 1))[:count]
+
+
+def _sequences(block: bytes) -> Iterator[_Sequence]:
+    """Walk over a block up to its end; the last sequence of a damaged one may be cut."""
+    place = 0
+    while place < len(block):
+        token = block[place]
+        count, place = _length(block, place + 1, token >> 4)
+        literals = block[place : place + count]
+        place += count
+        if place + 2 > len(block):
+            yield _Sequence(literals, 0, 0)
+            return
+        back = int.from_bytes(block[place : place + 2], "little")
+        match, place = _length(block, place + 2, token & _LONG)
+        yield _Sequence(literals, back, match + _SHORTEST_MATCH)
+
+
+def _length(block: bytes, place: int, length: int) -> tuple[int, int]:
+    """Return a length that begins with four bits, and the place behind it."""
+    if length < _LONG:
+        return length, place
+    while place < len(block):
+        more = block[place]
+        length = length + more
+        place = place + 1
+        if more < _MOST_RATIO:
+            break
+    return length, place
+
+
+def _crc_of_byte(byte: int) -> int:
+    for _ in range(8):
+        byte = byte >> 1 ^ (_POLYNOMIAL if byte & 1 else 0)
+    return byte
+
+
+_CRC_TABLE = tuple(map(_crc_of_byte, range(256)))
+
+_INDEX_OF_TOP = {crc >> 24: index for index, crc in enumerate(_CRC_TABLE)}
+
+_BIT_OF_CRC = {_CRC_TABLE[1 << bit]: bit for bit in range(8)}
+
+
+def with_bit_put_right(message: bytes, crc32: int) -> bytes | None:
+    """Return a message that was written with the checksum `crc32` and of which one bit flipped; None for all else.
+
+    What a flipped bit changes in the checksum depends on its place alone, and on no two places it is the same. Damage
+    of another kind looks like a flipped bit once in 500 million for each byte of the message.
+    """
+    changed = zlib.crc32(message) ^ crc32
+    for place in range(len(message) - 1, -1, -1):
+        bit = _BIT_OF_CRC.get(changed)
+        if bit is not None:
+            mended = message[:place] + bytes([message[place] ^ 1 << bit]) + message[place + 1 :]
+            return mended if zlib.crc32(mended) == crc32 else None
+        # One byte of zeros less behind the change.
+        index = _INDEX_OF_TOP[changed >> 24]
+        changed = (changed ^ _CRC_TABLE[index]) << 8 & 0xFFFFFFFF | index
+    return None
+
+
+def readable_again(message: bytes, store: bytes) -> Iterator[bytes]:
+    """Yield messages of `store` that hold what is left of the table in a damaged one; the likeliest first."""
+    payload = message[MESSAGE_HEADER.size :]
+    found = _table(payload)
+    if found is None:
+        return
+    packed = len(found.table) != found.size
+    tables = decompressed(found.table, found.size) if packed else (found.table,)
+    for table in tables:
+        rows = b"".join(
+            (
+                bytes_field(_STORE, store),
+                number_field(_COMPRESSION, _UNCOMPRESSED),
+                number_field(_SIZE, len(table)),
+                number_field(_ENCODING, _ARROW),
+                bytes_field(_TABLE, table),
+                bytes_field(_CHUNK_ID, found.chunk_id),
+            )
+        )
+        yield MESSAGE_HEADER.pack(CHUNK_KIND, len(rows)) + rows
+
+
+class _Table(NamedTuple):
+    table: bytes
+    size: int
+    """Bytes that it has decompressed."""
+    chunk_id: bytes
+
+
+def _table(payload: bytes) -> _Table | None:
+    """Find the table in a message that may be cut, or damaged before and behind the table."""
+    found = _TABLE_START.search(payload, 0, _BEFORE_TABLE)
+    if found is None:
+        return None
+    begin = found.end()
+    length = _number(found["length"])
+    chunk_id = b"\t" + zlib.crc32(payload).to_bytes(8, "little") + b"\x11" + len(payload).to_bytes(8, "little")
+    return _Table(payload[begin : begin + length], _number(found["size"]), chunk_id)
+
+
+def _number(encoded: bytes) -> int:
+    return sum((byte & 0x7F) << 7 * place for place, byte in enumerate(encoded))

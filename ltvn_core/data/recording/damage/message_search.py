@@ -1,0 +1,302 @@
+"""Finds the messages of a damaged file: by its closing records where any is left, else by their looks.
+
+Owns the search. Does not look into messages beyond their first byte, so what is found by its looks may be damaged.
+"""
+
+import bisect
+import itertools
+import re
+import zlib
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cached_property
+from typing import NamedTuple
+
+from ltvn_core.data.recording.damage.mended_message import with_bit_put_right
+from ltvn_core.data.recording.rrf2.closing_record import ClosingRecord, PlacedRecord, find_closing_records
+from ltvn_core.data.recording.rrf2.framing import (
+    CHUNK_KIND,
+    END_KIND,
+    FILE_MAGIC,
+    HEADER_BYTES,
+    KNOWN_KINDS,
+    MESSAGE_HEADER,
+    TAIL_BYTES,
+    MessageSum,
+    Tail,
+)
+
+_TRIED = 8
+"""So many places of like headers are looked at for one message, so that a file with large holes takes no hours."""
+_HEADER_LIKE = re.compile(rb"[\x01-\x03]\x00{7}.{5}\x00{3}\n", re.DOTALL)
+"""A known kind, a length below a terabyte, and the first byte that the payload of any of our messages begins with."""
+
+
+class FoundMessage(NamedTuple):
+    """A message that can be put into another file."""
+
+    position: int
+    data: bytes
+    """Header and payload."""
+    record: int | None = None
+    """Number of the closing record by which it is as it was written, or damaged; None when it only looks like one."""
+    damaged: bool = False
+    """It differs from what its closing record says of it, or is cut."""
+
+    @property
+    def sure(self) -> bool:
+        """A checksum says that it is as it was written."""
+        return self.record is not None and not self.damaged
+
+    @property
+    def end(self) -> int:
+        """Where it ends."""
+        return self.position + len(self.data)
+
+
+class LostBytes(NamedTuple):
+    """A stretch of the file of which nothing can be used."""
+
+    position: int
+    size: int
+
+
+class FoundMessages(NamedTuple):
+    """What a damaged file still holds, in the order of the file."""
+
+    messages: Sequence[FoundMessage]
+    lost: Sequence[LostBytes]
+    cut: LostBytes | None
+    """The last message of a file that ends in the middle of it; it is among the messages too."""
+    records: Mapping[int, ClosingRecord]
+    """The closing records, by number, that speak of messages in this file; one for each file that was put into it."""
+    has_foreign_ending: bool
+    """A closing record speaks of messages none of which is here."""
+
+
+def find_messages(data: bytes) -> FoundMessages:
+    """Find the messages of a whole file's bytes, of which any may be damaged, missing, moved or of another file."""
+    looks = list(_looking_like_messages(data))
+    walked = [part for part in looks if isinstance(part, FoundMessage)]
+    placed = find_closing_records(data)
+    sure = _written_as_recorded(data, placed, walked)
+    known = {number: each.record for number, each in enumerate(placed) if number in _at_home(placed, sure, walked)}
+    starts = [HEADER_BYTES, *(each.end + TAIL_BYTES + HEADER_BYTES for each in placed)]
+    taken = _Stretches([message for found in sure.values() for message in found.values()])
+    damaged = [
+        part
+        for number, record in known.items()
+        for part in _not_as_recorded(data, number, record, sure[number], starts[number], taken)
+    ]
+    taken = _Stretches([*taken.messages, *(part for part in damaged if isinstance(part, FoundMessage))])
+    others = [message for message in walked if not taken.overlap(message)]
+    lost = [part for part in damaged if isinstance(part, LostBytes)]
+    if not known:
+        lost = [part for part in looks if isinstance(part, LostBytes)]
+    cut = lost.pop() if not known and lost and lost[-1].position + lost[-1].size == len(data) else None
+    if cut is not None and cut.size > MESSAGE_HEADER.size:
+        others.append(FoundMessage(cut.position, data[cut.position :], damaged=True))
+    return FoundMessages(sorted([*taken.messages, *others]), lost, cut, known, len(known) < len(placed))
+
+
+_Found = Mapping[int, Mapping[int, FoundMessage]]
+"""Number of the closing record -> place in it -> the message, as it was written."""
+
+
+def _written_as_recorded(data: bytes, placed: Sequence[PlacedRecord], walked: Sequence[FoundMessage]) -> _Found:
+    """Look for every message of the closing records where it was written, and else where it may have moved to."""
+    by_sum = {_sum(message.data): message.position for message in walked} if placed else {}
+    index = _HeaderIndex(data)
+    start = HEADER_BYTES
+    found: dict[int, dict[int, FoundMessage]] = {}
+    for number, each in enumerate(placed):
+        found[number] = {}
+        position = behind_last = start
+        is_whole = _is_end(data, start + each.record.messages_end - HEADER_BYTES)
+        for place, written in enumerate(each.record.messages):
+            moved = by_sum.get(written)
+            # Only where the length differs bytes can be missing or put in.
+            elsewhere = () if is_whole else index.places(written.header, behind_last)
+            for begin in itertools.chain((position,), () if moved is None else (moved,), elsewhere):
+                # The header from the record, so that damage to this alone costs nothing.
+                message = written.header + data[begin + MESSAGE_HEADER.size : begin + written.size]
+                if zlib.crc32(message) == written.crc32:
+                    found[number][place] = FoundMessage(begin, message, number)
+                    position = begin
+                    behind_last = begin + written.size
+                    break
+            position += written.size
+        start = each.end + TAIL_BYTES + HEADER_BYTES
+    return found
+
+
+def _sum(message: bytes) -> MessageSum:
+    kind, length = MESSAGE_HEADER.unpack_from(message)
+    return MessageSum(kind, length, zlib.crc32(message))
+
+
+def _at_home(placed: Sequence[PlacedRecord], sure: _Found, walked: Sequence[FoundMessage]) -> set[int]:
+    """Return the closing records of which something is in the file; another file's ending has none."""
+    headers = {(message.position, message.data[: MESSAGE_HEADER.size]) for message in walked}
+    home = set[int]()
+    start = HEADER_BYTES
+    for number, each in enumerate(placed):
+        sizes = itertools.accumulate((written.size for written in each.record.messages), initial=start)
+        alike = sum((at, written.header) in headers for at, written in zip(sizes, each.record.messages, strict=False))
+        # The first few messages of any two recordings are as long as each other.
+        if sure[number] or 2 * alike > len(each.record.messages):
+            home.add(number)
+        start = each.end + TAIL_BYTES + HEADER_BYTES
+    return home
+
+
+def _not_as_recorded(
+    data: bytes,
+    number: int,
+    record: ClosingRecord,
+    sure: Mapping[int, FoundMessage],
+    start: int,
+    taken: "_Stretches",
+) -> Iterator[FoundMessage | LostBytes]:
+    """Yield the messages that were not found as they were written, each from the place at which it should stand."""
+    position = start
+    for place, written in enumerate(record.messages):
+        if place in sure:
+            position = sure[place].end
+            continue
+        end = min(position + written.size, taken.next_begin(position), len(data))
+        message = written.header + data[position + MESSAGE_HEADER.size : end]
+        mended = with_bit_put_right(message, written.crc32) if len(message) == written.size else None
+        if mended is not None:
+            yield FoundMessage(position, mended, number)
+        elif end > position + MESSAGE_HEADER.size:
+            yield FoundMessage(position, message, number, damaged=True)
+        else:
+            yield LostBytes(position, written.size)
+        position += written.size
+
+
+class _Stretches:
+    """Where in a file messages stand that were found."""
+
+    def __init__(self, messages: Sequence[FoundMessage]) -> None:
+        self.messages = sorted(messages, key=lambda message: message.position)
+        self._begins = [message.position for message in self.messages]
+
+    def next_begin(self, position: int) -> int:
+        """Return where the next message begins, from `position` on; `position` itself when it is in one."""
+        number = bisect.bisect_left(self._begins, position)
+        if number and self.messages[number - 1].end > position:
+            return position
+        return self._begins[number] if number < len(self._begins) else 1 << 62
+
+    def overlap(self, message: FoundMessage) -> bool:
+        """Tell whether a message has bytes in common with one of these."""
+        return self.next_begin(message.position) < message.end
+
+
+class _HeaderIndex:
+    """Where in a file which header stands, since bytes may be missing or put in. Made when it is first asked for."""
+
+    def __init__(self, data: bytes) -> None:
+        self._data = data
+
+    @cached_property
+    def _positions(self) -> Mapping[bytes, Sequence[int]]:
+        found: dict[bytes, list[int]] = defaultdict(list)
+        for match in _HEADER_LIKE.finditer(self._data):
+            found[match.group()[: MESSAGE_HEADER.size]].append(match.start())
+        return found
+
+    def places(self, header: bytes, begin: int) -> Sequence[int]:
+        """Return the first few places of a header from `begin` on."""
+        positions = self._positions.get(header, ())
+        first = bisect.bisect_left(positions, begin)
+        return positions[first : first + _TRIED]
+
+
+def _looking_like_messages(data: bytes) -> Iterator[FoundMessage | LostBytes]:
+    """Walk over the messages, and where the walk cannot go on, look for the next place from which it can."""
+    position = HEADER_BYTES
+    while position < len(data) and not _is_end(data, position):
+        if (behind := _next_file(data, position)) is not None:
+            position = behind
+            continue
+        end = _message_end(data, position)
+        if end is not None and _goes_on(data, end):
+            yield FoundMessage(position, data[position:end])
+            position = end
+            continue
+        following = _next_message(data, position + 1)
+        yield from _between(data, position, end, following)
+        position = following
+
+
+def _between(data: bytes, position: int, end: int | None, following: int) -> Iterator[FoundMessage | LostBytes]:
+    """Guess what stands between a place where the walk stopped and the next one from which it goes on."""
+    if end is not None and end < following:
+        # Its length seems right, so the header behind it is wrong.
+        yield FoundMessage(position, data[position:end])
+        position = end
+    kind = int.from_bytes(data[position : position + 8], "little")
+    payload = data[position + MESSAGE_HEADER.size : following]
+    if payload.startswith(b"\n") and following < len(data):
+        header = MESSAGE_HEADER.pack(kind if kind in KNOWN_KINDS else CHUNK_KIND, len(payload))
+        yield FoundMessage(position, header + payload)
+    elif following > position:
+        yield LostBytes(position, following - position)
+
+
+def _message_end(data: bytes, position: int) -> int | None:
+    """Return where the message at a place ends, None where there is none."""
+    if not _HEADER_LIKE.match(data, position):
+        return None
+    _, length = MESSAGE_HEADER.unpack_from(data, position)
+    end = position + MESSAGE_HEADER.size + length
+    return end if end <= len(data) else None
+
+
+def _goes_on(data: bytes, position: int) -> bool:
+    """Tell whether a message, the end message or the cut end of the file stands at a place."""
+    return (
+        position == len(data)
+        or _is_end(data, position)
+        or bool(_HEADER_LIKE.match(data, position))
+        or _next_file(data, position) is not None
+    )
+
+
+def _next_file(data: bytes, position: int) -> int | None:
+    """Return where the messages of another file begin, when an ending and then the header of one stands at a place."""
+    if position + MESSAGE_HEADER.size > len(data):
+        return None
+    kind, length = MESSAGE_HEADER.unpack_from(data, position)
+    end = position + MESSAGE_HEADER.size + length + TAIL_BYTES
+    if kind != END_KIND or Tail.read(data[end - TAIL_BYTES : end]) is None or data[end : end + 4] != FILE_MAGIC:
+        return None
+    return end + HEADER_BYTES
+
+
+def _is_end(data: bytes, position: int) -> bool:
+    if position + MESSAGE_HEADER.size + TAIL_BYTES > len(data):
+        return False
+    kind, length = MESSAGE_HEADER.unpack_from(data, position)
+    return kind == END_KIND and position + MESSAGE_HEADER.size + length + TAIL_BYTES == len(data)
+
+
+def _next_message(data: bytes, position: int) -> int:
+    """Return the next place at which a message stands that another one follows, or where the messages end."""
+    for found in _HEADER_LIKE.finditer(data, position):
+        end = _message_end(data, found.start())
+        if end is not None and _goes_on(data, end):
+            return found.start()
+    return _end_of_messages(data, position)
+
+
+def _end_of_messages(data: bytes, position: int) -> int:
+    """Return where the end message begins, or where the file is cut."""
+    tail = Tail.read(data[-TAIL_BYTES:])
+    if tail is None:
+        return len(data)
+    end = tail.footer_start - MESSAGE_HEADER.size
+    return end if position <= end <= len(data) else len(data)

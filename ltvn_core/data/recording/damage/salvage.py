@@ -1,0 +1,270 @@
+"""Opens what is left of a damaged recording, message by message and row by row.
+
+Owns which messages are believed, and the temporary files that they are read from. What no checksum vouches for is first
+read in a process of its own, since a damaged message can end the process that reads it.
+"""
+
+import tempfile
+from collections import Counter
+from collections.abc import Iterable, Sequence, Set
+from itertools import islice
+from pathlib import Path
+from typing import NamedTuple
+
+import pyarrow as pa
+import rerun as rr
+
+from ltvn_core.data.recording import schema
+from ltvn_core.data.recording.damage.mended_message import readable_again
+from ltvn_core.data.recording.damage.message_search import FoundMessage, FoundMessages, find_messages
+from ltvn_core.data.recording.metadata import RecordingMetadata, package_versions, read_schema_version
+from ltvn_core.data.recording.reader import Recording
+from ltvn_core.data.recording.reading_trial import reading_failure, unreadable_messages
+from ltvn_core.data.recording.rrd_contents import (
+    DESCRIPTION,
+    RrdContents,
+    StoreRows,
+    has_expected_columns,
+    read_description,
+    read_store,
+    several_recordings,
+    unreadable,
+)
+from ltvn_core.data.recording.rrf2.closing_record import ClosingRecord
+from ltvn_core.data.recording.rrf2.framing import CHUNK_KIND, MESSAGE_HEADER, TAIL_BYTES, Tail
+from ltvn_core.errors import RecordingError
+from ltvn_core.protobuf_fields import bytes_field, read_fields
+from ltvn_core.robots.robot_spec import LOCOBOT
+
+_FILE_HEADER = b"RRF2" + bytes([*map(int, rr.__version__.split("+")[0].split(".")[:2]), 0, 0]) + b"\x01\x02\x00\x00"
+"""As this Rerun writes it: magic, version, LZ4, protobuf."""
+_STORE_KIND = 1
+_ROW_ID = b"\n\x12\t" + bytes(8) + b"\x11" + bytes(8)
+_STORE_SOURCE = b"*\x0c\x08\x02\x12\x08\n\x06\x08\x03\x10\x0b\x18\x07"
+"""Python 3.11; Rerun asks for some source and we for none."""
+_EVENTS = f"/{schema.EVENTS}"
+_RECORDING_STORE = b"\x08\x01"
+
+
+class Salvage(NamedTuple):
+    """What is left of a damaged recording."""
+
+    recording: Recording
+    record: ClosingRecord | None
+    """What the file said of itself when it was finished, where that is still to be read."""
+    described: bool
+    """The description could be read; else another stands in for it."""
+    lost_bytes: int
+    """Of messages that are damaged or missing, or were cut; of some of them single rows are saved."""
+    lost_places: Sequence[tuple[int, int]]
+    """Where those before the cut begin and how long they are, in bytes."""
+    ended: bool
+    """The file was finished once."""
+
+
+def open_salvage(path: Path, recording_id: str | None = None) -> Salvage:
+    """Open what is whole of a damaged or unfinished recording.
+
+    Raises RecordingError when nothing is, and when the file holds several recordings and `recording_id` names none.
+    """
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise unreadable(path, error) from error
+    found = find_messages(data)
+    stores = _stores([each.data for each in found.messages])
+    if not stores:
+        raise RecordingError(f"{path} holds no whole message of a recording; nothing in it can be saved.")
+    store = _chosen_store(path, stores, recording_id)
+    number = _record_of(found, store)
+    messages = [each for each in found.messages if _belongs(each, store, {*stores} - {store}, number)]
+    # Where a closing record is left, what it does not speak of may be anything.
+    trusted = [each for each in messages if each.sure or (number is None and not each.damaged)]
+    doubtful = [each for each in messages if not each.sure and (number is not None or each.damaged)]
+    bad, rows = _read_apart(path, store, trusted, doubtful)
+    record = None if number is None else found.records[number]
+    contents = _contents(path, rows, record)
+    lost = [(each.position, len(each.data)) for each in bad]
+    lost += [(each.position, len(each.data)) for each in found.messages if each.damaged and each.record == number]
+    if found.cut is not None:
+        lost = [place for place in lost if place[0] != found.cut.position]
+    lost += [(each.position, each.size) for each in found.lost]
+    return Salvage(
+        recording=Recording(path, contents.contents),
+        record=record,
+        described=contents.described,
+        lost_bytes=sum(size for _, size in lost) + (0 if found.cut is None else found.cut.size),
+        lost_places=sorted(lost),
+        ended=record is not None or (_has_table(data) and not found.has_foreign_ending),
+    )
+
+
+def _record_of(found: FoundMessages, store: bytes) -> int | None:
+    """Return the number of the closing record that speaks of a store's messages, None where none is left."""
+    speaking = Counter(each.record for each in found.messages if each.sure and _store(each.data) == store)
+    if speaking:
+        return speaking.most_common(1)[0][0]
+    # All its messages may be damaged.
+    return (
+        next(iter(found.records), None)
+        if len(found.records) == 1 and not any(each.sure for each in found.messages)
+        else None
+    )
+
+
+def _belongs(message: FoundMessage, store: bytes, others: Set[bytes], number: int | None) -> bool:
+    """Tell whether a message may hold rows of a store."""
+    if MESSAGE_HEADER.unpack_from(message.data)[0] != CHUNK_KIND:
+        return False
+    if message.damaged:
+        return message.record == number and _store(message.data) not in others
+    return _store(message.data) is not None and _store(message.data) not in others
+
+
+def _read_apart(
+    path: Path, store: bytes, trusted: Sequence[FoundMessage], doubtful: Sequence[FoundMessage]
+) -> tuple[Sequence[FoundMessage], StoreRows]:
+    """Read messages from temporary files of their own; return those of the trusted that cannot be read, and the rows.
+
+    Messages that are as they were written need not be tried. Of the doubtful ones, and of those that cannot be read,
+    only the rows count that agree with a checksum of their own.
+    """
+    try:
+        with tempfile.TemporaryDirectory(prefix="ltvn-") as folder:
+            kept = Path(folder) / "kept.rrd"
+            _write(kept, store, (each.data for each in trusted))
+            tried = not all(each.sure for each in trusted) and reading_failure(kept) is not None
+            places = unreadable_messages(kept, len(trusted)) if tried else {}
+            bad = [trusted[place] for place in sorted(places)]
+            if bad:
+                _write(kept, store, (each.data for place, each in enumerate(trusted) if place not in places))
+            rest = _readable_parts(Path(folder), store, [*doubtful, *bad])
+            return bad, read_store(kept, part_of=path, doubtful=rest)
+    except OSError as error:
+        raise RecordingError(
+            f"{path} cannot be copied to the temporary folder {tempfile.gettempdir()} ({error.strerror}); make room "
+            "there, or name another in the variable TMPDIR."
+        ) from error
+
+
+def _readable_parts(folder: Path, store: bytes, doubtful: Sequence[FoundMessage]) -> Sequence[Path]:
+    """Write what is left of doubtful messages to new files that Rerun can read.
+
+    The first holds them as they most likely were, the second as they else may have been.
+    """
+    if not doubtful:
+        return ()
+    likely = folder / "likely.rrd"
+    others = folder / "others.rrd"
+    for path, part in ((likely, slice(0, 1)), (others, slice(1, None))):
+        guesses = [
+            each for message in doubtful for each in islice(readable_again(message.data, store), part.start, part.stop)
+        ]
+        _write(path, store, guesses)
+        bad = unreadable_messages(path, len(guesses))
+        _write(path, store, (each for place, each in enumerate(guesses) if place not in bad))
+    return likely, others
+
+
+def _has_table(data: bytes) -> bool:
+    """Tell whether a file ends as Rerun ends one: with a table of its chunks."""
+    tail = Tail.read(data[-TAIL_BYTES:])
+    return tail is not None and tail.footer_bytes > 0
+
+
+class _Described(NamedTuple):
+    contents: RrdContents
+    described: bool
+
+
+def _contents(path: Path, store: StoreRows, record: ClosingRecord | None) -> _Described:
+    rows = {entity: [batch for batch in batches if _is_usable(entity, batch)] for entity, batches in store.rows.items()}
+    for place in range(len(rows.get(DESCRIPTION, ())), 0, -1):
+        # The last copy first; a recording has two of them.
+        try:
+            described = store._replace(rows={DESCRIPTION: rows[DESCRIPTION][:place]})
+            meta = read_description(path, described)
+        except RecordingError:
+            if _has_other_schema(rows[DESCRIPTION][place - 1]):
+                raise
+            continue
+        return _Described(RrdContents(meta, rows, record), described=True)
+    return _Described(RrdContents(_stand_in(store.recording_id), rows, record), described=False)
+
+
+def _is_usable(entity: str, batch: pa.RecordBatch) -> bool:
+    if not has_expected_columns(entity, batch):
+        return False
+    # Of an event each column has one value.
+    single = [name for name in schema.COLUMNS[schema.EVENTS] if name != schema.STEP] if entity == _EVENTS else []
+    return all(len(batch.column(name).flatten()) == batch.num_rows for name in single)
+
+
+def _has_other_schema(row: pa.RecordBatch) -> bool:
+    try:
+        return read_schema_version(row) != schema.SCHEMA_VERSION
+    except (LookupError, ValueError, TypeError):
+        return False
+
+
+def _stand_in(recording_id: str) -> RecordingMetadata:
+    """Return a description for a recording whose own one is lost."""
+    return RecordingMetadata(
+        scene="unknown",
+        config={},
+        fingerprint="",
+        camera=LOCOBOT.camera,
+        schema=schema.SCHEMA_VERSION,
+        versions=package_versions(),
+        started_at="",
+        recording_id=recording_id,
+    )
+
+
+def _write(path: Path, store: bytes, messages: Iterable[bytes]) -> None:
+    info = _ROW_ID + bytes_field(2, bytes_field(2, store) + _STORE_SOURCE)
+    described = MESSAGE_HEADER.pack(_STORE_KIND, len(info)) + info
+    with path.open("wb") as file:
+        file.write(_FILE_HEADER + described)
+        file.writelines(messages)
+
+
+def _store(message: bytes) -> bytes | None:
+    """Return to which store a message's rows belong, as Rerun writes it; None for the viewer's layout and the like."""
+    kind, _ = MESSAGE_HEADER.unpack_from(message)
+    payload = message[MESSAGE_HEADER.size :]
+    if kind != CHUNK_KIND or len(payload) < 2 or payload[0] != 10 or payload[1] > 127:
+        return None
+    store = payload[2 : 2 + payload[1]]
+    # The message at which a file is cut may end inside the name, which would then look like another recording's.
+    is_whole = len(store) == payload[1]
+    return store if is_whole and store.startswith(_RECORDING_STORE) else None
+
+
+def _stores(messages: Sequence[bytes]) -> Sequence[bytes]:
+    """Return the recordings in a file, the one with most messages first.
+
+    Where damage may have changed the name of one in a message, only those count that the file describes.
+    """
+    stores = Counter(store for message in messages if (store := _store(message)) is not None)
+    described = [message for message in messages if MESSAGE_HEADER.unpack_from(message)[0] == _STORE_KIND]
+    ordered = [store for store, _ in stores.most_common()]
+    return [store for store in ordered if any(store in each for each in described)] or ordered[:1]
+
+
+def _chosen_store(path: Path, stores: Sequence[bytes], recording_id: str | None) -> bytes:
+    ids = {_recording_id(store): store for store in stores}
+    if recording_id in ids:
+        return ids[recording_id]
+    if recording_id is not None:
+        raise RecordingError(f"{path} holds no recording {recording_id!r}, but {' and '.join(ids)}.")
+    if len(stores) > 1:
+        raise several_recordings(path, list(ids))
+    return stores[0]
+
+
+def _recording_id(store: bytes) -> str:
+    try:
+        return next(field.value.decode() for field in read_fields(store) if isinstance(field.value, bytes))
+    except (ValueError, StopIteration):
+        return "?"

@@ -1,0 +1,306 @@
+"""A Rerun stream into one new file that loses little when killed and says so when it cannot write.
+
+Owns the shape in which Rerun hands out encoded rows, the pace at which they leave memory, and how a recording ends.
+Rerun never waits for a disk, and a signal that ends a verb never falls between rows that belong together. Knows no
+entity and no event: the writer does. The disk is `appended_file`'s.
+"""
+
+import atexit
+import logging
+import signal
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from types import FrameType
+
+import pyarrow as pa
+import rerun as rr
+
+from ltvn_core.data.recording import schema
+from ltvn_core.data.recording.appended_file import WAITING_BYTES, AppendedFile
+from ltvn_core.data.recording.blueprint import Layout, blueprint
+from ltvn_core.data.recording.live_server import LiveServer
+from ltvn_core.data.recording.rrf2.chunk_table import ChunkTable
+from ltvn_core.data.recording.rrf2.closing_record import RecordingEnding
+from ltvn_core.data.recording.rrf2.framing import CHUNK_KIND, END_KIND, HEADER_BYTES, MESSAGE_HEADER
+from ltvn_core.data.recording.schema import RowTime
+from ltvn_core.errors import RecordingError
+
+_INTERRUPTS = (signal.SIGINT, signal.SIGTERM)
+_STORE_KIND = 1
+_ENCODING_S = 10.0
+"""Rerun needs milliseconds; a machine that is short of memory may need longer."""
+_LOG = logging.getLogger(__name__)
+_TICK_S = 0.25
+"""Longest time a row waits in memory: what a killed process loses."""
+_BY_TICK_ALONE = rr.ChunkBatcherConfig(flush_tick=3600, flush_num_bytes=1 << 40, flush_num_rows=1 << 40)
+"""Rerun gathers rows until they are taken."""
+_FLUSH_S = 60.0
+PATIENCE_S = 60.0
+"""So long may the disk keep a run waiting that has time, before the recording is given up."""
+MIN_FREE_DISK_BYTES = 16 << 20
+"""Recording stops, with a whole file, when the disk has less than this left."""
+
+
+class _Times(threading.local):
+    """The time that each recording has in this thread, as Rerun remembers it: two streams of one recording share it."""
+
+    def __init__(self) -> None:
+        self.of: dict[str, RowTime] = {}
+
+
+_TIMES = _Times()
+
+
+@contextmanager
+def interrupts_deferred() -> Iterator[None]:
+    """Let Ctrl-C and SIGTERM do what they do only after the block.
+
+    Python runs their handlers in the main thread, between any two of its steps; in other threads nothing can fall.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    came: list[tuple[int, FrameType | None]] = []
+    # Where no handler of Python's stands, the system ends the process at once, or nothing happens.
+    handlers = {number: found for number in _INTERRUPTS if callable(found := signal.getsignal(number))}
+    for number in handlers:
+        signal.signal(number, lambda number, frame: came.append((number, frame)))
+    try:
+        yield
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+        for number, frame in came:
+            handlers[signal.Signals(number)](number, frame)
+
+
+class MessageStream:
+    """The encoded messages of a Rerun stream, each handed out once; for one thread at a time."""
+
+    def __init__(self, rerun: rr.RecordingStream, table: ChunkTable) -> None:
+        """Take over what `rerun` logs from now on; `table` gets what Rerun says of its chunks."""
+        self._encoded = rerun.binary_stream()
+        self._table = table
+        self._stores: set[bytes] = set()
+        self._begun = False
+
+    def take(self) -> Sequence[bytes]:
+        """Return the header first, and whole messages with all that was logged since the last call.
+
+        Raises RecordingError when Rerun cannot encode it.
+        """
+        try:
+            block = self._encoded.read(flush=True, flush_timeout_sec=_ENCODING_S)
+        except (RuntimeError, ValueError) as error:
+            raise RecordingError(f"Rerun could not encode what was to be recorded ({error}).") from error
+        if not block:
+            return ()
+        header = () if self._begun else (block[:HEADER_BYTES],)
+        self._begun = True
+        return [*header, *(message for message in self._messages(block) if self._is_new(message))]
+
+    def _messages(self, block: bytes) -> Sequence[bytes]:
+        """Return the messages of what Rerun hands out: a small file with header, messages and an end."""
+        position = HEADER_BYTES
+        messages = list[bytes]()
+        chunks = list[int]()
+        footer = b""
+        while position + MESSAGE_HEADER.size <= len(block):
+            kind, length = MESSAGE_HEADER.unpack_from(block, position)
+            payload = position + MESSAGE_HEADER.size
+            if kind == END_KIND:
+                footer = block[payload : payload + length]
+                break
+            if kind == CHUNK_KIND:
+                chunks.append(payload)
+            messages.append(block[position : payload + length])
+            position = payload + length
+        self._table.add(footer, chunks)
+        return messages
+
+    def _is_new(self, message: bytes) -> bool:
+        """Tell whether a message belongs into the file; Rerun says more than once to which store rows belong."""
+        if MESSAGE_HEADER.unpack_from(message)[0] != _STORE_KIND:
+            return True
+        known = message in self._stores
+        self._stores.add(message)
+        return not known
+
+
+class DurableStream:
+    """Rows go in; a `.rrd` file comes out that survives the death of the process up to its last half second.
+
+    Raises RecordingError at the start when the file exists already or cannot be made, and once, from the next `log`,
+    when the disk stops taking data. After that rows are dropped, so that a robot can drive on. With a `live_port`,
+    Rerun viewers of this machine can watch there what is written; raises ServerError when it is taken.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        *,
+        recording_id: str,
+        min_free_bytes: int,
+        live_port: int | None = None,
+        patience_s: float = PATIENCE_S,
+    ) -> None:
+        """Begin the file. `together` waits up to `patience_s` for a disk far behind; 0 for a robot in real time."""
+        self.path = path
+        self._patience_s = patience_s
+        self._failure: str | None = None
+        self._failure_told = False
+        self._closed = False
+        self._recording_id = recording_id
+        _TIMES.of.pop(recording_id, None)
+        self._layout: Layout | None = None
+        self._description: rr.AsComponents | None = None
+        self._lock = threading.RLock()
+        """Guards what is logged; nobody waits for the disk while holding it."""
+        self._ending = RecordingEnding()
+        self._live = None if live_port is None else LiveServer(live_port, path)
+        try:
+            self._file = AppendedFile(path, min_free_bytes=min_free_bytes, ending=self._ending)
+        except BaseException:
+            self._close_live()
+            raise
+        self._rerun = rr.RecordingStream(
+            schema.APPLICATION_ID, recording_id=recording_id, batcher_config=_BY_TICK_ALONE
+        )
+        self._messages = MessageStream(self._rerun, self._ending.chunks)
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="recording-rows", daemon=True)
+        self._thread.start()
+        atexit.register(self._close_quietly)
+
+    @property
+    def failure(self) -> str | None:
+        """Why the recording stopped by itself, or None."""
+        return self._failure or self._file.failure
+
+    @property
+    def closed(self) -> bool:
+        """The file is finished, or given up."""
+        return self._closed
+
+    def begin(self, name: str, description: rr.AsComponents, layout: Layout) -> None:
+        """Write what the recording says of itself, and for those who watch it live the layout in which it opens."""
+        self._description = description
+        self._rerun.send_property(schema.PROPERTIES, description)
+        self._pass_on()  # First in the file, so that every cut file can still say what it is.
+        self._rerun.send_recording_name(name)
+        self._layout = layout
+        if self._live is not None:
+            # A layout takes 150 kB in the finished file, so only one that somebody may watch has two of them.
+            self._rerun.send_blueprint(blueprint(layout))
+            self._live.start()
+
+    @contextmanager
+    def together(self) -> Iterator[None]:
+        """Let what is logged in the block come into the file all or not at all; first waits for a disk far behind."""
+        if self._patience_s and self._file.waiting_bytes > WAITING_BYTES // 2:
+            self._file.wait_until_written(at_most_s=self._patience_s, waiting_bytes=WAITING_BYTES // 2)
+        with interrupts_deferred(), self._lock:
+            yield
+
+    def log(self, time: RowTime, entity: str, *values: rr.AsComponents) -> None:
+        """Write one row of an entity at a moment; all timelines are always set together, here only."""
+        with self._lock:
+            if not self._taking():
+                return
+            self._set_time(time)
+            self._rerun.log(entity, values[0], *values[1:])
+            self._ending.rows[entity] += 1
+
+    def send(self, batch: pa.RecordBatch) -> None:
+        """Write rows as Rerun's readers return them."""
+        with self._lock:
+            if self._taking():
+                self._rerun.send_record_batch(batch)
+
+    def log_static(self, entity: str, *values: rr.AsComponents) -> None:
+        """Write something that holds at all times."""
+        with self._lock:
+            if self._taking():
+                self._rerun.log(entity, values[0], *values[1:], static=True)
+                self._ending.static_rows[entity] += 1
+
+    def arrange(self, layout: Layout) -> None:
+        """Let the finished file open in this layout instead of the one that it began with."""
+        self._layout = layout
+
+    def flush(self) -> None:
+        """Bring everything to the file now; blocks, so never call it while driving."""
+        self._pass_on()
+        if not self._file.wait_until_written(at_most_s=_FLUSH_S):
+            _LOG.warning("The disk is slow: %s still waits for its data.", self.path)
+        self._raise_once()
+
+    def close(self) -> None:
+        """Finish the file. Raises RecordingError when it could not be finished; a second call does nothing.
+
+        Waits for the disk no longer than half a minute, and for one that takes nothing no longer than seconds.
+        """
+        with self._lock:
+            self._closed = True
+        self._stop.set()
+        self._thread.join()
+        atexit.unregister(self._close_quietly)
+        self._raise_once()
+
+    def _run(self) -> None:
+        while not self._stop.wait(_TICK_S) and self.failure is None:
+            self._pass_on()
+        with self._lock:
+            self._closed = True
+        if self._description is not None:
+            # Twice in the file, so that damage to one place leaves the other.
+            self._rerun.send_property(schema.PROPERTIES, self._description)
+        if self._layout is not None:
+            self._rerun.send_blueprint(blueprint(self._layout))
+        self._pass_on()
+        self._rerun.disconnect()
+        self._file.close()
+        self._close_live()
+
+    def _close_live(self) -> None:
+        if self._live is not None:
+            self._live.close()
+
+    def _pass_on(self) -> None:
+        """Hand to the file what was logged since the last time."""
+        with self._lock:
+            try:
+                self._file.append(self._messages.take())
+            except RecordingError as error:
+                self._failure = self._failure or str(error)
+
+    def _set_time(self, time: RowTime) -> None:
+        # Setting it costs as much as a small row.
+        if _TIMES.of.get(self._recording_id) == time:
+            return
+        self._rerun.set_time(schema.STEP, sequence=time.step)
+        self._rerun.set_time(schema.SIM_TIME, duration=time.stamp)
+        if time.event is None:
+            self._rerun.disable_timeline(schema.EVENT)
+        else:
+            self._rerun.set_time(schema.EVENT, sequence=time.event)
+        _TIMES.of[self._recording_id] = time
+
+    def _taking(self) -> bool:
+        self._raise_once()
+        if self._closed and not self.failure:
+            raise RecordingError(f"The recording {self.path} is closed; open a new one for what follows.")
+        return self.failure is None
+
+    def _raise_once(self) -> None:
+        if self.failure and not self._failure_told:
+            self._failure_told = True
+            raise RecordingError(self.failure)
+
+    def _close_quietly(self) -> None:
+        try:
+            self.close()
+        except RecordingError as error:
+            _LOG.error("%s", error)

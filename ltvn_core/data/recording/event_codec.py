@@ -1,0 +1,97 @@
+"""Events and deltas to JSON and back, exactly: every float, tuple and enum returns equal.
+
+The text is strict JSON, so that any language can read it: a float that is not finite becomes the string "inf",
+"-inf" or "nan". Each union member carries its class name as "kind", a change of the world as
+"change". Owns no file.
+"""
+
+import json
+import math
+import zlib
+from dataclasses import dataclass
+from typing import Self
+
+import cattrs
+import numpy as np
+from cattrs.strategies import configure_tagged_union
+
+from ltvn_core.errors import RecordingError
+from ltvn_core.graph.deltas import GraphDelta
+from ltvn_core.navigation.events import Event, StampedEvent
+from ltvn_core.structured_text import parse_json
+from ltvn_core.types import FrameId
+from ltvn_core.worlds import WorldChange
+
+
+def _plain_float(value: float) -> float | str:
+    return float(value) if math.isfinite(value) else str(float(value))
+
+
+def _converter() -> cattrs.Converter:
+    # What is wrong is said by the whole text, so nobody needs the place inside; reading is a third faster this way.
+    converter = cattrs.Converter(detailed_validation=False)
+    # Numbers may arrive as numpy scalars, which JSON does not know.
+    converter.register_unstructure_hook(float, _plain_float)
+    converter.register_unstructure_hook(int, int)
+    converter.register_unstructure_hook(bool, bool)
+    configure_tagged_union(GraphDelta, converter, tag_name="kind")
+    configure_tagged_union(WorldChange, converter, tag_name="change")
+    configure_tagged_union(Event, converter, tag_name="kind")
+    return converter
+
+
+_CONVERTER = _converter()
+
+_KINDS_BEFORE = {"LegStarted": "AttemptStarted", "LegEnded": "AttemptEnded"}
+"""What event kinds were called in older recordings, and what they are called now."""
+
+
+def encode_event(event: Event) -> str:
+    """Write an event as strict JSON."""
+    return json.dumps(_CONVERTER.unstructure(event, unstructure_as=Event), allow_nan=False, separators=(",", ":"))
+
+
+def decode_event(text: str) -> Event:
+    """Read an event back, equal to the one written; kinds are migrated to today's names.
+
+    Raises RecordingError when the text is no event of this schema.
+    """
+    try:
+        data = parse_json(text)
+        return _CONVERTER.structure(data | {"kind": current_kind(data["kind"])}, Event)  # pyright: ignore[reportArgumentType]
+    except (ValueError, KeyError, TypeError, cattrs.BaseValidationError) as error:
+        raise RecordingError(f"This is no event of the present schema: {text[:120]}") from error
+
+
+def current_kind(kind: str) -> str:
+    """Return today's name of an event kind that an older recording may hold."""
+    return _KINDS_BEFORE.get(kind, kind)
+
+
+@dataclass(frozen=True, slots=True)
+class EncodedEvent:
+    """One event as it lies in a recording."""
+
+    sequence: int
+    """Counts the events of a recording from 0: their order."""
+    step: FrameId
+    stamp: float
+    kind: str
+    """Class name of the event, for filtering without reading the JSON."""
+    json: str
+
+    @classmethod
+    def of(cls, stamped: StampedEvent, *, sequence: int) -> Self:
+        """Encode an event and its moment."""
+        event = stamped.event
+        return cls(sequence, int(stamped.step), float(stamped.stamp), type(event).__name__, encode_event(event))
+
+    @property
+    def checksum(self) -> int:
+        """CRC-32 over everything that stands in the row."""
+        numbers = np.array([self.sequence, self.step, self.stamp], np.float64).tobytes()
+        return zlib.crc32(self.json.encode(), zlib.crc32(numbers))
+
+    def decoded(self) -> StampedEvent:
+        """Return the event, equal to the one that was written."""
+        return StampedEvent(self.step, self.stamp, decode_event(self.json))

@@ -1,0 +1,222 @@
+"""A moment cut out of a recording, as a small recording of its own.
+
+Owns what a moment needs to stand alone: the map at its start, the images, and what the robot was about. Changes nothing
+in the recording that it is cut from.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from uuid import uuid4
+
+import pyarrow as pa
+
+from ltvn_core.atomic_files import atomic_output
+from ltvn_core.data.recording import schema
+from ltvn_core.data.recording.reader import Recording
+from ltvn_core.data.recording.rewriting import open_rewriter, rewrite_event
+from ltvn_core.errors import RecordingError
+from ltvn_core.graph.deltas import NodeAdded, ViewAdded
+from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.navigation.events import (
+    AttemptEnded,
+    AttemptStarted,
+    Collided,
+    GraphChanged,
+    Judged,
+    Localised,
+    Note,
+    Planned,
+    QueryEnded,
+    QueryStarted,
+    StampedEvent,
+    StateChanged,
+    WorldChanged,
+)
+from ltvn_core.types import FrameId
+from ltvn_core.worlds import subject
+
+
+@dataclass(frozen=True, slots=True)
+class Excerpt:
+    """A moment that was cut out."""
+
+    recording: Path
+    """What it was cut from."""
+    output: Path
+    from_s: float
+    """On the robot's clock."""
+    to_s: float
+    frames: int
+    events: int
+    """Of the moment itself, without those that make the map at its start."""
+    size_bytes: int
+
+
+@dataclass(frozen=True, slots=True)
+class EventWindow:
+    """The events of a stretch of time and what led to them."""
+
+    graph_before: TopologicalGraph
+    """The map at its start."""
+    world_before: tuple[WorldChanged, ...]
+    """The last change of each thing in the world before its start."""
+    ongoing: tuple[StampedEvent, ...]
+    """Of the query and the leg that ran at its start: how they began, and the last fix and plan."""
+    events: tuple[StampedEvent, ...]
+    """In the order in which they were written."""
+
+
+def event_window(events: Sequence[StampedEvent], from_s: float, to_s: float) -> EventWindow:
+    """Take the events from the first at or after `from_s` to the last at or before `to_s`; linear in events.
+
+    Events out of order stay where they are, so that the map at the end of the moment is the one of the recording.
+    """
+    inside = [place for place, stamped in enumerate(events) if from_s <= stamped.stamp <= to_s]
+    first = inside[0] if inside else sum(stamped.stamp < from_s for stamped in events)
+    last = inside[-1] + 1 if inside else first
+    changes = (stamped.event for stamped in events[:first])
+    graph = TopologicalGraph(change.delta for change in changes if isinstance(change, GraphChanged))
+    return EventWindow(
+        graph_before=graph,
+        world_before=_world_at_end(events[:first]),
+        ongoing=_ongoing_at_start(events[:first]),
+        events=tuple(events[first:last]),
+    )
+
+
+def time_span(recording: Recording) -> tuple[float, float]:
+    """Return the first and the last instant of a recording, in seconds on the robot's clock. Raises RecordingError."""
+    stamps = [*recording.poses.stamps.tolist(), *(stamped.stamp for stamped in recording.events)]
+    if not stamps:
+        raise RecordingError(f"{recording.path} holds no frames and no events, so no moment can be cut out of it.")
+    return min(stamps), max(stamps)
+
+
+def write_excerpt(
+    recording: Recording, output: Path | str, *, from_s: float, to_s: float, named_only: bool = False
+) -> Excerpt:
+    """Write the moment from `from_s` to `to_s` (robot clock) of a recording to a new file that stands alone.
+
+    It holds the map at its start with the images of its nodes and its reserve; with `named_only` just the images that
+    the moment's events name, which is much smaller but cannot be navigated by. Raises RecordingError when the file
+    exists, or when nothing happened in that time.
+    """
+    output = Path(output)
+    _check_times(recording, from_s, to_s)
+    found = event_window(recording.events, from_s, to_s)
+    frames = _frames(recording, found, from_s, to_s, named_only=named_only)
+    with atomic_output(output) as part:
+        _write(recording, part, found, frames, (from_s, to_s))
+    return Excerpt(
+        recording.path, output, from_s, to_s, len(frames), len(found.ongoing + found.events), output.stat().st_size
+    )
+
+
+def _world_at_end(events: Sequence[StampedEvent]) -> tuple[WorldChanged, ...]:
+    """Return what was done to a world last, to each thing."""
+    changes = (stamped.event for stamped in events if isinstance(stamped.event, WorldChanged))
+    return tuple({subject(event.change): event for event in changes}.values())
+
+
+def _ongoing_at_start(events: Sequence[StampedEvent]) -> tuple[StampedEvent, ...]:
+    """Return what an unfinished query needs to be understood, oldest first."""
+    kept: dict[type, StampedEvent] = {}
+    for stamped in events:
+        event = stamped.event
+        if isinstance(event, QueryStarted):
+            kept = {QueryStarted: stamped}
+        elif isinstance(event, QueryEnded):
+            kept = {}
+        elif isinstance(event, AttemptEnded):
+            kept.pop(AttemptStarted, None)
+        elif kept and isinstance(event, Localised | Planned | AttemptStarted):
+            kept[type(event)] = stamped
+    return tuple(sorted(kept.values(), key=events.index))
+
+
+def _check_times(recording: Recording, from_s: float, to_s: float) -> None:
+    begin, end = time_span(recording)
+    whole = f"the recording runs from {begin:.1f} s to {end:.1f} s"
+    if not (math.isfinite(from_s) and math.isfinite(to_s) and from_s <= to_s):
+        raise RecordingError(f"A moment runs from an earlier to a later time, not {from_s} to {to_s} s; {whole}.")
+    stamps = (*recording.poses.stamps.tolist(), *(stamped.stamp for stamped in recording.events))
+    if not any(from_s <= stamp <= to_s for stamp in stamps):
+        raise RecordingError(f"{recording.path}: nothing happened between {from_s} and {to_s} s; {whole}.")
+
+
+def _frames(
+    recording: Recording, found: EventWindow, from_s: float, to_s: float, *, named_only: bool
+) -> tuple[FrameId, ...]:
+    """Return the frames that the moment needs and the recording holds, in order."""
+    stamps = zip(recording.frames, recording.poses.stamps.tolist(), strict=True)
+    wanted = {frame for frame, stamp in stamps if from_s <= stamp <= to_s}
+    wanted.update(*(_named(stamped) for stamped in found.ongoing + found.events))
+    if not named_only:
+        wanted |= set(found.graph_before.frames)
+    return tuple(frame for frame in recording.frames if frame in wanted)
+
+
+def _named(stamped: StampedEvent) -> Iterator[FrameId]:
+    """Yield the frames that an event speaks of."""
+    match stamped.event:
+        case QueryStarted(goal=goal):
+            yield goal
+        case Localised(frame=frame, node=node, runner_up=runner_up):
+            yield from (each for each in (frame, node, runner_up) if each is not None)
+        case Planned(nodes=nodes):
+            yield from nodes
+        case (
+            AttemptStarted(source=source, target=target, frame=frame)
+            | AttemptEnded(source=source, target=target, frame=frame)
+        ):
+            yield from (each for each in (source, target, frame) if each is not None)
+        case GraphChanged(delta=NodeAdded(node=node)):
+            yield node.id
+        case GraphChanged(delta=ViewAdded(view=view)):
+            yield view.frame
+        case StateChanged() | Collided() | GraphChanged() | WorldChanged() | QueryEnded() | Judged() | Note():
+            return
+
+
+def _write(
+    recording: Recording, output: Path, found: EventWindow, frames: Sequence[FrameId], times: tuple[float, float]
+) -> None:
+    meta = recording.meta
+    graph = found.graph_before.copy()
+    origin = {"recording": recording.path.name, "id": meta.recording_id, "from_s": times[0], "to_s": times[1]}
+    everything = found.ongoing + found.events
+    config = {**meta.config, "excerpt": origin}
+    with open_rewriter(recording, output, recording_id=str(uuid4()), config=config) as writer:
+        for frame in frames:
+            writer.write_encoded_frame(recording.stored_frame(frame).frame)
+        begin = _start_note(recording, everything, times[0])
+        for delta in graph.deltas():
+            writer.write_event(begin._replace(event=GraphChanged(delta)))
+        for changed in found.world_before:
+            writer.write_event(begin._replace(event=changed))
+        writer.write_event(begin)
+        writer.draw_graph(graph, begin.step, begin.stamp)
+        for stamped in everything:
+            rewrite_event(writer, stamped, graph)
+        for batch in recording.user_rows():
+            writer.copy_user_rows(_between(batch, *times))
+
+
+def _between(batch: pa.RecordBatch, from_s: float, to_s: float) -> pa.RecordBatch:
+    """Return the rows of a moment, and those that hold at all times."""
+    if schema.SIM_TIME not in batch.schema.names:
+        return batch
+    stamps = batch.column(schema.SIM_TIME).cast(pa.int64()).to_numpy(zero_copy_only=False) / 1e9
+    return batch.filter(pa.array((stamps >= from_s) & (stamps <= to_s)))
+
+
+def _start_note(recording: Recording, events: Sequence[StampedEvent], from_s: float) -> StampedEvent:
+    """Return a note at the instant at which the map is as it was when the moment began."""
+    text = f"cut out of {recording.path.name} at {from_s:.1f} s"
+    if events:
+        first = min(events, key=lambda stamped: stamped.step)
+        return StampedEvent(first.step, min(first.stamp, from_s), Note(text))
+    after = recording.poses.stamps.searchsorted(from_s)
+    return StampedEvent(int(recording.poses.steps[after]), float(recording.poses.stamps[after]), Note(text))

@@ -1,0 +1,85 @@
+"""What a recording holds, in a few numbers; of a damaged one, what can be saved of it."""
+
+import tempfile
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from ltvn_core.data.recording.damage.integrity import repair
+from ltvn_core.data.recording.reader import Recording
+from ltvn_core.data.recording.rrd_contents import require_rrd
+from ltvn_core.errors import RecordingError
+from ltvn_core.navigation.events import Collided, Judged, QueryEnded
+
+
+@dataclass(frozen=True, slots=True)
+class RecordingInfo:
+    """The summary of a recording."""
+
+    recording: Path
+    whole: bool
+    """Finished, not cut, and as it was written; otherwise the numbers tell what `ltvn repair` can give back."""
+    scene: str
+    started_at: str
+    """Wall-clock time, ISO 8601 in UTC."""
+    duration_s: float
+    """From the first frame to the last, on the robot's clock."""
+    frames: int
+    nodes: int
+    """Of the map at the end."""
+    edges: int
+    reserve: int
+    """Images left over from mapping."""
+    queries: int
+    """Navigation tasks that ended."""
+    reached: int | None
+    """Goals reached by the evaluation's criterion; None without an evaluation."""
+    collisions: int
+    events: Mapping[str, int]
+    """How many of each kind."""
+    fingerprint: str
+    schema: int
+    versions: Mapping[str, str]
+    size_bytes: int
+
+
+def read_info(path: Path | str) -> RecordingInfo:
+    """Summarise a recording, whole or damaged. Raises RecordingError when it is not ours or nothing is readable."""
+    path = Path(path)
+    require_rrd(path)
+    try:
+        return _summary(Recording.open(path), path, whole=True)
+    except RecordingError:
+        pass  # What can be saved of it is told instead, or why nothing can.
+    with tempfile.TemporaryDirectory(prefix="ltvn-") as folder:
+        repaired = Path(folder) / "repaired.rrd"
+        repair(path, repaired)
+        return _summary(Recording.open(repaired), path, whole=False)
+
+
+def _summary(recording: Recording, path: Path, *, whole: bool) -> RecordingInfo:
+    events = [stamped.event for stamped in recording.events]
+    stamps = recording.poses.stamps
+    graph = recording.final_graph()
+    meta = recording.meta
+    verdicts = [event.reached for event in events if isinstance(event, Judged)]
+    return RecordingInfo(
+        recording=path,
+        whole=whole,
+        scene=meta.scene,
+        started_at=meta.started_at,
+        duration_s=float(stamps[-1] - stamps[0]) if len(stamps) else 0.0,
+        frames=len(recording.frames),
+        nodes=len(graph.nodes),
+        edges=len(graph.edges),
+        reserve=len(graph.reserve),
+        queries=sum(isinstance(event, QueryEnded) for event in events),
+        reached=sum(verdicts) if verdicts else None,
+        collisions=sum(isinstance(event, Collided) for event in events),
+        events=dict(sorted(Counter(type(event).__name__ for event in events).items())),
+        fingerprint=meta.fingerprint,
+        schema=meta.schema,
+        versions=meta.versions,
+        size_bytes=path.stat().st_size,
+    )

@@ -1,0 +1,116 @@
+"""Maps in files: a recording that holds the frames of a map's nodes, reserve and views, and the deltas that make it.
+
+Owns saving, loading and the check of the weights. Building is elsewhere.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ltvn_core.atomic_files import atomic_output
+from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.data.recording.frame_codec import EncodedFrame
+from ltvn_core.data.recording.metadata import RecordingMetadata
+from ltvn_core.data.recording.reader import Recording
+from ltvn_core.data.recording.writer import RecordingWriter
+from ltvn_core.errors import MapError
+from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.types import FrameId, Observation
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LoadedMap:
+    """A map out of a file."""
+
+    graph: TopologicalGraph
+    observations: Mapping[FrameId, Observation]
+    """Images of all nodes, of the reserve and of views."""
+    meta: RecordingMetadata
+    scene_glb: bytes | None = None
+    """The scene that the file draws, as binary glTF."""
+
+
+def save_map(
+    path: Path | str,
+    graph: TopologicalGraph,
+    observations: Iterable[Observation],
+    *,
+    scene: str,
+    fingerprint: str,
+    config: Mapping[str, Any],
+    camera: CameraModel | None = None,
+    scene_glb: bytes | None = None,
+    origin: Path | None = None,
+) -> None:
+    """Write a map to a new file, which appears only when it is whole.
+
+    Takes the images of all nodes, of the reserve and of views; others are left out. Those that the file `origin` holds
+    are copied as they lie there, because pictures lose a little each time they are compressed. Where no `scene_glb` is
+    given, the scene is that of `origin`.
+    Raises MapError when an image is missing, RecordingError when the file exists or cannot be written.
+    """
+    wanted = _frames_of(graph)
+    stored = None if origin is None else Recording.open(origin)
+    if scene_glb is None and stored is not None:
+        scene_glb = stored.scene_glb()
+    kept = {observation.step: observation for observation in observations if observation.step in wanted}
+    _require_images(wanted, kept.keys(), "The map cannot be saved")
+    with (
+        atomic_output(Path(path)) as part,
+        RecordingWriter(
+            part, scene=scene, config=config, fingerprint=fingerprint, camera=camera, scene_glb=scene_glb
+        ) as writer,
+    ):
+        for frame in _stored_frames(stored, wanted) if stored is not None else ():
+            writer.write_encoded_frame(frame)
+        writer.write_map(graph, (kept[frame] for frame in sorted(kept)))
+
+
+def load_map(path: Path | str) -> LoadedMap:
+    """Read the map at the end of a map file or of any recording in which one was built or used.
+
+    Raises RecordingError for a file that is no whole recording, MapError when it holds no map.
+    """
+    recording = Recording.open(path)
+    graph = recording.final_graph()
+    if not graph.nodes:
+        raise MapError(f"{path} holds {len(recording.frames)} frames but no map; run `ltvn build {path}` to make one.")
+    wanted = _frames_of(graph)
+    _require_images(wanted, recording.frames, str(path))
+    return LoadedMap(
+        graph, {frame: recording.observation(frame) for frame in sorted(wanted)}, recording.meta, recording.scene_glb()
+    )
+
+
+def check_fingerprint(meta: RecordingMetadata, fingerprint: str) -> None:
+    """Raise MapError when a map was made by another predictor, or with other weights, than those in use."""
+    if meta.fingerprint != fingerprint:
+        named = meta.config.get("predictor")
+        by = "" if named is None else f" by the predictor {named}"
+        remedy = (
+            "Use the old weights"
+            if named is None
+            else f"Name it with --predictor {named} and its weights; if it is in use already, its version is another"
+        )
+        raise MapError(
+            f"This map was made{by} with the weights {meta.fingerprint!r}, those in use are {fingerprint!r}; their "
+            f"distances do not compare. {remedy}; or run `ltvn build` on the recording again."
+        )
+
+
+def _frames_of(graph: TopologicalGraph) -> frozenset[FrameId]:
+    return frozenset(graph.frames)
+
+
+def _stored_frames(recording: Recording, wanted: frozenset[FrameId]) -> Iterator[EncodedFrame]:
+    return (recording.stored_frame(frame).frame for frame in recording.frames if frame in wanted)
+
+
+def _require_images(wanted: frozenset[FrameId], held: Iterable[FrameId], what: str) -> None:
+    missing = sorted(wanted.difference(held))
+    if missing:
+        raise MapError(
+            f"{what}: {len(missing)} of {len(wanted)} images are missing, the first is frame {missing[0]}. Build the "
+            "map again from the recording with `ltvn build`."
+        )

@@ -1,0 +1,105 @@
+"""What a recording says of itself, and how that lies in the file."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+import pyarrow as pa
+
+from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.data.recording.schema import ArchetypeColumns, integer_column, text_column
+from ltvn_core.errors import RecordingError
+from ltvn_core.structured_text import parse_json
+
+SOURCE_SCENE = "real:"
+"""What was imported is recorded in a scene of this and the name of its source, unless somebody named the place."""
+METADATA_ARCHETYPE = "ltvn.Recording"
+_PACKAGES = ("ltvn", "rerun-sdk", "numpy", "torch", "opencv-python-headless")
+
+
+@dataclass(frozen=True, slots=True)
+class RecordingMetadata:
+    """What a recording says of itself."""
+
+    scene: str
+    """Name of the scene it was made in."""
+    config: Mapping[str, Any]
+    """The resolved configuration, as JSON holds it."""
+    fingerprint: str
+    """Names the weights in use."""
+    camera: CameraModel
+    """The camera."""
+    schema: int
+    """Version of the format."""
+    versions: Mapping[str, str]
+    """Versions of the packages that wrote it."""
+    started_at: str
+    """Wall-clock time at the start, ISO 8601 in UTC."""
+    recording_id: str
+    """Rerun's name of the recording; two files with one id are shown as one."""
+
+
+def is_lens_known(meta: RecordingMetadata) -> bool:
+    """Tell whether somebody said what the lens of the camera is; for some imported drives it was assumed."""
+    return bool(meta.config.get("import", {}).get("is_lens_known", True))
+
+
+def metadata_row(meta: RecordingMetadata) -> ArchetypeColumns:
+    """Lay a recording's description out as one row. Raises RecordingError when the configuration is no JSON."""
+    return ArchetypeColumns(
+        METADATA_ARCHETYPE,
+        {
+            "schema": integer_column(meta.schema),
+            "scene": text_column(meta.scene),
+            "config": text_column(_json(meta.config)),
+            "fingerprint": text_column(meta.fingerprint),
+            "intrinsics": text_column(_json(meta.camera.to_json())),
+            "versions": text_column(_json(meta.versions)),
+            "started_at": text_column(meta.started_at),
+        },
+    )
+
+
+def read_metadata(row: pa.RecordBatch, recording_id: str) -> RecordingMetadata:
+    """Read the description back. Raises KeyError or ValueError when the row is of another make."""
+    value = {name: row.column(f"{METADATA_ARCHETYPE}:{name}").flatten()[0].as_py() for name in _COLUMNS}
+    return RecordingMetadata(
+        scene=value["scene"],
+        config=parse_json(value["config"]),
+        fingerprint=value["fingerprint"],
+        camera=CameraModel.from_json(parse_json(value["intrinsics"])),
+        schema=value["schema"],
+        versions=parse_json(value["versions"]),
+        started_at=value["started_at"],
+        recording_id=recording_id,
+    )
+
+
+_COLUMNS = ("schema", "scene", "config", "fingerprint", "intrinsics", "versions", "started_at")
+
+
+def read_schema_version(row: pa.RecordBatch) -> int:
+    """Read the version of the format alone, which every version must be able to."""
+    return int(row.column(f"{METADATA_ARCHETYPE}:schema").flatten()[0].as_py())
+
+
+def package_versions() -> dict[str, str]:
+    """Return the versions of the packages that decide what a recording holds, where they are installed."""
+    found = {}
+    for package in _PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            continue
+    return found
+
+
+def _json(value: Any) -> str:
+    try:
+        return json.dumps(value, sort_keys=True, allow_nan=False)
+    except (TypeError, ValueError) as error:
+        raise RecordingError(
+            f"The configuration cannot be recorded: {error}. Use numbers, texts, lists and mappings of them."
+        ) from error

@@ -1,0 +1,221 @@
+"""Reads a recording back: frames on demand, events in order, and the map at any step.
+
+Owns nothing on disk and changes nothing. Pictures stay compressed until somebody asks for one.
+"""
+
+import gc
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from functools import cached_property
+from pathlib import Path
+from typing import NamedTuple, Self
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from ltvn_core.data.recording import schema
+from ltvn_core.data.recording.event_codec import decode_event
+from ltvn_core.data.recording.frame_codec import EncodedFrame, decode_frame
+from ltvn_core.data.recording.metadata import RecordingMetadata
+from ltvn_core.data.recording.rrd_contents import RrdContents, open_contents
+from ltvn_core.data.recording.schema import read_cell
+from ltvn_core.data.recording.stored_rows import BatchRow, StoredEvent, frame_of, stored_events
+from ltvn_core.errors import CameraError, RecordingError
+from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.navigation.events import GraphChanged, StampedEvent
+from ltvn_core.types import FrameId, Observation, Pose
+
+
+class FramePoses(NamedTuple):
+    """Where all frames of a recording were taken, in the order of their steps."""
+
+    steps: NDArray[np.int64]
+    """(N,)."""
+    stamps: NDArray[np.float64]
+    """(N,) seconds on the robot's clock."""
+    odometry: Pose
+    """(N, 3)."""
+    exact: Pose | None
+    """(N, 3) in simulation, None when any frame lacks it."""
+
+
+class StoredFrame(NamedTuple):
+    """A frame and the checksums that were stored with it."""
+
+    frame: EncodedFrame
+    rgb_checksum: int
+    depth_checksum: int
+    original_checksum: int = 0
+
+    @property
+    def intact(self) -> bool:
+        """Nothing changed since it was written."""
+        frame = self.frame
+        stored = self.rgb_checksum, self.depth_checksum, self.original_checksum
+        return stored == (frame.rgb_checksum, frame.depth_checksum, frame.original_checksum)
+
+
+class Recording:
+    """A recording that lies on disk, opened for reading."""
+
+    def __init__(self, path: Path, contents: RrdContents) -> None:
+        """Index the contents of a file; `Recording.open` is the way in."""
+        self.path = path
+        self.meta: RecordingMetadata = contents.meta
+        self._contents = contents
+        rgb = _by_step(contents.batches_of(schema.RGB))
+        depth = _by_step(contents.batches_of(schema.DEPTH))
+        self._originals = _by_step(contents.batches_of(schema.ORIGINAL))
+        # A cut file may end between the two halves of a frame; only whole frames count.
+        self._rows: Mapping[FrameId, tuple[BatchRow, BatchRow]] = {
+            step: (rgb[step], depth[step]) for step in sorted(rgb.keys() & depth.keys())
+        }
+        self._halves = tuple(sorted(rgb.keys() ^ depth.keys()))
+
+    @classmethod
+    def open(cls, path: Path | str) -> Self:
+        """Open a whole and finished recording.
+
+        Raises RecordingError for anything else, and says what to do.
+        """
+        return cls(Path(path), open_contents(Path(path)))
+
+    @cached_property
+    def frames(self) -> Sequence[FrameId]:
+        """Ids of all frames, in order."""
+        return tuple(self._rows)
+
+    @property
+    def half_frames(self) -> Sequence[FrameId]:
+        """Ids of frames of which only the picture or only the depth row is in the file; they cannot be read."""
+        return self._halves
+
+    def observation(self, frame: FrameId) -> Observation:
+        """Decode one frame. Raises RecordingError when there is none, ImageError when it cannot be looked at."""
+        return decode_frame(self.stored_frame(frame).frame, str(self.path))
+
+    def stored_frame(self, frame: FrameId) -> StoredFrame:
+        """Return one frame with its pictures compressed. Raises RecordingError when there is none."""
+        if frame not in self._rows:
+            held = f"{len(self.frames)} frames from {self.frames[0]} to {self.frames[-1]}" if self.frames else "none"
+            raise RecordingError(f"{self.path} has no frame {frame}; it holds {held}.")
+        rgb, depth = self._rows[frame]
+        original = self._originals.get(frame)
+        return StoredFrame(
+            frame_of(rgb, depth, original),
+            rgb.checksum(schema.FRAME_ROW),
+            depth.checksum(schema.DEPTH_ROW),
+            0 if original is None else original.checksum(schema.ORIGINAL_ROW),
+        )
+
+    def is_intact(self, frame: FrameId) -> bool:
+        """Tell whether a frame can be read and is as it was written."""
+        try:
+            return self.stored_frame(frame).intact
+        except (LookupError, ValueError, TypeError, CameraError):
+            return False
+
+    @cached_property
+    def poses(self) -> FramePoses:
+        """Where the frames were taken, without touching any picture."""
+        chosen = [rgb for rgb, _ in self._rows.values()]
+        # Row by row takes half a second for 20,000 frames, so whole columns are read and the rows taken from them.
+        starts = dict[int, int]()
+        batches = list[pa.RecordBatch]()
+        count = 0
+        for batch in (row.batch for row in chosen):
+            if id(batch) not in starts:
+                starts[id(batch)], count = count, count + batch.num_rows
+                batches.append(batch)
+        rows = np.array([starts[id(row.batch)] + row.row for row in chosen], np.int64)
+        odometry = _column(batches, "odometry").reshape(-1, 3)
+        exact = _column(batches, "exact_pose")
+        return FramePoses(
+            steps=np.array(self.frames, np.int64),
+            stamps=_column(batches, "stamp")[rows],
+            odometry=odometry[rows],
+            exact=exact.reshape(-1, 3)[rows] if exact.size == odometry.size else None,
+        )
+
+    @cached_property
+    def stored_events(self) -> Sequence[StoredEvent]:
+        """All events in order, still as JSON."""
+        events = [event for batch in self._contents.batches_of(schema.EVENTS) for event in stored_events(batch)]
+        return sorted(events, key=lambda stored: stored.event.sequence)
+
+    @cached_property
+    def events(self) -> list[StampedEvent]:
+        """All events, in the order in which they were written. Raises RecordingError when one is damaged."""
+        with garbage_collection_paused():
+            columns = [_event_columns(batch) for batch in self._contents.batches_of(schema.EVENTS)]
+            rows = sorted(row for column in columns for row in zip(*column, strict=True))
+            return [StampedEvent(step, stamp, decode_event(text)) for _, step, stamp, text in rows]
+
+    def graph_at(self, step: FrameId) -> TopologicalGraph:
+        """Return the map after everything that happened up to and in `step`, by folding the deltas."""
+        return _folded(event for event in self.events if event.step <= step)
+
+    def final_graph(self) -> TopologicalGraph:
+        """Return the map as it was at the end."""
+        return _folded(self.events)
+
+    def row_count(self, entity: str) -> int | None:
+        """Return how many rows with a time the file holds of an entity, None for one that is drawn only."""
+        if entity not in schema.READ_BACK:
+            return None
+        batches = self._contents.batches_of(entity)
+        return sum(batch.num_rows for batch in batches if schema.STEP in batch.schema.names)
+
+    def user_rows(self) -> Iterator[pa.RecordBatch]:
+        """Yield the rows that a user logged with `RecordingWriter.log`, as Rerun's readers return them."""
+        return self._contents.user_rows()
+
+    def scene_glb(self) -> bytes | None:
+        """Return the scene that is drawn, as a binary glTF, when the file holds one."""
+        for batch in self._contents.batches_of(schema.SCENE):
+            return read_cell(batch.column("Asset3D:blob"), 0).tobytes()
+        return None
+
+
+def _folded(events: Iterable[StampedEvent]) -> TopologicalGraph:
+    return TopologicalGraph(stamped.event.delta for stamped in events if isinstance(stamped.event, GraphChanged))
+
+
+def _by_step(batches: Sequence[pa.RecordBatch]) -> dict[FrameId, BatchRow]:
+    return {
+        step: BatchRow(batch, index)
+        for batch in batches
+        if schema.STEP in batch.schema.names
+        for index, step in enumerate(batch.column(schema.STEP).to_pylist())
+    }
+
+
+def _column(batches: Sequence[pa.RecordBatch], name: str) -> NDArray[np.float64]:
+    """Return the numbers of a column of frames, flat, in the order of the file."""
+    parts = [batch.column(f"{schema.FRAME_ROW}:{name}").flatten() for batch in batches]
+    return np.concatenate([np.empty(0), *(part.to_numpy(zero_copy_only=False) for part in parts)])
+
+
+def _event_columns(batch: pa.RecordBatch) -> tuple[list[int], list[int], list[float], list[str]]:
+    """Return sequence, step, stamp and JSON of events."""
+    sequence, stamp, text = (
+        batch.column(f"{schema.EVENT_ROW}:{name}").flatten().to_pylist() for name in ("sequence", "stamp", "json")
+    )
+    return sequence, batch.column(schema.STEP).to_pylist(), stamp, text
+
+
+@contextmanager
+def garbage_collection_paused() -> Iterator[None]:
+    """Hold Python's search for cycles off within the block, unless somebody else holds it off already.
+
+    Where very many objects are made that all stay, as those of a long recording, reading takes half the time so.
+    """
+    if not gc.isenabled():
+        yield
+        return
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.enable()

@@ -1,0 +1,295 @@
+"""Opens a `.rrd` file as one of ours and hands out its rows entity by entity.
+
+Owns the checks that the file is a finished recording of this application and schema, and the clear errors otherwise.
+Rerun's reader sees a file only when its checksums are right, or when a process of its own has read it first. Rows whose
+columns Rerun's tools have put into several chunks are joined again, by their row ids: steps do not tell, since events
+share them. Knows nothing of frames and events.
+"""
+
+import warnings
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence, Set
+from pathlib import Path
+from typing import NamedTuple
+
+import pyarrow as pa
+from rerun.chunk import RrdReader
+
+from ltvn_core.atomic_files import require_usable_name
+from ltvn_core.data.recording import schema
+from ltvn_core.data.recording.metadata import RecordingMetadata, read_metadata, read_schema_version
+from ltvn_core.data.recording.reading_trial import reading_failure
+from ltvn_core.data.recording.rrf2.closing_record import ClosingRecord, FileCheck, check_file
+from ltvn_core.data.recording.rrf2.framing import is_finished, is_rrd
+from ltvn_core.data.recording.stored_rows import believable, damaged_first
+from ltvn_core.errors import RecordingError
+
+ROW_ID = "rerun.controls.RowId"
+DESCRIPTION = f"/__properties/{schema.PROPERTIES}"
+_READ = frozenset(f"/{entity}" for entity in schema.READ_BACK)
+
+
+def joined_rows(batches: Sequence[pa.RecordBatch], needed: Set[str]) -> Sequence[pa.RecordBatch]:
+    """Return batches in which every row has all of its columns, and stands once.
+
+    Rows that lack a needed column everywhere are left out. Batches in which nothing has to be joined stay as they are.
+    """
+    if not all(ROW_ID in batch.schema.names for batch in batches):
+        return batches
+    ids = [batch.column(ROW_ID).to_pylist() for batch in batches]
+    every = list(dict.fromkeys(row_id for part in ids for row_id in part))
+    if len(every) == sum(map(len, ids)) and all(_is_whole(batch, needed) for batch in batches):
+        return batches
+    fields = {field.name: field for batch in batches for field in batch.schema}
+    columns = {ROW_ID: pa.array(every, pa.binary(16))}
+    for name in fields.keys() - {ROW_ID}:
+        columns[name] = _column(name, batches, ids, every)
+    if not needed <= columns.keys():
+        return ()
+    joined = pa.RecordBatch.from_arrays(list(columns.values()), names=list(columns))
+    lacking = {row for name in needed for row, cell in enumerate(columns[name].is_valid().to_pylist()) if not cell}
+    return [joined.take(pa.array([row for row in range(len(every)) if row not in lacking], pa.int64()))]
+
+
+def _is_whole(batch: pa.RecordBatch, needed: Set[str]) -> bool:
+    return needed <= set(batch.schema.names) and not any(batch.column(name).null_count for name in needed)
+
+
+def _column(
+    name: str, batches: Sequence[pa.RecordBatch], ids: Sequence[Sequence[bytes]], every: Sequence[bytes]
+) -> pa.Array:
+    """Return a column for the rows `every`, empty where no batch holds anything."""
+    pieces = list[pa.Array]()
+    places = dict[bytes, int]()
+    start = 0
+    for batch, row_ids in zip(batches, ids, strict=True):
+        if name not in batch.schema.names:
+            continue
+        pieces.append(batch.column(name))
+        filled = pieces[-1].is_valid().to_pylist()
+        places |= {row_id: start + row for row, row_id in enumerate(row_ids) if filled[row]}
+        start += batch.num_rows
+    return pa.concat_arrays(pieces).take(pa.array([places.get(row_id) for row_id in every], pa.int64()))
+
+
+class StoreRows(NamedTuple):
+    """The rows of the recording in a file, still as Arrow; pictures are compressed."""
+
+    recording_id: str
+    rows: Mapping[str, Sequence[pa.RecordBatch]]
+    """Entity path with a leading slash -> batches in the order of the file, each row with all of its columns."""
+    other_ids: Sequence[str] = ()
+    """Of further recordings in the same file; their rows are not here."""
+    without_steps: Set[str] = frozenset()
+    """Entities with exact columns but without the timeline that orders them."""
+
+
+class RrdContents(NamedTuple):
+    """What is read back from a recording."""
+
+    meta: RecordingMetadata
+    rows: Mapping[str, Sequence[pa.RecordBatch]]
+    """Entity path with a leading slash -> batches in the order of the file."""
+    record: ClosingRecord | None = None
+    """What the file says of its own bytes and rows; an older one and one that Rerun's tools rewrote have none."""
+
+    def batches_of(self, entity: str) -> Sequence[pa.RecordBatch]:
+        """Return the batches of one entity."""
+        return self.rows.get(f"/{entity}", ())
+
+    def user_rows(self) -> Iterator[pa.RecordBatch]:
+        """Yield the rows that a user logged beside the recorder's."""
+        for entity, batches in self.rows.items():
+            if not entity.startswith("/__properties") and not schema.is_own_entity(entity):
+                yield from batches
+
+
+def require_rrd(path: Path) -> None:
+    """Raise RecordingError when `path` is no Rerun file at all."""
+    require_file(path)
+    try:
+        genuine = is_rrd(path)
+    except OSError as error:
+        raise unreadable(path, error) from error
+    if not genuine:
+        size = path.stat().st_size
+        what = "is empty" if size == 0 else f"is no Rerun recording ({size} bytes of another format)"
+        raise RecordingError(f"{path} {what}; name a .rrd file written by ltvn.")
+
+
+def require_file(path: Path) -> None:
+    """Raise RecordingError when `path` is no file."""
+    require_usable_name(path)
+    if not path.exists():
+        raise RecordingError(f"There is no file {path}; `ltvn collect` and `ltvn demo` make recordings.")
+    if not path.is_file():
+        raise RecordingError(f"{path} is no file; name a single .rrd recording.")
+
+
+def unreadable(path: Path, error: OSError) -> RecordingError:
+    """Return what to say when the system refuses to read a file."""
+    return RecordingError(f"{path} cannot be read ({error.strerror}); check its permissions, and the disk.")
+
+
+def require_whole(path: Path) -> FileCheck:
+    """Check the bytes of a finished file. Raises RecordingError that names `ltvn repair` when any is wrong."""
+    require_rrd(path)
+    try:
+        found = check_file(path)
+    except OSError as error:
+        raise unreadable(path, error) from error
+    if found.framing.finished and found.damage is None:
+        return found
+    size = path.stat().st_size
+    whole_bytes = found.framing.whole_bytes
+    if found.damage is not None:
+        what = f"was damaged since it was written: {found.damage}"
+    elif is_finished(path):
+        what = f"was damaged since it was written: behind byte {whole_bytes} of {size} its messages do not go on"
+    else:
+        what = f"is cut or was never finished: {whole_bytes} of its {size} bytes are whole"
+    raise RecordingError(f"{path} {what}. Run `ltvn repair {path} --output NEW.rrd` to get all whole frames back.")
+
+
+def open_contents(path: Path) -> RrdContents:
+    """Read all rows of a whole and finished recording. Raises RecordingError for anything else, and says what to do."""
+    found = require_whole(path)
+    if found.record is None and (failure := reading_failure(path)) is not None:
+        raise _damaged_inside(path, failure)
+    store = read_store(path)
+    _require_one_recording(path, store)
+    # First, since a newer schema may have other columns.
+    meta = read_description(path, store)
+    for entity, batches in store.rows.items():
+        for batch in batches:
+            if not has_expected_columns(entity, batch):
+                raise _damaged_inside(path, f"a column of {entity} is missing or of another kind")
+        if entity in store.without_steps:
+            raise RecordingError(
+                f"{path} has lost the timeline `{schema.STEP}` of {entity}, which says what belongs to which moment. "
+                "Take the recording that it was made from, and keep that timeline."
+            )
+    return RrdContents(meta, store.rows, found.record)
+
+
+def several_recordings(path: Path, ids: Sequence[str]) -> RecordingError:
+    """Return what to say of a file into which `rerun rrd merge` put more than one recording."""
+    return RecordingError(
+        f"{path} holds {len(ids)} recordings: {' and '.join(ids)}. Take one out with `ltvn repair {path} "
+        f"--recording-id {ids[0]} --output NEW.rrd`, and open that."
+    )
+
+
+def _require_one_recording(path: Path, store: StoreRows) -> None:
+    if store.other_ids:
+        raise several_recordings(path, [store.recording_id, *store.other_ids])
+
+
+def read_store(path: Path, *, part_of: Path | None = None, doubtful: Sequence[Path] = ()) -> StoreRows:
+    """Read all rows of a file of which it is known that Rerun's reader survives it. Raises RecordingError.
+
+    Errors name the file `part_of`, when `path` is a part of it. Then rows that differ from their own checksum come
+    first, and of the `doubtful` files, which are made of damaged tables, only rows that agree with theirs are taken.
+    """
+    named = part_of or path
+    found = _read_batches(path, named)
+    rows = dict(found.batches)
+    if part_of is not None:
+        for place, extra in enumerate(doubtful):
+            for entity, batches in _read_batches(extra, named).batches.items():
+                rows[entity] = [*rows.get(entity, ()), *believable(entity, batches, parts_too=place == 0)]
+        rows = {entity: damaged_first(entity, batches) for entity, batches in rows.items()}
+    try:
+        joined = {entity: _joined(entity, each) for entity, each in rows.items()}
+    except (pa.ArrowException, TypeError) as error:
+        raise _damaged_inside(named, f"its columns do not fit together ({error})") from error
+    return StoreRows(
+        found.recording_id,
+        joined if part_of is None else {entity: damaged_first(entity, each) for entity, each in joined.items()},
+        other_ids=found.other_ids,
+        without_steps={entity for entity, each in rows.items() if any(_has_no_step(entity, batch) for batch in each)},
+    )
+
+
+class _StoreBatches(NamedTuple):
+    recording_id: str
+    other_ids: Sequence[str]
+    batches: Mapping[str, Sequence[pa.RecordBatch]]
+    """By entity, as they stand in the file."""
+
+
+def _read_batches(path: Path, named: Path) -> _StoreBatches:
+    try:
+        with warnings.catch_warnings():
+            # Files that were never finished, older ones and very long ones have no table of chunks.
+            warnings.filterwarnings("ignore", message="RRD file has no footer")
+            reader = RrdReader(path)
+        stores = reader.recordings()
+        # Reading from here on touches every message, so damage inside one shows as an exception of any kind.
+        chunks = reader.stream(store=stores[0]) if stores else ()
+        batches = [(chunk.entity_path, chunk.to_record_batch()) for chunk in chunks if _is_read(chunk.entity_path)]
+    except Exception as error:
+        raise _damaged_inside(named, str(error)) from error
+    if not stores:
+        raise RecordingError(f"{named} holds no recording (a blueprint only?); name a .rrd file written by ltvn.")
+    if stores[0].application_id != schema.APPLICATION_ID:
+        raise RecordingError(
+            f"{named} was written by another program, {stores[0].application_id!r}; name a file written by ltvn."
+        )
+    rows: dict[str, list[pa.RecordBatch]] = defaultdict(list)
+    for entity, batch in batches:
+        rows[entity].append(batch)
+    others = [each.recording_id for each in stores[1:] if each.application_id == schema.APPLICATION_ID]
+    return _StoreBatches(stores[0].recording_id, others, rows)
+
+
+def _joined(entity: str, batches: Sequence[pa.RecordBatch]) -> Sequence[pa.RecordBatch]:
+    """Put rows together whose columns stand in several batches; rows without a time stay as they are."""
+    needed = schema.COLUMNS.get(entity.removeprefix("/"))
+    if needed is None:
+        return batches
+    timed = [batch for batch in batches if schema.STEP in batch.schema.names]
+    untimed = [batch for batch in batches if schema.STEP not in batch.schema.names]
+    return [*untimed, *joined_rows(timed, needed.keys())]
+
+
+def _has_no_step(entity: str, batch: pa.RecordBatch) -> bool:
+    names = set(batch.schema.names)
+    return schema.STEP not in names and bool(names & schema.COLUMNS.get(entity.removeprefix("/"), {}).keys())
+
+
+def read_description(path: Path, store: StoreRows) -> RecordingMetadata:
+    """Read what a recording says of itself. Raises RecordingError when it does not, or has another schema."""
+    try:
+        row = store.rows[DESCRIPTION][-1]
+        version = read_schema_version(row)
+    except (IndexError, KeyError, ValueError, TypeError) as error:
+        raise RecordingError(f"{path} does not say what it holds; name a .rrd file written by `ltvn`.") from error
+    if version != schema.SCHEMA_VERSION:
+        raise RecordingError(
+            f"{path} has schema {version}, this program reads schema {schema.SCHEMA_VERSION}; use the version of ltvn "
+            "that wrote it."
+        )
+    try:
+        return read_metadata(row, store.recording_id)
+    except (LookupError, ValueError, TypeError) as error:
+        raise _damaged_inside(path, f"its description cannot be read ({error})") from error
+
+
+def has_expected_columns(entity: str, batch: pa.RecordBatch) -> bool:
+    """Tell whether the rows of an entity are laid out as we write them; those without a time are not looked at."""
+    if schema.STEP not in batch.schema.names:
+        return True
+    found = {column.name: str(column.type) for column in batch.schema}
+    return all(found.get(name) == kind for name, kind in schema.COLUMNS.get(entity.removeprefix("/"), {}).items())
+
+
+def _is_read(entity: str) -> bool:
+    """Tell whether anybody reads an entity back; most only draw."""
+    return entity in _READ or entity.startswith("/__properties") or not schema.is_own_entity(entity)
+
+
+def _damaged_inside(path: Path, why: str) -> RecordingError:
+    return RecordingError(
+        f"{path} is damaged inside: {why}. Run `ltvn repair {path} --output NEW.rrd` to get back what is whole."
+    )

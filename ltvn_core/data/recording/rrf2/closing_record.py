@@ -1,0 +1,257 @@
+"""What a finished recording says of its own bytes, and the comparison of a file with it before Rerun's reader sees one.
+
+The closing record holds a checksum of every message, and how many rows were written. It stands in the end message, as a
+field that Rerun skips, and covers every byte of the file: its own, the rest of the end message and the tail too. Owns
+its layout. Does not look into messages.
+"""
+
+import json
+import struct
+import zlib
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NamedTuple
+
+from ltvn_core.data.recording.rrf2.chunk_table import ChunkPlace, ChunkTable, listed_chunks
+from ltvn_core.data.recording.rrf2.framing import (
+    CHUNK_KIND,
+    END_KIND,
+    HEADER_BYTES,
+    MESSAGE_HEADER,
+    EndMessage,
+    MessageSum,
+    RrdFraming,
+    Tail,
+    read_end,
+    walk_messages,
+)
+from ltvn_core.protobuf_fields import bytes_field_start
+from ltvn_core.structured_text import parse_json
+
+_MAGIC = b"LTVNEND1"
+_FIELD = 7000
+"""Number of the protobuf field; Rerun has no such field and skips it."""
+_SIZES = struct.Struct("<II")
+"""Length of the JSON text and number of messages."""
+_SUM = struct.Struct("<IIQ")
+_CRC = struct.Struct("<I")
+_SEARCHED = 8
+"""So often the length of a file is summed up at most while records are searched in it, whatever it holds."""
+
+
+@dataclass(frozen=True, slots=True)
+class ClosingRecord:
+    """The checksums and counts of a finished recording."""
+
+    header_crc32: int
+    """Over the 12 bytes at the beginning of the file."""
+    messages: Sequence[MessageSum]
+    """Every message before the end message, in order."""
+    rows: Mapping[str, int]
+    """Entity path -> rows that were written with a time. What Rerun lost on the way shows here."""
+    static_rows: Mapping[str, int] = field(default_factory=dict)
+    """The same for rows that hold at all times."""
+
+    @property
+    def messages_end(self) -> int:
+        """Where the end message begins."""
+        return HEADER_BYTES + sum(message.size for message in self.messages)
+
+
+class RecordingEnding:
+    """Ends a recording that is written block by block: first the 12 bytes of its header, then a message each."""
+
+    def __init__(self) -> None:
+        """Begin with nothing."""
+        self.rows = Counter[str]()
+        """Entity path -> rows with a time, counted by whoever logs them."""
+        self.static_rows = Counter[str]()
+        """The same for rows that hold at all times."""
+        self.chunks = ChunkTable()
+        """Rerun's table of the chunks, filled by whoever takes them from Rerun."""
+        self._header_crc32: int | None = None
+        self._table = bytearray()
+        """The checksums, packed: an hour has some sixty thousand."""
+
+    def count(self, block: bytes) -> None:
+        """Take note of the header or of a message that is in the file now."""
+        if self._header_crc32 is None:
+            self._header_crc32 = zlib.crc32(block)
+            return
+        self.chunks.take_in()
+        kind, length = MESSAGE_HEADER.unpack_from(block)
+        self._table += _SUM.pack(kind, zlib.crc32(block), length)
+
+    def encoded(self, *, complete: bool, is_short: bool = False) -> bytes:
+        """Return what to write behind the last message.
+
+        Without `complete` no number of rows is promised; a short ending goes without Rerun's table of chunks.
+        """
+        record = ClosingRecord(
+            header_crc32=self._header_crc32 or 0,
+            messages=_messages(self._table),
+            rows=self.rows if complete else {},
+            static_rows=self.static_rows if complete else {},
+        )
+        return closing_bytes(record, b"" if is_short else self.chunks.encoded(chunk_places(record.messages)))
+
+
+def closing_bytes(record: ClosingRecord, footer: bytes = b"") -> bytes:
+    """Return what is written behind the last message: end message with Rerun's footer and the record, and the tail."""
+    counts = {"rows": dict(record.rows), "static_rows": dict(record.static_rows)}
+    text = json.dumps(counts, sort_keys=True, separators=(",", ":")).encode()
+    table = b"".join(_SUM.pack(each.kind, each.crc32, each.length) for each in record.messages)
+    body = _MAGIC + _SIZES.pack(len(text), len(record.messages)) + text + table + _CRC.pack(record.header_crc32)
+    field_start = bytes_field_start(_FIELD, len(body) + 2 * _CRC.size)
+    start = record.messages_end + MESSAGE_HEADER.size
+    tail = Tail.of(start, footer)
+    # The first checksum covers what stands around the record, the second the record itself with the first: so the
+    # record can be trusted when only its surroundings are damaged.
+    end = EndMessage(record.messages_end, footer + field_start + body + bytes(2 * _CRC.size), tail)
+    body += _CRC.pack(_surroundings_crc32(end, len(body) + 2 * _CRC.size))
+    body += _CRC.pack(zlib.crc32(body))
+    return end._replace(payload=footer + field_start + body).encoded()
+
+
+def read_closing_record(end: EndMessage) -> ClosingRecord | None:
+    """Read the record of an end message. None when there is none, or when a byte of message or tail changed."""
+    at = end.payload.find(_MAGIC, len(end.footer))
+    record = None if at < 0 else _parsed(end.payload[at:])
+    stored = end.payload[-2 * _CRC.size : -_CRC.size]
+    whole = record is not None and stored == _CRC.pack(_surroundings_crc32(end, len(end.payload) - at))
+    return record if whole else None
+
+
+class PlacedRecord(NamedTuple):
+    """A closing record that was found in a damaged file."""
+
+    record: ClosingRecord
+    end: int
+    """Where in the file it ends; a tail follows."""
+
+
+def find_closing_records(data: bytes) -> Sequence[PlacedRecord]:
+    """Find the records in a damaged file that did not change themselves; several when files were put into one."""
+    found = list[PlacedRecord]()
+    at = data.find(_MAGIC)
+    left = _SEARCHED * len(data)
+    while at >= 0 and left > 0:
+        size = _size(data[at : at + len(_MAGIC) + _SIZES.size])
+        record = _parsed(data[at : at + size])
+        left -= min(size, len(data) - at)
+        if record is not None:
+            found.append(PlacedRecord(record, at + size))
+        at = data.find(_MAGIC, at + len(_MAGIC) if record is None else at + size)
+    return found
+
+
+def _size(data: bytes) -> int:
+    """Return how long the record at the beginning of `data` says it is."""
+    if len(data) < len(_MAGIC) + _SIZES.size:
+        return 0
+    text_bytes, count = _SIZES.unpack_from(data, len(_MAGIC))
+    return len(_MAGIC) + _SIZES.size + text_bytes + count * _SUM.size + 3 * _CRC.size
+
+
+def _parsed(data: bytes) -> ClosingRecord | None:
+    """Read a record that takes up all of `data`; None when it changed since it was written."""
+    if not data or len(data) != _size(data) or _CRC.pack(zlib.crc32(data[: -_CRC.size])) != data[-_CRC.size :]:
+        return None
+    text_at = len(_MAGIC) + _SIZES.size
+    text_bytes, count = _SIZES.unpack_from(data, len(_MAGIC))
+    table_end = text_at + text_bytes + count * _SUM.size
+    try:
+        counts = parse_json(data[text_at : text_at + text_bytes])
+        rows = dict(counts["rows"])
+        static_rows = dict(counts["static_rows"])
+    except (ValueError, LookupError, TypeError):
+        return None  # Its checksum is right, so somebody wrote it so.
+    return ClosingRecord(
+        header_crc32=_CRC.unpack_from(data, table_end)[0],
+        messages=_messages(data[text_at + text_bytes : table_end]),
+        rows=rows,
+        static_rows=static_rows,
+    )
+
+
+def _messages(table: bytes | bytearray) -> Sequence[MessageSum]:
+    return tuple(MessageSum(kind, length, crc32) for kind, crc32, length in _SUM.iter_unpack(table))
+
+
+def _surroundings_crc32(end: EndMessage, record_bytes: int) -> int:
+    """Return the checksum of the end message without the record, and of the tail."""
+    before = MESSAGE_HEADER.pack(END_KIND, len(end.payload)) + end.payload[:-record_bytes]
+    return zlib.crc32(end.tail.encoded(), zlib.crc32(before))
+
+
+def chunk_places(messages: Sequence[MessageSum]) -> Sequence[ChunkPlace]:
+    """Return where the payloads of the chunks stand in a file with these messages."""
+    position = HEADER_BYTES
+    places = list[ChunkPlace]()
+    for message in messages:
+        if message.kind == CHUNK_KIND:
+            places.append(ChunkPlace(position + MESSAGE_HEADER.size, message.length))
+        position += message.size
+    return places
+
+
+class FileCheck(NamedTuple):
+    """What the bytes of a file say, without what they mean."""
+
+    framing: RrdFraming
+    record: ClosingRecord | None
+    """None for an unfinished file, a damaged end, and a file that Rerun itself finished."""
+    damage: str | None
+    """What is wrong in a finished file, as a clause; None when nothing is, as far as its checksums go."""
+
+
+def check_file(path: Path) -> FileCheck:
+    """Walk over a file and compare every byte with its closing record, where it has one. Raises OSError."""
+    with path.open("rb") as file:
+        size = file.seek(0, 2)
+        file.seek(0)
+        header_crc32 = zlib.crc32(file.read(HEADER_BYTES))
+        messages = tuple(walk_messages(file, size))
+        whole_bytes = min(size, HEADER_BYTES) + sum(message.size for message in messages)
+        end = read_end(file, whole_bytes, size)
+    framing = RrdFraming(len(messages), whole_bytes, finished=end is not None)
+    if end is None:
+        return FileCheck(framing, None, None)
+    record = read_closing_record(end)
+    return FileCheck(framing, record, _damage(header_crc32, messages, end, record))
+
+
+def _damage(
+    header_crc32: int, messages: Sequence[MessageSum], end: EndMessage, record: ClosingRecord | None
+) -> str | None:
+    if record is None:
+        return _damage_without_record(messages, end)
+    if header_crc32 != record.header_crc32:
+        return "its first 12 bytes changed"
+    position = HEADER_BYTES
+    for place, (found, written) in enumerate(zip(messages, record.messages, strict=False)):
+        if found != written:
+            return f"message {place}, at byte {position}, changed"
+        position += found.size
+    if len(messages) != len(record.messages):
+        return f"it holds {len(messages)} messages and was finished with {len(record.messages)}"
+    return None
+
+
+def _damage_without_record(messages: Sequence[MessageSum], end: EndMessage) -> str | None:
+    """Judge a file that was finished by Rerun itself: by an older recorder, or by a tool of Rerun's.
+
+    Either writes a table of all chunks. Whoever puts an empty ending behind a file that was cut does not.
+    """
+    if end.appended:
+        return "its table of checksums changed"
+    if not end.footer_is_right:
+        return "Rerun's table of its chunks changed"
+    if not end.footer:
+        return "it has neither our table of checksums nor Rerun's table of its chunks, as if it was cut and then ended"
+    listed = listed_chunks(end.footer)
+    if listed is not None and listed != set(chunk_places(messages)):
+        return "Rerun's table lists other chunks than it holds"
+    return None

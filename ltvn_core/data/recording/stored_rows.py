@@ -1,0 +1,183 @@
+"""The rows of a recording that carry a checksum of their own, and whether each is as it was written.
+
+Owns which columns a checksum covers. Knows no file and no frame of more than one row.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.data.recording import schema
+from ltvn_core.data.recording.event_codec import EncodedEvent, current_kind
+from ltvn_core.data.recording.frame_codec import EncodedFrame
+from ltvn_core.data.recording.schema import read_cell
+from ltvn_core.errors import CameraError
+from ltvn_core.structured_text import parse_json
+from ltvn_core.types import OriginalImage, Tilt
+
+_DEPTH_PICTURE = "EncodedDepthImage:blob"
+
+
+class StoredEvent(NamedTuple):
+    """An event, still as JSON, and the checksum that was stored with it."""
+
+    event: EncodedEvent
+    checksum: int
+
+    @property
+    def intact(self) -> bool:
+        """Nothing changed since it was written."""
+        return self.checksum == self.event.checksum
+
+
+class BatchRow(NamedTuple):
+    """One row of a batch."""
+
+    batch: pa.RecordBatch
+    row: int
+
+    @property
+    def step(self) -> int:
+        """The control step it belongs to."""
+        return self.batch.column(schema.STEP)[self.row].as_py()
+
+    def numbers(self, column: str) -> NDArray:
+        """Return the numbers of a column."""
+        return read_cell(self.batch.column(column), self.row)
+
+    def blob(self, column: str) -> bytes | None:
+        """Return the bytes of a column that may be missing or empty."""
+        if column not in self.batch.schema.names:
+            return None
+        return self.numbers(column).tobytes() or None
+
+    def checksum(self, archetype: str) -> int:
+        """Return the checksum that was stored with it."""
+        return int(self.numbers(f"{archetype}:crc32")[0])
+
+
+def stored_events(batch: pa.RecordBatch) -> list[StoredEvent]:
+    """Read the events of a batch, still as JSON."""
+    names = ("sequence", "stamp", "kind", "json", "crc32")
+    columns = [batch.column(f"{schema.EVENT_ROW}:{name}").flatten().to_pylist() for name in names]
+    steps = batch.column(schema.STEP).to_pylist()
+    return [
+        StoredEvent(EncodedEvent(sequence, step, stamp, current_kind(kind), text), checksum)
+        for step, sequence, stamp, kind, text, checksum in zip(steps, *columns, strict=True)
+    ]
+
+
+def frame_of(rgb: BatchRow, depth: BatchRow | None, original: BatchRow | None) -> EncodedFrame:
+    """Put a frame together from its rows. Raises LookupError, ValueError or CameraError where a row is damaged."""
+    exact = rgb.numbers(f"{schema.FRAME_ROW}:exact_pose")
+    return EncodedFrame(
+        step=rgb.step,
+        stamp=float(rgb.numbers(f"{schema.FRAME_ROW}:stamp")[0]),
+        odometry=rgb.numbers(f"{schema.FRAME_ROW}:odometry").copy(),
+        exact_pose=exact.copy() if exact.size else None,
+        rgb=rgb.numbers("EncodedImage:blob").tobytes(),
+        depth=None if depth is None else depth.blob(_DEPTH_PICTURE),
+        original=None if original is None else _original_image(original),
+        tilt=_tilt(rgb),
+    )
+
+
+def damaged_first(path: str, batches: Sequence[pa.RecordBatch]) -> Sequence[pa.RecordBatch]:
+    """Order the rows of an entity so that one that is right stands behind a damaged one of the same step.
+
+    Of the camera's own pictures, without which a frame is as good, the damaged ones are left out.
+    """
+    entity = path.removeprefix("/")
+    if entity not in schema.COLUMNS:
+        return batches
+    masks = [_intact_rows(entity, batch) for batch in batches]
+    damaged = [batch.filter(pa.array(~intact)) for batch, intact in zip(batches, masks, strict=True) if len(intact)]
+    right = [batch.filter(pa.array(intact)) for batch, intact in zip(batches, masks, strict=True) if len(intact)]
+    others = [batch for batch, intact in zip(batches, masks, strict=True) if not len(intact)]
+    if entity == schema.ORIGINAL:
+        damaged = []
+    return [batch for batch in (*others, *damaged, *right) if batch.num_rows]
+
+
+def believable(path: str, batches: Sequence[pa.RecordBatch], *, parts_too: bool) -> Sequence[pa.RecordBatch]:
+    """Return the rows out of damaged tables that agree with a checksum of their own.
+
+    With `parts_too` also rows of which the checksum may stand in another table.
+    """
+    entity = path.removeprefix("/")
+    if entity not in schema.COLUMNS:
+        return ()
+    taken = list[pa.RecordBatch]()
+    for batch in batches:
+        intact = _intact_rows(entity, batch)
+        names = set(batch.schema.names)
+        # Robots without a depth camera have rows without a picture.
+        is_part = not len(intact) or (entity == schema.DEPTH and _DEPTH_PICTURE not in names)
+        if parts_too and is_part and schema.STEP in names:
+            taken.append(batch)
+        elif len(intact):
+            taken.append(batch.filter(pa.array(intact)))
+    return [batch for batch in taken if batch.num_rows]
+
+
+def _intact_rows(entity: str, batch: pa.RecordBatch) -> NDArray[np.bool_]:
+    """Tell of each row whether it agrees with its own checksum, (N,); of none where a column is missing, (0,)."""
+    if not schema.COLUMNS[entity].keys() <= set(batch.schema.names):
+        return np.empty(0, bool)
+    if entity == schema.EVENTS:
+        return np.array([_event_is_intact(batch.slice(row, 1)) for row in range(batch.num_rows)], bool)
+    return np.array([_is_intact(entity, BatchRow(batch, row)) for row in range(batch.num_rows)], bool)
+
+
+def _is_intact(entity: str, row: BatchRow) -> bool:
+    try:
+        match entity:
+            case schema.RGB:
+                return frame_of(row, None, None).rgb_checksum == row.checksum(schema.FRAME_ROW)
+            case schema.DEPTH:
+                return depth_checksum(row) == row.checksum(schema.DEPTH_ROW)
+            case schema.ORIGINAL:
+                return original_checksum(row) == row.checksum(schema.ORIGINAL_ROW)
+            case _:
+                return False
+    except (LookupError, ValueError, TypeError, CameraError):
+        return False
+
+
+def depth_checksum(row: BatchRow) -> int:
+    """Return the checksum that a depth row should have."""
+    return replace(_NOTHING, step=row.step, depth=row.blob(_DEPTH_PICTURE)).depth_checksum
+
+
+def original_checksum(row: BatchRow) -> int:
+    """Return the checksum that the row of an original picture should have."""
+    return replace(_NOTHING, step=row.step, original=_original_image(row)).original_checksum
+
+
+_NOTHING = EncodedFrame(step=0, stamp=0.0, odometry=np.zeros(3), exact_pose=None, rgb=b"", depth=None)
+
+
+def _event_is_intact(batch: pa.RecordBatch) -> bool:
+    try:
+        (stored,) = stored_events(batch)
+    except (LookupError, ValueError, TypeError):
+        return False
+    return stored.intact
+
+
+def _original_image(row: BatchRow) -> OriginalImage:
+    camera = row.batch.column(f"{schema.ORIGINAL_ROW}:camera")[row.row].as_py()[0]
+    return OriginalImage(row.numbers("EncodedImage:blob").tobytes(), CameraModel.from_json(parse_json(camera)))
+
+
+def _tilt(rgb: BatchRow) -> Tilt | None:
+    """Return how the camera was tilted; None in recordings from before tilts and where it is as it was mounted."""
+    column = f"{schema.FRAME_ROW}:tilt"
+    if column not in rgb.batch.schema.names or (numbers := rgb.numbers(column)).size != len(Tilt._fields):
+        return None
+    return Tilt(*map(float, numbers))

@@ -1,0 +1,296 @@
+"""The tables of the evaluation, for HTML and Markdown.
+
+Owns their columns and how numbers are written. The numbers come in rows and courses.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import chain
+from math import isnan
+from typing import TypeVar
+
+import numpy as np
+
+from ltvn_core.evaluation.confidence_intervals import Estimate
+from ltvn_core.evaluation.metrics import compare_methods, recognition_of
+from ltvn_core.evaluation.query_result import FailureCause
+from ltvn_core.evaluation.reports.result_rows import (
+    LifelongGroup,
+    MaintenanceInterval,
+    ResultRow,
+    calibration_error,
+    calibration_of,
+    maintenance_intervals,
+    rows_over_scenes,
+    scene_name,
+    setup_of,
+)
+from ltvn_core.evaluation.results import EvaluationResults, LifelongResult, TrialResult
+
+NO_RESULTS = "No results yet."
+
+_Key = TypeVar("_Key", bound=tuple[str, ...])
+
+
+@dataclass(frozen=True, slots=True)
+class ReportTable:
+    """A table of text cells with a caption."""
+
+    caption: str
+    head: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    words: int
+    """Number of columns with text, from the left; the others have numbers."""
+
+    def markdown(self) -> str:
+        """Return the table as Markdown, without its caption."""
+        if not self.rows:
+            return NO_RESULTS
+        rule = ["---"] * self.words + ["---:"] * (len(self.head) - self.words)
+        return "\n".join(f"| {' | '.join(map(_plain, line))} |" for line in (self.head, rule, *self.rows))
+
+
+def main_table(rows: Sequence[ResultRow]) -> ReportTable:
+    """Return the metrics of each method in each scene, and then over all scenes."""
+    head = ("scene", "method", "network", "goals reached", "SPL", "collisions", "steps", "nodes", "edges", "spurious")
+    body = (
+        (*_named(row), _interval(row.success), *_driving(row), *_size(row), _spurious(row), *_sample(row))
+        for row in chain(rows_over_scenes(rows), rows)
+    )
+    caption = "Goals reached with 95 % interval. SPL, collisions and steps are means over the episodes."
+    return ReportTable(caption=caption, head=(*head, "episodes", "seeds"), rows=tuple(body), words=3)
+
+
+def margin_table(rows: Sequence[ResultRow]) -> ReportTable:
+    """Return the difference of the first method to the others at the same stage and conditions, over all scenes."""
+    head = ("method", "against", "network", "goals reached, more", "SPL, more", "of its nodes", "of its edges")
+    whole = [row for row in rows_over_scenes(rows) or _of_one_scene(rows) if not row.setup.ablated]
+    first = {_occasion(row): row for row in whole if row.setup.method == whole[0].setup.method}
+    body = tuple(
+        _margin(first[_occasion(row)], row)
+        for row in whole
+        if _occasion(row) in first and row is not first[_occasion(row)]
+    )
+    caption = (
+        "Differences with 95 % interval, episode by episode where both methods drove the same ones. "
+        "Nodes and edges: as a share of the other method's."
+    )
+    return ReportTable(caption=caption, head=head, rows=body, words=3)
+
+
+def size_table(rows: Sequence[ResultRow]) -> ReportTable:
+    """Return the sizes of the maps, their spurious edges and components."""
+    head = ("scene", "method", "network", "images", "nodes", "edges", "spurious edges", "pieces", "goals connected")
+    head = (*head, "goals told as not held (rightly)", "not told")
+    body = (
+        (
+            *_named(row),
+            *(_count(row.images), *_size(row), _number(row.metrics.spurious_edges, 1)),
+            *(_number(row.metrics.pieces, 1), _number(row.metrics.goals_connected, 1)),
+            *_goals(row),
+        )
+        for row in rows
+    )
+    return ReportTable(
+        caption="Means over the map seeds. Before any drive a map tells of which goals it knows no way that it trusts; "
+        "rightly, where no drivable way leads there from half of its nodes. Not told: goals without such a way that it "
+        "claims to hold.",
+        head=head,
+        rows=tuple(body),
+        words=3,
+    )
+
+
+def cause_table(rows: Sequence[ResultRow]) -> ReportTable:
+    """Return the share of the episodes that failed for each cause."""
+    head = ("scene", "method", "network", "failed", *(cause.value for cause in FailureCause))
+    body = (
+        (
+            *_named(row),
+            percent(1 - row.success.mean),
+            *(percent(row.failed(cause)) for cause in FailureCause),
+        )
+        for row in chain(rows_over_scenes(rows), rows)
+    )
+    return ReportTable(caption="Share of all episodes.", head=head, rows=tuple(body), words=3)
+
+
+def recognition_table(rows: Sequence[ResultRow]) -> ReportTable:
+    """Return how far each method came, and how often it took a place for another; without rows for older results."""
+    head = (
+        "scene",
+        "method",
+        "network",
+        "checkpoints crossed",
+        "localised at a wrong node",
+        "wrong arrivals",
+    )
+    body = (
+        (*_named(row), *(percent(share) for share in (found.crossed, found.mislocalised, found.wrong_arrivals)))
+        for row in chain(rows_over_scenes(rows), rows)
+        if (found := recognition_of(row.trials)) is not None
+    )
+    caption = (
+        "Checkpoints lie at each metre of the way from start to goal; crossing one is coming nearer than 0.72 m. "
+        "A wrong node is farther than 1.5 m or 60 degrees, or behind a wall. Wrong arrivals: share of those declared."
+    )
+    return ReportTable(caption=caption, head=head, rows=tuple(body), words=3)
+
+
+def lifelong_table(lifelong_groups: Iterable[LifelongGroup]) -> ReportTable:
+    """Return the tests of each lifelong group, with the changes by maintenance since the test before."""
+    head = (
+        "scene",
+        "method",
+        "queries",
+        "goals reached",
+        "SPL",
+        "collisions",
+        "nodes",
+        "edges",
+        "spurious",
+        "gap of p",
+    )
+    body = tuple(line for group in lifelong_groups for line in _lifelong_lines(group))
+    caption = (
+        "Tests with maintenance off. Added and pruned edges are means over the runs, since the test before. "
+        "The gap of p is its mean calibration error."
+    )
+    return ReportTable(caption=caption, head=(*head, "added", "pruned (bad)", "seeds"), rows=body, words=2)
+
+
+def run_table(results: EvaluationResults) -> ReportTable:
+    """Return the commands and versions behind all results, with the weights of each scene and seed."""
+    head = ("method", "network", "scenes", "seeds", "weights", "version", "command")
+    made = [(*_stage_of(trial), str(trial.seed), *_origin(trial)) for trial in results.trials]
+    made += [_lifelong_run(result) for result in results.lifelong if result.points]
+    rows = (
+        ((method, stage, version, command), (scene, seed, weights))
+        for scene, method, stage, seed, weights, version, command in made
+    )
+    body = tuple(
+        (method, stage, *cells, version, command) for (method, stage, version, command), cells in merged_rows(rows)
+    )
+    return ReportTable(caption="What makes each result again.", head=head, rows=body, words=7)
+
+
+def merged_rows(rows: Iterable[tuple[_Key, tuple[str, ...]]]) -> Iterator[tuple[_Key, tuple[str, ...]]]:
+    """Yield one row for each key, whose cells list what differs in the order in which it came, with commas."""
+    by_key: dict[_Key, list[tuple[str, ...]]] = {}
+    for key, cells in rows:
+        by_key.setdefault(key, []).append(cells)
+    for key, several in by_key.items():
+        yield key, tuple(", ".join(dict.fromkeys(column)) for column in zip(*several, strict=True))
+
+
+def percent(number: float, digits: int = 1) -> str:
+    """Write a share as percent."""
+    return "–" if isnan(number) else f"{100 * number:.{digits}f} %"
+
+
+def _lifelong_lines(group: LifelongGroup) -> Iterable[tuple[str, ...]]:
+    changes = {interval.until: interval for interval in maintenance_intervals(group)}
+    for row in group.points():
+        tests = [point for run in group.runs for point in run.points if point.queries == row.setup.queries]
+        gap = calibration_error(calibration_of(tests))
+        change = changes.get(row.setup.queries)
+        done = ("–", "–") if change is None else (_count(change.added_edges), _pruned(change))
+        yield (
+            *(scene_name(group.scene), group.method, f"{row.setup.queries:,}", _interval(row.success)),
+            *(*_driving(row)[:2], *_size(row), _spurious(row), _number(gap, 3), *done, _seeds(row)),
+        )
+
+
+def _margin(row: ResultRow, other: ResultRow) -> tuple[str, ...]:
+    found = compare_methods(row.trials, other.trials)
+    points = found.success_rate
+    spl = found.spl
+    sizes = [(row.metrics.nodes, other.metrics.nodes), (row.metrics.edges, other.metrics.edges)]
+    return (
+        *(row.setup.method, other.setup.method, _occasion(row)),
+        f"{100 * points.mean:+.1f} points ({100 * points.low:+.1f} to {100 * points.high:+.1f})",
+        f"{spl.mean:+.2f} ({spl.low:+.2f} to {spl.high:+.2f})",
+        *(percent(own / theirs, 1) if theirs else "–" for own, theirs in sizes),
+    )
+
+
+def _of_one_scene(rows: Sequence[ResultRow]) -> Sequence[ResultRow]:
+    return rows if len({trial.scene for row in rows for trial in row.trials}) == 1 else ()
+
+
+def _occasion(row: ResultRow) -> str:
+    """Return the stage, and the conditions that were harder than usual."""
+    return ", ".join([row.setup.stage, *row.trials[0].conditions])
+
+
+def _pruned(change: MaintenanceInterval) -> str:
+    bad = change.pruned_bad / change.pruned if change.pruned else float("nan")
+    return f"{_count(change.pruned)} ({percent(bad, 0)})"
+
+
+def _named(row: ResultRow) -> tuple[str, str, str]:
+    return scene_name(row.setup.scene), row.setup.method, row.setup.stage
+
+
+def _stage_of(trial: TrialResult) -> tuple[str, str, str]:
+    setup = setup_of(trial)
+    return scene_name(setup.scene), setup.method, setup.stage
+
+
+def _origin(trial: TrialResult) -> tuple[str, str, str]:
+    return trial.fingerprint, trial.version, trial.command
+
+
+def _lifelong_run(result: LifelongResult) -> tuple[str, ...]:
+    trial = result.points[0].trial
+    queries = f"{len(result.queries):,} queries"
+    return (*_stage_of(trial)[:2], queries, str(result.seed), trial.fingerprint, result.version, result.command)
+
+
+def _driving(row: ResultRow) -> tuple[str, str, str]:
+    found = row.metrics
+    return _number(found.spl.mean), _number(found.collisions_per_episode.mean), _count(found.steps_per_episode.mean)
+
+
+def _size(row: ResultRow) -> tuple[str, str]:
+    return _count(row.metrics.nodes), _count(row.metrics.edges)
+
+
+def _goals(row: ResultRow) -> tuple[str, str]:
+    """Return the goals told as not held, of these rightly, and those not told; a dash for results without a count."""
+    maps = [trial.map for trial in row.trials]
+    counts = [(each.goals_told, each.goals_told_rightly, each.goals_untold) for each in maps]
+    known = [[number for number in count if number is not None] for count in counts]
+    if not all(len(count) == len(counts[0]) for count in known):
+        return "–", "–"
+    told, rightly, untold = np.mean(known, axis=0)
+    return f"{_number(told, 1)} ({_number(rightly, 1)})", _number(untold, 1)
+
+
+def _spurious(row: ResultRow) -> str:
+    return percent(row.metrics.spurious_share)
+
+
+def _sample(row: ResultRow) -> tuple[str, str]:
+    return f"{row.metrics.episodes:,}", _seeds(row)
+
+
+def _seeds(row: ResultRow) -> str:
+    return ", ".join(map(str, row.seeds))
+
+
+def _interval(found: Estimate) -> str:
+    return f"{percent(found.mean)} ({100 * found.low:.1f} to {100 * found.high:.1f})"
+
+
+def _number(number: float, digits: int = 2) -> str:
+    return "–" if isnan(number) else f"{number:,.{digits}f}"
+
+
+def _count(number: float) -> str:
+    return f"{number:,.0f}"
+
+
+def _plain(cell: str) -> str:
+    """Return a cell with the special characters of Markdown escaped."""
+    return cell.replace("&", "&amp;").replace("<", "&lt;").replace("|", "\\|").replace("\n", " ")

@@ -1,0 +1,265 @@
+"""Groups trials into rows, one for each scene, method and stage, and lifelong results by scene and method.
+
+A row or group holds all map seeds. Owns which results belong together, their order and the name of a method for a
+reader. Draws and writes nothing.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+from pathlib import PurePath
+
+import numpy as np
+
+from ltvn_core.evaluation.confidence_intervals import Estimate
+from ltvn_core.evaluation.metrics import EvaluationMetrics, compute_metrics
+from ltvn_core.evaluation.query_result import FailureCause
+from ltvn_core.evaluation.results import EdgeCalibrationBin, LifelongPoint, LifelongResult, TrialResult
+from ltvn_core.systems.registry import known_system, system_names
+
+ALL_SCENES = "all scenes"
+"""Scene name of a row over all scenes."""
+
+
+@dataclass(frozen=True, slots=True)
+class TrialSetup:
+    """What the trials of one row have in common."""
+
+    scene: str
+    """The scene, and behind a comma the conditions that were harder than usual."""
+    system: str
+    """Name of the navigation system in the registry."""
+    preset: str
+    method: str
+    """Label of the method: `LTVN robust`, `SPTM`, `LTVN robust without pruning`."""
+    finetuned: bool
+    queries: int
+    """Queries with maintenance before the episodes."""
+    ablated: bool
+    """Whether parts of the method were switched off or replaced by ground truth, or the camera was spoiled."""
+
+    @property
+    def stage(self) -> str:
+        """Stage of the map and the network: fine-tuning, and queries before the episodes."""
+        tuned = "fine-tuned" if self.finetuned else "as trained"
+        return f"{tuned}, {self.queries:,} queries" if self.queries else tuned
+
+
+@dataclass(frozen=True)
+class ResultRow:
+    """All trials of one setup."""
+
+    setup: TrialSetup
+    trials: tuple[TrialResult, ...]
+    """One for each map seed; in a row over all scenes, for each scene and seed."""
+
+    @cached_property
+    def metrics(self) -> EvaluationMetrics:
+        """Metrics over the trials."""
+        return compute_metrics(self.trials)
+
+    @property
+    def success(self) -> Estimate:
+        """Share of the episodes whose goal was reached."""
+        return self.metrics.success_rate
+
+    @property
+    def images(self) -> float:
+        """Mean number of images of the mapping drives."""
+        return float(np.mean([trial.images for trial in self.trials]))
+
+    @property
+    def seeds(self) -> tuple[int, ...]:
+        """Map seeds."""
+        return tuple(sorted({trial.seed for trial in self.trials}))
+
+    def failed(self, cause: FailureCause) -> float:
+        """Return the share of the episodes that failed for a cause."""
+        return self.metrics.failures[cause.value] / self.metrics.episodes
+
+
+def setup_of(trial: TrialResult) -> TrialSetup:
+    """Return what a trial has in common with others of its row."""
+    # Whether the network was fine-tuned is a stage of every method and no part of its name.
+    without = [part for part in trial.without if not part.replace("-", "").startswith("finetun")]
+    system = known_system(trial.method)
+    name = trial.method if system is None else system.label
+    if system is not None and system.preset_in_label:
+        name = f"{name} {trial.preset}"
+    elif trial.preset != "robust":
+        name = f"{name}, {trial.preset} navigator"
+    if without:
+        name = f"{name} without {', '.join(without)}"
+    if asked_the_truth := trial.fingerprint == "oracle":
+        name = f"{name} with the oracle"
+    if trial.perturbations:
+        name = f"{name}, camera with {', '.join(trial.perturbations)}"
+    return TrialSetup(
+        scene=_under(trial.scene, trial),
+        system=trial.method,
+        preset=trial.preset,
+        method=name,
+        finetuned=trial.finetuned,
+        queries=trial.queries,
+        ablated=bool(without or trial.perturbations) or asked_the_truth,
+    )
+
+
+def _under(place: str, trial: TrialResult) -> str:
+    """Return a scene, or all of them, with the conditions of a trial."""
+    return ", ".join([place, *trial.conditions])
+
+
+def scene_name(scene: str) -> str:
+    """Return the display name of a scene: for a path, its last part."""
+    return PurePath(scene).name or scene
+
+
+def order_of(setup: TrialSetup) -> tuple[object, ...]:
+    """Return what rows are sorted by: scene, then method, then stage."""
+    return (setup.scene, *_method_order(setup), setup.finetuned, setup.queries)
+
+
+def rows_of(trials: Iterable[TrialResult]) -> tuple[ResultRow, ...]:
+    """Group trials into rows, by scene, then method, then stage."""
+    return _gathered(trials, setup_of)
+
+
+def rows_over_scenes(rows: Sequence[ResultRow]) -> tuple[ResultRow, ...]:
+    """Group rows of the same method, stage and conditions over the scenes, leaving out those that miss a scene."""
+    trials = [trial for row in rows for trial in row.trials]
+    scenes: dict[str, set[str]] = {}
+    for trial in trials:
+        scenes.setdefault(_under(ALL_SCENES, trial), set()).add(trial.scene)
+    whole = _gathered(trials, lambda trial: replace(setup_of(trial), scene=_under(ALL_SCENES, trial)))
+    found = [(row, scenes[row.setup.scene]) for row in whole]
+    return tuple(row for row, all_of in found if len(all_of) > 1 and {trial.scene for trial in row.trials} == all_of)
+
+
+def methods_of(rows: Iterable[ResultRow]) -> tuple[str, ...]:
+    """Return the methods of rows in their order."""
+    return tuple(dict.fromkeys(row.setup.method for row in sorted(rows, key=lambda row: _method_order(row.setup))))
+
+
+def scenes_of(rows: Iterable[ResultRow]) -> tuple[str, ...]:
+    """Return the scenes of rows in their order."""
+    return tuple(dict.fromkeys(row.setup.scene for row in rows))
+
+
+def _gathered(trials: Iterable[TrialResult], key: Callable[[TrialResult], TrialSetup]) -> tuple[ResultRow, ...]:
+    groups: dict[TrialSetup, list[TrialResult]] = {}
+    for trial in trials:
+        groups.setdefault(key(trial), []).append(trial)
+    rows = [ResultRow(setup, tuple(sorted(found, key=lambda trial: trial.seed))) for setup, found in groups.items()]
+    return tuple(sorted(rows, key=lambda row: order_of(row.setup)))
+
+
+def _method_order(setup: TrialSetup) -> tuple[object, ...]:
+    names = system_names()
+    rank = names.index(setup.system) if setup.system in names else len(names)
+    # Robust before paper, whole methods before those with parts switched off.
+    return rank, setup.ablated, setup.preset == "paper", setup.method
+
+
+@dataclass(frozen=True)
+class LifelongGroup:
+    """Queries with maintenance in one scene by one method, each run from a map of its own."""
+
+    scene: str
+    method: str
+    """Label of the method."""
+    runs: tuple[LifelongResult, ...]
+    """One result for each map seed."""
+
+    def points(self) -> tuple[ResultRow, ...]:
+        """Return the tests in between as rows, by the number of queries before them."""
+        found: dict[int, list[LifelongPoint]] = {}
+        for run in self.runs:
+            for point in run.points:
+                found.setdefault(point.queries, []).append(point)
+        return tuple(
+            ResultRow(setup_of(points[0].trial), tuple(point.trial for point in points))
+            for _, points in sorted(found.items())
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class MaintenanceInterval:
+    """Changes of the map by the queries between two tests, mean over the runs."""
+
+    first: int
+    until: int
+    """Number of queries at the test before and at the one after."""
+    pruned: float
+    pruned_bad: float
+    """Pruned edges that are spurious or that the robot could not drive."""
+    added_edges: float
+    added_spurious: float
+    """Added edges that are spurious."""
+
+
+def group_lifelong(results: Iterable[LifelongResult]) -> tuple[LifelongGroup, ...]:
+    """Group results by scene, then method. A result without points is left out."""
+    groups: dict[tuple[str, str], list[LifelongResult]] = {}
+    for result in results:
+        if result.points:
+            setup = setup_of(result.points[0].trial)
+            method = setup.method
+            method += f", {result.maintenance} maintenance" if result.maintenance else ""
+            groups.setdefault((setup.scene, method), []).append(result)
+    return tuple(
+        LifelongGroup(scene, method, tuple(sorted(runs, key=lambda run: run.seed)))
+        for (scene, method), runs in sorted(groups.items())
+    )
+
+
+def maintenance_intervals(group: LifelongGroup) -> tuple[MaintenanceInterval, ...]:
+    """Return the changes by maintenance from each test to the next."""
+    tests = sorted({point.queries for run in group.runs for point in run.points})
+    return tuple(_interval(group, first, until) for first, until in pairwise(tests))
+
+
+def end_points(lifelong_groups: Sequence[LifelongGroup], *, last: bool) -> list[LifelongPoint]:
+    """Return the first or the last test of each run."""
+    return [run.points[-1 if last else 0] for group in lifelong_groups for run in group.runs]
+
+
+def calibration_of(points: Iterable[LifelongPoint]) -> tuple[EdgeCalibrationBin, ...]:
+    """Add up the calibration of p over several tests, empty cells left out."""
+    found: dict[tuple[float, float], list[EdgeCalibrationBin]] = {}
+    for point in points:
+        for cell in point.calibration:
+            found.setdefault((cell.low, cell.high), []).append(cell)
+    return tuple(_added_up(cells) for _, cells in sorted(found.items()) if sum(cell.edges for cell in cells))
+
+
+def calibration_error(cells: Sequence[EdgeCalibrationBin]) -> float:
+    """Return the mean difference between p and the share of drivable edges; nan without edges."""
+    total = sum(cell.edges for cell in cells)
+    gaps = sum(cell.edges * abs(cell.mean_p - cell.drivable) for cell in cells)
+    return gaps / total if total else float("nan")
+
+
+def _interval(group: LifelongGroup, first: int, until: int) -> MaintenanceInterval:
+    runs = [run for run in group.runs if len(run.queries) >= until]
+    queries = [query for run in runs for query in run.queries[first:until]]
+
+    def mean(name: str) -> float:
+        return sum(getattr(query, name) for query in queries) / max(len(runs), 1)
+
+    return MaintenanceInterval(
+        first=first,
+        until=until,
+        pruned=mean("pruned"),
+        pruned_bad=mean("pruned_bad"),
+        added_edges=mean("added_edges"),
+        added_spurious=mean("added_spurious"),
+    )
+
+
+def _added_up(cells: Sequence[EdgeCalibrationBin]) -> EdgeCalibrationBin:
+    edges = sum(cell.edges for cell in cells)
+    mean_p = sum(cell.edges * cell.mean_p for cell in cells) / edges
+    drivable = sum(cell.edges * cell.drivable for cell in cells) / edges
+    return EdgeCalibrationBin(low=cells[0].low, high=cells[0].high, edges=edges, mean_p=mean_p, drivable=drivable)

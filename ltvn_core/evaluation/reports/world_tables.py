@@ -1,0 +1,142 @@
+"""The tables of evaluations in changing worlds: what each maintenance came to, and what makes each result again.
+
+Of people met there, a table says how near the robot came, whom it touched, and how long it waited.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+
+import numpy as np
+
+from ltvn_core.evaluation.query_result import EncounterCounts
+from ltvn_core.evaluation.reports.evaluation_tables import ReportTable, merged_rows, percent
+from ltvn_core.evaluation.reports.result_rows import scene_name
+from ltvn_core.evaluation.results import WorldResult
+from ltvn_core.evaluation.worlds.world_metrics import WorldMetrics, world_metrics
+from ltvn_core.systems.maintenance_names import MAINTENANCE_NAMES
+
+ALL_SCENES = "all scenes"
+_PEOPLE_HEAD = (
+    *(
+        "world",
+        "scene",
+        "maintenance",
+        "encounters",
+        "touches",
+        "avoidable touches",
+        "closest, m",
+        "1 % nearer than, m",
+    ),
+    *("10 %, m", "half, m", "people gave way", "stood still, s each", "goals reached", "SPL", "queries", "seeds"),
+)
+
+
+def world_table(results: Sequence[WorldResult]) -> ReportTable:
+    """Return the metrics of each maintenance in each world, over all scenes where there are several and in each."""
+    head = (
+        *(
+            "world",
+            "scene",
+            "maintenance",
+            "goals reached",
+            "where the usual way is closed",
+            "SPL",
+            "tries at closed edges, per 100",
+            "at closed doors",
+        ),
+        *("queries until a reopened door is used", "Brier now", "in an hour", "edges lost", "nodes", "collisions"),
+        *("queries", "seeds"),
+    )
+    body = tuple(_line(*group) for group in world_groups(results))
+    caption = (
+        "Goals reached with 95 % interval, of them those whose shortest way is at least half a metre longer than in "
+        "the scene as it was made, with their number; SPL against the shortest way of the moment. Brier: squared error "
+        "of predicted presence, over the edges that the world ever closes. Nodes: before and after all queries."
+    )
+    return ReportTable(caption=caption, head=head, rows=body, words=3)
+
+
+def world_run_table(results: Sequence[WorldResult]) -> ReportTable:
+    """Return the commands and versions behind all results."""
+    head = ("world", "scenes", "maintenance", "seeds", "version", "command")
+    rows = (
+        ((_world(each), each.version, each.command), (scene_name(each.scene), each.maintenance, str(each.seed)))
+        for each in _sorted(results)
+    )
+    body = tuple((world, *cells, version, command) for (world, version, command), cells in merged_rows(rows))
+    return ReportTable(caption="What makes each result again.", head=head, rows=body, words=6)
+
+
+def world_groups(results: Sequence[WorldResult]) -> Iterator[tuple[str, str, Sequence[WorldResult]]]:
+    """Yield world, scene and the results of one maintenance there, in the order of the table."""
+    ordered = _sorted(results)
+    for world in dict.fromkeys(map(_world, ordered)):
+        here = [result for result in ordered if _world(result) == world]
+        scenes = list(dict.fromkeys(result.scene for result in here))
+        for scene in (*([ALL_SCENES] if len(scenes) > 1 else []), *scenes):
+            there = [result for result in here if scene in (ALL_SCENES, result.scene)]
+            for name in dict.fromkeys(result.maintenance for result in there):
+                yield world, scene, [result for result in there if result.maintenance == name]
+
+
+def _sorted(results: Iterable[WorldResult]) -> list[WorldResult]:
+    order = {name: place for place, name in enumerate(MAINTENANCE_NAMES)}
+    return sorted(results, key=lambda each: (_world(each), order.get(each.maintenance, 99), each.scene, each.seed))
+
+
+def _world(result: WorldResult) -> str:
+    return f"{result.world}, {result.days:g} days"
+
+
+def _line(world: str, scene: str, results: Sequence[WorldResult]) -> tuple[str, ...]:
+    found = world_metrics(results)
+    seeds = ", ".join(map(str, sorted({result.seed for result in results})))
+    return (
+        *(world, scene if scene == ALL_SCENES else scene_name(scene), results[0].maintenance),
+        f"{percent(found.success_rate)} ({100 * found.success_low:.1f} to {100 * found.success_high:.1f})",
+        *(_on_detours(found), f"{found.spl:.2f}", f"{found.blocked_tries_per_100:.1f}"),
+        *(f"{found.door_tries_per_100:.1f}", _waits(found)),
+        *(f"{found.brier:.3f}", f"{found.brier_later:.3f}", percent(found.lost_edges_share, 2)),
+        f"{found.nodes_before:,.0f} to {found.nodes:,.0f}",
+        *(f"{found.collisions_per_episode:.2f}", f"{found.queries:,}", seeds),
+    )
+
+
+def _waits(found: WorldMetrics) -> str:
+    return "–" if found.reopened_after_queries is None else f"{found.reopened_after_queries:.1f} ({found.reopened})"
+
+
+def _on_detours(found: WorldMetrics) -> str:
+    return "–" if found.success_on_detours is None else f"{percent(found.success_on_detours)} ({found.detours})"
+
+
+def people_table(results: Sequence[WorldResult]) -> ReportTable:
+    """Return the encounters in each world, over all scenes where there are several and in each; none of empty ones."""
+    met = [result for result in results if any(query.people.encounters for query in result.queries)]
+    body = tuple(_people_line(*group) for group in world_groups(met))
+    caption = (
+        "An encounter begins when a person is nearer than 1.5 m, from surface to surface as all distances, and ends "
+        "beyond 2 m. A touch is avoidable where the robot drove towards the person, and either backwards, or although "
+        "its camera had shown the person in the last 3 s and early enough to brake."
+    )
+    return ReportTable(caption=caption, head=_PEOPLE_HEAD, rows=body, words=3)
+
+
+def _people_line(world: str, scene: str, results: Sequence[WorldResult]) -> tuple[str, ...]:
+    found: WorldMetrics = world_metrics(results)
+    people = found.people
+    seeds = ", ".join(map(str, sorted({result.seed for result in results})))
+    return (
+        *(world, scene if scene == ALL_SCENES else scene_name(scene), results[0].maintenance),
+        *(f"{people.encounters:,}", f"{people.touched:,}", f"{people.avoidable:,}", *_distances(people)),
+        *(percent(people.gave_way / people.encounters), f"{people.stood_s / people.encounters:.1f}"),
+        *(percent(found.success_rate), f"{found.spl:.2f}", f"{found.queries:,}", seeds),
+    )
+
+
+def _distances(people: EncounterCounts) -> tuple[str, str, str, str]:
+    """Return least distance, and the quantiles of 1, 10 and 50 %; older results know the first alone."""
+    least = "–" if people.closest_m is None else f"{people.closest_m:.2f}"
+    if len(people.closest_each_m) < people.encounters:
+        return least, "–", "–", "–"
+    one, ten, half = np.quantile(people.closest_each_m, [0.01, 0.1, 0.5])
+    return least, f"{one:.2f}", f"{ten:.2f}", f"{half:.2f}"

@@ -1,0 +1,112 @@
+"""Edges over floor that was seen free, between nodes that see nothing in common or that the drive never joined (ours).
+
+The network joins images that share a view, and the drive passed only here and there, so without these a robot that
+faces the wrong way drives to where the drive turned, and crosses a hall along the rounds of the drive. The corrected
+course of the drive says how two nodes lie to each other, and its depth images whether the floor between them is free.
+Of these edges only those come in that make a way a good deal shorter: a greedy spanner (Althöfer, Das, Dobkin, Joseph
+and Soares, On Sparse Spanners of Weighted Graphs, 1993). Owns their choice; what is free is in `graph.free_floor`.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import rustworkx
+from scipy.spatial import KDTree
+
+from ltvn_core.config import Method
+from ltvn_core.graph.deltas import Cause, Edge, EdgeAdded
+from ltvn_core.graph.free_floor import WELL_KNOWN_M, FreeFloor
+from ltvn_core.graph.matching import Matches
+from ltvn_core.graph.odometry_gate import OdometryGate
+from ltvn_core.graph.operators import bidirectional_edges
+from ltvn_core.graph.planner import edge_cost
+from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.types import NodeId
+
+_PLACE_M = 0.45
+"""Nodes nearer to each other than this are at one place: a small robot on both sides of the thinnest wall is farther
+apart."""
+_REACH_M = 2.5
+"""No edge is longer; a robot drives no farther without recognising where it is."""
+_REACH_RAD = 1.5
+"""Nor turns the robot by more at the end of one that leads away, or its image there says nothing of the target."""
+_STRETCH = 1.2
+"""Without the edge the way must cost so many times as much; 1.5 bounds SPL lower (`docs/results.md`)."""
+_MOST_DRIVEN_M = 60.0
+"""By a longer way along the drive odometry does not know at all where two nodes lie to each other."""
+_DOUBTED = 0.5
+"""So much an edge is believed that odometry does not know well: it is driven where the way round is long."""
+
+
+def floor_edges(graph: TopologicalGraph, gate: OdometryGate, floor: FreeFloor, method: Method) -> Iterator[EdgeAdded]:
+    """Yield edges, each with the one back: the shortest first, as long as there is no way nearly as short."""
+    ways = _Ways.of(graph, method)
+    for pair in sorted(_pairs(graph, gate, method), key=lambda pair: pair.matches.distances[0]):
+        there, back = bidirectional_edges(pair.source, pair.matches, method.believing, Cause.BUILD, by_odometry=True)
+        if ways.is_shortened_by(there.edge) and (pair.is_one_place or floor.joins(pair.source, pair.matches)):
+            ways.add(there.edge)
+            ways.add(back.edge)
+            yield from (there, back)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Pair:
+    source: NodeId
+    matches: Matches
+    """The one node it may be joined with."""
+
+    @property
+    def is_one_place(self) -> bool:
+        """Whether nothing fits between the two."""
+        return bool(np.hypot(*self.matches.waypoints[0, :2]) <= _PLACE_M)
+
+
+def _pairs(graph: TopologicalGraph, gate: OdometryGate, method: Method) -> Iterator[_Pair]:
+    """Yield each pair of nodes near each other once, as far as odometry knows, that no edge joins."""
+    nodes = tuple(graph.nodes)
+    places = np.array([node.odometry[:2] for node in graph.nodes.values()])
+    # No image speaks for it, so it is believed no more than the least edge that images speak for.
+    most = method.building.connect_reachability
+    for k, beside in enumerate(KDTree(places).query_ball_point(places, _REACH_M, return_sorted=True)):
+        others = [nodes[j] for j in beside if j > k and (nodes[k], nodes[j]) not in graph.edges]
+        if not others:
+            continue
+        waypoints, driven_m = gate.seen_from(nodes[k], others)
+        away_m = np.hypot(waypoints[:, 0], waypoints[:, 1])
+        in_reach = (away_m <= _REACH_M) & (np.abs(waypoints[:, 2]) <= _REACH_RAD)
+        known = (driven_m <= _MOST_DRIVEN_M) & (in_reach | (away_m <= _PLACE_M))
+        for j in np.flatnonzero(known):
+            belief = most if driven_m[j] <= WELL_KNOWN_M else _DOUBTED
+            yield _Pair(nodes[k], Matches.of_one(others[j], belief, waypoints[j]))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Ways:
+    """What the ways of a map cost, as edges come in."""
+
+    costs: "rustworkx.PyDiGraph[NodeId, float]"
+    rows: dict[NodeId, int]
+    method: Method
+
+    @classmethod
+    def of(cls, graph: TopologicalGraph, method: Method) -> "_Ways":
+        costs = rustworkx.PyDiGraph[NodeId, float]()
+        rows = dict(zip(graph.nodes, costs.add_nodes_from(list(graph.nodes)), strict=True))
+        ways = cls(costs, rows, method)
+        for edge in graph.edges.values():
+            ways.add(edge)
+        return ways
+
+    def add(self, edge: Edge) -> None:
+        self.costs.add_edge(self.rows[edge.source], self.rows[edge.target], self._cost(edge))
+
+    def is_shortened_by(self, edge: Edge) -> bool:
+        """Tell whether the way between its ends costs much more without the edge."""
+        source = self.rows[edge.source]
+        target = self.rows[edge.target]
+        lengths = rustworkx.dijkstra_shortest_path_lengths(self.costs, source, float, goal=target)
+        return target not in lengths or lengths[target] > _STRETCH * self._cost(edge)
+
+    def _cost(self, edge: Edge) -> float:
+        return edge_cost(edge.belief, self.method.planning)

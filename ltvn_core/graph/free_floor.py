@@ -1,0 +1,66 @@
+"""Which floor the images of a drive saw free, as far as the drive's odometry knows where they were taken.
+
+Owns when a straight way counts as free. Knows nothing of the graph.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import KDTree
+
+from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.cameras.depth_points import transform_points
+from ltvn_core.cameras.depth_scan import EDGE_RAD, FREE_BEYOND_M, RANGE_M, DepthScan, bearing_bins, reach_past
+from ltvn_core.geometry import wrap_angle
+from ltvn_core.graph.matching import Matches
+from ltvn_core.graph.odometry_gate import OdometryGate
+from ltvn_core.types import NodeId, Observation, Pose
+
+_CLEAR_M = 0.3
+"""So much must be free on both sides of a way: half a small robot, and what odometry may be wrong by."""
+_STOOD_M = 0.25
+"""The floor is free so near to where an image was taken."""
+_SPACING_M = 0.15
+WELL_KNOWN_M = 10.0
+"""By no longer a way along the drive odometry knows well where things lie to each other."""
+
+
+class FreeFloor:
+    """What the images of some frames saw of the floor."""
+
+    def __init__(self, seen: Sequence[Observation], camera: CameraModel, gate: OdometryGate) -> None:
+        """Read the depth of images; those without any say nothing but that a robot stood there."""
+        scans = [DepthScan.from_image(each, camera, np.zeros(3)) for each in seen]
+        self._frames = [each.step for each in seen]
+        self._gate = gate
+        self._half_rad = scans[0].half_rad
+        self._ranges_m = np.stack([scan.ranges_m for scan in scans])
+        self._things = [scan.solid_points() for scan in scans]
+
+    def joins(self, source: NodeId, target: Matches) -> bool:
+        """Tell whether the straight way from a node to the only target was seen free, and nothing near it."""
+        way = _along(target.waypoints[0, :2])
+        poses, driven_m = self._gate.seen_from(source, self._frames)
+        near = np.flatnonzero((driven_m <= WELL_KNOWN_M) & (np.hypot(poses[:, 0], poses[:, 1]) < RANGE_M))
+        if not self._is_free(way, near, poses[near]):
+            return False
+        solid = np.concatenate([np.empty((0, 2)), *(transform_points(self._things[k], poses[k]) for k in near)])
+        return not len(solid) or bool(KDTree(solid).query(way)[0].min() > _CLEAR_M)
+
+    def _is_free(self, way: NDArray[np.float64], images: NDArray[np.intp], poses: Pose) -> bool:
+        """Tell whether each point (S, 2) was seen free by one of N images taken at poses (N, 3), or stood at."""
+        offset = way - poses[:, None, :2]
+        away_m = np.hypot(offset[..., 0], offset[..., 1])
+        bearing = wrap_angle(np.arctan2(offset[..., 1], offset[..., 0]) - poses[:, 2:])
+        inside = np.abs(bearing) < self._half_rad - EDGE_RAD
+        place = np.clip(bearing_bins(bearing, self._half_rad), 1, self._ranges_m.shape[1] - 2)
+        beside = np.stack([self._ranges_m[images[:, None], place + aside] for aside in (-1, 0, 1)])
+        seen = inside & reach_past(beside, away_m + FREE_BEYOND_M)
+        return bool((seen | (away_m < _STOOD_M)).any(axis=0).all())
+
+
+def _along(end: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return points (S, 2) from here to an end (2,)."""
+    count = max(int(np.hypot(*end) / _SPACING_M), 1) + 1
+    return np.linspace(0, 1, count)[:, None] * end

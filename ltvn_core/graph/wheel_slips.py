@@ -1,0 +1,158 @@
+"""Wheel slips: odometry that jumps although the robot did not, found where two depth images in a row contradict it.
+
+After a slip all that odometry placed earlier lies elsewhere: what stands around, the waypoint, the way here. The two
+images mostly show the same things, so the motion between them can be measured: among motions near the odometry's, the
+one that puts one scan best onto the other (correlative scan matching, Olson 2009). Wheels slip along the heading and in
+the heading, so only these two are searched. Where odometry agrees with the images it is left as it is (ours).
+
+Owns how a slip is told from a good odometry. Reads depth alone; without it no slip is found.
+"""
+
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import KDTree
+
+from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.cameras.depth_scan import RANGE_M, DepthScan
+from ltvn_core.geometry import compose, invert, relative
+from ltvn_core.types import FrameId, Observation, Pose
+
+_APART_M, _APART_RAD = 0.4, 0.5
+"""Images taken farther apart than this share too little."""
+_LOOK_M, _LOOK_RAD = 0.2, 0.2
+"""So far a robot may move between two images, to have the next one in time."""
+_AGREES_M = 0.045
+"""Scans that lie so near to each other on average agree with odometry."""
+_BETTER = 0.5
+"""Another motion must bring them nearer by this factor."""
+_CAP_M = 0.25
+"""A thing without any counterpart counts as so far off."""
+_LEAST_POINTS = 15
+_EDGE_RAD, _NEAR_M = 0.1, 0.35
+"""What is nearer than this to the edge of the earlier image, or to its camera, may have no counterpart there."""
+_STEPS = ((0.05, 0.04), (0.0125, 0.01))
+"""Steps of the search in m and rad, coarse and fine,"""
+_REACH = ((9, 9), (4, 4))
+"""and how many of them to each side."""
+_COST_PER_M, _COST_PER_RAD = 0.02, 0.025
+"""Of motions that fit as well, the one nearest to the odometry is believed."""
+_SURFACE_GAP_M, _SURFACE_STEP_M = 0.8, 0.04
+"""Between points of a scan no farther apart there is a surface: along a corridor they lie far from each other, and two
+scans of bare points would agree best where the robot had not moved."""
+
+
+class SlipTracker:
+    """Puts the odometry of images right, one after the other."""
+
+    def __init__(self, camera: CameraModel) -> None:
+        """Take images of this camera."""
+        self._camera = camera
+        self._last: tuple[Observation, DepthScan] | None = None
+        self._frame: Pose | None = None
+        """(3,) where the odometry frame lies in the frame that it was in at first; None as long as nothing slipped."""
+
+    def see(self, seen: Observation) -> Observation:
+        """Return the next image with its odometry put right."""
+        if self._last is None or seen.step != self._last[0].step:
+            self._compare(seen)
+        return seen if self._frame is None else replace(seen, odometry=self.mended(seen.odometry))
+
+    def mended(self, odometry: Pose) -> Pose:
+        """Return odometry (3,) put right after the slips found so far."""
+        return odometry if self._frame is None else compose(self._frame, odometry)
+
+    def needs_image(self, odometry: Pose) -> bool:
+        """Tell whether a robot at raw odometry (3,) has moved so far since the last image that it should look again."""
+        if self._last is None:
+            return False
+        moved = relative(self._last[0].odometry, odometry)
+        return bool(np.hypot(moved[0], moved[1]) > _LOOK_M or abs(moved[2]) > _LOOK_RAD)
+
+    def _compare(self, seen: Observation) -> None:
+        scan = DepthScan.from_image(seen, self._camera, np.zeros(3))
+        last, self._last = self._last, (seen, scan)
+        if last is None:
+            return
+        earlier, before = last
+        moved = relative(earlier.odometry, seen.odometry)
+        if np.hypot(moved[0], moved[1]) > _APART_M or abs(moved[2]) > _APART_RAD:
+            return
+        truly = motion_after_slip(before, scan, moved)
+        if truly is None:
+            return
+        # From now on the frame lies so that the image was taken where the robot truly moved to.
+        self._frame = compose(compose(self.mended(earlier.odometry), truly), invert(seen.odometry))
+
+
+def without_slips(
+    observations: Sequence[Observation], camera: CameraModel, drive_starts: Collection[FrameId] = ()
+) -> Iterator[Observation]:
+    """Yield images in their order, each with its odometry put right after the slips before it in its drive.
+
+    Odometry begins anew at `drive_starts`.
+    """
+    tracker = SlipTracker(camera)
+    for seen in observations:
+        if seen.step in drive_starts:
+            tracker = SlipTracker(camera)
+        yield tracker.see(seen)
+
+
+def motion_after_slip(before: DepthScan, after: DepthScan, moved: Pose) -> Pose | None:
+    """Return how the robot truly moved (3,) between two scans in its own frame; None where odometry agrees with them.
+
+    None as well where they share too little, or no motion fits them much better.
+    """
+    surface = _surface(before.solid_points())
+    points = after.solid_points()
+    if min(len(surface), len(points)) < _LEAST_POINTS:
+        return None
+    tree = KDTree(surface)
+    best = moved
+    (at_odometry,) = _gaps(tree, before, points, moved[None])
+    if not _AGREES_M < at_odometry < np.inf:
+        return None
+    for steps, reach in zip(_STEPS, _REACH, strict=True):
+        candidates = _around(best, steps, reach)
+        off = np.abs(relative(moved, candidates))
+        cost = _gaps(tree, before, points, candidates) + _COST_PER_M * off[:, 0] + _COST_PER_RAD * off[:, 2]
+        best = candidates[int(cost.argmin())]
+    (at_best,) = _gaps(tree, before, points, best[None])
+    return best if at_best < _BETTER * at_odometry else None
+
+
+def _around(motion: Pose, steps: tuple[float, float], reach: tuple[int, int]) -> Pose:
+    """Return motions (C, 3) that end farther along the heading than one (3,), and turned."""
+    ahead, turn = np.meshgrid(*(step * np.arange(-n, n + 1) for step, n in zip(steps, reach, strict=True)))
+    steps_there = np.stack([ahead.ravel(), np.zeros(ahead.size), turn.ravel()], axis=-1)
+    return compose(motion, steps_there.astype(np.float64))
+
+
+def _gaps(tree: KDTree, before: DepthScan, points: NDArray[np.float64], motions: Pose) -> NDArray[np.float64]:
+    """Return (C,) how far a scan (M, 2) lies on average from an earlier one, if the robot moved so (C, 3) between them.
+
+    Infinite where the earlier one shows too little of it.
+    """
+    cos, sin = np.cos(motions[:, 2:]), np.sin(motions[:, 2:])
+    x = motions[:, :1] + cos * points[:, 0] - sin * points[:, 1]
+    y = motions[:, 1:2] + sin * points[:, 0] + cos * points[:, 1]
+    away_m = np.hypot(x, y)
+    shown = (np.abs(np.arctan2(y, x)) < before.half_rad - _EDGE_RAD) & (away_m > _NEAR_M) & (away_m < RANGE_M - _CAP_M)
+    gaps = np.full(x.shape, _CAP_M)
+    gaps[shown] = tree.query(np.stack([x[shown], y[shown]], axis=-1), distance_upper_bound=_CAP_M)[0]
+    count = shown.sum(axis=1)
+    total = np.where(shown, np.minimum(gaps, _CAP_M), 0.0).sum(axis=1)
+    return np.where(count < _LEAST_POINTS, np.inf, total / np.maximum(count, 1))
+
+
+def _surface(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the points (K, 2) of a scan with those between neighbours that belong to one surface."""
+    gaps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    between = [
+        points[k] + np.linspace(0, 1, int(gaps[k] / _SURFACE_STEP_M) + 2)[1:-1, None] * (points[k + 1] - points[k])
+        for k in np.flatnonzero(gaps < _SURFACE_GAP_M)
+    ]
+    return np.concatenate([points, *between])

@@ -1,0 +1,1 @@
+"""Maps with their images, and several drives in one map."""

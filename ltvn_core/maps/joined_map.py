@@ -1,0 +1,325 @@
+"""A map that was built from several drives, made whole: where drives begin, what they contradict, and where they lie.
+
+Owns the order of these steps, what became of each drive, and what a later drive saw that speaks against the map of
+earlier ones: ways that are blocked now, or open again. What is new in a depth image lies where no image of the earlier
+drives shows anything solid; which edges it closes is `graph.presence.obstruction`. How drives are joined while the map
+is built is `graph.drive_links`.
+"""
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import KDTree
+
+from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.cameras.depth_points import obstacle_points, transform_points
+from ltvn_core.findings import Finding
+from ltvn_core.geometry import compose, distance, invert, relative
+from ltvn_core.graph.deltas import Cause, DriveBegun, PresenceObserved
+from ltvn_core.graph.keyframes import KeyframeStore
+from ltvn_core.graph.loop_closures import LoopClosureVerifier
+from ltvn_core.graph.matching import Matcher
+from ltvn_core.graph.navigation_system import NavigationSystem
+from ltvn_core.graph.operators import OperatorThresholds
+from ltvn_core.graph.presence.obstruction import Obstruction, distances_to_way, edges_obstructed, nearby_poses
+from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
+from ltvn_core.maps.drive_alignment import drive_movements, moved_graph, moved_keyframes
+from ltvn_core.maps.joined_drives import JoinedDrive
+from ltvn_core.types import NodeId, Observation, Pose, Predictor, Waypoint
+
+_FEW_RECOGNISED = 0.1
+"""Where less of a drive than this is recognised, the map hangs together by little."""
+_RANGE_M = 2.5
+"""Things farther away are not placed well enough."""
+_KNOWN_WITHIN_M = 0.18
+"""What is so near to something that an earlier image shows is held to be that."""
+_KNOWN_SHARE = 0.5
+"""Where less of what stands around is known, the image was probably taken elsewhere."""
+_LEAST_POINTS = 8
+_NODES, _IMAGES_AROUND = 12, 3
+"""The images of so many earlier nodes, and so many before and after each, tell what was there."""
+_GRID_M = 0.05
+_ASK_EVERY = 0.35
+"""Images of a drive that are nearer to each other than this d are asked once."""
+_DRIVEN_ON = 2.5
+"""So far, as d, odometry tells where an image was taken after another that was recognised."""
+_LEAST_LOOKS = 2
+"""Images that must agree that an edge is blocked."""
+_ON_WAY_M = 0.25
+"""A robot that was so near to the middle of an edge drove there."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DriveReport:
+    """One drive in the map."""
+
+    name: str
+    first: int
+    """Its first image, as it is numbered in the map,"""
+    added_steps: int
+    """and so much more than in its recording."""
+    nodes: int
+    joined_by: int
+    """Edges between its nodes and those of the drives before; 0 for the first."""
+    joined_by_odometry: int
+    """Those among them that odometry alone speaks for."""
+    continues: str
+    """Name of the drive before it in whose odometry it goes on; empty where its odometry begins anew."""
+    recognised: float | None
+    """Share of its images whose place the drives before had seen; None for the first."""
+    blocked: tuple[EdgeKey, ...]
+    """Edges of the drives before that it saw blocked,"""
+    returned: tuple[EdgeKey, ...]
+    """and those that were seen blocked before and that it found open."""
+
+    @property
+    def is_piece_of_its_own(self) -> bool:
+        """No image of it was recognised in the drives before, so nothing joins it to them."""
+        return self.recognised is not None and not self.joined_by and not self.recognised
+
+    def __str__(self) -> str:
+        if self.recognised is None:
+            return f"{self.name}: {self.nodes} nodes"
+        joined = f"{self.recognised:.0%} recognised, joined by {self.joined_by} edges"
+        seen = f"{len(self.blocked)} edges seen blocked, {len(self.returned)} open again"
+        return f"{self.name}: {self.nodes} new nodes, images from {self.first} on, {joined}; {seen}{self._continued}"
+
+    @property
+    def _continued(self) -> str:
+        if not self.continues:
+            return ""
+        by_images = self.joined_by - self.joined_by_odometry
+        by = [name for name, count in (("images", by_images), ("odometry", self.joined_by_odometry)) if count]
+        joined = f"joined by {' and '.join(by)}" if by else "no edge joins them"
+        return f"; {self.name} continues {self.continues}: {joined}"
+
+
+class JoinedMap(NamedTuple):
+    """A map of several drives."""
+
+    graph: TopologicalGraph
+    keyframes: KeyframeStore
+    reports: tuple[DriveReport, ...]
+
+
+def join_map(
+    graph: TopologicalGraph,
+    keyframes: KeyframeStore,
+    observations: Sequence[Observation],
+    drives: Sequence[JoinedDrive],
+    predictor: Predictor,
+    system: NavigationSystem,
+) -> JoinedMap:
+    """Return the map that was built from `observations`, as the predictor sees them, with what it must know of drives.
+
+    Each drive after the first is compared with those before it; see `_Contradictions.compare` for the cost.
+    """
+    for drive in drives:
+        graph.apply(DriveBegun(drive.first, drive.name, Cause.BUILD))
+    contradictions = _Contradictions(graph, keyframes, predictor, system)
+    reports = [_report(graph, drives[0], None)]
+    for drive in drives[1:]:
+        own = sorted((seen for seen in observations if drive.holds(seen.step)), key=lambda seen: seen.step)
+        comparison = contradictions.compare(own, drive)
+        for delta in comparison.observed:
+            graph.apply(delta)
+        reports.append(_report(graph, drive, comparison))
+    movements = drive_movements(graph, drives)
+    moved = moved_keyframes(keyframes, predictor, drives, movements)
+    return JoinedMap(moved_graph(graph, moved), moved, tuple(reports))
+
+
+def drive_findings(reports: Sequence[DriveReport]) -> Iterator[Finding]:
+    """Yield what a person must know of drives that hardly meet, with what to do."""
+    for report in reports[1:]:
+        if report.is_piece_of_its_own:
+            yield Finding(
+                f"No image of {report.name} was recognised in the drives before it: its {report.nodes} nodes are a "
+                "piece of their own, and no way leads there.",
+                remedy="Drive through a place that both show, looking the same way, or try another --predictor.",
+                where=report.name,
+            )
+        elif not report.joined_by and report.nodes:
+            yield Finding(
+                f"No edge joins {report.name} to the drives before it, though {report.recognised:.0%} of its images "
+                "look like places there.",
+                remedy="Drive more slowly where both were, or try another --predictor.",
+                where=report.name,
+            )
+        elif report.recognised is not None and report.recognised < _FEW_RECOGNISED and not report.continues:
+            text = f"Only {report.recognised:.0%} of {report.name} was recognised in the drives before it."
+            yield Finding(text, where=report.name)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Place:
+    """Where an image of a later drive was taken."""
+
+    node: NodeId
+    """A node of an earlier drive,"""
+    pose: Pose
+    """and the robot (3,) in its frame."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Comparison:
+    """What a later drive says of the map of earlier ones."""
+
+    asked: int
+    """Images that were compared with it,"""
+    recognised: int
+    """and of them those whose place was known."""
+    observed: tuple[PresenceObserved, ...]
+    """Edges that the drive saw blocked, or found open that had been blocked."""
+
+    @property
+    def share(self) -> float:
+        """Share of the images whose place was known."""
+        return self.recognised / self.asked if self.asked else 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Contradictions:
+    """Compares later drives with the map of earlier ones."""
+
+    graph: TopologicalGraph
+    keyframes: KeyframeStore
+    predictor: Predictor
+    system: NavigationSystem
+
+    def compare(self, observations: Sequence[Observation], drive: JoinedDrive) -> _Comparison:
+        """Compare the images of a drive, in order, with the nodes of those before; linear in both."""
+        earlier = [node for node in self.graph.nodes if node < drive.first]
+        asked = _spread(observations) if earlier else []
+        blocked = Counter[EdgeKey]()
+        passed = set[EdgeKey]()
+        stamp = 0.0
+        recognised = 0
+        last: tuple[_Place, Observation] | None = None
+        for seen in asked:
+            place = self._place(seen, earlier)
+            if place is not None:
+                recognised += 1
+                last = place, seen
+            elif last is not None:
+                place = _driven_on(*last, seen)
+            if place is None:
+                continue
+            stamp = seen.stamp + drive.world_offset_s
+            blocked.update(self._blocked(seen, place, drive.first))
+            passed |= self._passed(place, drive.first)
+        return _Comparison(len(asked), recognised, tuple(self._observed(blocked, passed, stamp)))
+
+    def _observed(self, blocked: Counter[EdgeKey], passed: set[EdgeKey], stamp: float) -> Iterator[PresenceObserved]:
+        for key, looks in blocked.items():
+            if looks >= _LEAST_LOOKS and key not in passed:
+                yield PresenceObserved(*key, present=False, stamp=stamp, cause=Cause.SIGHT)
+        for key in passed & self.graph.presence.keys():
+            if not self.graph.presence[key][-1].present:
+                yield PresenceObserved(*key, present=True, stamp=stamp, cause=Cause.SIGHT)
+
+    def _place(self, seen: Observation, earlier: Sequence[NodeId]) -> _Place | None:
+        """Return where an image was taken, as the images themselves and those around them say; None if unsure."""
+        held = seen.step in self.keyframes
+        features = self.keyframes.features([seen.step]) if held else self.predictor.encode([seen])
+        matcher = Matcher(self.predictor, self.keyframes, self.system.method.matching)
+        found = matcher.match(features, earlier)
+        thresholds = OperatorThresholds.building(self.system.method.building)
+        found = found.take(np.argsort(-found.reachability, kind="stable")[:3])
+        if held:
+            found = LoopClosureVerifier(matcher).connections(seen.step, found, thresholds)
+        else:
+            found = matcher.with_node_support(found, features)
+            found = found.take(found.reachability > thresholds.connect_reachability)
+        if not len(found):
+            return None
+        best = int(found.distances.argmin())
+        return _Place(found.nodes[best], invert(found.waypoints[best]))
+
+    def _blocked(self, seen: Observation, place: _Place, first: int) -> list[EdgeKey]:
+        camera = self.predictor.camera
+        solid = _thinned(transform_points(obstacle_points(seen.depth, camera, _RANGE_M), place.pose))
+        mapped = self._mapped(place, first, camera)
+        if len(solid) < _LEAST_POINTS or not len(mapped):
+            return []
+        gaps, _ = KDTree(mapped).query(solid)
+        is_new = np.asarray(gaps) > _KNOWN_WITHIN_M
+        if is_new.sum() < _LEAST_POINTS or is_new.mean() > 1 - _KNOWN_SHARE:
+            return []
+        found = Obstruction(node=place.node, points=solid[is_new], known=solid[~is_new], stopped=False)
+        return [key for key in edges_obstructed(self.graph, found) if max(key) < first]
+
+    def _mapped(self, place: _Place, first: int, camera: CameraModel) -> NDArray[np.float64]:
+        """Return (M, 2) what images of earlier drives show to be solid, in the frame of the place's node."""
+        poses = {node: pose for node, pose in nearby_poses(self.graph, place.node).items() if node < first}
+        nearest = sorted(poses, key=lambda node: float(np.hypot(*(poses[node] - place.pose)[:2])))[:_NODES]
+        points = [
+            transform_points(obstacle_points(image.depth, camera, 2 * _RANGE_M), compose(poses[node], pose))
+            for node in nearest
+            for image, pose in self._around(node)
+        ]
+        return _thinned(np.concatenate(points)) if points else np.empty((0, 2))
+
+    def _around(self, node: NodeId) -> Iterator[tuple[Observation, Pose]]:
+        here = self.keyframes.observation(node).odometry
+        for frame in (node, *self.keyframes.temporal_window(node, _IMAGES_AROUND)):
+            image = self.keyframes.observation(frame)
+            yield image, relative(here, image.odometry)
+
+    def _passed(self, place: _Place, first: int) -> set[EdgeKey]:
+        """Return the edges between earlier nodes on the middle of whose way the robot was."""
+        poses = nearby_poses(self.graph, place.node)
+        near = [(node, target) for node in poses for target in self.graph.successors(node) if max(node, target) < first]
+        return {key for key in near if _is_on_way(place.pose, poses[key[0]], np.array(self.graph.edges[key].waypoint))}
+
+
+def _report(graph: TopologicalGraph, drive: JoinedDrive, comparison: _Comparison | None) -> DriveReport:
+    """Return what became of a drive; `comparison` with those before is None for the first. Linear in the map."""
+    crossing = [
+        edge
+        for key, edge in graph.edges.items()
+        if drive.holds(key[0]) != drive.holds(key[1]) and max(key) <= drive.last
+    ]
+    observed = () if comparison is None else comparison.observed
+    return DriveReport(
+        name=drive.name,
+        first=drive.first,
+        added_steps=drive.added_steps,
+        nodes=sum(drive.holds(node) for node in graph.nodes),
+        joined_by=len(crossing),
+        joined_by_odometry=sum(edge.by_odometry for edge in crossing),
+        continues=drive.continues,
+        recognised=None if comparison is None else round(comparison.share, 3),
+        blocked=tuple((each.source, each.target) for each in observed if not each.present),
+        returned=tuple((each.source, each.target) for each in observed if each.present),
+    )
+
+
+def _driven_on(place: _Place, seen: Observation, now: Observation) -> _Place | None:
+    """Return where an image was taken that was not recognised, by odometry since the last one that was; None if far."""
+    driven = relative(seen.odometry, now.odometry)
+    return _Place(place.node, compose(place.pose, driven)) if distance(driven) < _DRIVEN_ON else None
+
+
+def _is_on_way(robot: Pose, start: Pose, waypoint: Waypoint) -> bool:
+    end = compose(start, waypoint)
+    middle = [start[:2] + share * (end[:2] - start[:2]) for share in (0.3, 0.7)]
+    return bool(distances_to_way(robot[None, :2], middle[0], middle[1])[0] < _ON_WAY_M)
+
+
+def _spread(observations: Sequence[Observation]) -> list[Observation]:
+    """Return images that are apart from each other."""
+    kept: list[Observation] = []
+    for seen in observations:
+        if not kept or distance(relative(kept[-1].odometry, seen.odometry)) >= _ASK_EVERY:
+            kept.append(seen)
+    return kept
+
+
+def _thinned(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    _, kept = np.unique(np.round(points / _GRID_M), axis=0, return_index=True)
+    return points[kept]

@@ -1,0 +1,89 @@
+"""A map built from a recording: which predictor compares its images, and by which system and settings.
+
+Owns nothing of the method; `topological_map` builds. The verb and the page share this, so that both make the same map.
+"""
+
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import NamedTuple
+
+from ltvn_core.data.recording.metadata import is_lens_known
+from ltvn_core.data.recording.reader import Recording
+from ltvn_core.graph.builder import ProgressCallback
+from ltvn_core.maps.joined_drives import join_drives
+from ltvn_core.maps.topological_map import TopologicalMap, build_map
+from ltvn_core.predictors.choice import AUTO, ImageSource, PredictorChoice
+from ltvn_core.predictors.opening import open_method, open_predictor
+from ltvn_core.systems.registry import DEFAULT_SYSTEM, system_entry
+from ltvn_core.types import FrameId, Observation
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BuildOptions:
+    """What a person can ask of a map."""
+
+    preset: str = "robust"
+    """Name of the method's settings."""
+    system: str = DEFAULT_SYSTEM
+    """Name of the navigation system that builds the map."""
+    predictor: str = AUTO
+    """What compares images, by name."""
+    weights: Path | None = None
+    """Weights instead of those that come with the system."""
+    goals: tuple[FrameId, ...] = ()
+    """Images that must be nodes because somebody will want to go there."""
+    seed: int = 0
+    """Draws the order in which images are sampled."""
+
+
+class RecordedMap(NamedTuple):
+    """A new map, and from what and by what it was built."""
+
+    map: TopologicalMap
+    choice: PredictorChoice
+    observations: list[Observation]
+    """All images of the recordings, N of them."""
+
+
+def build_recorded_map(
+    paths: Path | Sequence[Path], options: BuildOptions, progress: ProgressCallback = lambda _done, _total: None
+) -> RecordedMap:
+    """Build a map from the images of one recording, or of several drives of one place.
+
+    `progress` is called with the images done and in all.
+
+    Raises RecordingError, MapError, OptionError and WeightsError.
+    """
+    recordings = [Recording.open(path) for path in ([paths] if isinstance(paths, Path) else paths)]
+    meta = recordings[0].meta
+    choice = ImageSource.of(meta).choose_anew(options.predictor)
+    joined = join_drives(recordings)
+    for finding in joined.findings:
+        log.warning(finding)
+    entry = system_entry(options.system)
+    weights = entry.weights_for(choice.name, options.weights)
+    predictor = open_predictor(choice.name, meta.scene, weights, camera=meta.camera)
+    built = build_map(
+        joined.observations,
+        predictor=predictor,
+        predictor_name=choice.name,
+        system=entry.factory(open_method(options.preset, predictor)),
+        scene=meta.scene,
+        camera=meta.camera,
+        is_lens_known=is_lens_known(meta),
+        seed=options.seed,
+        goals=options.goals,
+        drives=joined.drives,
+        progress=progress,
+    )
+    built = replace(built, findings=(*joined.findings, *built.findings), scene_glb=recordings[0].scene_glb())
+    return RecordedMap(built, choice, joined.observations)
+
+
+def save_recorded_map(built: TopologicalMap, output: Path, options: BuildOptions) -> None:
+    """Write a map to a new file, with how it was built. Raises MapError and RecordingError."""
+    built.save(output, config={"verb": "build", "preset": options.preset, "seed": options.seed})

@@ -1,0 +1,348 @@
+"""A topological map together with the images of its nodes: built from observations, saved to a file, opened again.
+
+Owns no step of the method: Algorithm 1 is `graph.builder`, the file format is `data.recording.map_file`.
+This is what a program holds that builds a map or drives by one.
+"""
+
+import logging
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+
+from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.cameras.rectification import rectified_camera
+from ltvn_core.data.recording.map_file import LoadedMap, check_fingerprint, load_map, save_map
+from ltvn_core.findings import Finding, WithDoubts
+from ltvn_core.graph.builder import ProgressCallback
+from ltvn_core.graph.keyframes import KeyframeStore
+from ltvn_core.graph.map_check import MappedDrive, diagnose
+from ltvn_core.graph.map_coverage import GoalReport, MapCoverage, goal_reports, map_coverage
+from ltvn_core.graph.navigation_system import Deltas, NavigationSystem
+from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.maps.joined_drives import JoinedDrive
+from ltvn_core.maps.joined_map import DriveReport, drive_findings, join_map
+from ltvn_core.navigation.bystanders import Bystanders
+from ltvn_core.navigation.navigator import Navigator
+from ltvn_core.predictors.choice import AUTO, ImageSource
+from ltvn_core.predictors.opening import NETWORK, open_method, open_predictor
+from ltvn_core.predictors.request import predictor_card
+from ltvn_core.preprocessing import recorded_observation
+from ltvn_core.robots.robot import Robot
+from ltvn_core.robots.robot_check import sequence_findings
+from ltvn_core.systems.registry import DEFAULT_SYSTEM, recorded_system, system_entry
+from ltvn_core.types import FrameId, Observation, Predictor
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class TopologicalMap(WithDoubts):
+    """Nodes, edges, and the images behind them."""
+
+    graph: TopologicalGraph
+    """Nodes and directed edges with what is believed of them; driving changes it."""
+    keyframes: KeyframeStore
+    """Images and features of all nodes and of the reserve."""
+    predictor: Predictor
+    """What compared the images; no other predictor can read their features."""
+    system: NavigationSystem
+    """The navigation system that built the map and drives by it."""
+    scene: str = ""
+    """Where the images were taken: a scene's name or file, or whatever a person calls the place."""
+    camera: CameraModel | None = None
+    """The camera of the images; None is the predictor's."""
+    predictor_name: str = ""
+    """By what name `predictor` can be opened again; empty where it has none."""
+    scene_glb: bytes | None = None
+    """The scene as binary glTF, to be drawn with the map; None where nobody has a model of it."""
+    coverage: MapCoverage | None = None
+    """What the map knew of its drive when it was built; None for one that was loaded."""
+    drives: tuple[DriveReport, ...] = ()
+    """What became of each drive when the map was built from several; empty for a map of one, or one that was loaded."""
+    goals: tuple[GoalReport, ...] = ()
+    """How each of the goals that were named stood to the map when it was built."""
+    findings: tuple[Finding, ...] = ()
+    """What was doubtful of the drive and of the map when it was built, with likely causes and what to do."""
+
+    @classmethod
+    def of(
+        cls,
+        predictor: Predictor,
+        system: NavigationSystem,
+        graph: TopologicalGraph | None = None,
+        observations: Sequence[Observation] = (),
+    ) -> Self:
+        """Hold a graph with the images of its frames; without one it is an empty map, to be built."""
+        graph = TopologicalGraph() if graph is None else graph
+        keyframes = KeyframeStore(predictor)
+        keyframes.begin_drives(graph.drives)
+        keyframes.add(observations)
+        return cls(graph=graph, keyframes=keyframes, predictor=predictor, system=system)
+
+    @classmethod
+    def load(
+        cls,
+        path: Path | str,
+        predictor: Predictor | None = None,
+        *,
+        system: NavigationSystem | None = None,
+        with_reserve: bool = True,
+    ) -> Self:
+        """Open the map at the end of a map file, or of any recording in which one was built or used.
+
+        Args:
+            path: The file.
+            predictor: What compares images; None opens the one that made the map, with its shipped weights.
+            system: What drives by the map; None is the system that built it, with the `robust` preset.
+            with_reserve: Whether to encode the images of the reserve too; navigation needs them, finding a place
+                does not.
+
+        Raises:
+            RecordingError: The file is no whole recording.
+            MapError: The file holds no map, or one that another predictor made.
+            OptionError: The map's predictor or navigation system is not installed.
+            WeightsError: The shipped weights are damaged.
+        """
+        loaded = load_map(path)
+        if predictor is None:
+            return cls.open(loaded, with_reserve=with_reserve)
+        system = system or recorded_system(loaded.meta.config).factory(open_method("robust", predictor))
+        return cls.take(loaded, predictor, system, with_reserve=with_reserve)
+
+    @classmethod
+    def open(
+        cls,
+        loaded: LoadedMap,
+        *,
+        preset: str = "robust",
+        predictor: str = AUTO,
+        weights: Path | None = None,
+        with_reserve: bool = True,
+    ) -> Self:
+        """Open what a map needs that was read from a file: the predictor that made it, and the system that built it.
+
+        Args:
+            loaded: What the file holds.
+            preset: Name of the method's settings.
+            predictor: What compares images, by name; `auto` is the one that made the map.
+            weights: Weights to use instead of those that come with the map's system.
+            with_reserve: Whether to encode the images of the reserve too.
+
+        Raises:
+            MapError: Another predictor made the map.
+            OptionError: The predictor or the map's navigation system is not installed.
+            WeightsError: The weights are missing or damaged.
+        """
+        meta = loaded.meta
+        entry = recorded_system(meta.config)
+        name = ImageSource.of(meta).choose(predictor).name
+        opened = open_predictor(name, meta.scene, entry.weights_for(name, weights), camera=meta.camera)
+        known = cls.take(loaded, opened, entry.factory(open_method(preset, opened)), with_reserve=with_reserve)
+        return replace(known, predictor_name=name)
+
+    @classmethod
+    def take(
+        cls, loaded: LoadedMap, predictor: Predictor, system: NavigationSystem, *, with_reserve: bool = True
+    ) -> Self:
+        """Hold a map that was read from a file. Raises MapError where another predictor made it."""
+        meta = loaded.meta
+        graph = loaded.graph
+        check_fingerprint(meta, predictor.fingerprint)
+        seen = [each for frame, each in loaded.observations.items() if with_reserve or frame not in graph.reserve]
+        known = cls.of(predictor, system, graph, seen)
+        return replace(known, scene=meta.scene, camera=meta.camera, scene_glb=loaded.scene_glb)
+
+    @property
+    def observations(self) -> list[Observation]:
+        """The images that belong to the map, in the order they were taken: of its nodes, its reserve and its views."""
+        return [self.keyframes.observation(frame) for frame in sorted(self.graph.frames)]
+
+    @property
+    def images(self) -> list[Observation]:
+        """All images at hand, in the order they were taken; after building, those too that the map did not keep."""
+        return [self.keyframes.observation(frame) for frame in self.keyframes.frames]
+
+    def build(
+        self,
+        observations: Sequence[Observation],
+        *,
+        rng: np.random.Generator,
+        goals: Collection[FrameId] = (),
+        progress: ProgressCallback | None = None,
+    ) -> Deltas:
+        """Build this map, which is empty, as its system does; returns the changes that make it.
+
+        Raises MapError where there is no image, or a goal is none of them.
+        """
+        deltas = self.system.build(
+            observations, self.keyframes, self.predictor, rng=rng, goals=goals, progress=progress
+        )
+        for delta in deltas:
+            self.graph.apply(delta)
+        return deltas
+
+    def goal_reports(self, goals: Sequence[FrameId]) -> tuple[GoalReport, ...]:
+        """Return how each goal stands to the map, before any drive."""
+        return goal_reports(self.graph, goals, self.keyframes, self.predictor, self.system)
+
+    def save(self, path: Path | str, *, config: Mapping[str, Any] | None = None, origin: Path | None = None) -> None:
+        """Write the map to a new file, which appears only when it is whole.
+
+        Args:
+            path: The file to write; it must not exist yet. Its name ends in `.rrd`.
+            config: What else the file should say of how the map came about, as JSON holds it.
+            origin: A file whose images are copied as they lie there, because pictures lose a little each time they are
+                compressed.
+
+        Raises:
+            MapError: An image of a node is missing.
+            RecordingError: The file exists or cannot be written.
+        """
+        save_map(
+            path,
+            self.graph,
+            self.images,
+            scene=self.scene,
+            fingerprint=self.predictor.fingerprint,
+            camera=self.camera or self.predictor.camera,
+            scene_glb=self.scene_glb,
+            config={
+                "system": self.system.name,
+                "method": asdict(self.system.method),
+                **({"predictor": self.predictor_name} if self.predictor_name else {}),
+                **({"drives": [asdict(each) for each in self.drives]} if self.drives else {}),
+                **(config or {}),
+            },
+            origin=origin,
+        )
+
+    def navigator(
+        self,
+        robot: Robot,
+        *,
+        seed: int | np.random.Generator = 0,
+        bystanders: Bystanders | None = None,
+        world_time: Callable[[], float] | None = None,
+    ) -> Navigator:
+        """Return a navigator that drives `robot` through the map; what it learns changes the map.
+
+        Args:
+            robot: The robot to drive.
+            seed: Draws which images of the reserve are tried where the map has no path; a generator is drawn from.
+            bystanders: The people that the robot met before, under another navigator.
+            world_time: Tells the time in seconds where the world has another clock than the robot.
+        """
+        return Navigator(
+            robot,
+            self.graph,
+            self.keyframes,
+            self.predictor,
+            self.system.method,
+            np.random.default_rng(seed),
+            system=self.system,
+            bystanders=bystanders,
+            world_time=world_time,
+        )
+
+
+def build_map(
+    observations: Sequence[Observation],
+    *,
+    predictor: Predictor | None = None,
+    predictor_name: str = "",
+    system: NavigationSystem | None = None,
+    scene: str = "",
+    camera: CameraModel | None = None,
+    is_lens_known: bool = True,
+    seed: int = 0,
+    goals: Collection[FrameId] = (),
+    drives: Sequence[JoinedDrive] = (),
+    progress: ProgressCallback | None = None,
+) -> TopologicalMap:
+    """Build a map from the observations of one or more drives (Algorithm 1 of the paper).
+
+    Args:
+        observations: RGB-D images with odometry, in any order; each has a `step` of its own, which names its node.
+            Those of several drives say nothing of each other by odometry unless one continues another, see `drives`.
+        predictor: What compares images; None loads the shipped network.
+        predictor_name: By what name it can be opened again, to be saved with the map.
+        system: Strategies and thresholds; None is the paper's system with the `robust` preset.
+        scene: Where the images were taken, to be saved with the map.
+        camera: The camera of the images, `Recording.meta.camera`; they are rectified to the predictor's. None where
+            they are the predictor's already.
+        is_lens_known: Whether somebody said what the lens of that camera is; else it is named among the likely causes
+            of a map that nobody can navigate by.
+        seed: Draws the order in which images are sampled.
+        goals: Frames that must be nodes because somebody will want to go there.
+        drives: Which images are of which drive, where there are several, see `drives.joined_drives`. They are joined
+            where they recognise each other or where one continues another, and what a later drive finds blocked is
+            observed to be so.
+        progress: Called now and then with the number of images done and of images in all.
+
+    Raises:
+        MapError: There are no observations, their steps repeat, or a goal is none of them.
+        WeightsError: The shipped weights are damaged.
+    """
+    if predictor is None:
+        predictor_name = NETWORK
+        predictor = open_predictor(NETWORK, weights=system_entry(system.name if system else DEFAULT_SYSTEM).weights)
+    system = system or system_entry(DEFAULT_SYSTEM).factory(open_method("robust", predictor))
+    target = predictor.camera
+    images = observations
+    if camera is not None:
+        images = [recorded_observation(seen, camera, target) for seen in observations]
+    built = TopologicalMap.of(predictor, system)
+    graph = built.graph
+    keyframes = built.keyframes
+    keyframes.begin_drives([each.first for each in drives], resumed=[each.first for each in drives if each.continues])
+    built.build(images, rng=np.random.default_rng(seed), goals=goals, progress=progress)
+    resumed = keyframes.resumed_starts  # Without the drives whose images contradicted that odometry goes on.
+    drives = [each if each.first in resumed else replace(each, continues="") for each in drives]
+    reports: tuple[DriveReport, ...] = ()
+    if drives:
+        joined = join_map(graph, keyframes, images, drives, predictor, system)
+        graph = joined.graph
+        keyframes = joined.keyframes
+        reports = joined.reports
+    in_order = sorted(observations, key=lambda seen: seen.step)
+    coverage = map_coverage(in_order, graph, keyframes, predictor, system)
+    drive = MappedDrive(
+        observations=in_order,
+        camera=camera,
+        is_lens_known=is_lens_known,
+        graph=graph,
+        keyframes=keyframes,
+        predictor=predictor,
+        predictor_name=predictor_name,
+        least_width_px=predictor_card(predictor).least_width_px,
+    )
+    standing = goal_reports(graph, [*goals], keyframes, predictor, system)
+    told = [report.finding for report in standing if report.finding is not None]
+    findings = (*drive_findings(reports), *_sequence_findings(in_order, drives), *diagnose(drive, coverage), *told)
+    for finding in findings:
+        log.warning(finding)
+    return TopologicalMap(
+        graph=graph,
+        keyframes=keyframes,
+        predictor=predictor,
+        system=system,
+        scene=scene,
+        camera=None if camera is None else rectified_camera(camera, target),
+        predictor_name=predictor_name,
+        coverage=coverage,
+        drives=reports,
+        goals=standing,
+        findings=findings,
+    )
+
+
+def _sequence_findings(in_order: Sequence[Observation], drives: Sequence[JoinedDrive]) -> Iterator[Finding]:
+    """Yield what is doubtful of the images of each drive; between two drives clock and odometry may jump."""
+    if not drives:
+        yield from sequence_findings(in_order)
+    for drive in drives:
+        found = sequence_findings([seen for seen in in_order if drive.holds(seen.step)])
+        yield from (finding.of(drive.name) for finding in found)

@@ -1,1 +1,0 @@
-"""Metrics of a network: pairs, drives, calibration and speed."""

@@ -1,0 +1,138 @@
+"""Evaluates a predictor on labelled pairs and on drives, for validation during training and for reports.
+
+`ltvn_core.network.metrics` defines the metrics.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ltvn_core.geometry import relative
+from ltvn_core.network.metrics import DriveMetrics, PairMetrics, drive_metrics, pair_metrics
+from ltvn_core.network.training_examples import SceneExamples
+from ltvn_core.types import Features, Observation, Pose, Prediction, Predictor
+
+_PAIRS_AT_ONCE = 8192
+
+
+@dataclass(frozen=True, eq=False)
+class LabelledDrive:
+    """The images of a mapping drive, with its near, far and reachable ordered pairs."""
+
+    name: str
+    rgb: NDArray[np.uint8]
+    """(N, H, W, 3)"""
+    depth_mm: NDArray[np.uint16]
+    """(N, H, W)"""
+    near: NDArray[np.bool_]
+    """(N, N), see `ltvn_core.network.training_data.pose_sampling.NearFarLimits`."""
+    far: NDArray[np.bool_]
+    """(N, N)"""
+    poses: Pose
+    """(N, 3)"""
+    reachable: NDArray[np.bool_]
+    """(N, N): labels of all ordered pairs by the criteria of the dataset."""
+
+
+def evaluate_pairs(
+    predictor: Predictor, scenes: Sequence[SceneExamples], rng: np.random.Generator, *, limit: int | None = None
+) -> PairMetrics:
+    """Evaluate a predictor on labelled pairs; with `limit`, on a random sample of that size from each scene."""
+    predictions = []
+    reachable = []
+    true = []
+    for scene in scenes:
+        pairs = np.arange(len(scene.sources))
+        if limit is not None and limit < len(pairs):
+            pairs = np.sort(rng.choice(pairs, limit, replace=False))
+        i = scene.sources[pairs]
+        j = scene.targets[pairs]
+        used, rows = np.unique(np.concatenate([i, j]), return_inverse=True)
+        features = encode_images(predictor, scene.rgb[used], scene.depth_mm[used])
+        predictions.append(predict_pairs(predictor, features, rows[: len(i)], rows[len(i) :]))
+        reachable.append(scene.reachable[pairs])
+        true.append(relative(scene.poses[i], scene.poses[j]))
+    scores, waypoints = (np.concatenate(column) for column in zip(*predictions, strict=True))
+    return pair_metrics(scores, waypoints, np.concatenate(reachable), np.concatenate(true))
+
+
+def evaluate_drives(
+    predictor: Predictor, drives: Sequence[LabelledDrive], rng: np.random.Generator, *, limit: int | None = None
+) -> DriveMetrics:
+    """Evaluate a predictor on the near and far ordered pairs of drives.
+
+    With `limit`, only a random sample of that many far pairs of each drive is compared.
+    """
+    near = []
+    far = []
+    for drive in drives:
+        features = encode_images(predictor, drive.rgb, drive.depth_mm)
+        for mask, scores in ((drive.near, near), (drive.far, far)):
+            pairs = np.argwhere(mask)
+            if limit is not None and len(pairs) > limit:
+                pairs = pairs[np.sort(rng.choice(len(pairs), limit, replace=False))]
+            scores.append(predict_pairs(predictor, features, *pairs.T).reachability)
+    return drive_metrics(np.concatenate(near), np.concatenate(far))
+
+
+def evaluate_all_pairs(predictor: Predictor, drives: Sequence[LabelledDrive]) -> tuple[PairMetrics, DriveMetrics]:
+    """Evaluate a predictor on all ordered image pairs of drives, and on the near and far ones among them."""
+    predictions = []
+    reachable = []
+    true = []
+    near = []
+    far = []
+    for drive in drives:
+        features = encode_images(predictor, drive.rgb, drive.depth_mm)
+        i, j = np.nonzero(~np.eye(len(features), dtype=bool))
+        predictions.append(predict_pairs(predictor, features, i, j))
+        reachable.append(drive.reachable[i, j])
+        true.append(relative(drive.poses[i], drive.poses[j]))
+        near.append(drive.near[i, j])
+        far.append(drive.far[i, j])
+    scores, waypoints = (np.concatenate(column) for column in zip(*predictions, strict=True))
+    pairs = pair_metrics(scores, waypoints, np.concatenate(reachable), np.concatenate(true))
+    return pairs, drive_metrics(scores[np.concatenate(near)], scores[np.concatenate(far)])
+
+
+def subsample_drive(drive: LabelledDrive, *, every: int) -> LabelledDrive:
+    """Return a drive with every n-th image."""
+    kept = slice(None, None, every)
+    near, far, reachable = (pairs[kept, kept] for pairs in (drive.near, drive.far, drive.reachable))
+    return LabelledDrive(
+        name=drive.name,
+        rgb=drive.rgb[kept],
+        depth_mm=drive.depth_mm[kept],
+        near=near,
+        far=far,
+        poses=drive.poses[kept],
+        reachable=reachable,
+    )
+
+
+def encode_images(predictor: Predictor, rgb: NDArray[np.uint8], depth_mm: NDArray[np.uint16]) -> Features:
+    """Encode images (N, H, W, 3) with depth in millimetres (N, H, W)."""
+    nowhere: Pose = np.zeros(3)
+    parts = []
+    for first in range(0, len(rgb), 256):
+        rows = range(first, min(first + 256, len(rgb)))
+        metres = depth_mm[first : first + 256] / np.float32(1000)
+        parts.append(
+            predictor.encode(
+                [Observation(rgb=rgb[k], depth=metres[k - first], odometry=nowhere, stamp=0.0, step=k) for k in rows]
+            )
+        )
+    return np.concatenate(parts)
+
+
+def predict_pairs(
+    predictor: Predictor, features: Features, sources: NDArray[np.intp], targets: NDArray[np.intp]
+) -> Prediction:
+    """Compare pairs of rows (P,) of features, in batches of bounded memory."""
+    parts = [Prediction(np.empty(0), np.empty((0, 3)))]
+    for first in range(0, len(sources), _PAIRS_AT_ONCE):
+        rows = slice(first, first + _PAIRS_AT_ONCE)
+        parts.append(predictor.predict(features[sources[rows]], features[targets[rows]]))
+    return Prediction(*(np.concatenate(column) for column in zip(*parts, strict=True)))

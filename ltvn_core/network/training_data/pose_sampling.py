@@ -1,0 +1,370 @@
+"""Samples what is rendered for training: clusters of neighbouring poses, pairs across clusters, and whole drives.
+
+What this needs of a simulated scene is given by Protocols: its free space and a renderer.
+
+One image of a cluster serves in many pairs. The mounting and the field of view of the camera vary between clusters,
+because a network that was trained with a single mounting depends on its exact height and pitch, which no real robot
+keeps. Pairs across clusters are hard negatives, which a network easily mistakes for neighbours, of four kinds: pairs
+close by (many behind walls or round corners), perceptual aliases, opposite views of one place, and random pairs. They
+are only chosen here; some are reachable after all, which the labels decide. The field `strangers` of `DatasetRecipe`
+counts them: it keeps its old name, because recipes are stored in datasets.
+
+Drives have no physics: poses along clear paths between random places, with full turns. All ordered image pairs of a
+drive are classified as near, far or neither, to count false positives. A tour with physics (`scripted_tour`) gives the
+same kind of images and may be used instead.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import radians
+from typing import Protocol, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import KDTree
+
+from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.geometry import compose, lengths_along, points_along, relative, wrap_angle
+from ltvn_core.robots.robot_spec import LOCOBOT
+from ltvn_core.types import Pose, Renderer, Waypoint
+
+
+class FreeSpace(Protocol):
+    """Distances to obstacles and paths between them, for the centre of the robot."""
+
+    def at(self, xy: ArrayLike) -> NDArray[np.float64]:
+        """Return the distances (...) in metres from points (..., 2) to the nearest obstacle."""
+        ...
+
+    def along(self, starts: ArrayLike, ends: ArrayLike) -> NDArray[np.float64]:
+        """Return the smallest clearance (N,) on straight lines from starts (N, 2) to ends (N, 2)."""
+        ...
+
+    def sample_poses(self, rng: np.random.Generator, count: int, *, min_clearance_m: float = ...) -> Pose:
+        """Draw free poses (count, 3)."""
+        ...
+
+    def path(self, start: ArrayLike, goal: ArrayLike) -> NDArray[np.float64] | None:
+        """Return a path (M, 2) from start (2,) to goal (2,), or None if there is none."""
+        ...
+
+    def path_lengths(self, start: ArrayLike, goals: ArrayLike, *, limit_m: float = ...) -> NDArray[np.float64]:
+        """Return the lengths (N,) in metres of the shortest paths from start (2,) to goals (N, 2); inf if none."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class DatasetScene:
+    """One scene of a dataset with its free space and renderer."""
+
+    name: str
+    """Name of the scene and of its shard."""
+    floor: FreeSpace
+    """Where a robot can stand and drive."""
+    camera: Renderer
+    """Renders the images."""
+
+
+OpenDatasetScene: TypeAlias = Callable[[str], DatasetScene]
+"""Opens a scene by name; the command line passes the simulator's."""
+
+
+_TRIES = 12
+"""Proposals per pose; if none is free, the robot turns on the spot instead."""
+
+
+@dataclass(frozen=True, slots=True)
+class ClusterSampling:
+    """Distribution of the poses of a cluster (all values are ours)."""
+
+    size: int = 8
+    """Poses per cluster; every ordered pair of them is labelled."""
+    reach_m: float = 2.5
+    """Distances to neighbours are uniform up to this."""
+    from_anchor: float = 0.7
+    """Share of neighbours drawn around the first pose rather than another one of the cluster."""
+    ahead: float = 0.75
+    """Share of neighbours drawn within the field of view; the others lie in any direction."""
+    close: float = 0.2
+    """Share of neighbours drawn within 0.6 m, as in a slow drive."""
+    yaw_spread_rad: float = radians(26)
+    """Standard deviation of the difference of headings between neighbours."""
+    turned: float = 0.1
+    """Share of neighbours with a uniform heading, often backwards: the same place, but not reachable."""
+    min_clearance_m: float = 0.2
+    """Least distance to obstacles."""
+
+
+def cluster_poses(floor: FreeSpace, rng: np.random.Generator, count: int, spec: ClusterSampling) -> Pose:
+    """Draw the poses (count, size, 3) of `count` clusters."""
+    anchors = floor.sample_poses(rng, count, min_clearance_m=max(spec.min_clearance_m, 0.22))
+    clusters = anchors[:, None]
+    while clusters.shape[1] < spec.size:
+        parents = np.where(rng.random(count) < spec.from_anchor, 0, rng.integers(clusters.shape[1], size=count))
+        near = clusters[np.arange(count), np.asarray(parents, np.intp)]
+        clusters = np.concatenate([clusters, _free_neighbours(floor, rng, near, spec)[:, None]], axis=1)
+    return clusters
+
+
+def cluster_pairs(count: int, size: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Return sources and targets (count * size * (size - 1),): all ordered pairs within each cluster, in order."""
+    first, second = np.nonzero(~np.eye(size, dtype=bool))
+    offset = (np.arange(count) * size)[:, None]
+    return (first + offset).ravel().astype(np.int32), (second + offset).ravel().astype(np.int32)
+
+
+def _free_neighbours(floor: FreeSpace, rng: np.random.Generator, parents: Pose, spec: ClusterSampling) -> Pose:
+    """Return one free pose (N, 3) beside each parent."""
+    steps = _steps(rng, (len(parents), _TRIES), spec)
+    proposals = compose(np.repeat(parents[:, None], _TRIES, axis=1), steps)
+    free = floor.at(proposals[..., :2]) >= spec.min_clearance_m
+    chosen = proposals[np.arange(len(parents)), free.argmax(1)]
+    on_the_spot = compose(parents, steps[:, 0] * [0, 0, 1])
+    return np.where(free.any(1, keepdims=True), chosen, on_the_spot)
+
+
+def _steps(rng: np.random.Generator, shape: tuple[int, int], spec: ClusterSampling) -> Waypoint:
+    """Draw waypoints (*shape, 3) to neighbours."""
+    distance = rng.uniform(0, spec.reach_m, shape)
+    distance *= np.where(rng.random(shape) < spec.close, 0.6 / spec.reach_m, 1.0)
+    ahead = rng.random(shape) < spec.ahead
+    bearing = np.where(ahead, rng.uniform(-0.6, 0.6, shape), rng.uniform(-np.pi, np.pi, shape))
+    turn = rng.normal(0, spec.yaw_spread_rad, shape)
+    turn = np.where(rng.random(shape) < spec.turned, rng.uniform(-np.pi, np.pi, shape), turn)
+    return np.stack([distance * np.cos(bearing), distance * np.sin(bearing), turn], axis=-1)
+
+
+@dataclass(frozen=True, slots=True)
+class CameraVariation:
+    """Ranges of the variation (all values are ours)."""
+
+    share: float = 0.3
+    """Share of the clusters with a camera other than the nominal one."""
+    height_m: float = 0.08
+    """Its height differs by up to this from the nominal one,"""
+    pitch_rad: float = radians(4)
+    """its pitch by up to this,"""
+    fov: float = 0.05
+    """and its field of view by up to this share."""
+
+    def draw(self, rng: np.random.Generator, count: int) -> list[CameraModel]:
+        """Return a camera for each of `count` clusters."""
+        nominal = LOCOBOT.camera
+        off = rng.uniform(-1, 1, (count, 3)) * (rng.random((count, 1)) < self.share)
+        return [
+            CameraModel.from_fov(
+                nominal.width,
+                nominal.height,
+                nominal.horizontal_fov_rad * (1 + self.fov * fov),
+                height_m=nominal.height_m + self.height_m * height,
+                pitch_rad=self.pitch_rad * pitch,
+            )
+            for height, pitch, fov in off.tolist()
+        ]
+
+
+NEAR_M = 3.0
+"""Images closer than this are neighbours, even with a wall between them."""
+
+BEHIND_M = 1.0
+"""Images closer than this with opposite headings are opposite views of one place."""
+
+OPPOSITE_RAD = np.radians(120)
+"""Smallest difference of opposite headings."""
+
+_ALIAS_CANDIDATES = 5
+"""A perceptual alias is drawn from this many of the most similar far images."""
+
+_CELL_PX = 12
+"""Side in pixels of the squares whose mean colour and central depth form the descriptor of an image."""
+
+PairRows = tuple[NDArray[np.int32], NDArray[np.int32]]
+"""Sources and targets (P,), rows of the images."""
+
+
+def hard_negative_pairs(
+    rng: np.random.Generator,
+    poses: Pose,
+    group: NDArray[np.integer],
+    rgb: NDArray[np.uint8],
+    depth_mm: NDArray[np.uint16],
+    count: int,
+) -> PairRows:
+    """Draw about `count` ordered pairs of images from different clusters, a quarter of each kind.
+
+    Args:
+        rng: Draws the pairs.
+        poses: (N, 3) poses of the images.
+        group: (N,) cluster of each image.
+        rgb: (N, H, W, 3) colours.
+        depth_mm: (N, H, W) depth in millimetres.
+        count: Number of pairs; fewer are returned where duplicates are drawn.
+    """
+    if count == 0 or group.max() == group.min():
+        return np.empty(0, np.int32), np.empty(0, np.int32)
+    share = count // 4
+    kinds = [
+        _close_pairs_across_clusters(rng, poses, group, share),
+        _perceptual_aliases(rng, poses, group, appearance_descriptors(rgb, depth_mm), share),
+        _opposite_views(rng, poses, group, share),
+    ]
+    kinds.append(_random_pairs(rng, group, count - sum(len(kind) for kind in kinds)))
+    pairs = np.unique(np.concatenate(kinds), axis=0)
+    return pairs[:, 0].astype(np.int32), pairs[:, 1].astype(np.int32)
+
+
+def appearance_descriptors(rgb: NDArray[np.uint8], depth_mm: NDArray[np.uint16]) -> NDArray[np.float32]:
+    """Return descriptors (N, F): coarse colours and inverse depths of images (N, H, W, 3) and (N, H, W)."""
+    count, height, width = depth_mm.shape
+    rows = height // _CELL_PX
+    columns = width // _CELL_PX
+    cells = rgb[:, : rows * _CELL_PX, : columns * _CELL_PX].reshape(count, rows, _CELL_PX, columns, _CELL_PX, 3)
+    colours = cells.mean((2, 4), dtype=np.float32).reshape(count, -1) / 255
+    middle = depth_mm[:, _CELL_PX // 2 :: _CELL_PX, _CELL_PX // 2 :: _CELL_PX].reshape(count, -1)
+    nearness = 1 / np.maximum(middle.astype(np.float32) / 1000, 0.4)
+    return np.concatenate([colours, nearness], axis=1, dtype=np.float32)
+
+
+def _close_pairs_across_clusters(
+    rng: np.random.Generator, poses: Pose, group: NDArray[np.integer], count: int
+) -> NDArray[np.intp]:
+    """Return at most `count` pairs (.., 2) of images closer than `NEAR_M`, many behind walls and round corners."""
+    pairs = _pairs_within(poses, NEAR_M)
+    return _sample(rng, pairs[group[pairs[:, 0]] != group[pairs[:, 1]]], count)
+
+
+def _opposite_views(rng: np.random.Generator, poses: Pose, group: NDArray[np.integer], count: int) -> NDArray[np.intp]:
+    pairs = _pairs_within(poses, BEHIND_M)
+    turn = np.abs(wrap_angle(poses[pairs[:, 0], 2] - poses[pairs[:, 1], 2]))
+    return _sample(rng, pairs[(group[pairs[:, 0]] != group[pairs[:, 1]]) & (turn > OPPOSITE_RAD)], count)
+
+
+def _perceptual_aliases(
+    rng: np.random.Generator, poses: Pose, group: NDArray[np.integer], descriptors: NDArray[np.float32], count: int
+) -> NDArray[np.intp]:
+    """Return pairs (count, 2) of similar images that are far apart or have opposite headings."""
+    sources = rng.choice(len(poses), count, replace=count > len(poses))
+    squares = (descriptors**2).sum(1)
+    # Squared distances by the binomial formula: one matrix product instead of N x N differences.
+    apart = squares[sources, None] + squares - 2 * descriptors[sources] @ descriptors.T
+    shift = poses[sources, None, :2] - poses[None, :, :2]
+    far = np.hypot(shift[..., 0], shift[..., 1]) > NEAR_M
+    far |= np.abs(wrap_angle(poses[sources, None, 2] - poses[None, :, 2])) > OPPOSITE_RAD
+    apart[~far | (group[sources, None] == group)] = np.inf
+    best = np.argpartition(apart, min(_ALIAS_CANDIDATES, len(poses) - 1), axis=1)[:, :_ALIAS_CANDIDATES]
+    targets = best[np.arange(count), rng.integers(best.shape[1], size=count)]
+    found = np.isfinite(apart[np.arange(count), targets])
+    return np.column_stack([sources, targets])[found]
+
+
+def _random_pairs(rng: np.random.Generator, group: NDArray[np.integer], count: int) -> NDArray[np.intp]:
+    # Twice as many as needed, because some lie within one cluster.
+    pairs = rng.integers(len(group), size=(2 * count, 2))
+    return pairs[group[pairs[:, 0]] != group[pairs[:, 1]]][:count]
+
+
+def _pairs_within(poses: Pose, radius_m: float) -> NDArray[np.intp]:
+    """Return all ordered pairs (P, 2) of images closer than a radius."""
+    pairs = KDTree(poses[:, :2]).query_pairs(radius_m, output_type="ndarray")
+    return np.concatenate([pairs, pairs[:, ::-1]])
+
+
+def _sample(rng: np.random.Generator, pairs: NDArray[np.intp], count: int) -> NDArray[np.intp]:
+    return pairs[rng.choice(len(pairs), min(count, len(pairs)), replace=False)]
+
+
+ROBOT_RADIUS_M = LOCOBOT.clear_radius_m
+"""A straight line is free if its clearance is larger than this."""
+
+
+@dataclass(frozen=True, slots=True)
+class DriveSpacing:
+    """Spacing of the images of a drive (all ours, equal to the simulator's tour)."""
+
+    spacing_m: float = 0.12
+    """Metres between images along a path."""
+    turn_rad: float = radians(10)
+    """Rotation between images while turning on the spot."""
+    full_turn_share: float = 0.3
+    """Share of visited places with a full turn."""
+
+
+@dataclass(frozen=True, slots=True)
+class NearFarLimits:
+    """Limits of near and far pairs, for counting false positives (ours)."""
+
+    far_m: float = 3.0
+    """Pairs with a larger distance are far."""
+    far_rad: float = radians(92)
+    """Pairs with a larger difference of heading are far."""
+    around_m: float = 3.0
+    """Pairs with a blocked straight line are far if the shortest path is longer than this (behind a wall)."""
+    near_m: float = 1.2
+    """Near pairs have a smaller distance than this,"""
+    near_rad: float = radians(34)
+    """a smaller difference of heading than this, the target in the field of view, and a free straight line."""
+
+
+def sample_drive_poses(floor: FreeSpace, rng: np.random.Generator, count: int) -> Pose:
+    """Return (count, 3) poses in the order of a drive."""
+    spec = DriveSpacing()
+    here = floor.sample_poses(rng, 1, min_clearance_m=0.3)[0]
+    parts: list[Pose] = [here[None]]
+    while sum(map(len, parts)) < count:
+        goal = floor.sample_poses(rng, 1, min_clearance_m=0.3)[0]
+        path = floor.path(here[:2], goal[:2])
+        # A goal in the same place gives no path to follow.
+        if path is None or len(path) < 3:
+            continue
+        parts.append(_along_path(path, parts[-1][-1, 2], spec))
+        if rng.random() < spec.full_turn_share:
+            parts.append(_turn(parts[-1][-1], 2 * np.pi, spec))
+        here = parts[-1][-1]
+    return np.concatenate(parts)[:count]
+
+
+def classify_near_far(poses: Pose, floor: FreeSpace) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return which ordered pairs of poses (N, 3) are near and which are far, each (N, N); the diagonal is neither."""
+    classes = NearFarLimits()
+    near, far = np.zeros((2, len(poses), len(poses)), bool)
+    for i in range(len(poses)):
+        near[i], far[i] = _classify_targets(i, poses, floor, classes)
+    np.fill_diagonal(near, False)
+    np.fill_diagonal(far, False)
+    return near, far
+
+
+def _classify_targets(
+    i: int, poses: Pose, floor: FreeSpace, classes: NearFarLimits
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return near and far (N,) for the pairs whose source is image i."""
+    waypoints = relative(np.broadcast_to(poses[i], poses.shape), poses)
+    distance = np.hypot(waypoints[:, 0], waypoints[:, 1])
+    turn = np.abs(waypoints[:, 2])
+    ahead = np.abs(np.arctan2(waypoints[:, 1], waypoints[:, 0])) < LOCOBOT.camera.horizontal_fov_rad / 2
+    far = (distance > classes.far_m) | (turn > classes.far_rad)
+    rows = np.flatnonzero(~far)
+    clearance = np.full(len(poses), np.inf)
+    clearance[rows] = floor.along(np.broadcast_to(poses[i, :2], (len(rows), 2)), poses[rows, :2])
+    blocked = np.flatnonzero(clearance <= 0)
+    if len(blocked):
+        far[blocked] = ~np.isfinite(floor.path_lengths(poses[i, :2], poses[blocked, :2], limit_m=classes.around_m))
+    near = (distance < classes.near_m) & (turn < classes.near_rad) & ahead & (clearance > ROBOT_RADIUS_M)
+    return near, far
+
+
+def _along_path(path: NDArray[np.float64], yaw: float, spec: DriveSpacing) -> Pose:
+    """Return poses that turn towards a path (M, 2) and follow it, heading to the point 0.4 m ahead."""
+    marks_m = np.arange(0, lengths_along(path)[-1], spec.spacing_m)
+    here = points_along(path, marks_m)
+    ahead = points_along(path, marks_m + 0.4)
+    yaws = np.arctan2(*(ahead - here).T[::-1])
+    start = np.array([*here[0], yaw])
+    return np.concatenate([_turn(start, float(wrap_angle(yaws[0] - yaw)), spec), np.column_stack([here, yaws])])
+
+
+def _turn(pose: Pose, angle_rad: float, spec: DriveSpacing) -> Pose:
+    """Return the poses of a turn on the spot by an angle, without the initial pose."""
+    steps = max(int(abs(angle_rad) / spec.turn_rad), 1)
+    yaws = wrap_angle(pose[2] + angle_rad * np.arange(1, steps + 1) / steps)
+    return np.column_stack([np.broadcast_to(pose[:2], (steps, 2)), yaws])

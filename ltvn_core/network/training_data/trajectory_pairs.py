@@ -1,0 +1,397 @@
+"""A recorded drive as training data: its selected images, and their pairs labelled from odometry.
+
+The drive is split where odometry jumps. Pairs are reachable, not reachable, or unknown because odometry drifts. This is
+the self-supervision of fine-tuning: poses come from odometry and free space from depth; there is no map. Exact poses
+are never read.
+"""
+
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from math import degrees, radians
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.errors import ImageError, RecordingError
+from ltvn_core.geometry import relative, wrap_angle
+from ltvn_core.network.training_data.reachability_labels import (
+    ReachabilityLimits,
+    clearance_from_depth,
+    in_view,
+    overlap,
+    straight_m,
+    unobstructed,
+)
+from ltvn_core.robots.robot_spec import LOCOBOT
+from ltvn_core.types import Observation, Pose, Waypoint
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class KeyframeSelection:
+    """Which images of a drive are kept, and where it is split (all values are ours)."""
+
+    keep_m: float = 0.1
+    """An image is kept after this distance since the last one,"""
+    keep_rad: float = radians(8)
+    """or after this change of heading."""
+    jump_m: float = 1.0
+    """Odometry that moves more than this between two recorded images has jumped, and a new piece begins;"""
+    jump_rad: float = radians(90)
+    """likewise where it turns by more than this."""
+    fewest: int = 20
+    """A drive with fewer kept images is refused."""
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """The N kept images of a drive in the order in which they were taken."""
+
+    name: str
+    rgb: NDArray[np.uint8]
+    """(N, H, W, 3)"""
+    depth_mm: NDArray[np.uint16]
+    """(N, H, W); 0 = no return."""
+    poses: Pose
+    """(N, 3) poses by odometry, which drifts; comparable within one piece only."""
+    piece: NDArray[np.int32]
+    """(N,) number of the piece that an image belongs to."""
+    travelled_m: NDArray[np.float64]
+    """(N,) metres driven so far."""
+    turned_rad: NDArray[np.float64]
+    """(N,) radians turned so far, to either side."""
+    camera: CameraModel
+    """The camera that took them."""
+
+    @property
+    def pieces(self) -> int:
+        """Return how many pieces there are."""
+        return int(self.piece[-1]) + 1
+
+
+def select_keyframes(
+    observations: Sequence[Observation],
+    name: str,
+    *,
+    camera: CameraModel | None = None,
+) -> Trajectory:
+    """Select the keyframes of a drive and split it where its odometry jumps.
+
+    Args:
+        observations: The drive, in order.
+        name: Name of the drive, for messages and cards.
+        camera: The camera that took the images.
+
+    Raises:
+        RecordingError: There is no odometry, there are too few images, or all show one place.
+    """
+    selection = KeyframeSelection()
+    odometry = _odometry(observations, name, selection)
+    jumped = odometry_jumps(odometry, selection)
+    piece = np.concatenate([[0], np.cumsum(jumped)])
+    rows = _rows_with_depth(_keyframe_rows(odometry, piece, selection), observations, name)
+    if len(rows) < selection.fewest:
+        raise RecordingError(
+            f"{name}: of {len(odometry)} images only {len(rows)} are at least {selection.keep_m:g} m or "
+            f"{degrees(selection.keep_rad):.0f} degrees apart, so all show about one place; fine-tuning needs "
+            f"{selection.fewest}. Drive on through the rooms and record that."
+        )
+    driven, turned = odometry_steps(odometry)
+    kept = [observations[row] for row in rows]
+    return Trajectory(
+        name=name,
+        rgb=np.stack([each.rgb for each in kept]),
+        depth_mm=np.stack([_millimetres(each) for each in kept]),
+        poses=odometry[rows],
+        piece=piece[rows].astype(np.int32) - piece[rows[0]],
+        travelled_m=np.concatenate([[0], np.cumsum(driven * ~jumped)])[rows],
+        turned_rad=np.concatenate([[0], np.cumsum(turned * ~jumped)])[rows],
+        camera=camera or LOCOBOT.camera,
+    )
+
+
+def _odometry(observations: Sequence[Observation], name: str, selection: KeyframeSelection) -> Pose:
+    """Return the odometry (N, 3) after checking that it exists and moves."""
+    if len(observations) < selection.fewest:
+        raise RecordingError(
+            f"{name}: holds {len(observations)} images; fine-tuning needs {selection.fewest} or more. Record a longer "
+            "drive, for instance with `ltvn app` or `ltvn collect`."
+        )
+    odometry = np.stack([np.asarray(each.odometry, np.float64) for each in observations])
+    missing = ~np.isfinite(odometry).all(1)
+    if missing.any() or np.ptp(odometry, axis=0).max() == 0:
+        reason = f"{int(missing.sum())} of them have none" if missing.any() else "it is the same for all of them"
+        raise RecordingError(
+            f"{name}: fine-tuning takes the poses of its {len(odometry)} images from odometry, and {reason}. Record "
+            "the drive again with the robot's wheel odometry connected."
+        )
+    return odometry
+
+
+def odometry_steps(odometry: Pose) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return metres and radians (N - 1,) from each image to the next."""
+    moved = np.diff(odometry, axis=0)
+    return np.hypot(moved[:, 0], moved[:, 1]), np.abs(wrap_angle(moved[:, 2]))
+
+
+def odometry_jumps(odometry: Pose, selection: KeyframeSelection) -> NDArray[np.bool_]:
+    """Tell between which images (N - 1,) the odometry jumped."""
+    driven, turned = odometry_steps(odometry)
+    return (driven > selection.jump_m) | (turned > selection.jump_rad)
+
+
+def _keyframe_rows(odometry: Pose, piece: NDArray[np.integer], selection: KeyframeSelection) -> NDArray[np.intp]:
+    """Return the rows of images that are far enough from the last kept one, or begin a piece."""
+    rows = [0]
+    for row in range(1, len(odometry)):
+        shift = odometry[row] - odometry[rows[-1]]
+        far = np.hypot(shift[0], shift[1]) >= selection.keep_m or abs(wrap_angle(shift[2])) >= selection.keep_rad
+        if far or piece[row] != piece[rows[-1]]:
+            rows.append(row)
+    return np.array(rows, np.intp)
+
+
+def _rows_with_depth(rows: NDArray[np.intp], observations: Sequence[Observation], name: str) -> NDArray[np.intp]:
+    """Leave out the images without depth, and log how many they are; a drive without any depth keeps them all."""
+    seen = np.array([observations[row].has_depth for row in rows], bool)
+    if seen.all() or not seen.any():
+        return rows  # Where none has depth the message about the camera is the better one.
+    log.warning("%s: %d of %d images have no depth and teach nothing.", name, int((~seen).sum()), len(rows))
+    return rows[seen]
+
+
+def _millimetres(observation: Observation) -> NDArray[np.uint16]:
+    # 65 m is the most that 16 bits hold in millimetres.
+    depth = observation.require_depth("fine-tuning")
+    if not observation.has_depth:
+        raise ImageError(
+            f"Image {observation.step} and all others of the drive have no depth, and fine-tuning needs it. Is the "
+            "depth camera running? Drive again with it."
+        )
+    return np.rint(np.clip(depth, 0, 65) * 1000).astype(np.uint16)
+
+
+REACHABLE = 1
+UNREACHABLE = 0
+UNKNOWN = -1
+
+_PAIRS_AT_ONCE = 4096
+_MOST_PAIRS = 80_000
+"""A longer drive is reduced to a random sample of this many pairs."""
+_HELD_OUT_EVERY = 7
+"""Every seventh section of the drive is held out for validation."""
+
+
+class LabelRule(Protocol):
+    """A rule that labels pairs of images of one drive."""
+
+    @property
+    def horizon(self) -> int:
+        """Largest number of images between the ends of a pair that is labelled."""
+        ...
+
+    def labels(
+        self,
+        trajectory: Trajectory,
+        sources: NDArray[np.integer],
+        targets: NDArray[np.integer],
+        rng: np.random.Generator,
+    ) -> NDArray[np.int8]:
+        """Return REACHABLE, UNREACHABLE or UNKNOWN (P,) for pairs at most `horizon` images apart."""
+        ...
+
+    def far(
+        self, trajectory: Trajectory, sources: NDArray[np.integer], targets: NDArray[np.integer]
+    ) -> NDArray[np.bool_]:
+        """Return which pairs of rows (any shapes that broadcast) are certainly not reachable."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class OdometryLabelRule:
+    """Labels by order in time, checked with odometry and depth (`gated=False` is the paper's rule; rest: ours)."""
+
+    horizon: int = 15
+    """H: an image is reachable from the H images before it (section III-B)."""
+    gated: bool = True
+    """Check odometry and depth as well; False labels all 0 < j - i <= H reachable and all others not reachable."""
+    limits: ReachabilityLimits = field(default_factory=ReachabilityLimits)
+    """Limits of the reachability criteria, the same as in simulation."""
+    far_m: float = 3.0
+    """Images with a larger distance are not reachable,"""
+    far_rad: float = radians(92)
+    """nor are those with a larger difference of heading; in both cases after subtracting the possible drift."""
+    drift: float = 0.05
+    """Possible drift of the position, as a share of the metres driven in between."""
+    drift_turn: float = 0.02
+    """Possible drift of the heading, as a share of the radians turned in between."""
+    overlap_margin: float = 0.1
+    """A pair that misses a limit by less than its margin is unknown: this much overlap,"""
+    yaw_margin_rad: float = radians(6)
+    """this much turn,"""
+    metres_margin: float = 0.15
+    """and this many metres."""
+
+    def labels(
+        self,
+        trajectory: Trajectory,
+        sources: NDArray[np.integer],
+        targets: NDArray[np.integer],
+        rng: np.random.Generator,
+    ) -> NDArray[np.int8]:
+        """Return the labels (P,) of pairs at most H images apart; `rng` is not used."""
+        return near_labels(trajectory, sources, targets, self)
+
+    def far(
+        self, trajectory: Trajectory, sources: NDArray[np.integer], targets: NDArray[np.integer]
+    ) -> NDArray[np.bool_]:
+        """Return which pairs of rows are certainly not reachable."""
+        return far_apart(trajectory, sources, targets, self)
+
+
+@dataclass(frozen=True, eq=False)
+class TrajectoryPairs:
+    """The labelled pairs of a drive. Implements the examples that training takes."""
+
+    trajectory: Trajectory
+    rule: LabelRule
+    sources: NDArray[np.int32]
+    """(P,) rows of pairs at most H images apart whose label is known."""
+    targets: NDArray[np.int32]
+    """(P,)"""
+    reachable: NDArray[np.bool_]
+    """(P,)"""
+
+    @property
+    def name(self) -> str:
+        """Name of the drive."""
+        return self.trajectory.name
+
+    @property
+    def rgb(self) -> NDArray[np.uint8]:
+        """(N, H, W, 3) colours."""
+        return self.trajectory.rgb
+
+    @property
+    def depth_mm(self) -> NDArray[np.uint16]:
+        """(N, H, W) depth in millimetres, 0 where missing."""
+        return self.trajectory.depth_mm
+
+    @property
+    def poses(self) -> Pose:
+        """(N, 3) poses by odometry."""
+        return self.trajectory.poses
+
+    @property
+    def piece(self) -> NDArray[np.int32]:
+        """(N,) number of the piece between jumps of odometry."""
+        return self.trajectory.piece
+
+    @property
+    def group(self) -> NDArray[np.int32]:
+        """(N,) number of the section of the drive, each three horizons long."""
+        return (np.arange(len(self.poses)) // (3 * self.rule.horizon)).astype(np.int32)
+
+    @property
+    def held_out(self) -> NDArray[np.bool_]:
+        """(N,) images that are kept for validation."""
+        return self.group % _HELD_OUT_EVERY == _HELD_OUT_EVERY // 2
+
+    def far(self, sources: NDArray[np.integer], targets: NDArray[np.integer]) -> NDArray[np.bool_]:
+        """Return which pairs of rows (S, T) are certainly not reachable, however odometry may have drifted."""
+        return self.rule.far(self.trajectory, sources[:, None], targets[None, :])
+
+
+def label_trajectory(trajectory: Trajectory, rule: LabelRule, rng: np.random.Generator) -> TrajectoryPairs:
+    """Return the pairs of a drive at most H images apart whose label is known."""
+    count = len(trajectory.poses)
+    horizon = rule.horizon
+    sources = np.repeat(np.arange(count), 2 * horizon + 1)
+    targets = sources + np.tile(np.arange(-horizon, horizon + 1), count)
+    inside = (targets >= 0) & (targets < count) & (targets != sources)
+    rows = np.flatnonzero(inside)
+    if len(rows) > _MOST_PAIRS:
+        rows = np.sort(rng.choice(rows, _MOST_PAIRS, replace=False))
+    i = sources[rows]
+    j = targets[rows]
+    labels = rule.labels(trajectory, i, j, rng)
+    known = labels != UNKNOWN
+    return TrajectoryPairs(
+        trajectory=trajectory,
+        rule=rule,
+        sources=i[known].astype(np.int32),
+        targets=j[known].astype(np.int32),
+        reachable=labels[known] == REACHABLE,
+    )
+
+
+def near_labels(
+    trajectory: Trajectory, sources: NDArray[np.integer], targets: NDArray[np.integer], rule: OdometryLabelRule
+) -> NDArray[np.int8]:
+    """Return the labels (P,) of pairs at most H images apart, over which drift is negligible.
+
+    Pairs across a jump of odometry are unknown. So are pairs against the direction of driving that meet all criteria:
+    the robot did not show that it can drive there.
+    """
+    together = trajectory.piece[sources] == trajectory.piece[targets]
+    forward = together & (targets > sources) & (targets - sources <= rule.horizon)
+    if not rule.gated:
+        return np.where(forward, REACHABLE, UNREACHABLE).astype(np.int8)
+    labels = np.full(len(sources), UNKNOWN, np.int8)
+    for part in np.array_split(np.flatnonzero(together), max(len(sources) // _PAIRS_AT_ONCE, 1)):
+        passed, failed = _passed_and_failed(trajectory, sources[part], targets[part], rule)
+        labels[part] = np.where(failed, UNREACHABLE, np.where(passed & forward[part], REACHABLE, UNKNOWN))
+    return labels
+
+
+def far_apart(
+    trajectory: Trajectory, sources: NDArray[np.integer], targets: NDArray[np.integer], rule: OdometryLabelRule
+) -> NDArray[np.bool_]:
+    """Return which pairs of rows (any shapes that broadcast) are farther apart than drift can explain."""
+    after = targets - sources
+    together = trajectory.piece[sources] == trajectory.piece[targets]
+    if not rule.gated:
+        return (after != 0) & ~(together & (after > 0) & (after <= rule.horizon))
+    shift = trajectory.poses[targets] - trajectory.poses[sources]
+    driven = np.abs(trajectory.travelled_m[targets] - trajectory.travelled_m[sources])
+    turned = np.abs(trajectory.turned_rad[targets] - trajectory.turned_rad[sources])
+    away = np.hypot(shift[..., 0], shift[..., 1]) - rule.drift * driven > rule.far_m
+    turn = np.abs(wrap_angle(shift[..., 2])) - rule.drift_turn * turned > rule.far_rad
+    return together & (away | turn)
+
+
+def _passed_and_failed(
+    trajectory: Trajectory, sources: NDArray[np.integer], targets: NDArray[np.integer], rule: OdometryLabelRule
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return which pairs (P,) meet every criterion, and which miss one by more than its margin."""
+    limits = rule.limits
+    camera = trajectory.camera
+    waypoints = relative(trajectory.poses[sources], trajectory.poses[targets])
+    here = trajectory.depth_mm[sources] / np.float32(1000)
+    there = trajectory.depth_mm[targets] / np.float32(1000)
+    straight = straight_m(waypoints)
+    turn = np.abs(waypoints[:, 2])
+    shared = overlap(waypoints, here, there, camera)
+    free = clearance_from_depth(waypoints, here, camera)
+    passed = (straight < limits.distance_m) & (turn < limits.yaw_rad) & (shared > limits.overlap)
+    passed &= _visible(waypoints, here, trajectory, limits.occlusion_m, 0.0) | (straight < limits.at_place_m)
+    passed &= free > limits.line_clearance_m
+    margin = rule.metres_margin
+    failed = (straight > limits.distance_m + margin) | (turn > limits.yaw_rad + rule.yaw_margin_rad)
+    failed |= shared < limits.overlap - rule.overlap_margin
+    hidden = ~_visible(waypoints, here, trajectory, limits.occlusion_m + margin, rule.yaw_margin_rad)
+    failed |= hidden & (straight > limits.at_place_m + margin)
+    return passed, failed
+
+
+def _visible(
+    waypoints: Waypoint, depth: NDArray[np.floating], trajectory: Trajectory, tolerance_m: float, beside_rad: float
+) -> NDArray[np.bool_]:
+    """Return whether the target's position is unobstructed and in view, or up to `beside_rad` beside the view."""
+    camera = trajectory.camera
+    clear = unobstructed(waypoints, depth, camera, tolerance_m=tolerance_m)
+    return in_view(waypoints, camera, beside_rad=beside_rad) & clear

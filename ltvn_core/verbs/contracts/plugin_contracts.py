@@ -1,0 +1,302 @@
+"""Which contract belongs to which kind of plug-in, and what can be told of a plug-in without trying it.
+
+Owns the contracts of readers (know your own format, and be calm about all others), of robots, as far as these can be
+looked over without driving (parts, images, clock), and of systems (build maps that hold together, the same ones from
+the same images). Those of predictors and scenes have files of their own.
+"""
+
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ltvn_core.config import ROBUST
+from ltvn_core.errors import LtvnError
+from ltvn_core.graph.keyframes import KeyframeStore
+from ltvn_core.graph.navigation_system import Deltas, NavigationSystem
+from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.plugins import GROUPS, PREDICTORS, READERS, ROBOTS, SCENES, SYSTEMS, Plugin, PluginGroup, find_plugins
+from ltvn_core.predictors.geometric import GeometricPredictor
+from ltvn_core.predictors.opening import OWN_PREDICTORS
+from ltvn_core.predictors.request import predictor_card
+from ltvn_core.preprocessing import admit_observation
+from ltvn_core.robots.robot import Robot
+from ltvn_core.robots.robot_plugins import open_robot
+from ltvn_core.simulation.scene_registry import load_scene
+from ltvn_core.systems.registry import OWN_SYSTEMS, load_system
+from ltvn_core.types import Predictor
+from ltvn_core.verbs.contracts.predictor_contract import (
+    ContractCheck,
+    SampleImages,
+    predictor_checks,
+    require,
+    run_checks,
+    sample_images,
+)
+
+POSES = 10
+
+
+def scene_checks(plugin: Plugin) -> Iterator[ContractCheck]:
+    """Open a scene and look for a place to stand."""
+    return run_checks(
+        ("opens by its name", lambda: _opens(plugin)),
+        [
+            ("has free floor", lambda: _has_floor(plugin)),
+            ("has something to see", lambda: _has_surfaces(plugin)),
+        ],
+    )
+
+
+def _opens(plugin: Plugin) -> str:
+    scene = load_scene(plugin.name)
+    require(scene.address == plugin.name, f"its address is {scene.address!r}, by which nobody finds it again")
+    return f"{scene.area_m2:.0f} m2"
+
+
+def _has_floor(plugin: Plugin) -> str:
+    clearance = load_scene(plugin.name).clearance
+    poses = clearance.sample_poses(np.random.default_rng(0), POSES)
+    require(bool(np.all(clearance.at(poses[:, :2]) > 0)), "free places lie within obstacles")
+    return f"{clearance.navigable.sum() * clearance.resolution_m**2:.0f} m2 to drive on"
+
+
+def _has_surfaces(plugin: Plugin) -> str:
+    surfaces = load_scene(plugin.name).surfaces
+    require(len(surfaces.faces) > 0, "it has no triangle")
+    require(int(surfaces.faces.max()) < len(surfaces.vertices), "faces name vertices that there are not")
+    require(int(surfaces.face_texture.max()) < len(surfaces.textures), "faces name textures that there are not")
+    return f"{len(surfaces.faces):,} triangles"
+
+
+IMAGES = 12
+PARTS = ("build", "edge_weight", "localise", "subgoal")
+LOOKS = 3
+_FIRST: Mapping[PluginGroup, tuple[str, ...]] = {PREDICTORS: OWN_PREDICTORS, SYSTEMS: OWN_SYSTEMS}
+
+
+def system_checks(plugin: Plugin) -> Iterator[ContractCheck]:
+    """Make a navigation system and let it build a small map."""
+    contract = SystemContract(plugin, sample_images(IMAGES))
+    return run_checks(
+        ("is made with the thresholds of a method", contract.is_made),
+        [
+            ("builds a map of the images that it is given", contract.builds),
+            ("builds the same map again", contract.is_deterministic),
+            ("weighs edges by finite numbers of at least 0", contract.weighs_edges),
+        ],
+    )
+
+
+@dataclass(frozen=True)
+class SystemContract:
+    """A navigation system and the images that it is tried on."""
+
+    plugin: Plugin
+    samples: SampleImages
+
+    @cached_property
+    def system(self) -> NavigationSystem:
+        """The system with the robust preset."""
+        return load_system(self.plugin).factory(ROBUST)
+
+    @cached_property
+    def predictor(self) -> Predictor:
+        """Needs no weights and no simulator."""
+        return GeometricPredictor(self.samples.meta.camera)
+
+    @cached_property
+    def deltas(self) -> Deltas:
+        """Of its map."""
+        return self._build()
+
+    def is_made(self) -> str:
+        """Look at its parts."""
+        require(
+            isinstance(self.system, NavigationSystem),
+            f"its factory must return a NavigationSystem, got {type(self.system).__name__}",
+        )
+        missing = [part for part in PARTS if not callable(getattr(self.system, part))]
+        require(not missing, f"these parts cannot be called: {', '.join(missing)}")
+        return self.system.name
+
+    def builds(self) -> str:
+        """Apply its deltas."""
+        graph = TopologicalGraph(self.deltas)
+        given = {seen.step for seen in self.samples.observations}
+        require(bool(graph.nodes), "its map has no node")
+        require({*graph.nodes, *graph.reserve} <= given, "its map has nodes that are no image of the drive")
+        return f"{len(graph.nodes)} nodes, {len(graph.edges)} edges of {IMAGES} images"
+
+    def is_deterministic(self) -> str:
+        """Build once more with the same random numbers."""
+        require(self._build() == self.deltas, "the second map is another one; draw from `rng` alone")
+        return ""
+
+    def weighs_edges(self) -> str:
+        """Ask what each edge of its map costs."""
+        costs = [self.system.edge_weight(edge.belief) for edge in TopologicalGraph(self.deltas).edges.values()]
+        require(all(np.isfinite(cost) and cost >= 0 for cost in costs), f"got {costs[:3]}")
+        return f"from {min(costs):.2f} to {max(costs):.2f}" if costs else "its map has no edge"
+
+    def _build(self) -> Deltas:
+        assert predictor_card(self.predictor).camera == self.samples.meta.camera
+        keyframes = KeyframeStore(self.predictor)
+        rng = np.random.default_rng(0)
+        return tuple(self.system.build(self.samples.observations, keyframes, self.predictor, rng=rng))
+
+
+def reader_checks(plugin: Plugin) -> Iterator[ContractCheck]:
+    """Show a reader files that are none of its business."""
+    return run_checks(
+        ("can be asked and opened", lambda: _has_parts(plugin)),
+        [("recognises nothing in what holds nothing", lambda: _recognises_nothing(plugin))],
+    )
+
+
+def _has_parts(plugin: Plugin) -> str:
+    reader = plugin.load()
+    missing = [name for name in ("recognises", "open") if not callable(getattr(reader, name, None))]
+    require(not missing, f"it lacks the class methods {' and '.join(missing)}")
+    return ""
+
+
+def _recognises_nothing(plugin: Plugin) -> str:
+    reader: Any = plugin.load()
+    with tempfile.TemporaryDirectory(prefix="ltvn-") as name:
+        folder = Path(name)
+        (folder / "empty").mkdir()
+        (folder / "noise.bin").write_bytes(bytes(range(256)) * 16)
+        (folder / "nothing.txt").write_bytes(b"")
+        for place in ("empty", "noise.bin", "nothing.txt", "not-there"):
+            require(reader.recognises(folder / place) is False, f"it says that it can read {place}")
+    return ""
+
+
+def robot_checks(plugin: Plugin) -> Iterator[ContractCheck]:
+    """Make a robot and look through its camera; nothing is driven."""
+    contract = RobotContract(plugin)
+    return run_checks(
+        ("is made, and takes a first image", contract.is_made),
+        [
+            ("takes images that its camera can take", contract.takes_images),
+            ("counts steps and time upwards", contract.counts_upwards),
+            ("stops when it is told to", contract.stops),
+        ],
+    )
+
+
+@dataclass(frozen=True)
+class RobotContract:
+    """A robot that stands."""
+
+    plugin: Plugin
+
+    @cached_property
+    def robot(self) -> Robot:
+        """The robot itself."""
+        return open_robot(self.plugin.name, {self.plugin.name: self.plugin})
+
+    def is_made(self) -> str:
+        """Look at its parts, as `ltvn app --robot` does."""
+        camera = self.robot.spec.camera
+        return f"{self.robot.spec.name}, camera {camera.width} x {camera.height}"
+
+    def takes_images(self) -> str:
+        """Look a few times."""
+        camera = self.robot.spec.camera
+        seen = [admit_observation(self.robot.observe(), camera, camera, source=self.plugin.name) for _ in range(LOOKS)]
+        return f"{sum(each.has_depth for each in seen)} of {LOOKS} with depth"
+
+    def counts_upwards(self) -> str:
+        """Ask for its state a few times."""
+        states = [self.robot.state() for _ in range(LOOKS)]
+        for before, after in pairwise(states):
+            require(
+                after.step >= before.step and after.stamp >= before.stamp,
+                f"step {before.step} at {before.stamp} s is followed by step {after.step} at {after.stamp} s",
+            )
+        return ""
+
+    def stops(self) -> str:
+        """Stop, where it stands already, and go."""
+        self.robot.stop()
+        getattr(self.robot, "close", self.robot.stop)()
+        return ""
+
+
+@dataclass(frozen=True, slots=True)
+class PluginRow:
+    """A plug-in, and whether it can be used."""
+
+    group: str
+    name: str
+    package: str
+    version: str
+    works: bool
+    """It can be loaded and looks like one; `ltvn plugins test NAME` tells more."""
+    why: str
+    """What is wrong with it; empty where it works."""
+
+    def __str__(self) -> str:
+        mark = "works" if self.works else f"cannot be used: {self.why}"
+        return f"{self.group:<16} {self.name:<14} {self.package} {self.version}  {mark}"
+
+
+def installed_plugins() -> list[Plugin]:
+    """Return all plug-ins, group by group."""
+    return [plugin for group in GROUPS for plugin in find_plugins(group, first=_FIRST.get(group, ())).values()]
+
+
+def plugin_row(plugin: Plugin) -> PluginRow:
+    """Load a plug-in, and make nothing of it."""
+    try:
+        _load(plugin)
+        why = ""
+    except LtvnError as error:
+        why = str(error)
+    return PluginRow(plugin.group.name, plugin.name, plugin.package, plugin.version, works=not why, why=why)
+
+
+def contract_checks(plugin: Plugin) -> Iterator[ContractCheck]:
+    """Look at all points of a plug-in's contract, one after the other."""
+    checks = _CONTRACTS.get(plugin.group, _loads)
+    return checks(plugin)
+
+
+def _loads(plugin: Plugin) -> Iterator[ContractCheck]:
+    """All that can be told of a verb or a question."""
+
+    def load() -> str:
+        _load(plugin)
+        return plugin.place
+
+    return run_checks(("can be loaded", load), ())
+
+
+def _scene_checks(plugin: Plugin) -> Iterator[ContractCheck]:
+    from ltvn_core.verbs.contracts.plugin_contracts import scene_checks  # Needs the simulator's libraries.
+
+    return scene_checks(plugin)
+
+
+def _load(plugin: Plugin) -> None:
+    """Load a plug-in. Raises PluginError where it is nothing that can be called, or no system."""
+    if plugin.group == SYSTEMS:
+        load_system(plugin)
+    elif not callable(plugin.load()):
+        raise plugin.refusal("cannot be called")
+
+
+_CONTRACTS: Mapping[PluginGroup, Callable[[Plugin], Iterator[ContractCheck]]] = {
+    PREDICTORS: predictor_checks,
+    SYSTEMS: system_checks,
+    ROBOTS: robot_checks,
+    READERS: reader_checks,
+    SCENES: _scene_checks,
+}

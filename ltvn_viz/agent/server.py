@@ -1,0 +1,79 @@
+"""Brings the tools to programs by the Model Context Protocol, over standard input and output.
+
+Owns the protocol; the one home of the library `mcp`. Calls are done one after another in a thread of their own, so that
+the program is heard meanwhile.
+"""
+
+import base64
+import json
+from importlib.metadata import version
+from typing import Any
+
+import anyio
+from anyio.to_thread import run_sync
+from mcp import types
+from mcp.server.lowlevel import Server
+from mcp.server.stdio import stdio_server
+
+from ltvn_viz.agent.arguments import object_schema
+from ltvn_viz.agent.tools import RecordingTools, Tool, ToolError, ToolImage, ToolResult
+
+_INSTRUCTIONS = (
+    "Recordings and maps of robots that navigate by images, and a debugger's answers about them. Begin with list_files "
+    "and describe; then ask `failures`, and follow the arguments under `follow`. All tools only read."
+)
+_READ_ONLY = types.ToolAnnotations(
+    read_only_hint=True, destructive_hint=False, idempotent_hint=True, open_world_hint=False
+)
+
+
+def serve(tools: RecordingTools) -> None:
+    """Answer one program, until it closes the connection."""
+    anyio.run(_serve, tools)
+
+
+async def _serve(tools: RecordingTools) -> None:
+    server = agent_server(tools)
+    async with stdio_server() as (read, write):
+        await server.run(read, write, server.create_initialization_options())
+
+
+def agent_server(tools: RecordingTools) -> Server[Any]:
+    """Return a server that offers the tools."""
+    one_at_a_time = anyio.CapacityLimiter(1)
+
+    async def list_tools(_: object, __: types.PaginatedRequestParams | None) -> types.ListToolsResult:
+        return types.ListToolsResult(tools=[_described(tool) for tool in tools.tools.values()])
+
+    async def call_tool(_: object, asked: types.CallToolRequestParams) -> types.CallToolResult:
+        result = await run_sync(tools.call, asked.name, asked.arguments or {}, limiter=one_at_a_time)
+        return _packed(result)
+
+    return Server(
+        "ltvn",
+        version=version("ltvn"),
+        instructions=_INSTRUCTIONS,
+        on_list_tools=list_tools,
+        on_call_tool=call_tool,
+    )
+
+
+def _described(tool: Tool) -> types.Tool:
+    return types.Tool(
+        name=tool.name,
+        description=tool.about,
+        input_schema=object_schema(tool.parameters),
+        annotations=_READ_ONLY,
+    )
+
+
+def _packed(result: ToolResult) -> types.CallToolResult:
+    match result:
+        case ToolError(text=text):
+            return types.CallToolResult(content=[types.TextContent(text=text)], is_error=True)
+        case ToolImage(data=data, mime_type=mime_type):
+            image = types.ImageContent(data=base64.b64encode(data).decode("ascii"), mime_type=mime_type)
+            return types.CallToolResult(content=[image])
+        case _:
+            text = types.TextContent(text=json.dumps(result, ensure_ascii=False))
+            return types.CallToolResult(content=[text], structured_content=result)

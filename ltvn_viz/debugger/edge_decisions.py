@@ -1,0 +1,138 @@
+"""Why the robot set off for an edge that was seen blocked, or went around it: what was expected of each way."""
+
+import itertools
+from collections.abc import Sequence
+from functools import partial
+
+from ltvn_core import palette
+from ltvn_core.analysis.answer import Key, Strong
+from ltvn_core.analysis.edge_presence_history import (
+    PresenceDecision,
+    explain_decision,
+    observed_presence,
+    presence_decision,
+)
+from ltvn_core.analysis.timeline import Timeline
+from ltvn_core.analysis.timeline_records import PlanRecord
+from ltvn_core.config import Method
+from ltvn_core.graph.planner import EdgeWeight, GraphPath
+from ltvn_core.graph.presence.presence_filter import PresenceFilter
+from ltvn_core.graph.topological_graph import EdgeKey
+from ltvn_core.palette import Rgb8
+from ltvn_viz.debugger.background_cache import LatestAnswer
+from ltvn_viz.debugger.context import DebugContext
+from ltvn_viz.debugger.edge_weighting import edge_weighting
+from ltvn_viz.debugger.question import AnswerBuilder, edge_link, time_link
+from ltvn_viz.session.inspection import Stroke, stroke
+
+_PLANS = 40
+"""So many plans before the moment are looked through."""
+_ROWS = 8
+_TITLE = "Why did it try it, or go around?"
+
+
+class EdgeDecisionsPart:
+    """Explains plans by what was open; remembers what was computed last."""
+
+    def __init__(self) -> None:
+        """Begin with nothing computed."""
+        self._latest = LatestAnswer()
+        self._run: object = None
+
+    def add(self, context: DebugContext, edge: EdgeKey | None, builder: AnswerBuilder) -> tuple[Stroke, ...]:
+        """Explain the last such plan up to the moment, of an edge or of any, offer others, and return what to draw.
+
+        Says nothing where the edge was never looked at, or plans take no account of it.
+        """
+        if context.presence_filter is None or not _was_seen(context, edge):
+            return ()
+        found = self._decisions(context)
+        if found is None:
+            builder.add_pending("Planning once more", title=_TITLE)
+            return ()
+        chosen = [each for each in found if edge in (None, each.edge)]
+        if not chosen:
+            builder.add_behind(self._latest)
+            which = "an edge" if edge is None else "it"
+            builder.add_line(
+                Strong(_TITLE), f" Up to now the shortest way of no plan led through {which} while last seen blocked."
+            )
+            return ()
+        made = chosen[-1]
+        _explain(context, made, self._latest, builder)
+        _others(context, [each for each in found if each is not made], builder)
+        return _strokes_of(context, made)
+
+    def _decisions(self, context: DebugContext) -> Sequence[PresenceDecision] | None:
+        count = context.timeline.count_until(context.instant)
+        plans = [plan for plan in context.timeline.plans if plan.event < count][-_PLANS:]
+        last = plans[-1].event if plans else -1
+        run = context.name, context.start_s
+        if run != self._run:
+            self._run = run
+            self._latest.forget()
+        assert context.presence_filter is not None
+        weight = edge_weighting(context).edge_weight_of(context.method)
+        explain = partial(_decided, context.timeline.copy(), plans, context.method, context.presence_filter, weight)
+        return self._latest(context.in_background, ("tried", *run, last), explain)
+
+
+def _decided(
+    timeline: Timeline,
+    plans: Sequence[PlanRecord],
+    method: Method,
+    presence_filter: PresenceFilter,
+    weight: EdgeWeight,
+) -> list[PresenceDecision]:
+    """Run in the worker's thread."""
+    made = (presence_decision(timeline, plan, method.planning, presence_filter, weight=weight) for plan in plans)
+    return [each for each in made if each is not None]
+
+
+def _was_seen(context: DebugContext, edge: EdgeKey | None) -> bool:
+    """Tell whether an edge, or any, was looked at up to the moment."""
+    if edge is None:
+        return bool(context.graph.presence)
+    return bool(observed_presence(context.timeline, *edge, context.instant))
+
+
+def _explain(context: DebugContext, made: PresenceDecision, latest: LatestAnswer, builder: AnswerBuilder) -> None:
+    title = "Why did it try it?" if made.tried else "Why did it go around?"
+    when = time_link(context.seconds(made.plan.instant))
+    query = made.plan.planned.query
+    builder.add_line(Strong(title), f" Query {query}, ", when, ", edge ", edge_link(*made.edge), ".")
+    builder.add_behind(latest)
+    for sentence in explain_decision(made):
+        builder.add_line(sentence.replace("->", "→").replace(" x ", " × "))
+    builder.add_line(
+        Key(palette.TARGET, "through"), Key(palette.PLAN, "around"), Key(palette.EDGE_REMOVED, "seen blocked")
+    )
+
+
+def _others(context: DebugContext, others: Sequence[PresenceDecision], builder: AnswerBuilder) -> None:
+    if not others:
+        return
+    rows = [
+        (
+            time_link(context.seconds(each.plan.instant)),
+            edge_link(*each.edge),
+            f"{each.p:.2f}",
+            "tried" if each.tried else "around",
+        )
+        for each in reversed(others[-_ROWS:])
+    ]
+    builder.add_table(("before", "edge", "p open", "it"), rows)
+
+
+def _strokes_of(context: DebugContext, made: PresenceDecision) -> tuple[Stroke, ...]:
+    return (
+        *_strokes(context, made.around, palette.PLAN),
+        *_strokes(context, made.through, palette.TARGET),
+        *_strokes(context, GraphPath(made.edge, 0.0), palette.EDGE_REMOVED),
+    )
+
+
+def _strokes(context: DebugContext, path: GraphPath, colour: Rgb8) -> tuple[Stroke, ...]:
+    poses = [context.pose(node) for node in path.nodes]
+    ends = itertools.pairwise(poses)
+    return tuple(stroke(start, end, colour) for start, end in ends if start is not None and end is not None)

@@ -1,0 +1,141 @@
+"""Why an edge is gone, weak, chosen or missing, and why a node is here, as sentences that lead into time.
+
+Owns which of these are told of an edge. The sentences are made in `ltvn_core.analysis.edge_explanation`.
+"""
+
+from collections.abc import Sequence
+
+from ltvn_core.analysis import edge_explanation
+from ltvn_core.analysis.answer import Inline, Link, Picture, Strong, joined
+from ltvn_core.analysis.edge_history import EdgeHistory
+from ltvn_core.analysis.plan_alternative import ExplanationKind, ExplanationStep, count_text
+from ltvn_core.analysis.timeline_records import MarkKind
+from ltvn_core.geometry import distance
+from ltvn_core.graph.operators import OperatorThresholds
+from ltvn_core.graph.topological_graph import EdgeKey
+from ltvn_core.types import NodeId
+from ltvn_viz.debugger.context import DebugContext
+from ltvn_viz.debugger.edge_weighting import edge_weighting
+from ltvn_viz.debugger.question import AnswerBuilder, edge_link, time_link
+from ltvn_viz.wishes.commands import PointAt
+
+_SENTENCES = 8
+"""Of a longer chain the beginning and the end are reasons."""
+_GONE = 12
+
+
+def add_node_reasons(context: DebugContext, node: NodeId, before: NodeId | None, builder: AnswerBuilder) -> None:
+    """Tell why a node is here, how it looked, and which edges it lacks; `before` was pointed at before it."""
+    _chain(
+        context,
+        f"Why is node {node} here?",
+        edge_explanation.explain_node(context.timeline, node, at=context.instant),
+        builder,
+    )
+    _views(context, node, builder)
+    if before not in (None, node):
+        builder.add_line(Link(f"Why is there no edge {before} → {node}?", PointAt(before, node)))
+    gone = dict.fromkeys(
+        mark.ids for mark in context.timeline.marks_until(context.instant, MarkKind.PRUNE) if node in mark.ids[:2]
+    )
+    links = [edge_link(*ids) for ids in [*gone][-_GONE:] if len(ids) == 2]
+    if links:
+        builder.add_line("Edges that were pruned here: ", joined(links, ", "), ".")
+
+
+def _views(context: DebugContext, node: NodeId, builder: AnswerBuilder) -> None:
+    """Show how the place looked when it became a node, and how at other times."""
+    if not (views := context.graph.views.get(node, ())):
+        return
+    captions = {node: "when the map was made"} | {
+        view.frame: f"view {view.frame}, used in {count_text(view.uses, 'query', 'queries')}" for view in views
+    }
+    builder.add_pictures(
+        *(Picture(context.observation(frame), caption, context.camera) for frame, caption in captions.items())
+    )
+
+
+def add_edge_reasons(context: DebugContext, story: EdgeHistory, builder: AnswerBuilder) -> None:
+    """Tell why an edge is missing, gone or believed as it is, and why the last plan through it was made."""
+    edge = story.source, story.target
+    if not story.lifetimes:
+        _chain(context, "Why is it missing?", _missing(context, edge), builder)
+    elif story.alive:
+        _chain(
+            context,
+            _doubt(story),
+            edge_explanation.explain_edge_belief(context.timeline, *edge, at=context.instant),
+            builder,
+        )
+    else:
+        reasons = edge_explanation.explain_pruned_edge(
+            context.timeline, *edge, at=context.instant, believing=context.method.believing
+        )
+        _chain(context, "Why is it gone?", reasons, builder)
+    if story.planned_at:
+        _chosen(context, edge, story, builder)
+    elif story.lifetimes:
+        builder.add_line("No plan has led through it yet.")
+
+
+def _missing(context: DebugContext, edge: EdgeKey) -> Sequence[ExplanationStep]:
+    seen = _seen(context, edge)
+    thresholds = OperatorThresholds.building(context.method.building)
+    return edge_explanation.explain_missing_edge(
+        context.timeline, *edge, at=context.instant, seen=seen, thresholds=thresholds
+    )
+
+
+def _chosen(context: DebugContext, edge: EdgeKey, story: EdgeHistory, builder: AnswerBuilder) -> None:
+    timeline = context.timeline.copy()
+    planning = context.method.planning
+    last = story.planned_at[-1]
+    how = edge_weighting(context)
+    weight = how.edge_weight_of(context.method)
+    # Planning again takes time on a large map, and the answer stays as long as no newer plan comes.
+    reasons = context.in_background(
+        ("chosen", context.name, context.start_s, edge, last),
+        lambda: edge_explanation.explain_planned_edge(timeline, *edge, planning, at=last, weight=weight),
+    )
+    title = "Why was it chosen?"
+    if reasons is None:
+        builder.add_pending("Planning once more without it", title=title)
+    else:
+        _chain(context, title, reasons, builder)
+        if how.note:
+            builder.add_line(how.note)
+
+
+def _chain(context: DebugContext, title: str, reasons: Sequence[ExplanationStep], builder: AnswerBuilder) -> None:
+    builder.add_line(Strong(title))
+    left_out = len(reasons) - _SENTENCES
+    for number, reason in enumerate(reasons):
+        if left_out > 0 and 1 <= number <= left_out:
+            if number == 1:
+                builder.add_line(f"… {left_out} more like these …")
+            continue
+        # What never happened has no moment of its own.
+        at = None if reason.kind is ExplanationKind.NEVER else reason.instant
+        when: list[Inline] = [] if at is None else [time_link(context.seconds(at)), " "]
+        builder.add_line(when, reason.text.replace("->", "→"))
+
+
+def _doubt(story: EdgeHistory) -> str:
+    belief = story.lifetimes[-1].beliefs[-1].belief
+    return f"Why is it so weak, p = {belief.p:.2f}?" if belief.p < 0.5 else f"Why is p = {belief.p:.2f}?"
+
+
+def _seen(context: DebugContext, edge: EdgeKey) -> tuple[float, float] | None:
+    """Return (r, d) of the pair as the network in use sees it; None without images or as long as it is at work."""
+    views = [context.observation(node) for node in edge]
+    pictures = [image for seen in views if seen is not None and (image := context.view.of(seen)) is not None]
+    predictor = context.predictor
+    if len(pictures) < len(views):
+        return None
+
+    def compare() -> tuple[float, float]:
+        features = predictor.encode(pictures)
+        said = predictor.predict(features[:1], features[1:])
+        return float(said.reachability[0]), float(distance(said.waypoints)[0])
+
+    return context.in_background(("pair", context.name, predictor.fingerprint, edge), compare)

@@ -1,0 +1,70 @@
+"""Where to look in the map that a query failed in: edges that odometry contradicts, and the gap before the goal.
+
+Owns the page of it, a part of “What failed?”. They are found in `ltvn_core.analysis.map_faults`.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from ltvn_core.analysis.failure_triage import FailedQuery, FailureMode
+from ltvn_core.analysis.map_faults import ContradictedEdge, MapGap, contradicted_edges, map_gap
+from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.types import NodeId
+from ltvn_viz.debugger.context import DebugContext
+from ltvn_viz.debugger.question import AnswerBuilder, edge_link
+
+_ROWS = 6
+
+
+@dataclass(frozen=True, slots=True)
+class MapFaults:
+    """What was found in a map."""
+
+    contradicted: tuple[ContradictedEdge, ...]
+    gap: MapGap | None
+    """None where the query did not fail for want of a way."""
+
+
+def add_map_faults(context: DebugContext, failure: FailedQuery, builder: AnswerBuilder) -> None:
+    """Say where to look in the map as it was when the query began; nothing where nothing is odd."""
+    graph = context.timeline.graph_before(failure.query.first)
+    question = "map faults", context.name, context.start_s, failure.query.first, failure.query.last
+    faults: MapFaults | None = context.in_background(question, _search(graph, failure))
+    if faults is None:
+        builder.add_pending("Looking through the map")
+        return
+    _contradicted(faults.contradicted, builder)
+    if faults.gap is not None:
+        _gap(faults.gap, builder)
+
+
+def _search(graph: TopologicalGraph, failure: FailedQuery) -> Callable[[], MapFaults]:
+    is_without_way = failure.failure_mode is FailureMode.NO_PATH
+    start: NodeId | None = failure.node if is_without_way else None
+
+    def search() -> MapFaults:
+        """Run in the worker's thread."""
+        gap = None if start is None else map_gap(graph, start, failure.query.goal)
+        return MapFaults(contradicted=contradicted_edges(graph), gap=gap)
+
+    return search
+
+
+def _contradicted(found: Sequence[ContradictedEdge], builder: AnswerBuilder) -> None:
+    if not found:
+        return
+    builder.add_line(
+        "Odometry contradicts edges of the map that it began with: their ends may be two places that look alike."
+    )
+    rows = [(edge_link(*each.edge), f"{each.length_m:.2f}", f"{each.odometry_m:.2f}") for each in found[:_ROWS]]
+    builder.add_table(("contradicted edge", "length, m", "by odometry, m"), rows)
+
+
+def _gap(gap: MapGap, builder: AnswerBuilder) -> None:
+    builder.add_line(
+        f"The map that it began with has a gap: from node {gap.start} ways lead to {gap.reached} nodes, and from "
+        f"{gap.leading} others to node {gap.goal}."
+    )
+    rows = [(edge_link(*pair.edge), f"{pair.distance:.2f}") for pair in gap.nearest]
+    if rows:
+        builder.add_table(("nearest across the gap", "d by odometry"), rows)

@@ -1,0 +1,160 @@
+"""A recording or a map as the questions of the debugger look at it, with a page or without one.
+
+Owns how an open recording becomes a case for the questions, and how one is opened where there is no page, no session
+and no robot. Writes nothing.
+"""
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import TypeVar
+
+from ltvn_core.analysis.timeline import Timeline
+from ltvn_core.data.recording.metadata import RecordingMetadata
+from ltvn_core.errors import LtvnError, OptionError, RecordingError
+from ltvn_core.predictors.choice import ImageSource
+from ltvn_core.predictors.opening import open_method
+from ltvn_core.systems.maintenance import recorded_filter
+from ltvn_core.systems.registry import open_system
+from ltvn_viz.debugger.background_cache import BackgroundCache
+from ltvn_viz.debugger.context import DebugContext
+from ltvn_viz.session.activities.playback import Playback, ReplayMethod, read_replay
+from ltvn_viz.session.backend import AbsentPredictor, predictor_for
+from ltvn_viz.session.options import AppOptions
+from ltvn_viz.session.recording_library import RecordingLibrary, rerun_unavailable
+from ltvn_viz.session.saved_files import SavedFile, SavedFiles
+from ltvn_viz.session.share_links import Viewpoint
+from ltvn_viz.timeline.run_moment import RunMoment
+
+ResultT = TypeVar("ResultT")
+
+
+def replay_context(
+    replay: Playback,
+    moment: RunMoment,
+    method: ReplayMethod,
+    *,
+    known_events: int,
+    live: Timeline,
+    in_background: BackgroundCache,
+    library: RecordingLibrary,
+    rerun: Callable[[Path], str] = rerun_unavailable,
+    offer_file: Callable[[Path], SavedFile] | None = None,
+    viewpoint: Viewpoint | None = None,
+) -> DebugContext:
+    """Return what questions may look at at a moment of an open recording, whose images `method` compares."""
+    run = replay.timeline
+    return DebugContext(
+        name=replay.name,
+        scene=replay.scene,
+        start_s=run.start_s,
+        moment=moment,
+        step=run.instant_at(moment.stamp).step,
+        timeline=run,
+        known_events=known_events,
+        observation=replay.observation,
+        camera=replay.camera_model,
+        method=method.method,
+        predictor=method.predictor,
+        weights=replay.weights,
+        system=replay.system,
+        presence_filter=recorded_filter(replay.maintenance),
+        live_map=None,
+        live=live,
+        in_background=in_background,
+        library=library,
+        rerun=rerun,
+        offer_file=offer_file or SavedFiles().offer,
+        viewpoint=viewpoint,
+    )
+
+
+class JobsAtOnce:
+    """Does each job at once, in the thread that hands it over. Implements `ltvn_viz.session.worker.JobQueue`."""
+
+    def __init__(self, longest_s: float = math.inf) -> None:
+        """Begin no job any more after so many seconds."""
+        self.done = 0
+        self._longest_s = longest_s
+        self._deadline = time.monotonic() + longest_s
+
+    def submit(
+        self,
+        job: Callable[[], ResultT],
+        then: Callable[[ResultT], None],
+        *,
+        otherwise: Callable[[], None] = lambda: None,
+    ) -> None:
+        """Do a job, and what comes after it. Raises LtvnError when it is too late."""
+        if time.monotonic() > self._deadline:
+            raise LtvnError(f"This takes longer than {self._longest_s:.0f} s; ask about a shorter run, or in the page.")
+        self.done += 1
+        try:
+            result = job()
+        except BaseException:
+            otherwise()
+            raise
+        then(result)
+
+
+class FileCase:
+    """A recording or a map that is open to be asked about. For one thread at a time."""
+
+    def __init__(self, path: Path, library: RecordingLibrary | None = None) -> None:
+        """Open a file; questions may look at the other recordings of `library`, by default those of its folder.
+
+        Raises RecordingError.
+        """
+        if not path.is_file():
+            raise RecordingError(f"{path} does not exist or is no file; give the path of a .rrd recording or map.")
+        self.path = path
+        self.library = library or RecordingLibrary(path.absolute().parent)
+        self._replay = read_replay(path, _file_method)
+
+    @property
+    def timeline(self) -> Timeline:
+        """All that happened."""
+        return self._replay.timeline
+
+    @property
+    def replay(self) -> Playback:
+        """The open recording, for its images and how long it is."""
+        return self._replay
+
+    def context(self, at_s: float, jobs: JobsAtOnce) -> DebugContext:
+        """Return what questions may look at so many seconds after the beginning, with nothing known beforehand.
+
+        Raises OptionError for a time outside the recording.
+        """
+        length_s = self._replay.length_s
+        if not 0 <= at_s <= length_s + _ROUNDING_S:  # False for NaN too.
+            raise OptionError(f"{self.path.name} goes from 0 to {length_s:.1f} s, and {at_s:g} s is not in it.")
+        self._replay.seek(at_s)
+        method = self._replay.method
+        assert method is not None
+        return replay_context(
+            self._replay,
+            self._replay.moment(),
+            method,
+            known_events=len(self.timeline.events),
+            live=Timeline(),
+            in_background=BackgroundCache(jobs, lambda: None),
+            library=self.library,
+        )
+
+
+_ROUNDING_S = 0.1
+"""Times are written with one digit, which may lie behind the end."""
+
+
+def _file_method(meta: RecordingMetadata) -> ReplayMethod:
+    """Return what compares a recording's images; one that compares nothing and says why where it cannot be opened."""
+    defaults = AppOptions(replay="")
+    try:
+        choice = ImageSource.of(meta).choose()
+        predictor = predictor_for(replace(defaults, predictor=choice.name, scene=meta.scene), meta.camera)
+    except LtvnError as missing:
+        predictor = AbsentPredictor(missing)
+    return ReplayMethod(predictor, open_system(defaults.system, open_method(defaults.preset, predictor)).method)

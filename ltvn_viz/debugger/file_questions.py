@@ -1,0 +1,200 @@
+"""Questions about a recording or a map, asked without a page: by words and numbers, and answered to the end.
+
+Owns what a person or a program may ask, the check of it, how slow answers are waited for, and what to ask to follow a
+link. Each question is asked afresh: nothing is remembered from one to the next, and no file is written.
+"""
+
+import math
+import shlex
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Self
+
+from ltvn_core.analysis.answer import Answer
+from ltvn_core.analysis.timeline_records import QueryRecord
+from ltvn_core.analysis.what_if_changes import format_what_if_change
+from ltvn_core.errors import OptionError
+from ltvn_core.graph.topological_graph import EdgeKey
+from ltvn_core.terminal_text import which_name
+from ltvn_core.types import NodeId
+from ltvn_viz.debugger.context import DebugContext
+from ltvn_viz.debugger.file_context import FileCase, JobsAtOnce
+from ltvn_viz.debugger.question import Question
+from ltvn_viz.debugger.question_registry import all_questions
+from ltvn_viz.debugger.what_if_question import ImagineChange
+from ltvn_viz.session.inspection import QuestionName, Selection
+from ltvn_viz.timeline.breakpoint_monitor import BreakpointMonitor
+from ltvn_viz.wishes.commands import AskQuestion, ChooseQuestion, PointAt, Seek
+
+LONGEST_S = 300.0
+"""An answer that takes longer is given up."""
+LONGEST_TEXT = 200
+"""Letters that may be typed into a question."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FileAsk:
+    """What is asked about a file. Without a question, what is pointed at says which."""
+
+    question: str = ""
+    """Its word."""
+    at_s: float | None = None
+    """Seconds after the beginning; the end if not given, or the end of the query."""
+    edge: EdgeKey | None = None
+    node: NodeId | None = None
+    query: int | None = None
+    """A navigation task, by its number."""
+    text: str = ""
+    """What a person would type into the question, such as `without 12->40`."""
+
+    @property
+    def word(self) -> str:
+        """The word of the question that is asked, empty for none."""
+        if self.question:
+            return self.question
+        if self.edge is not None or self.node is not None:
+            return QuestionName.EDGE.word
+        return QuestionName.FAILURES.word if self.query is not None else ""
+
+    @property
+    def about(self) -> dict[str, Any]:
+        """What is pointed at and typed, for a program."""
+        about = {"edge": self.edge, "node": self.node, "query": self.query, "text": self.text or None}
+        return {name: value for name, value in about.items() if value is not None}
+
+    @property
+    def selection(self) -> Selection:
+        """What is pointed at, as the page has it."""
+        return Selection(node=self.node, edge=self.edge)
+
+    def arguments(self) -> dict[str, Any]:
+        """Return what is asked as names and values, without what is not given."""
+        at = {} if self.at_s is None else {"at_s": _milliseconds(self.at_s)}
+        return {"question": self.word, **at, **self.about}
+
+    def command_line(self, file: str) -> str:
+        """Return what a person types to ask this."""
+        words = ["ltvn", "why", file, "--ask", self.word]
+        words += [] if self.at_s is None else ["--at", f"{_milliseconds(self.at_s):.10g}"]
+        words += [] if self.edge is None else ["--edge", *map(str, self.edge)]
+        words += [] if self.node is None else ["--node", str(self.node)]
+        words += [] if self.query is None else ["--query", str(self.query)]
+        words += ["--text", self.text] if self.text else []
+        return shlex.join(words)
+
+    def following(self, command: object) -> Self | None:
+        """Return what to ask to follow a link; None where only the page can follow it."""
+        match command:
+            case Seek(time_s=time_s):
+                return replace(self, at_s=time_s, query=None)
+            case PointAt(node=node, target=None):
+                return replace(self, node=node, edge=None, text="")
+            case PointAt(node=node, target=target):
+                return replace(self, edge=(node, target), node=None, text="")
+            case ChooseQuestion(name=name) if name in set(QuestionName) - {QuestionName.NONE}:
+                return replace(self, question=QuestionName(name).word, text="")
+            case AskQuestion(request=ImagineChange(change)):
+                return replace(self, text=format_what_if_change(change))
+            case _:
+                return None
+
+
+@dataclass(frozen=True, kw_only=True)
+class FileAnswer:
+    """An answer and the question as it was understood."""
+
+    asked: FileAsk
+    """With the question and the time that were taken where none was given."""
+    answer: Answer
+
+
+def _milliseconds(seconds: float) -> float:
+    """Round up, so that what a link leads to has just happened."""
+    return math.ceil(seconds * 1000) / 1000
+
+
+def offered_questions(case: FileCase) -> dict[str, str]:
+    """Return the questions that can be answered in this file, by their words, each with what it shows."""
+    context = case.context(case.replay.length_s, JobsAtOnce())
+    return {word: question.about for word, question in _questions().items() if question.is_offered(context)}
+
+
+def ask_file(case: FileCase, asked: FileAsk, *, longest_s: float = LONGEST_S) -> FileAnswer:
+    """Answer a question about a file, and wait for what is slow, but not longer than that.
+
+    Raises OptionError for what makes no sense, with what would, and what the question raises for what was typed.
+    """
+    questions = _questions()
+    earlier = {word: each.word for each in questions.values() for word in each.earlier_words}
+    asked = replace(asked, question=earlier.get(asked.word, asked.word))
+    if not asked.word:
+        raise OptionError(f"Which question? Choose one of: {', '.join(questions)}.")
+    if asked.word not in questions:
+        raise OptionError(f"No question has the word {asked.word!r:.60}. {which_name(asked.word, questions)}.")
+    _check(case, asked)
+    jobs = JobsAtOnce(longest_s)
+    context = case.context(_time(case, asked), jobs)
+    question = questions[asked.word]
+    if not question.is_offered(context):
+        offered = [word for word, each in questions.items() if each.is_offered(context)]
+        raise OptionError(
+            f"“{question.name}” ({asked.word}) cannot be answered in {case.path.name}; these can: {', '.join(offered)}."
+        )
+    answer = _answered(question, context, asked, jobs)
+    return FileAnswer(asked=replace(asked, at_s=context.moment.stamp - context.start_s), answer=answer)
+
+
+def _answered(question: Question[Any], context: DebugContext, asked: FileAsk, jobs: JobsAtOnce) -> Answer:
+    """Let the question answer until nothing is under way any more."""
+    answer = question.answer(context, asked.selection).answer
+    if asked.text:
+        if question.handle_text(context, asked.text) is not None:
+            raise OptionError(f"{asked.text!r:.60} would change a live map; a file is only looked at.")
+        answer = question.answer(context, asked.selection).answer
+    before = -1
+    while answer.is_pending and jobs.done != before:
+        before = jobs.done
+        answer = question.answer(context, asked.selection).answer
+    return answer
+
+
+def _questions() -> Mapping[str, Question[Any]]:
+    return {question.word: question for question in all_questions(BreakpointMonitor())}
+
+
+def _check(case: FileCase, asked: FileAsk) -> None:
+    if asked.edge is not None and asked.node is not None:
+        raise OptionError("Point at an edge or at a node, not at both.")
+    if len(asked.text) > LONGEST_TEXT:
+        raise OptionError(f"A text has at most {LONGEST_TEXT} letters, this one has {len(asked.text)}.")
+    for node in (*(asked.edge or ()), *(() if asked.node is None else (asked.node,))):
+        if not case.timeline.changes_of_node(node):
+            raise OptionError(f"{case.path.name} has no node {node!s:.20}{_known_nodes(case)}.")
+    if asked.edge is not None and asked.edge[0] == asked.edge[1]:
+        raise OptionError(f"An edge joins two different nodes, not {asked.edge[0]} with itself.")
+
+
+def _known_nodes(case: FileCase) -> str:
+    nodes = sorted(case.timeline.graph_at().nodes)
+    if not nodes:
+        return "; it holds no map"
+    near = ", ".join(map(str, nodes[:3]))
+    return f"; its {len(nodes)} nodes are {near} … {nodes[-1]}" if len(nodes) > 3 else f"; its nodes are {near}"
+
+
+def _time(case: FileCase, asked: FileAsk) -> float:
+    """Return so many seconds after the beginning: those that are named, the end of the query, or the end."""
+    query = None if asked.query is None else _query(case, asked.query)
+    if asked.at_s is not None:
+        return asked.at_s
+    if query is None or query.end is None:
+        return case.replay.length_s
+    return min(query.end.stamp - case.timeline.start_s, case.replay.length_s)
+
+
+def _query(case: FileCase, number: int) -> QueryRecord:
+    known = {query.id: query for query in case.timeline.queries}
+    if number not in known:
+        there = f"has the queries {min(known)} to {max(known)}" if known else "has no queries"
+        raise OptionError(f"{case.path.name} has no query {number!s:.20}; it {there}.")
+    return known[number]

@@ -1,0 +1,112 @@
+"""What each page draws for itself, by where its camera is: the robot's marker, and the headings of nodes near by.
+
+The marker can be found at every zoom: it is above all walls, never smaller than half a metre, and grows with the
+distance of the camera, so that it has about one size on the screen.
+"""
+
+from functools import partial
+
+import numpy as np
+import viser
+
+from ltvn_core import palette
+from ltvn_core.analysis.map_history import GraphArrays
+from ltvn_viz.layers import CHANGE_Z
+from ltvn_viz.layers.scene_assets import CUT_HEIGHT_M
+from ltvn_viz.layers.shapes import LineSegments, Mesh, disc_mesh, marker_mesh, points, wxyz
+from ltvn_viz.session.snapshot import Snapshot
+
+MARKER_Z = CUT_HEIGHT_M + 0.25
+"""Above walls as they are cut, and above the handles of doors."""
+LEAST_MARKER_M = 0.5
+MARKER_PER_DISTANCE = 0.045
+"""Size of the marker by how far the camera is from it."""
+_RESIZE_FROM = 1.1
+"""A change of size by less than this factor is not worth a message."""
+_STEM_M = 0.03
+HEADINGS_WITHIN_M = 4.0
+"""Headings of nodes are drawn while the camera is no farther than this from what it looks at."""
+_TICK_M = 0.13
+"""Length of a heading."""
+
+
+class RobotMarker:
+    """A bright arrow in a bright ring above the robot, on a stem that stands where the robot is."""
+
+    def __init__(self, client: viser.ClientHandle) -> None:
+        """Add the marker, hidden until there is a pose."""
+        self._camera = client.camera
+        scene = client.scene
+        self.place = scene.add_frame("/marker", show_axes=False, visible=False)
+        flat = partial(_flat_mesh, scene)
+        self.arrow = flat("/marker/arrow", marker_mesh(0.62, 0.02), palette.ROBOT, MARKER_Z + 0.06)
+        ground = flat("/marker/ground", disc_mesh(0.6, 20), palette.BACKGROUND, MARKER_Z + 0.03)
+        halo = flat("/marker/halo", disc_mesh(0.7, 20), palette.ROBOT, MARKER_Z)
+        self._parts = (self.arrow, ground, halo)
+        scene.add_box(
+            "/marker/stem",
+            color=palette.ROBOT,
+            dimensions=(_STEM_M, _STEM_M, MARKER_Z),
+            position=(0.0, 0.0, MARKER_Z / 2),
+            cast_shadow=False,
+            receive_shadow=False,
+        )
+        self.size_m = 0.0
+        """Radius of the marker, about."""
+
+    def show(self, snapshot: Snapshot) -> None:
+        """Move the marker to the robot, in a size that suits the camera."""
+        pose = snapshot.moment.robot
+        if pose is not None:
+            self.place.position = points(pose, 0.0)
+            self.place.wxyz = wxyz(pose[2])
+            self._resize(float(np.linalg.norm(self._camera.position - np.array([*pose[:2], MARKER_Z]))))
+        self.place.visible = pose is not None
+
+    def _resize(self, distance_m: float) -> None:
+        wanted = max(LEAST_MARKER_M, MARKER_PER_DISTANCE * distance_m)
+        if self.size_m and 1 / _RESIZE_FROM < wanted / self.size_m < _RESIZE_FROM:
+            return
+        self.size_m = wanted
+        for part in self._parts:
+            part.scale = wanted
+
+
+class HeadingsLayer:
+    """Where each node looks, as a short line, drawn only while the page looks at a few of them from near."""
+
+    def __init__(self, client: viser.ClientHandle) -> None:
+        """Add the lines, hidden."""
+        self._camera = client.camera
+        self.ticks = LineSegments(client.scene, "/headings", thickness_px=2.0)
+        self._drawn: GraphArrays | None = None
+
+    def show(self, snapshot: Snapshot) -> None:
+        """Draw the headings of the map on show while the camera is near."""
+        is_near = float(np.linalg.norm(self._camera.position - self._camera.look_at)) < HEADINGS_WITHIN_M
+        graph = snapshot.moment.graph if is_near else None
+        if graph is self._drawn:
+            return
+        self._drawn = graph
+        poses = np.empty((0, 3)) if graph is None else graph.poses
+        ahead = _TICK_M * np.stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])], axis=1)
+        segments = np.stack([poses[:, :2], poses[:, :2] + ahead], axis=1)
+        self.ticks.draw(points(segments, CHANGE_Z), np.full((len(poses), 3), palette.NODE, np.uint8))
+
+
+def _flat_mesh(
+    scene: viser.SceneApi,
+    name: str,
+    mesh: Mesh,
+    colour: palette.Rgb8,
+    height_m: float,
+) -> viser.MeshHandle:
+    return scene.add_mesh_simple(
+        name,
+        *mesh,
+        color=colour,
+        position=(0.0, 0.0, height_m),
+        side="double",
+        cast_shadow=False,
+        receive_shadow=False,
+    )

@@ -1,0 +1,157 @@
+"""What the layers draw with: points and turns of poses, and nodes of many lines, dots or drops, changed in place."""
+
+from collections.abc import Callable, Coroutine
+
+import numpy as np
+import viser
+from numpy.typing import ArrayLike, NDArray
+
+from ltvn_core import palette
+from ltvn_core.types import Pose
+
+Mesh = tuple[NDArray[np.float32], NDArray[np.uint32]]
+"""Vertices (V, 3) and faces (F, 3)."""
+
+
+def points(xy: ArrayLike, height_m: float) -> NDArray[np.float32]:
+    """Return (..., 3) points at a height from floor positions or poses (..., >=2)."""
+    xy = np.asarray(xy, np.float32)[..., :2]
+    return np.concatenate([xy, np.full((*xy.shape[:-1], 1), height_m, np.float32)], axis=-1)
+
+
+def wxyz(yaw_rad: ArrayLike) -> NDArray[np.float32]:
+    """Return (..., 4) quaternions of turns about the vertical."""
+    half = np.asarray(yaw_rad, np.float64) / 2
+    zero = np.zeros_like(half)
+    return np.stack([np.cos(half), zero, zero, np.sin(half)], axis=-1).astype(np.float32)
+
+
+def marker_mesh(length_m: float, thickness_m: float) -> Mesh:
+    """Return vertices (V, 3) and faces (F, 3) of a flat drop that points along x, so that a place shows its view."""
+    angles = np.linspace(np.pi / 3, 2 * np.pi - np.pi / 3, 11)
+    radius = length_m * 0.45
+    rim = np.concatenate([radius * np.stack([np.cos(angles), np.sin(angles)], axis=1), [[length_m, 0.0]]])
+    n = len(rim)
+    top = np.concatenate([rim, np.full((n, 1), thickness_m)], axis=1)
+    bottom = np.concatenate([rim, np.zeros((n, 1))], axis=1)
+    vertices = np.concatenate([top, bottom, [[0, 0, thickness_m], [0, 0, 0]]]).astype(np.float32)
+    i = np.arange(n)
+    j = (np.arange(n) + 1) % n
+    roof = np.stack([i, j, np.full(n, 2 * n)], axis=1)
+    floor = np.stack([j + n, i + n, np.full(n, 2 * n + 1)], axis=1)
+    sides = np.concatenate([np.stack([i, i + n, j], axis=1), np.stack([j, i + n, j + n], axis=1)])
+    return vertices, np.concatenate([roof, floor, sides]).astype(np.uint32)
+
+
+def disc_mesh(radius_m: float, corners: int = 8) -> Mesh:
+    """Return vertices (V, 3) and faces (F, 3) of a flat dot, with few faces since a map has many."""
+    angles = np.linspace(0, 2 * np.pi, corners, endpoint=False)
+    rim = np.stack([radius_m * np.cos(angles), radius_m * np.sin(angles), np.zeros(corners)], axis=1)
+    first = np.zeros(corners - 2, int)
+    second = np.arange(1, corners - 1)
+    return rim.astype(np.float32), np.stack([first, second, second + 1], axis=1).astype(np.uint32)
+
+
+_RIM_PX = 1.0
+_RIM_BELOW_M = 0.01
+"""A dark rim of so many pixels, drawn by so much below, tells pale lines from pale floors."""
+
+
+class LineSegments:
+    """Line segments of constant width on the screen."""
+
+    def __init__(self, scene: viser.SceneApi, name: str, thickness_px: float, *, outlined: bool = False) -> None:
+        """Add the node, empty and hidden."""
+        self.handle = _line_batch(scene, name, thickness_px)
+        self.outline = _line_batch(scene, f"{name}/outline", thickness_px + 2 * _RIM_PX) if outlined else None
+
+    def draw(self, segments: NDArray[np.float32], colours: NDArray[np.uint8]) -> None:
+        """Replace all segments (N, 2, 3) and their colours (N, 3), sRGB."""
+        if len(segments):
+            self.handle.points = segments
+            self.handle.colors = np.repeat(palette.srgb_to_linear(colours)[:, None], 2, axis=1)
+        # A node without geometry is not something the page can draw, so an empty one is hidden.
+        self.handle.visible = bool(len(segments))
+        self._draw_outline(segments)
+
+    def _draw_outline(self, segments: NDArray[np.float32]) -> None:
+        if self.outline is None:
+            return
+        if len(segments):
+            self.outline.points = segments - np.array([0, 0, _RIM_BELOW_M], np.float32)
+            dark = palette.srgb_to_linear(np.array([palette.BACKGROUND]))
+            self.outline.colors = np.broadcast_to(dark, (len(segments), 2, 3))
+        self.outline.visible = bool(len(segments))
+
+
+def _line_batch(scene: viser.SceneApi, name: str, thickness_px: float) -> viser.LineSegmentsHandle:
+    dummy = np.zeros((1, 2, 3), np.float32)
+    return scene.add_line_segments(
+        name, dummy, dummy.astype(np.uint8), thickness=thickness_px, thickness_units="screen", visible=False
+    )
+
+
+_RIM_M = 0.02
+"""Dots on a floor of their own colour are told from it by a dark rim of this width."""
+_DOT_M = 0.045
+"""Radius of a dot."""
+_DROP_THICK_M = 0.03
+
+
+class Markers:
+    """A batch of the same flat shape at many poses: one draw call, whatever their number."""
+
+    def __init__(self, scene: viser.SceneApi, name: str, mesh: Mesh, colour: palette.Rgb8) -> None:
+        """Add the node, empty and hidden."""
+        self.handle = scene.add_batched_meshes_simple(
+            name,
+            *mesh,
+            batched_wxyzs=np.array([[1.0, 0.0, 0.0, 0.0]]),
+            batched_positions=np.zeros((1, 3)),
+            batched_colors=palette.srgb_to_linear(np.array([colour])),
+            lod="off",
+            flat_shading=True,
+            cast_shadow=False,
+            receive_shadow=False,
+            visible=False,
+        )
+
+    def place(self, poses: Pose, height_m: float) -> None:
+        """Put the shapes at poses (N, 3), as many as there are; none hides the node."""
+        if len(poses):
+            self.handle.batched_positions = points(poses, height_m)
+            self.handle.batched_wxyzs = wxyz(poses[:, 2])
+        self.handle.visible = bool(len(poses))
+
+    def paint(self, colours: NDArray[np.uint8]) -> None:
+        """Colour the shapes (N, 3), sRGB."""
+        if len(colours):
+            self.handle.batched_colors = palette.srgb_to_linear(colours)
+
+
+def drops(scene: viser.SceneApi, name: str, length_m: float, colour: palette.Rgb8 = palette.NODE) -> Markers:
+    """Add flat drops that point where poses look."""
+    return Markers(scene, name, marker_mesh(length_m, _DROP_THICK_M), colour)
+
+
+class Dots:
+    """A batch of small dots, and a batch of larger dark ones right below, which is their outline."""
+
+    def __init__(self, scene: viser.SceneApi, name: str) -> None:
+        """Add both, empty and hidden."""
+        self.dots = Markers(scene, name, disc_mesh(_DOT_M), palette.NODE)
+        self.outline = Markers(scene, f"{name}/outline", disc_mesh(_DOT_M + _RIM_M), palette.BACKGROUND)
+
+    def on_click(self, picked: Callable[[viser.SceneNodePointerEvent], Coroutine[None, None, None]]) -> None:
+        """Call this when a dot or its outline is clicked."""
+        for each in (self.dots, self.outline):
+            each.handle.on_click(picked)
+
+    def place(self, poses: Pose, height_m: float) -> None:
+        """Put the dots at poses (N, 3), as many as there are; none hides them."""
+        self.dots.place(poses, height_m)
+        self.outline.place(poses, height_m - _RIM_BELOW_M)
+
+    def paint(self, colours: NDArray[np.uint8]) -> None:
+        """Colour the dots (N, 3), sRGB."""
+        self.dots.paint(colours)

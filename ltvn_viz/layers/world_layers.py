@@ -1,0 +1,130 @@
+"""What a person may change in a simulated world: a handle on each doorway and on each box that was put down.
+
+A click on a door's handle closes or opens it; one on a box's lets it wait for a click on the floor.
+"""
+
+from collections.abc import Callable
+from functools import partial
+
+import viser
+
+from ltvn_core import palette
+from ltvn_viz.session.snapshot import BOX_SIZE_M, BoxView, DoorView, FloorView, Snapshot
+
+DOOR_HANDLE_Z = 1.45
+"""Just above the walls as they are cut."""
+_DOOR_HANDLE_M = (0.12, 0.12)
+"""Depth and height; it is as long as the doorway is wide."""
+
+
+class DoorsLayer:
+    """Bars above doorways, green where one can go through and magenta where not."""
+
+    def __init__(self, scene: viser.SceneApi, on_pick: Callable[[int, int], None]) -> None:
+        """`on_pick` gets a door and viser's number of the page, and must return at once."""
+        self._scene = scene
+        self._on_pick = on_pick
+        self._shown: tuple[DoorView, ...] = ()
+        self.handles: dict[int, viser.BoxHandle] = {}
+
+    def show(self, snapshot: Snapshot) -> None:
+        """Draw the doors that can be changed now; none in a replay."""
+        doors = () if snapshot.world is None else snapshot.world.doors
+        if doors == self._shown:
+            return
+        if {each.door for each in doors} != self.handles.keys():
+            self._add(doors)
+        for each in doors:
+            self.handles[each.door].color = palette.EDGE_ADDED if each.is_open else palette.EDGE_REMOVED
+        self._shown = doors
+
+    def _add(self, doors: tuple[DoorView, ...]) -> None:
+        for handle in self.handles.values():
+            handle.remove()
+        self.handles = {}
+        for each in doors:
+            depth, height = _DOOR_HANDLE_M
+            size = (each.width_m, depth, height) if each.along_x else (depth, each.width_m, height)
+            handle = self._scene.add_box(
+                f"/doors/{each.door}", dimensions=size, position=(each.x, each.y, DOOR_HANDLE_Z), opacity=0.75
+            )
+            handle.on_click(partial(self._clicked, each.door))
+            self.handles[each.door] = handle
+
+    async def _clicked(self, door: int, event: viser.SceneNodePointerEvent) -> None:
+        self._on_pick(door, event.client_id)
+
+
+BOX_HANDLE_Z = BOX_SIZE_M[2] + 0.12
+"""Just above a box."""
+_BOX_HANDLE_M = 0.16
+_FLOOR_M = 0.04
+"""Thickness of the coloured floor."""
+
+
+class BoxesLayer:
+    """Small cubes above boxes; a click on one lets it wait for a click on the floor."""
+
+    def __init__(
+        self,
+        scene: viser.SceneApi,
+        on_pick: Callable[[int, int], None],
+        on_floor: Callable[[tuple[float, float], int], None],
+    ) -> None:
+        """`on_pick` gets a box, `on_floor` a place in metres, both with viser's number of the page; both must return
+        at once.
+        """
+        self._scene = scene
+        self._on_pick = on_pick
+        self._on_floor = on_floor
+        self._shown: tuple[BoxView, ...] = ()
+        self.handles: dict[int, viser.BoxHandle] = {}
+        self.floor: viser.BoxHandle | None = None
+
+    def show(self, snapshot: Snapshot) -> None:
+        """Draw what can be moved now; nothing in a replay."""
+        world = snapshot.world
+        boxes = () if world is None else world.boxes
+        if boxes != self._shown:
+            self._shown = boxes
+            self._show_handles(boxes)
+        self._show_floor(None if world is None or world.aimed is None else world.floor)
+
+    def _show_handles(self, boxes: tuple[BoxView, ...]) -> None:
+        for handle in self.handles.values():
+            handle.remove()
+        self.handles = {}
+        for each in boxes:
+            handle = self._scene.add_box(
+                f"/boxes/{each.number}",
+                color=palette.ACCENT,
+                dimensions=(_BOX_HANDLE_M, _BOX_HANDLE_M, _BOX_HANDLE_M),
+                position=(each.x, each.y, BOX_HANDLE_Z),
+                opacity=0.75,
+            )
+            handle.on_click(partial(self._clicked, each.number))
+            self.handles[each.number] = handle
+
+    def _show_floor(self, floor: FloorView | None) -> None:
+        if floor is None:
+            if self.floor is not None:
+                self.floor.remove()
+                self.floor = None
+            return
+        if self.floor is None:
+            self.floor = self._scene.add_box(
+                "/floor_to_click",
+                color=palette.ACCENT,
+                dimensions=(floor.x1 - floor.x0, floor.y1 - floor.y0, _FLOOR_M),
+                position=((floor.x0 + floor.x1) / 2, (floor.y0 + floor.y1) / 2, _FLOOR_M / 2),
+                opacity=0.4,
+            )
+            self.floor.on_click(self._clicked_floor)
+
+    async def _clicked(self, box: int, event: viser.SceneNodePointerEvent) -> None:
+        self._on_pick(box, event.client_id)
+
+    async def _clicked_floor(self, event: viser.SceneNodePointerEvent) -> None:
+        (x, y, z), (along_x, along_y, along_z) = event.ray_origin, event.ray_direction
+        if along_z < 0:
+            self._on_floor((x - z / along_z * along_x, y - z / along_z * along_y), event.client_id)

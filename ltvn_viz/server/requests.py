@@ -1,0 +1,261 @@
+"""HTTP requests: where they come from, who has shown the token, what may be fetched, and how they are answered.
+
+A server on 127.0.0.1 is still reachable by each web page that is open in the user's browser. So a request passes only
+when it names this machine as its host (against DNS rebinding), and comes from this page or from nowhere (against other
+sites, other ports included). Each answer carries the headers that keep other sites out. A file's address is a known
+prefix, a whole number and an ending; a handler gets the number alone, so that no path of a URL ever reaches the disk.
+
+The token of a start stands in the fragment of the printed link, which no browser sends anywhere; the page's script
+reads it there. It is shown in a header by what the script fetches, and in the first message of each socket. Pictures in
+a panel can send neither, so their addresses carry a key that opens pictures and nothing else; it reaches a page over
+its socket. No cookie is set: cookies know no port, so a browser would send one to every server on this machine.
+"""
+
+import asyncio
+import hmac
+import ipaddress
+import logging
+import re
+import secrets
+from collections.abc import Callable
+from dataclasses import dataclass
+from http import HTTPStatus
+from typing import Annotated, TypeAlias
+from urllib.parse import parse_qs, urlsplit
+
+import msgspec
+from websockets.asyncio.server import ServerConnection
+from websockets.datastructures import Headers
+from websockets.exceptions import ConnectionClosed
+from websockets.http11 import Request, Response
+
+from ltvn_viz.server.limits import LimitedLog
+
+SECURITY_HEADERS = (
+    ("Cache-Control", "no-store"),
+    ("Cross-Origin-Opener-Policy", "same-origin"),
+    ("Cross-Origin-Resource-Policy", "same-origin"),
+    ("Referrer-Policy", "no-referrer"),
+    ("X-Content-Type-Options", "nosniff"),
+    ("X-Frame-Options", "DENY"),
+)
+
+NOTHING_ALLOWED = "default-src 'none'; frame-ancestors 'none'; base-uri 'none'; form-action 'none'"
+"""Content policy of everything that is not the page itself."""
+
+TEXT = "text/plain; charset=utf-8"
+HTML = "text/html; charset=utf-8"
+
+
+def reply(
+    status: HTTPStatus,
+    body: str | bytes,
+    *,
+    content_type: str = TEXT,
+    policy: str = NOTHING_ALLOWED,
+) -> Response:
+    """Return a whole answer with the security headers."""
+    content = body.encode() if isinstance(body, str) else body
+    headers = Headers(
+        [
+            ("Content-Type", content_type),
+            ("Content-Length", str(len(content))),
+            ("Content-Security-Policy", policy),
+            *SECURITY_HEADERS,
+        ]
+    )
+    return Response(status.value, status.phrase, headers, content)
+
+
+def refuse(status: HTTPStatus, text: str) -> Response:
+    """Return a refusal that says what to do."""
+    return reply(status, text + "\n")
+
+
+def refusal(request: Request) -> Response | None:
+    """Return None for a request that comes from this machine's own page or from nowhere, else the answer."""
+    headers = request.headers
+    if not _names_this_machine(headers):
+        return refuse(HTTPStatus.FORBIDDEN, "This server answers to localhost and 127.0.0.1 only.")
+    if not _comes_from_this_page(headers):
+        return refuse(HTTPStatus.FORBIDDEN, "This request comes from another site.")
+    return None
+
+
+def is_websocket(headers: Headers) -> bool:
+    """Tell whether a request wants to become a websocket."""
+    return any("websocket" in value.lower() for value in headers.get_all("Upgrade"))
+
+
+def is_loopback(host: str) -> bool:
+    """Tell whether `host` is this machine and reachable from nowhere else."""
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
+def _names_this_machine(headers: Headers) -> bool:
+    hosts = headers.get_all("Host")
+    return len(hosts) == 1 and is_loopback(_hostname(hosts[0]))
+
+
+def _hostname(netloc: str) -> str:
+    try:
+        parts = urlsplit("//" + netloc)
+        is_plain = parts.netloc == netloc and parts.username is None and "\\" not in netloc
+        return (parts.hostname or "") if is_plain and parts.port != 0 else ""
+    except ValueError:
+        return ""
+
+
+def _comes_from_this_page(headers: Headers) -> bool:
+    origins = headers.get_all("Origin")
+    if origins or is_websocket(headers):
+        return len(origins) == 1 and _is_same_origin(origins[0], headers["Host"])
+    if headers.get("Sec-Fetch-Site", "none") in ("none", "same-origin"):
+        return True
+    # A link on another page may open this page, but nothing else may be fetched from there.
+    return (headers.get("Sec-Fetch-Mode"), headers.get("Sec-Fetch-Dest")) == ("navigate", "document")
+
+
+def _is_same_origin(origin: str, host: str) -> bool:
+    # https stands before a reverse proxy that ends TLS and keeps the Host.
+    return origin in (f"http://{host}", f"https://{host}")
+
+
+RouteHandler: TypeAlias = Callable[[int], bytes | None]
+"""Returns the bytes of the thing with that number, None if there is none. Is called in a worker thread."""
+
+CONTENT_TYPES = {
+    "jpg": "image/jpeg",
+    "png": "image/png",
+    "glb": "model/gltf-binary",
+    "json": "application/json",
+    "bin": "application/octet-stream",
+}
+_PICTURES = ("image/jpeg", "image/png")
+"""What the key in a picture's address opens."""
+
+_PREFIX = re.compile(r"/[a-z][a-z-]*/", re.ASCII)
+_ADDRESS = re.compile(r"(?P<prefix>/[a-z][a-z-]*/)(?P<number>0|[1-9][0-9]{0,11})\.(?P<ending>[a-z]{3,4})", re.ASCII)
+
+
+@dataclass(frozen=True, slots=True)
+class RouteMatch:
+    """A known address."""
+
+    handler: RouteHandler
+    number: int
+    ending: str
+
+    @property
+    def is_picture(self) -> bool:
+        """Tell whether a panel may show it, so that the key of pictures opens it."""
+        return CONTENT_TYPES[self.ending] in _PICTURES
+
+    def answer(self) -> Response:
+        """Ask the handler and wrap what it gives."""
+        content = self.handler(self.number)
+        if content is None:
+            return not_found()
+        return reply(HTTPStatus.OK, content, content_type=CONTENT_TYPES[self.ending])
+
+
+class Routes:
+    """The table of known addresses."""
+
+    def __init__(self) -> None:
+        self._handlers: dict[tuple[str, str], RouteHandler] = {}
+
+    def add(self, prefix: str, handler: RouteHandler, *, ending: str = "jpg") -> None:
+        """Serve `prefix<number>.ending`; prefix is like `/thumb/`, raises ValueError for another form."""
+        if not _PREFIX.fullmatch(prefix) or ending not in CONTENT_TYPES:
+            raise ValueError(f"{prefix!r} with {ending!r}: want a prefix like /thumb/ and one of {list(CONTENT_TYPES)}")
+        self._handlers[prefix, ending] = handler
+
+    def find(self, path: str) -> RouteMatch | None:
+        """Return who answers for `path` (no query), None when nobody does."""
+        if (found := _ADDRESS.fullmatch(path)) is None:
+            return None
+        handler = self._handlers.get((found["prefix"], found["ending"]))
+        return handler and RouteMatch(handler, int(found["number"]), found["ending"])
+
+
+def not_found() -> Response:
+    """Return the answer for everything unknown; it repeats nothing of the address."""
+    return refuse(HTTPStatus.NOT_FOUND, "There is nothing here.")
+
+
+logger = logging.getLogger(__name__)
+
+MAX_PROOF_BYTES = 4096
+"""A socket takes no longer message before the token was shown."""
+PROOF_WITHIN_S = 30.0
+"""A page that draws without a graphics card may be busy for long before it says its first word."""
+REFUSED_CODE = 4401
+"""Closes a socket on which the token was not shown; `socket_worker.js` and `page.js` know it."""
+REFUSED_REASON = "token refused"
+_MAX_TOKEN = 200
+_BEARER = "Bearer "
+
+
+class _Shown(msgspec.Struct, frozen=True, tag="proof", tag_field="type", forbid_unknown_fields=True):
+    token: Annotated[str, msgspec.Meta(max_length=_MAX_TOKEN)]
+
+
+_FROM_JSON = msgspec.json.Decoder(_Shown)
+_FROM_MSGPACK = msgspec.msgpack.Decoder(_Shown)
+
+
+class Proof:
+    """Knows the token, and the key of pictures, of one start."""
+
+    def __init__(self, token: str, *, within_s: float = PROOF_WITHIN_S) -> None:
+        """Wait so many seconds for the token on a socket."""
+        self._token = token
+        self._within_s = within_s
+        self._file_key = secrets.token_urlsafe(24)
+        self._log = LimitedLog(logger)
+
+    def file_address(self, address: str) -> str:
+        """Return the address of a file as a picture in a panel may have it."""
+        return f"{address}?key={self._file_key}"
+
+    def is_in(self, request: Request, *, is_for_picture: bool) -> bool:
+        """Tell whether a request carries the token in its header, or the key in its address, which opens pictures."""
+        given = [value.removeprefix(_BEARER) for value in request.headers.get_all("Authorization")]
+        if len(given) == 1 and _is_equal(given[0], self._token):
+            return True
+        if not is_for_picture:
+            return False
+        key = parse_qs(urlsplit(request.path).query).get("key", [""])[0]
+        return _is_equal(key, self._file_key)
+
+    async def is_first_on(self, connection: ServerConnection) -> bool:
+        """Wait for a socket's first message, and close the socket unless it is the token."""
+        try:
+            async with asyncio.timeout(self._within_s):
+                shown = _read(await connection.recv())
+        except ConnectionClosed:
+            return False
+        except TimeoutError:
+            shown = None
+        if shown is not None and _is_equal(shown.token, self._token):
+            return True
+        self._log.log(logging.INFO, "closed a socket on which the token of this start was not shown")
+        await connection.close(REFUSED_CODE, REFUSED_REASON)
+        return False
+
+
+def _read(message: bytes | str) -> _Shown | None:
+    try:
+        return _FROM_JSON.decode(message) if isinstance(message, str) else _FROM_MSGPACK.decode(message)
+    except (msgspec.DecodeError, RecursionError, ValueError):
+        return None
+
+
+def _is_equal(given: str, secret: str) -> bool:
+    return hmac.compare_digest(given.encode("utf-8", "surrogateescape"), secret.encode())

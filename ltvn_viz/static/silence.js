@@ -1,0 +1,35 @@
+// Say it large when the app does not answer, and grey what is shown then, because it may be old.
+
+const ENDED_AFTER_MS = 5000;
+
+const silence = { banner: null, sinceMs: null };
+
+function silenceWords() {
+  if (seat.isOpen) return "The app does not answer. What you see may be old.";
+  if (performance.now() - silence.sinceMs < ENDED_AFTER_MS) return "The connection to the app is lost. Trying again…";
+  return "The connection to the app is lost. If the app has ended, start it again and open the link that it prints.";
+}
+
+function showSilence() {
+  document.documentElement.toggleAttribute("data-ltvn-silent", seat.isSilent);
+  if (!seat.isSilent) {
+    silence.sinceMs = null;
+    silence.banner.hidden = true;
+    return;
+  }
+  if (silence.sinceMs === null) {
+    silence.sinceMs = performance.now();
+    setTimeout(changed, ENDED_AFTER_MS);
+  }
+  silence.banner.hidden = false;
+  const words = silenceWords();
+  if (silence.banner.textContent !== words) silence.banner.textContent = words;
+}
+
+function watchForSilence() {
+  silence.banner = element("div", "ltvn-silence");
+  silence.banner.setAttribute("role", "alert");
+  silence.banner.hidden = true;
+  document.body.append(silence.banner);
+  watchers.push(showSilence);
+}

@@ -1,0 +1,20 @@
+"""`ltvn mcp`: programs that work by a language model ask about recordings, by the Model Context Protocol."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from tyro.conf import Positional
+
+from ltvn_core.verbs.verb import Verb
+
+
+@dataclass(frozen=True, kw_only=True)
+class McpVerb(Verb):
+    """Let a program that works by a language model ask about recordings and maps (Model Context Protocol, on standard
+    input and output). It reads the files that are named, and nothing else.
+    """
+
+    job = "ltvn_viz.verbs.jobs.mcp:serve_agent"
+
+    files: Positional[tuple[Path, ...]] = (Path("recordings"),)
+    """.rrd files, and folders whose recordings may be read."""

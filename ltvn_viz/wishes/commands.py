@@ -1,0 +1,371 @@
+"""What a person can ask of the app, as data, and what the app is doing when each makes sense.
+
+Callbacks of the page build these and put them into the session's queue; the session alone carries them out. Driving
+is not among them: the held keys are polled from the driver's seat, so that they can never pile up in a queue. What
+a page calls them is in `wish_table`.
+"""
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import ClassVar, TypeAlias
+
+from ltvn_core.analysis.timeline_records import MarkKind
+from ltvn_core.graph.deltas import GraphDelta
+from ltvn_core.types import NodeId, Rgb
+
+
+class Mode(StrEnum):
+    """What the app is doing; the value is what the page shows."""
+
+    TELEOP = "driving"
+    """A person drives; the map may grow."""
+    BUILDING = "building"
+    """Algorithm 1 runs; the robot stands still."""
+    NAVIGATING = "navigating"
+    """The robot drives by itself."""
+    PAUSED = "paused"
+    """A query waits; the robot stands still."""
+    REPLAY = "replay"
+    """The page shows a recording; the robot stands still."""
+
+
+ANYWHERE = frozenset(Mode)
+LIVE = frozenset({Mode.TELEOP, Mode.NAVIGATING, Mode.PAUSED})
+DRIVING = frozenset({Mode.TELEOP})
+UNDER_WAY = frozenset({Mode.NAVIGATING, Mode.PAUSED})
+"""While a query is under way."""
+STANDING = frozenset({Mode.TELEOP, Mode.REPLAY})
+"""While no query and no building of a map is under way."""
+
+
+@dataclass(frozen=True, eq=False)
+class BaseCommand:
+    """Something a person asked for."""
+
+    modes: ClassVar[frozenset[Mode]]
+    """In which it makes sense."""
+
+    def __init_subclass__(cls, *, modes: frozenset[Mode]) -> None:
+        """Make a kind of command."""
+        cls.modes = modes
+
+
+@dataclass(frozen=True, eq=False)
+class StopRobot(BaseCommand, modes=ANYWHERE):
+    """Stop the robot now and give up navigating."""
+
+
+@dataclass(frozen=True, eq=False)
+class Cancel(BaseCommand, modes=ANYWHERE):
+    """Give up the query or the building of a map."""
+
+
+@dataclass(frozen=True, eq=False)
+class Pause(BaseCommand, modes=UNDER_WAY | {Mode.REPLAY}):
+    """Hold the query or the replay, or go on with it."""
+
+
+@dataclass(frozen=True, eq=False)
+class StepOnce(BaseCommand, modes=UNDER_WAY):
+    """Let one control step of the query happen, then hold it."""
+
+
+@dataclass(frozen=True, eq=False)
+class KeepGoing(BaseCommand, modes=ANYWHERE):
+    """Say whether a query goes on when the last page closes, or pauses."""
+
+    is_on: bool
+
+
+@dataclass(frozen=True, eq=False)
+class ShowLarger(BaseCommand, modes=ANYWHERE):
+    """Say whether the page shows a larger picture that is drawn for people, or what the method sees."""
+
+    is_on: bool
+
+
+@dataclass(frozen=True, eq=False)
+class TakeOver(BaseCommand, modes=UNDER_WAY):
+    """Give up the query, because a person drives."""
+
+
+@dataclass(frozen=True, eq=False)
+class StartRecording(BaseCommand, modes=LIVE):
+    """Begin a new recording."""
+
+
+@dataclass(frozen=True, eq=False)
+class KeepRecording(BaseCommand, modes=LIVE):
+    """End the recording and keep it under a name of its own."""
+
+
+@dataclass(frozen=True, eq=False)
+class DiscardRecording(BaseCommand, modes=LIVE):
+    """End the recording and move it to the folder of discarded ones."""
+
+
+@dataclass(frozen=True, eq=False)
+class BuildMap(BaseCommand, modes=STANDING):
+    """Build a map anew from all images driven so far, or of the open recording into a new file, Algorithm 1."""
+
+
+@dataclass(frozen=True, eq=False)
+class UndoBuild(BaseCommand, modes=DRIVING):
+    """Bring the map back that was there before it was rebuilt."""
+
+
+@dataclass(frozen=True, eq=False)
+class ImportDrive(BaseCommand, modes=STANDING):
+    """Make a recording of a drive in another format that lies in the recordings folder, and open it."""
+
+    name: str
+    """Path inside the recordings folder."""
+
+
+LEAST_MINUTES = 1
+MOST_MINUTES = 60
+"""Fine-tuning takes at least and at most so many minutes."""
+
+
+@dataclass(frozen=True, eq=False)
+class FineTune(BaseCommand, modes=ANYWHERE):
+    """Fine-tune the network on the drive at hand."""
+
+    minutes: float
+
+
+@dataclass(frozen=True, eq=False)
+class StopFineTuning(BaseCommand, modes=ANYWHERE):
+    """Give up fine-tuning; the network stays as it is."""
+
+
+@dataclass(frozen=True, eq=False)
+class UseWeights(BaseCommand, modes=DRIVING):
+    """Take the weights that fine-tuning made into use and build the map anew with them."""
+
+
+@dataclass(frozen=True, eq=False)
+class DismissWeights(BaseCommand, modes=ANYWHERE):
+    """Go on with the weights in use; those that fine-tuning made stay on disk."""
+
+
+@dataclass(frozen=True, eq=False)
+class ChooseQuestion(BaseCommand, modes=ANYWHERE):
+    """Show a tool of the debugger, by the name that the page calls it; an unknown one shows none."""
+
+    name: str
+
+
+@dataclass(frozen=True, eq=False)
+class FollowLink(BaseCommand, modes=ANYWHERE):
+    """Follow a link in what the tool shows."""
+
+    link: int
+
+
+@dataclass(frozen=True, eq=False)
+class SubmitText(BaseCommand, modes=ANYWHERE):
+    """Hand what a person typed to the tool."""
+
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class QuestionRequest:
+    """What a link in an answer asks of the question that drew it; each question has its own kinds."""
+
+
+@dataclass(frozen=True, eq=False)
+class AskQuestion(BaseCommand, modes=ANYWHERE):
+    """Ask something of the question on show."""
+
+    request: QuestionRequest
+
+
+@dataclass(frozen=True, eq=False)
+class PointAt(BaseCommand, modes=ANYWHERE):
+    """Select a node, or an edge from `node` to `target`, for the tool."""
+
+    node: NodeId
+    target: NodeId | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class ChooseGoal(BaseCommand, modes=LIVE):
+    """Choose a node as the goal, and go there if the robot is free; what a click on a goal's image means."""
+
+    node: NodeId
+
+
+@dataclass(frozen=True, eq=False)
+class PickNode(BaseCommand, modes=ANYWHERE):
+    """Choose a node as the goal, and go there if the robot is free."""
+
+    node: NodeId
+
+
+@dataclass(frozen=True, eq=False)
+class NavigateTo(BaseCommand, modes=DRIVING):
+    """Drive to a node of the map, or to the one that was chosen."""
+
+    node: NodeId | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class NavigateToImage(BaseCommand, modes=STANDING):
+    """Drive to the node that looks most like an image (72, 96, 3); in a replay, look for it in the map on show."""
+
+    rgb: Rgb
+    original: Rgb | None = None
+    """(H, W, 3) the image as it was uploaded, of moderate size."""
+
+
+@dataclass(frozen=True, eq=False)
+class OpenRecording(BaseCommand, modes=STANDING):
+    """Show a recording of the recordings folder in the page."""
+
+    name: str
+    """Path inside the recordings folder."""
+    at_s: float = 0.0
+    """Seconds after its beginning at which to show it first."""
+    then: "tuple[Command, ...]" = ()
+    """What to do once it is open."""
+
+
+@dataclass(frozen=True, eq=False)
+class CloseRecording(BaseCommand, modes=frozenset({Mode.REPLAY})):
+    """Go back from the replay to the live robot."""
+
+
+@dataclass(frozen=True, eq=False)
+class Seek(BaseCommand, modes=LIVE | {Mode.REPLAY}):
+    """Show the recording, or the live run, as it was so many seconds after its beginning."""
+
+    time_s: float
+
+
+@dataclass(frozen=True, eq=False)
+class EditMap(BaseCommand, modes=DRIVING):
+    """Change the live map by hand."""
+
+    deltas: tuple[GraphDelta, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class SeekMark(BaseCommand, modes=LIVE | {Mode.REPLAY}):
+    """Show the moment of the next mark on the time line, or of the one before."""
+
+    kind: MarkKind | None
+    """None means anything that happened, with a mark or without."""
+    forwards: bool
+
+
+@dataclass(frozen=True, eq=False)
+class SeekBy(BaseCommand, modes=LIVE | {Mode.REPLAY}):
+    """Show the replay so many seconds later, or earlier."""
+
+    seconds: float
+
+
+@dataclass(frozen=True, eq=False)
+class PlayTime(BaseCommand, modes=LIVE | {Mode.REPLAY}):
+    """Let the time on show go on, or hold it: of the recording, or of the live run's past."""
+
+
+@dataclass(frozen=True, eq=False)
+class SetPlaySpeed(BaseCommand, modes=ANYWHERE):
+    """Play so many times as fast as it happened."""
+
+    speed: float
+
+
+@dataclass(frozen=True, eq=False)
+class ShowNow(BaseCommand, modes=LIVE | {Mode.REPLAY}):
+    """Show the live run as it is now, after a look back."""
+
+
+@dataclass(frozen=True, eq=False)
+class ToggleDoor(BaseCommand, modes=LIVE):
+    """Close an open door of the simulated world, open a closed one."""
+
+    door: int
+
+
+@dataclass(frozen=True, eq=False)
+class AimBox(BaseCommand, modes=LIVE):
+    """Wait for a click on the floor that says where a box shall stand; asked for again, wait no longer."""
+
+    number: int
+    """A box that stands there already, to move it; 0 for a new one."""
+
+
+@dataclass(frozen=True, eq=False)
+class PutBox(BaseCommand, modes=LIVE):
+    """Put a box down in the simulated world, the one that waits for its place or a new one."""
+
+    place: tuple[float, float] | None = None
+    """x and y in metres; None is in front of the robot."""
+
+
+@dataclass(frozen=True, eq=False)
+class TakeBox(BaseCommand, modes=LIVE):
+    """Take a box away from the simulated world."""
+
+    number: int
+
+
+@dataclass(frozen=True, eq=False)
+class SetLight(BaseCommand, modes=LIVE):
+    """Make the simulated world's light brighter or darker."""
+
+    percent: int
+    """100 is the scene as it was made."""
+
+
+@dataclass(frozen=True, eq=False)
+class UndoWorldChange(BaseCommand, modes=LIVE):
+    """Take the last change of the simulated world by hand back."""
+
+
+@dataclass(frozen=True, eq=False)
+class WatchItLearn(BaseCommand, modes=DRIVING):
+    """Close a door on a planned way, let the robot find out, open it again, and tell what the map learns."""
+
+
+@dataclass(frozen=True, eq=False)
+class ReportError(BaseCommand, modes=ANYWHERE):
+    """Show a message in the page; for errors met outside the session, such as a broken upload."""
+
+    text: str
+
+
+RecordingCommand: TypeAlias = StartRecording | KeepRecording | DiscardRecording
+PlaybackCommand: TypeAlias = Pause | StepOnce | OpenRecording | CloseRecording
+"""What means something to a query or a replay under way."""
+TimeCommand: TypeAlias = Seek | SeekMark | SeekBy | PlayTime | SetPlaySpeed | ShowNow
+"""What moves the time on show, in a recording or in the live run's past."""
+DebuggerCommand: TypeAlias = ChooseQuestion | PointAt | SubmitText | AskQuestion | FollowLink
+WorldCommand: TypeAlias = ToggleDoor | AimBox | PutBox | TakeBox | SetLight | UndoWorldChange | WatchItLearn
+"""What changes the simulated world."""
+OtherCommand: TypeAlias = (
+    StopRobot
+    | BuildMap
+    | UndoBuild
+    | ImportDrive
+    | FineTune
+    | StopFineTuning
+    | UseWeights
+    | DismissWeights
+    | ChooseGoal
+    | PickNode
+    | NavigateTo
+    | NavigateToImage
+    | KeepGoing
+    | ShowLarger
+    | Cancel
+    | TakeOver
+    | EditMap
+    | ReportError
+)
+Command: TypeAlias = RecordingCommand | WorldCommand | PlaybackCommand | TimeCommand | DebuggerCommand | OtherCommand
+"""Everything that can be asked of the session; pyright names each place that must know a new one."""

@@ -1,0 +1,313 @@
+"""What a person can wish for on the page, each wish written once: its command, words, keys, value, and who may.
+
+Keys, buttons, viser's controls, the palette, the help, and the sentence for what makes no sense now are all made from
+`WISHES`. In which modes a wish makes sense, its command says; what is done then, `session.command_handlers`. Keys are
+named by `KeyboardEvent.code`, the place on the keyboard, so that they lie under the same fingers on every layout.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from enum import Enum, StrEnum, auto
+from typing import Any, TypeAlias
+
+from ltvn_core.analysis.timeline_records import MarkKind
+from ltvn_viz.wishes import commands as c
+from ltvn_viz.wishes.commands import Command, Mode
+
+
+class Action(StrEnum):
+    """What a person asks for with one press or one click; the value is its name between page and server."""
+
+    STOP = "stop"
+    TAKE_OVER = "take_over"
+    RELEASE = "release"
+    RECORD = "record"
+    KEEP = "keep"
+    DISCARD = "discard"
+    BUILD = "build"
+    UNDO_BUILD = "undo_build"
+    LEARN = "learn"
+    STOP_LEARNING = "stop_learning"
+    USE_WEIGHTS = "use_weights"
+    LEAVE_WEIGHTS = "leave_weights"
+    GOAL = "goal"
+    SELECT = "select"
+    PICK = "pick"
+    CANCEL = "cancel"
+    PAUSE = "pause"
+    STEP = "step"
+    KEEP_GOING = "keep_going"
+    LARGER_PICTURE = "larger_picture"
+    OPEN = "open"
+    IMPORT = "import"
+    CLOSE = "close"
+    SEEK_BACK = "seek_back"
+    SEEK_FORWARD = "seek_forward"
+    SEEK = "seek"
+    PLAY = "play"
+    SPEED = "speed"
+    SHOW_NOW = "show_now"
+    EVENT_BEFORE = "event_before"
+    EVENT_AFTER = "event_after"
+    QUERY_BEFORE = "query_before"
+    QUERY_AFTER = "query_after"
+    DOOR = "door"
+    AIM_BOX = "aim_box"
+    PUT_BOX = "put_box"
+    TAKE_BOX = "take_box"
+    LIGHT = "light"
+    UNDO_CHANGE = "undo_change"
+    WATCH_IT_LEARN = "watch_it_learn"
+    QUESTION = "question"
+    TELL = "tell"
+    FOLLOW = "follow"
+    HELP = "help"
+
+
+class Audience(Enum):
+    """Who may have a wish."""
+
+    DRIVER = auto()
+    """The page with the seat, because all pages see what comes of it."""
+    OWN_VIEW = auto()
+    """Any page; one without the seat has it in its own view."""
+    EVERYBODY = auto()
+    """Any page; the driver's seat or the page itself fulfils it."""
+
+
+Value: TypeAlias = int | str | tuple[float, float] | None
+"""What a wish can carry."""
+MAX_WHOLE = 2**53 - 1
+"""JavaScript counts exactly up to here."""
+MAX_TEXT = 500
+"""Characters of a name or of a question."""
+FARTHEST_M = 10_000.0
+
+
+class Carried(Enum):
+    """The kind of value that a wish carries."""
+
+    NOTHING = auto()
+    WHOLE = auto()
+    """A whole number from 0."""
+    WHOLE_OR_NOTHING = auto()
+    SWITCH = auto()
+    """1 for on, 0 for off."""
+    TEXT = auto()
+    PLACE_OR_NOTHING = auto()
+    """x and y in metres."""
+
+    def fits(self, value: Value) -> bool:
+        """Tell whether a value is of this kind, and not too large."""
+        match value:
+            case None:
+                return self in (Carried.NOTHING, Carried.WHOLE_OR_NOTHING, Carried.PLACE_OR_NOTHING)
+            case bool():
+                return False
+            case int():
+                most = 1 if self is Carried.SWITCH else MAX_WHOLE
+                return self in _NUMBERS and 0 <= value <= most
+            case str():
+                return self is Carried.TEXT and len(value) <= MAX_TEXT
+            case x, y:
+                return self is Carried.PLACE_OR_NOTHING and max(abs(x), abs(y)) <= FARTHEST_M and math.isfinite(x + y)
+
+
+_NUMBERS = (Carried.WHOLE, Carried.WHOLE_OR_NOTHING, Carried.SWITCH)
+
+
+@dataclass(frozen=True, slots=True)
+class Wish:
+    """One row of the table."""
+
+    command: type[Command] | None
+    """What it asks of the session; None where the driver's seat or the page itself fulfils it."""
+    label: str
+    """What a button says; empty for what has no button."""
+    help: str
+    """What comes of it; it begins small, as after a key."""
+    keys: tuple[str, ...] = ()
+    carries: Carried = Carried.NOTHING
+    audience: Audience = Audience.DRIVER
+    make: Callable[..., Command] | None = None
+    """Makes the command of the value, where its class does not."""
+
+    @property
+    def modes(self) -> frozenset[Mode]:
+        """In which modes it makes sense."""
+        return c.ANYWHERE if self.command is None else self.command.modes
+
+    @property
+    def is_listed(self) -> bool:
+        """Tell whether the palette can list it as it is."""
+        return self.audience is not Audience.EVERYBODY and self.carries.fits(None)
+
+
+SEEK_S = 1.0
+LEAST_SPEED, MOST_SPEED = 25, 800
+"""Of playing, in per cent."""
+
+
+def _speed(percent: int) -> Command:
+    return c.SetPlaySpeed(min(max(percent, LEAST_SPEED), MOST_SPEED) / 100)
+
+
+WISHES: Mapping[Action, Wish] = {
+    Action.STOP: Wish(
+        c.StopRobot, "Stop", "stop the robot, whoever drives", keys=("Space",), audience=Audience.EVERYBODY
+    ),
+    Action.TAKE_OVER: Wish(None, "Take over", "drive from this page", audience=Audience.EVERYBODY),
+    Action.RELEASE: Wish(None, "", "let another page drive", audience=Audience.EVERYBODY),
+    Action.RECORD: Wish(c.StartRecording, "Record", "start recording", keys=("KeyR",)),
+    Action.KEEP: Wish(c.KeepRecording, "Keep", "end the recording and keep it", keys=("KeyN",)),
+    Action.DISCARD: Wish(c.DiscardRecording, "Discard", "end the recording and set it aside", keys=("Backspace",)),
+    Action.BUILD: Wish(c.BuildMap, "Build a map", "build a map of all images", keys=("KeyB",)),
+    Action.UNDO_BUILD: Wish(c.UndoBuild, "Undo the rebuilding", "bring the map of before the rebuilding back"),
+    Action.LEARN: Wish(
+        c.FineTune,
+        "Learn from this drive",
+        "fine-tune the network on these images for so many minutes; nothing changes before you say so",
+        carries=Carried.WHOLE,
+    ),
+    Action.STOP_LEARNING: Wish(c.StopFineTuning, "Stop learning", "stop learning; the network stays as it is"),
+    Action.USE_WEIGHTS: Wish(
+        c.UseWeights,
+        "Use these weights and rebuild the map",
+        "use the new weights; it takes about as long as building a map",
+    ),
+    Action.LEAVE_WEIGHTS: Wish(
+        c.DismissWeights, "Leave the new weights", "go on with the weights in use; the new ones stay on disk"
+    ),
+    Action.GOAL: Wish(
+        c.NavigateTo, "Navigate", "go to the chosen goal", keys=("KeyG",), carries=Carried.WHOLE_OR_NOTHING
+    ),
+    Action.SELECT: Wish(c.ChooseGoal, "Choose a goal", "go to the node of an image", carries=Carried.WHOLE),
+    Action.PICK: Wish(
+        c.PickNode, "", "go to a node of the scene, or ask about it", carries=Carried.WHOLE, audience=Audience.OWN_VIEW
+    ),
+    Action.CANCEL: Wish(c.Cancel, "Cancel", "cancel what is under way", keys=("Escape",)),
+    Action.PAUSE: Wish(c.Pause, "Pause", "pause, or go on", keys=("KeyP",)),
+    Action.STEP: Wish(c.StepOnce, "Step", "one control step, then pause", keys=("Period",)),
+    Action.KEEP_GOING: Wish(
+        c.KeepGoing,
+        "Keep going when this page closes",
+        "for long runs in simulation; otherwise a query pauses as soon as no page is open",
+        carries=Carried.SWITCH,
+        make=lambda number: c.KeepGoing(number == 1),
+    ),
+    Action.LARGER_PICTURE: Wish(
+        c.ShowLarger,
+        "Draw a larger picture of what the robot sees",
+        "for people alone, and for some of the processor's time; the method sees the small image",
+        carries=Carried.SWITCH,
+        make=lambda number: c.ShowLarger(number == 1),
+    ),
+    Action.OPEN: Wish(c.OpenRecording, "Open", "open a recording", carries=Carried.TEXT),
+    Action.IMPORT: Wish(c.ImportDrive, "Import", "make a recording of a drive and open it", carries=Carried.TEXT),
+    Action.CLOSE: Wish(c.CloseRecording, "Back to the robot", "leave the recording"),
+    Action.SEEK_BACK: Wish(c.SeekBy, "", "go back one second", keys=("BracketLeft",), make=lambda: c.SeekBy(-SEEK_S)),
+    Action.SEEK_FORWARD: Wish(c.SeekBy, "", "go on one second", keys=("BracketRight",), make=lambda: c.SeekBy(SEEK_S)),
+    Action.SEEK: Wish(
+        c.Seek,
+        "Seek",
+        "show a moment, in milliseconds after the beginning",
+        carries=Carried.WHOLE,
+        make=lambda time_ms: c.Seek(time_ms / 1000),
+    ),
+    Action.PLAY: Wish(c.PlayTime, "Play", "play, or hold the time on show"),
+    Action.SPEED: Wish(c.SetPlaySpeed, "", "play so fast, in per cent", carries=Carried.WHOLE, make=_speed),
+    Action.SHOW_NOW: Wish(c.ShowNow, "Back to now", "go back to now"),
+    Action.EVENT_BEFORE: Wish(
+        c.SeekMark,
+        "Go to an event",
+        "look back: go to the event before",
+        keys=("Semicolon",),
+        make=lambda: c.SeekMark(None, forwards=False),
+    ),
+    Action.EVENT_AFTER: Wish(
+        c.SeekMark, "", "look back: go to the next event", keys=("Quote",), make=lambda: c.SeekMark(None, forwards=True)
+    ),
+    Action.QUERY_BEFORE: Wish(
+        c.SeekMark,
+        "",
+        "look back: go to the query before",
+        keys=("Minus",),
+        make=lambda: c.SeekMark(MarkKind.QUERY_START, forwards=False),
+    ),
+    Action.QUERY_AFTER: Wish(
+        c.SeekMark,
+        "",
+        "look back: go to the next query",
+        keys=("Equal",),
+        make=lambda: c.SeekMark(MarkKind.QUERY_START, forwards=True),
+    ),
+    Action.DOOR: Wish(
+        c.ToggleDoor, "Open or close a door", "close an open door, open a closed one", carries=Carried.WHOLE
+    ),
+    Action.AIM_BOX: Wish(
+        c.AimBox, "Put a box on the floor", "then click the floor where it shall stand", carries=Carried.WHOLE
+    ),
+    Action.PUT_BOX: Wish(
+        c.PutBox, "Put a box before the robot", "put a box before the robot", carries=Carried.PLACE_OR_NOTHING
+    ),
+    Action.TAKE_BOX: Wish(c.TakeBox, "Take away a box", "take a box away", carries=Carried.WHOLE),
+    Action.LIGHT: Wish(c.SetLight, "Change the light", "light of so many per cent", carries=Carried.WHOLE),
+    Action.UNDO_CHANGE: Wish(c.UndoWorldChange, "Undo", "undo the last change of the world"),
+    Action.WATCH_IT_LEARN: Wish(
+        c.WatchItLearn,
+        "Watch it learn",
+        "watch it learn: a door closes on the robot's way, and opens again; see what the map makes of it",
+    ),
+    Action.QUESTION: Wish(
+        c.ChooseQuestion, "Ask why", "choose a question", carries=Carried.TEXT, audience=Audience.OWN_VIEW
+    ),
+    Action.TELL: Wish(
+        c.SubmitText, "", "tell the question on show what it asks for", carries=Carried.TEXT, audience=Audience.OWN_VIEW
+    ),
+    Action.FOLLOW: Wish(
+        c.FollowLink, "", "follow a link of the answer", carries=Carried.WHOLE, audience=Audience.OWN_VIEW
+    ),
+    Action.HELP: Wish(None, "", "show or hide this help", keys=("KeyH",), audience=Audience.EVERYBODY),
+}
+
+UNASKED: Mapping[type[Command], str] = {
+    c.TakeOver: "take over",  # The session sees held keys.
+    c.NavigateToImage: "upload an image",  # A file comes in pieces that the drive socket does not carry.
+    c.EditMap: "change the map by hand",  # A question makes it of a link or of what it is told.
+    c.AskQuestion: "",  # Behind a link of an answer.
+    c.PointAt: "",  # In an address, or behind a link of an answer.
+    c.ReportError: "",  # The app itself has something to say.
+}
+"""Commands that no action asks for, and what the page calls them."""
+
+
+def command_for(action: Action, value: Value = None) -> Command | None:
+    """Return what an action asks the session for, None when it is no business of the session's."""
+    wish = WISHES[action]
+    if wish.command is None:
+        return None
+    if not wish.carries.fits(value):
+        return c.ReportError(f"“{wish.help}” cannot be asked with {str(value)[:40]!r}.")
+    make: Any = wish.make or wish.command  # What fits is of the type that it takes.
+    made: Command = make() if wish.carries is Carried.NOTHING else make(value)
+    return made
+
+
+def refusal(command: Command, mode: Mode) -> str | None:
+    """Return why `command` makes no sense in `mode` and what does, or None when it is legal."""
+    if mode in command.modes:
+        return None
+    when = " or ".join(sorted(command.modes))
+    labels = _labels()
+    possible = ", ".join(label for kind, label in labels.items() if mode in kind.modes and label)
+    return f"“{labels[type(command)] or 'That'}” works while {when}; now the app is {mode}. You can: {possible}."
+
+
+def _labels() -> dict[type[Command], str]:
+    """Return what the page calls each command: what the first row that asks for it says."""
+    labels: dict[type[Command], str] = {}
+    for wish in WISHES.values():
+        if wish.command is not None:
+            labels.setdefault(wish.command, wish.label[:1].lower() + wish.label[1:])
+    return {**labels, **UNASKED}

@@ -1,0 +1,92 @@
+"""A video of a phone is a drive: its images come out upright with their times, and a damaged one is said to be so."""
+
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ltvn_core.data.importing.drive_import import import_drive
+from ltvn_core.data.importing.raw_frame import ReadOptions
+from ltvn_core.data.importing.reader_registry import open_drive
+from ltvn_core.data.importing.source_camera import parse_camera
+from ltvn_core.data.importing.video_reader import VideoReader
+from ltvn_core.errors import DriveError
+
+av = pytest.importorskip("av")
+
+
+def write_video(path: Path, *, images: int = 12, rate: int = 5) -> Path:
+    """Write a video whose left half is red and whose right half becomes brighter."""
+    with av.open(str(path), "w") as container:
+        stream: Any = container.add_stream("mpeg4", rate=rate)
+        stream.width, stream.height, stream.pix_fmt, stream.bit_rate = 64, 48, "yuv420p", 2_000_000
+        for k in range(images):
+            image = np.full((48, 64, 3), 20 * k % 256, np.uint8)
+            image[:, :32] = (220, 20, 20)
+            for packet in stream.encode(av.VideoFrame.from_ndarray(image, "rgb24")):
+                container.mux(packet)
+        for packet in stream.encode():
+            container.mux(packet)
+    return path
+
+
+@pytest.mark.parametrize("ending", ["mp4", "MOV", "mkv", "avi"])
+def test_the_images_of_a_video_come_with_their_times(tmp_path: Path, ending: str) -> None:
+    path = write_video(tmp_path / f"walk.{ending.lower()}").rename(tmp_path / f"walk.{ending}")
+    reader = VideoReader.open(path, ReadOptions())
+    frames = list(reader.frames())
+    assert VideoReader.recognises(path)
+    assert reader.facts.place == "walk"
+    assert [frame.stamp for frame in frames] == pytest.approx([k / 5 for k in range(12)], abs=0.01)
+    assert all(np.abs(frame.rgb[10, 50].astype(int) - 20 * k).max() < 25 for k, frame in enumerate(frames))
+    assert frames[3].rgb[10, 10, 0] > 150 > frames[3].rgb[10, 10, 1]
+
+
+def test_a_video_is_imported_by_its_ending_with_lens_and_odometry(tmp_path: Path) -> None:
+    path = write_video(tmp_path / "walk.mp4")
+    table = tmp_path / "odometry.csv"
+    table.write_text("stamp,x,y,yaw\n" + "".join(f"{k / 5},{k / 5},0,0\n" for k in range(12)), encoding="utf-8")
+    options = ReadOptions(camera=parse_camera("60,60,31.5,23.5,64,48"), odometry=str(table))
+    reader = open_drive(path, "auto", options)
+    summary = import_drive(reader, tmp_path / "tour.rrd")
+    assert summary.format == "video"
+    assert summary.frames == 12
+    assert not any("lens" in doubt for doubt in summary.doubts)
+
+
+def test_a_video_of_a_phone_on_its_side_is_set_upright(tmp_path: Path) -> None:
+    path = write_video(tmp_path / "walk.mp4")
+    data = path.read_bytes()
+    unturned = struct.pack(">9i", 0x10000, 0, 0, 0, 0x10000, 0, 0, 0, 0x40000000)
+    clockwise = struct.pack(">9i", 0, 0x10000, 0, -0x10000, 0, 0, 48 * 0x10000, 0, 0x40000000)
+    track = data.index(b"tkhd")
+    path.write_bytes(data[:track] + data[track:].replace(unturned, clockwise, 1))
+    frame = list(VideoReader.open(path, ReadOptions()).frames())[1]
+    assert frame.rgb.shape == (64, 48, 3)
+    assert frame.rgb[10, 24, 0] > 150 > frame.rgb[50, 24, 0]
+
+
+def test_a_cut_video_gives_what_can_be_read_and_says_so(tmp_path: Path) -> None:
+    path = write_video(tmp_path / "walk.mkv", images=200)
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    reader = VideoReader.open(path, ReadOptions())
+    assert 0 < len(list(reader.frames())) < 200
+
+
+@pytest.mark.parametrize("content", [b"", b"\0\0\0\x18ftypmp42" + b"\0" * 200, b"RIFF....AVI " * 9])
+def test_what_is_no_video_ends_in_one_line(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "walk.mp4"
+    path.write_bytes(content)
+    with pytest.raises(DriveError, match=r"walk\.mp4") as refusal:
+        list(VideoReader.open(path, ReadOptions()).frames())
+    assert "\n" not in str(refusal.value)
+
+
+def test_other_files_and_other_contents_under_the_ending_are_not_taken_for_videos(tmp_path: Path) -> None:
+    (tmp_path / "notes.mp4").write_bytes(b"this is a text and no video")
+    (tmp_path / "folder.mp4").mkdir()
+    assert not VideoReader.recognises(tmp_path / "notes.mp4")
+    assert not VideoReader.recognises(tmp_path / "folder.mp4")
+    assert not VideoReader.recognises(tmp_path / "missing.mp4")

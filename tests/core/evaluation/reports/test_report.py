@@ -1,0 +1,299 @@
+"""`ltvn report` shows every number of the results, asks nothing of other machines, and takes nothing for markup."""
+
+import re
+from collections import Counter
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+from ltvn_core.errors import OptionError
+from ltvn_core.evaluation.query_result import FailureCause, QueryResult
+from ltvn_core.evaluation.reports.evaluation_figures import figures_of
+from ltvn_core.evaluation.reports.evaluation_files import find_results
+from ltvn_core.evaluation.reports.evaluation_page import markdown_tables, render_page
+from ltvn_core.evaluation.reports.failure_gallery import FailureRow, data_url
+from ltvn_core.evaluation.reports.figure_style import FigurePalette
+from ltvn_core.evaluation.results import (
+    EvaluationResults,
+    LifelongResult,
+    TrialResult,
+    drawing_path,
+    load_results,
+    pack,
+    save_drawing,
+    save_results,
+)
+from ltvn_core.verbs.jobs.report import ReportSummary
+from ltvn_core.verbs.report import ReportVerb
+from tests.core.data.recording import example_recording
+from tests.core.evaluation.reports.fake_results import few_results, make_lifelong_result, make_trial
+
+INK = FigurePalette((0.1, 0.3, 0.7), (0.8, 0.3, 0.1), (0.5, 0.2, 0.6))
+VOID = {"meta", "img", "br", "link", "input", "hr"}
+
+
+class Reader(HTMLParser):
+    """Reads a page as a browser does: what is open, what is asked for, and what can be read."""
+
+    def __init__(self, html: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.asked: list[str] = []
+        self.ids: Counter[str] = Counter()
+        self.links: list[str] = []
+        self.tags: Counter[str] = Counter()
+        self.words: list[str] = []
+        self.feed(html)
+        self.close()
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags[tag] += 1
+        given = dict(attrs)
+        self.asked += [value for name in ("src", "srcset", "poster", "data") if (value := given.get(name))]
+        self.links += [value for name in ("href", "xlink:href") if (value := given.get(name))]
+        self.ids[given.get("id") or f"nameless {len(self.ids)}"] += 1
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.handle_starttag(tag, attrs)
+        if tag not in VOID:
+            self.open.pop()
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.words.append(data)
+
+
+@pytest.fixture(scope="module")
+def results() -> EvaluationResults:
+    return few_results()
+
+
+@pytest.fixture(scope="module")
+def folder(results: EvaluationResults, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Results as `ltvn evaluate` and `ltvn lifelong` leave them, in folders of scene and seed."""
+    runs = tmp_path_factory.mktemp("runs")
+    for trial in results.trials:
+        label = trial.method + ("" if trial.finetuned else "-no-fine-tuning")
+        keep(runs, trial, f"{label}-20.trial.json")
+    for run in results.lifelong:
+        keep(runs, run, "ltvn-200-every-100-20.lifelong.json")
+    return runs
+
+
+@pytest.fixture(scope="module")
+def made(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> ReportSummary:
+    """Their report, which has taken the place of an older one."""
+    output = tmp_path_factory.mktemp("report") / "report.html"
+    output.write_text("old", encoding="utf-8")
+    output.with_suffix(".json").write_text("old", encoding="utf-8")
+    made = ReportVerb(folder=folder, output=output).run()
+    assert isinstance(made, ReportSummary)
+    return made
+
+
+def keep(runs: Path, result: TrialResult | LifelongResult, name: str) -> Path:
+    place = runs / f"{result.scene}-{result.seed}"
+    place.mkdir(parents=True, exist_ok=True)
+    save_results(place / name, result)
+    return place / name
+
+
+def test_the_report_is_one_page_that_asks_nothing_of_other_machines(made: ReportSummary) -> None:
+    html = made.output.read_text(encoding="utf-8")
+    read = Reader(html)
+    assert read.open == []
+    assert read.tags["svg"] >= 6
+    assert "http://" not in html
+    assert "https://" not in html
+    assert all(address.startswith("data:") for address in read.asked)
+    assert "@import" not in html
+    assert not re.search(r"url\((?!#)", html)
+    assert max(read.ids.values()) == 1
+    assert {link[1:] for link in read.links if link.startswith("#")} <= read.ids.keys()
+
+
+def test_the_page_holds_every_number_of_its_tables(made: ReportSummary, results: EvaluationResults) -> None:
+    words = {word.strip() for word in Reader(made.output.read_text(encoding="utf-8")).words}
+    lines = [line for table in markdown_tables(results).values() for line in table.splitlines()]
+    shown = [line for line in lines if not line.startswith("| ---")]
+    assert len(shown) > 30
+    for line in shown:
+        for cell in line.split("|")[1:-1]:
+            assert cell.strip() in words
+
+
+def test_the_json_beside_the_page_is_all_that_was_found(made: ReportSummary, results: EvaluationResults) -> None:
+    again = load_results(made.results, EvaluationResults)
+    assert Counter(map(repr, again.trials)) == Counter(map(repr, results.trials))
+    assert again.lifelong == results.lifelong
+    assert made.trials == len(results.trials)
+    assert made.failed == sum(not episode.reached for trial in results.trials for episode in trial.episodes)
+
+
+def test_nothing_is_left_of_an_older_report(made: ReportSummary) -> None:
+    assert made.output.read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
+    assert {path.name for path in made.output.parent.iterdir()} == {"report.html", "report.json"}
+
+
+def test_names_are_never_taken_for_markup(tmp_path: Path) -> None:
+    name, command = "<b>|&amp;", "ltvn evaluate '<script>alert(1)</script>'"
+    trial = replace(make_trial("<b>", plan=True), scene=name, command=command)
+    run = make_lifelong_result(points=2)
+    points = tuple(replace(point, trial=replace(point.trial, scene=name)) for point in run.points)
+    found = EvaluationResults((trial,), (replace(run, scene=name, points=points),))
+    failures = [FailureRow(trial, episode, recording=tmp_path / "<i>.rrd") for episode in trial.episodes]
+    read = Reader(render_page(found, failures, INK, folder=tmp_path))
+    assert read.open == []
+    assert read.tags.keys().isdisjoint({"b|&amp;", "i"})
+    assert read.tags["script"] == 1  # The page's own.
+    assert name in read.words
+    assert command in read.words
+    assert "\\|&amp;amp;" in markdown_tables(found)["main"]
+    assert "<b>" not in markdown_tables(found)["main"]
+
+
+def test_a_folder_without_results_is_a_clear_error(tmp_path: Path) -> None:
+    with pytest.raises(OptionError, match=re.escape(str(tmp_path))):
+        ReportVerb(folder=tmp_path, output=tmp_path / "report.html").run()
+    with pytest.raises(OptionError, match="no folder"):
+        ReportVerb(folder=tmp_path / "nowhere").run()
+    with pytest.raises(OptionError, match=r"\.html"):
+        ReportVerb(folder=tmp_path, output=tmp_path / "report.pdf").run()
+
+
+@pytest.mark.parametrize("name", ["broken.trial.json", "broken.lifelong.json"])
+@pytest.mark.parametrize("text", ["", "{}", "[1, 2]", "\xff", "[" * 9000 + "]" * 9000])
+def test_a_broken_file_is_named(tmp_path: Path, name: str, text: str) -> None:
+    (tmp_path / name).write_text(text, encoding="latin-1")
+    with pytest.raises(OptionError, match=name):
+        ReportVerb(folder=tmp_path, output=tmp_path / "report.html").run()
+    assert not (tmp_path / "report.html").exists()
+
+
+def test_results_without_episodes_or_with_unknown_nodes_are_named(tmp_path: Path) -> None:
+    empty = keep(tmp_path, replace(make_trial(), episodes=()), "ltvn-0.trial.json")
+    with pytest.raises(OptionError, match="no episode"):
+        ReportVerb(folder=tmp_path).run()
+    empty.unlink()
+    trial = make_trial()
+    assert trial.floorplan is not None
+    keep(tmp_path, replace(trial, floorplan=replace(trial.floorplan, nodes=())), "ltvn-20.trial.json")
+    with pytest.raises(OptionError, match="does not know"):
+        ReportVerb(folder=tmp_path).run()
+
+
+def test_a_drawing_beside_the_result_is_shown_like_one_inside_it(tmp_path: Path) -> None:
+    trial = make_trial()
+    assert trial.floorplan is not None
+    path = keep(tmp_path, replace(trial, floorplan=None), "ltvn-20.trial.json")
+    assert find_results(tmp_path).drawn.trials[0].floorplan is None
+    save_drawing(drawing_path(path.parent, "ltvn", 0), trial.floorplan)
+
+    found = find_results(tmp_path)
+
+    assert found.results.trials[0].floorplan is None
+    assert "floors" in {figure.kind for figure in figures_of(found.drawn, INK)}
+
+
+def test_results_that_are_kept_gzipped_are_read_like_plain_ones(tmp_path: Path) -> None:
+    plain, packed = tmp_path / "plain", tmp_path / "packed"
+    for runs in (plain, packed):
+        keep(runs, make_trial(), "ltvn-20.trial.json")
+        keep(runs, make_lifelong_result(points=2), "ltvn-200-every-100-20.lifelong.json")
+    files = sorted(packed.rglob("*.json"))
+    bytes_of_both = [pack(file).read_bytes() for file in files]
+
+    assert not any(file.exists() for file in files)
+    assert find_results(packed).results == find_results(plain).results
+    assert load_results(next(file for file in files if "trial" in file.name), TrialResult) == make_trial()
+    assert bytes_of_both == [pack(file).read_bytes() for file in sorted(plain.rglob("*.json"))]
+
+
+def test_a_plain_result_goes_before_its_gzipped_twin(tmp_path: Path) -> None:
+    path = keep(tmp_path, make_trial(), "ltvn-20.trial.json")
+    pack(path)
+    keep(tmp_path, make_trial(method="sptm"), path.name)
+    assert [trial.method for trial in find_results(tmp_path).results.trials] == ["sptm"]
+
+
+def test_what_is_no_gzip_file_is_named(tmp_path: Path) -> None:
+    packed = pack(keep(tmp_path, make_trial(), "ltvn-20.trial.json"))
+    for damaged in (b"plain text", packed.read_bytes()[:100], b"\x1f\x8b"):
+        packed.write_bytes(damaged)
+        with pytest.raises(OptionError, match=re.escape(packed.name)):
+            find_results(tmp_path)
+
+
+def test_a_longer_result_stands_for_a_shorter_one_but_two_of_one_trial_are_an_error(tmp_path: Path) -> None:
+    runs, output = tmp_path / "runs", tmp_path / "report.html"
+    for episodes in (30, 5, 10):
+        keep(runs, make_trial(episodes=episodes), f"ltvn-{episodes}.trial.json")
+    made = ReportVerb(folder=runs, output=output).run()
+    assert isinstance(made, ReportSummary)
+    assert (made.trials, made.episodes) == (1, 30)
+    keep(runs / "again", make_trial(), "ltvn-20.trial.json")
+    with pytest.raises(OptionError, match=r"again.*same trial|same trial"):
+        ReportVerb(folder=runs, output=output).run()
+
+
+def test_an_image_is_carried_in_its_address_and_anything_else_refused() -> None:
+    assert data_url(b"\xff\xd8\xff\xe0").startswith("data:image/jpeg;base64,")
+    assert data_url(b"\x89PNG\r\n").startswith("data:image/png;base64,")
+    with pytest.raises(OptionError, match="JPEG"):
+        data_url(b"<svg>")
+
+
+def test_a_failed_episode_shows_both_images_and_the_command_for_its_recording(tmp_path: Path) -> None:
+    episode = QueryResult(
+        query=7,
+        start=0,
+        goal=4,
+        reached=False,
+        outcome="arrived",
+        failure=FailureCause.WRONG_ARRIVAL,
+        steps=90,
+        collisions=1,
+        path_m=2.0,
+        shortest_m=2.0,
+        position_error_m=1.5,
+        yaw_error_rad=0.1,
+    )
+    file = keep(tmp_path / "runs", replace(make_trial(), episodes=(episode,)), "ltvn-1.trial.json")
+    example_recording.write(file.parent / "drive.rrd")
+    (file.parent / "ltvn").mkdir()
+    recording = file.parent / "ltvn" / "failure-0007.rrd"
+    example_recording.write(recording)
+    ReportVerb(folder=tmp_path / "runs", output=tmp_path / "report.html").run()
+    read = Reader((tmp_path / "report.html").read_text(encoding="utf-8"))
+    assert len([address for address in read.asked if address.startswith("data:image/jpeg")]) == 2
+    assert "runs/tune-1-0/ltvn/failure-0007.rrd" in read.links
+    (command,) = [word for word in read.words if word.startswith("ltvn replay")]
+    assert re.fullmatch(rf"ltvn replay {re.escape(str(recording))} --at \d+\.\d --ask edge", command)
+
+
+def test_an_episode_that_was_not_recorded_shows_the_command_that_does() -> None:
+    trial = replace(make_trial(episodes=40), command="ltvn evaluate --scene tune-1 --record-failures 2 --episodes 40")
+    failed = [episode for episode in trial.episodes if not episode.reached]
+    row = FailureRow(trial, failed[2])
+    assert row.command is None
+    assert row.recording_command == "ltvn evaluate --scene tune-1 --episodes 40 --record-failures 3"
+    assert FailureRow(replace(trial, command="ltvn lifelong --scene tune-1"), failed[2]).recording_command is None
+
+
+def test_a_damaged_drive_costs_the_images_and_nothing_else(tmp_path: Path) -> None:
+    trial = make_trial(plan=False)
+    there = keep(tmp_path / "runs", trial, "ltvn-20.trial.json").parent
+    (there / "drive.rrd").write_bytes(b"no recording")
+    (there / "ltvn").mkdir()
+    for episode in trial.episodes:
+        (there / "ltvn" / f"failure-{episode.query:04d}.rrd").write_bytes(b"no recording")
+    ReportVerb(folder=tmp_path / "runs", output=tmp_path / "report.html").run()
+    read = Reader((tmp_path / "report.html").read_text(encoding="utf-8"))
+    assert [word for word in read.words if word.startswith("ltvn replay")]
+    assert not any("--at" in word for word in read.words)

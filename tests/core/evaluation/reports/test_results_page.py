@@ -1,0 +1,128 @@
+"""`ltvn report --page` writes tables and pictures between the marks of docs/results.md and leaves the rest alone."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from ltvn_core.errors import OptionError
+from ltvn_core.evaluation.query_result import EncounterCounts
+from ltvn_core.evaluation.reports.evaluation_files import find_results
+from ltvn_core.evaluation.reports.evaluation_page import FIGURE_KINDS, fill_results_page, markdown_tables
+from ltvn_core.evaluation.reports.figure_style import MAX_BYTES, FigurePalette
+from ltvn_core.evaluation.results import EvaluationResults, save_results
+from ltvn_core.verbs.jobs.report import ReportSummary
+from ltvn_core.verbs.report import ReportVerb
+from tests.core.evaluation.reports.fake_results import make_lifelong_result, make_trial, make_world_result
+from tests.repository import ROOT
+
+PAGE = ROOT / "docs" / "results.md"
+INK = FigurePalette((0.1, 0.3, 0.7), (0.8, 0.3, 0.1), (0.5, 0.2, 0.6))
+
+
+@pytest.mark.slow
+def test_the_pages_blocks_are_filled_and_its_images_are_small(tmp_path: Path) -> None:
+    folder = tmp_path / "runs"
+    folder.mkdir()
+    for number, trial in enumerate(
+        (make_trial(), make_trial(method="sptm", nodes=200), make_trial(without=("pruning",)))
+    ):
+        save_results(folder / f"{number}.trial.json", trial)
+    save_results(folder / "ltvn-100-20.lifelong.json", make_lifelong_result(points=2))
+    page_file, images = tmp_path / "docs" / "results.md", tmp_path / "docs" / "images"
+    page_file.parent.mkdir()
+    page_file.write_text(PAGE.read_text(encoding="utf-8"), encoding="utf-8")
+    pictures = fill_results_page(find_results(folder).results, INK, page=page_file, images=images)
+    text = page_file.read_text(encoding="utf-8")
+    links = re.findall(r"!\[[^]]*\]\((?!images/results/house-)([^)]*)\)", text)
+    assert {page_file.parent / link for link in links} == set(pictures)
+    assert "No results yet." not in text
+    for path in pictures:
+        assert path.stat().st_size <= MAX_BYTES
+        assert len(np.unique(np.asarray(Image.open(path).convert("RGB")).reshape(-1, 3), axis=0)) > 5
+
+
+def test_a_part_of_a_page_has_marks_and_images_of_its_own(tmp_path: Path) -> None:
+    save_results(tmp_path / "ltvn-20.trial.json", make_trial(plan=False))
+    page_file = tmp_path / "results.md"
+    page_file.write_text(
+        "".join(
+            f"<!-- {name}: begin -->\n<!-- {name}: end -->\n"
+            for name in ("main", "house-main", "house-causes-pictures")
+        ),
+        encoding="utf-8",
+    )
+    house = ReportVerb(
+        folder=tmp_path, output=tmp_path / "report.html", page=page_file, images=tmp_path, section="house"
+    )
+    made = house.run()
+    assert isinstance(made, ReportSummary)
+    assert [path.name for path in made.pictures] == ["house-causes.png"]
+    first, second = page_file.read_text(encoding="utf-8").split("<!-- main: end -->")
+    assert "tune-1" not in first
+    assert "tune-1" in second
+    with pytest.raises(OptionError, match="flat-main"):
+        replace(house, section="flat").run()
+
+
+def test_the_page_in_the_repository_has_every_block() -> None:
+    text = PAGE.read_text(encoding="utf-8")
+    for name in [*markdown_tables(EvaluationResults()), *(f"{kind}-pictures" for kind in FIGURE_KINDS)]:
+        assert text.count(f"<!-- {name}: begin -->") == text.count(f"<!-- {name}: end -->") == 1
+
+
+def test_worlds_that_change_have_tables_of_their_own(tmp_path: Path) -> None:
+    for name in ("static", "persistent"):
+        save_results(tmp_path / f"{name}.world.json", replace(make_world_result(), maintenance=name))
+    page_file = tmp_path / "results.md"
+    names = "changing-worlds", "changing-world-runs"
+    page_file.write_text("".join(f"<!-- {name}: begin -->\n<!-- {name}: end -->\n" for name in names), encoding="utf-8")
+    made = ReportVerb(
+        folder=tmp_path, output=tmp_path / "report.html", page=page_file, images=tmp_path, section="changing"
+    ).run()
+    assert isinstance(made, ReportSummary)
+    assert (made.worlds, made.trials) == (2, 0)
+    rows = [
+        line.split(" | ") for line in page_file.read_text(encoding="utf-8").splitlines() if line.startswith("| doors")
+    ]
+    assert [row[2] for row in rows] == ["static", "persistent", "static, persistent"]
+    assert rows[0][3].startswith("50.0 % (")
+    assert "What if the world changes?" in made.output.read_text(encoding="utf-8")
+
+
+def test_people_whom_the_robot_met_have_a_table(tmp_path: Path) -> None:
+    met = EncounterCounts(
+        encounters=3, touched=1, avoidable=0, gave_way=2, closest_m=0.0, closest_each_m=(0.0, 0.3, 0.6), stood_s=6.0
+    )
+    made = make_world_result()
+    save_results(
+        tmp_path / "some.world.json",
+        replace(made, world="people", queries=(replace(made.queries[0], people=met), made.queries[1])),
+    )
+    save_results(tmp_path / "none.world.json", made)
+    page_file = tmp_path / "results.md"
+    page_file.write_text("<!-- met-people: begin -->\n<!-- met-people: end -->\n", encoding="utf-8")
+    ReportVerb(folder=tmp_path, output=tmp_path / "report.html", page=page_file, images=tmp_path, section="met").run()
+    (row,) = [
+        line.strip("| ").split(" | ")
+        for line in page_file.read_text(encoding="utf-8").splitlines()
+        if line.startswith("| people")
+    ]
+    assert row[3:12] == ["3", "1", "0", "0.00", "0.01", "0.06", "0.30", "66.7 %", "2.0"]
+    assert "Whom did it meet?" in (tmp_path / "report.html").read_text(encoding="utf-8")
+
+
+def test_results_of_one_command_are_one_row_that_names_their_scenes_and_seeds() -> None:
+    made = [make_trial(scene, seed=seed) for scene in ("tune-1", "tune-2") for seed in (0, 1)]
+    trials = tuple(replace(trial, command="ltvn evaluate --seed 0 1") for trial in made)
+    worlds = [replace(make_world_result(), maintenance=name) for name in ("static", "persistent")]
+
+    tables = markdown_tables(EvaluationResults(trials, ()), worlds)
+
+    (row,) = tables["runs"].splitlines()[2:]
+    assert "| tune-1, tune-2 | 0, 1 |" in row
+    (row,) = tables["world-runs"].splitlines()[2:]
+    assert "| static, persistent |" in row

@@ -1,0 +1,121 @@
+"""Where nodes are joined that no image joins: by a turn on the spot, and over floor that was seen free."""
+
+import itertools
+from collections.abc import Iterator, Sequence
+from contextlib import closing
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ltvn_core.config import ROBUST
+from ltvn_core.geometry import compose, relative
+from ltvn_core.graph.deltas import Cause, EdgeAdded, GraphDelta, NodeAdded
+from ltvn_core.graph.floor_edges import floor_edges
+from ltvn_core.graph.free_floor import FreeFloor
+from ltvn_core.graph.matching import Matches
+from ltvn_core.graph.odometry_gate import OdometryGate
+from ltvn_core.graph.operators import bidirectional_edges, node_from_observation
+from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.robots.robot_spec import LOCOBOT
+from ltvn_core.simulation.opening import open_simulation
+from ltvn_core.simulation.simulated_robot import SimulatedRobot
+from ltvn_core.simulation.wheel_odometry import OdometryNoise
+from ltvn_core.types import Observation
+from tests.core.flat_world import observation_at
+from tests.core.simulation.two_room_mesh import box_house, save
+
+AHEAD = np.array([0.6, 0.0, 0.0])
+
+
+def there_and_back(aside_m: float = 0.2, count: int = 6) -> list[Observation]:
+    """Return pictures of a way and of the way back beside it."""
+    out = [np.array([0.6 * k, 0.0, 0.0]) for k in range(count)]
+    back = [np.array([0.6 * k, aside_m, np.pi]) for k in reversed(range(count))]
+    return [observation_at(pose, 10 * k) for k, pose in enumerate([*out, *back])]
+
+
+def chain(images: list[Observation]) -> TopologicalGraph:
+    """Return a map whose edges join the pictures in a row."""
+    deltas: list[GraphDelta] = [NodeAdded(node_from_observation(images[0]), Cause.BUILD)]
+    for last, seen in itertools.pairwise(images):
+        waypoint = np.array([[-0.6, 0.0, 0.0]])
+        matches = Matches((last.step,), np.array([0.9]), waypoint, np.array([0.6]), np.ones(1, bool))
+        deltas.append(NodeAdded(node_from_observation(seen), Cause.BUILD))
+        deltas += bidirectional_edges(seen.step, matches, ROBUST.believing, Cause.BUILD)
+    return TopologicalGraph(deltas)
+
+
+def turns(images: list[Observation], gate: OdometryGate | None = None) -> list[EdgeAdded]:
+    gate = gate or OdometryGate(images, ROBUST.building)
+    floor = FreeFloor([replace(seen, depth=None) for seen in images], LOCOBOT.camera, gate)
+    return list(floor_edges(chain(images), gate, floor, ROBUST))
+
+
+def test_nodes_side_by_side_that_look_opposite_ways_are_joined_both_ways_where_the_way_round_is_long() -> None:
+    images = there_and_back(count=8)
+    edges = {(added.edge.source, added.edge.target): added.edge for added in turns(images)}
+    assert (0, 150) in edges
+    there, back = np.array(edges[0, 150].waypoint), np.array(edges[150, 0].waypoint)
+    assert np.allclose(np.abs(there), [0.0, 0.2, np.pi])
+    assert np.allclose(compose(there, back), 0, atol=1e-9)
+
+
+def test_where_the_way_round_is_short_nothing_is_added() -> None:
+    edges = {(added.edge.source, added.edge.target) for added in turns(there_and_back())}
+    assert (50, 60) not in edges
+    assert len(edges) <= 2 * 2
+
+
+def test_where_a_wall_may_be_between_two_nodes_they_are_not_joined() -> None:
+    assert turns(there_and_back(aside_m=0.5, count=8)) == []
+
+
+def test_where_odometry_may_be_wrong_by_now_edges_are_doubted_and_in_the_end_there_are_none() -> None:
+    long_way = [observation_at(np.array([42.0 - abs(42.0 - 0.6 * k), 0.0, 0.0]), 10 * k) for k in range(141)]
+    added = {abs(each.edge.source - each.edge.target) * 0.06: each.edge.belief.p for each in turns(long_way)}
+    assert {p for driven_m, p in added.items() if driven_m <= 10} == {0.8}
+    assert {p for driven_m, p in added.items() if driven_m > 10} == {0.5}
+    assert max(added) <= 60
+
+
+HALL = (6.0, 4.0)
+"""The size of the house of two rooms, whose wall stands at x = 3 with a doorway from y = 1.5 to 2.5."""
+
+
+@pytest.fixture(scope="module")
+def camera_robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SimulatedRobot]:
+    """A robot in that house."""
+    house = save(box_house(), tmp_path_factory.mktemp("house") / "house.glb")
+    with closing(open_simulation(str(house), seed=0, odometry_noise=OdometryNoise.NONE).robot) as robot:
+        yield robot
+
+
+def seen_from(robot: SimulatedRobot, poses: Sequence[tuple[float, float, float]]) -> list[Observation]:
+    """Return the images that the robot takes at these poses, and exact odometry."""
+    images = list[Observation]()
+    for k, pose in enumerate(poses):
+        robot.teleport(np.array(pose))
+        images.append(replace(robot.observe(), step=10 * k, stamp=float(k), odometry=np.array(pose)))
+    return images
+
+
+def joined(images: Sequence[Observation], source: int, target: int) -> bool:
+    """Tell whether the floor between two of the images was seen free by them all."""
+    gate = OdometryGate(images, ROBUST.building)
+    waypoint = relative(images[source].odometry, images[target].odometry)
+    floor = FreeFloor(images, LOCOBOT.camera, gate)
+    return floor.joins(images[source].step, Matches.of_one(images[target].step, 0.8, waypoint))
+
+
+def test_free_floor_joins_two_nodes_and_a_wall_does_not(camera_robot: SimulatedRobot) -> None:
+    ahead = [(1.0, 1.0, 0.0), (2.2, 0.8, np.pi / 2), (2.2, 1.6, np.pi / 2), (2.2, 2.4, np.pi / 2)]
+    images = seen_from(camera_robot, [*ahead, (2.4, 3.4, 0.0), (3.6, 3.4, np.pi), (3.6, 2.6, 0.0)])
+    assert joined(images, 0, 1)
+    assert joined(images, 1, 3)
+    assert not joined(images, 4, 5)
+
+
+def test_floor_that_no_image_shows_is_not_free(camera_robot: SimulatedRobot) -> None:
+    away = seen_from(camera_robot, [(1.0, 1.0, np.pi), (1.0, 2.0, np.pi), (2.3, 2.0, 0.0), (2.3, 1.0, 0.0)])
+    assert not joined(away, 0, 3)

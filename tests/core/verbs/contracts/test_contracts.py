@@ -1,0 +1,159 @@
+"""The contract test of a plug-in passes what can be used, and names what cannot."""
+
+import json
+from importlib.metadata import EntryPoint
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ltvn_core import Prediction, PredictorRequest
+from ltvn_core.plugins import PREDICTORS, READERS, ROBOTS, SYSTEMS, Plugin, PluginGroup, find_plugins
+from ltvn_core.verbs.contracts.plugin_contracts import contract_checks, installed_plugins, plugin_row
+from tests.core.plugin_packages import install, ltvn
+from tests.repository import ROOT
+
+HERE = __name__
+TEMPLATE = ROOT / "examples" / "plugin_template"
+
+
+class SteadyPredictor:
+    """Says the same of every pair, and can be told to break one rule."""
+
+    fingerprint = "steady"
+
+    def __init__(self, request: PredictorRequest, r: float = 0.6, *, noise: float = 0.0, width: int = 2) -> None:
+        self.camera = request.camera
+        self._r, self._width = r, width
+        self._rng = np.random.default_rng(0) if noise else None
+
+    def encode(self, observations: list) -> np.ndarray:
+        return np.ones((len(observations), self._width))
+
+    def predict(self, sources: np.ndarray, targets: np.ndarray) -> Prediction:
+        r = np.full(len(targets), self._r)
+        if self._rng is not None:
+            r = r - 0.1 * self._rng.random(len(targets))
+        return Prediction(r, np.zeros((len(targets), 3)))
+
+
+def steady(request: PredictorRequest) -> SteadyPredictor:
+    return SteadyPredictor(request)
+
+
+def restless(request: PredictorRequest) -> SteadyPredictor:
+    return SteadyPredictor(request, noise=1.0)
+
+
+def boastful(request: PredictorRequest) -> SteadyPredictor:
+    return SteadyPredictor(request, r=1.4)
+
+
+def undecided(request: PredictorRequest) -> SteadyPredictor:
+    return SteadyPredictor(request, r=float("nan"))
+
+
+def forgetful(request: PredictorRequest) -> SteadyPredictor:
+    return SteadyPredictor(request, r=0.1)
+
+
+def broken(request: PredictorRequest) -> SteadyPredictor:
+    raise OSError("no weights")
+
+
+def a_robot() -> object:
+    from tests.core.flat_world import FlatRobot, one_room
+
+    return FlatRobot(one_room(), (1.0, 1.0, 0.0))
+
+
+class GreedyReader:
+    """Wants everything."""
+
+    @classmethod
+    def recognises(cls, path: Path) -> bool:
+        return True
+
+    @classmethod
+    def open(cls, path: Path, options: object) -> None: ...
+
+
+def plugin(group: PluginGroup, name: str) -> Plugin:
+    return Plugin(group, EntryPoint(name, f"{HERE}:{name}", group.name))
+
+
+def broken_points(group: PluginGroup, name: str) -> dict[str, str]:
+    return {check.check: check.said for check in contract_checks(plugin(group, name)) if not check.passed}
+
+
+def test_a_sound_predictor_passes_every_point() -> None:
+    assert broken_points(PREDICTORS, "steady") == {}
+
+
+@pytest.mark.parametrize(
+    ("name", "check", "said"),
+    [
+        ("restless", "answers the same question alike", "bit for bit"),
+        ("boastful", "returns r in [0, 1] and finite waypoints", "r must lie in [0, 1]"),
+        ("undecided", "bears a blank image", "must be finite"),
+        ("forgetful", "knows an image again", "r of at least 0.5"),
+        ("broken", "opens and says what it is", "OSError: no weights"),
+    ],
+)
+def test_a_predictor_that_breaks_a_rule_is_told_which(name: str, check: str, said: str) -> None:
+    assert said in broken_points(PREDICTORS, name)[check]
+
+
+def test_our_geometric_predictor_keeps_the_contract() -> None:
+    assert [each for each in contract_checks(find_plugins(PREDICTORS)["geometric"]) if not each.passed] == []
+
+
+@pytest.mark.parametrize("name", ["ltvn", "sptm", "ving"])
+def test_our_navigation_systems_keep_the_contract(name: str) -> None:
+    assert [each for each in contract_checks(find_plugins(SYSTEMS)[name]) if not each.passed] == []
+
+
+def test_our_readers_recognise_nothing_in_noise() -> None:
+    for reader in find_plugins(READERS).values():
+        assert [each for each in contract_checks(reader) if not each.passed] == []
+    assert "can read empty" in broken_points(READERS, "GreedyReader")["recognises nothing in what holds nothing"]
+
+
+def test_a_robot_is_looked_at_and_not_driven() -> None:
+    assert broken_points(ROBOTS, "a_robot") == {}
+
+
+def test_all_that_comes_with_the_toolkit_is_listed_and_can_be_loaded() -> None:
+    rows = [plugin_row(each) for each in installed_plugins()]
+    assert {"ltvn.verbs", "ltvn.predictors", "ltvn.systems"} <= {row.group for row in rows}
+    assert [str(row) for row in rows if row.package == "ltvn" and not row.works] == []
+
+
+def test_a_plug_in_that_cannot_be_loaded_is_listed_with_the_reason() -> None:
+    row = plugin_row(plugin(PREDICTORS, "gone"))
+    assert (row.works, "has no attribute 'gone'" in row.why) == (False, True)
+
+
+def test_the_template_package_is_found_and_passes_its_test(tmp_path: Path) -> None:
+    entry_points = (
+        (TEMPLATE / "pyproject.toml").read_text(encoding="utf-8").split("[project.entry-points.")[1].split("\n[")[0]
+    )
+    listed = entry_points.replace('"', "").replace("ltvn.predictors]", "[ltvn.predictors]")
+    source = (TEMPLATE / "thumbnail_predictor.py").read_text(encoding="utf-8")
+    install(tmp_path, "thumbnail_predictor", listed, source=source)
+
+    tested = ltvn(tmp_path, "plugins", "test", "thumbnails", "--json", "-")
+
+    summary = json.loads(tested.stdout)
+    assert [check for check in summary["checks"] if not check["passed"]] == []
+    assert (tested.returncode, summary["package"]) == (0, "thumbnail_predictor")
+    assert "thumbnails" in ltvn(tmp_path, "build", "--help").stdout
+
+
+def test_the_exit_code_of_a_broken_plug_in_is_not_zero(tmp_path: Path) -> None:
+    install(tmp_path, "torn", "[ltvn.predictors]\ntorn = torn:make\n", source="make = 3")
+    tested = ltvn(tmp_path, "plugins", "test", "torn")
+    assert tested.returncode == 1
+    assert "BROKEN  opens and says what it is: The predictor torn of the package torn is torn:make" in tested.stdout
+    listed = ltvn(tmp_path, "plugins", "--group", "ltvn.predictors")
+    assert (listed.returncode, "torn 1.0  cannot be used: " in listed.stdout) == (0, True)

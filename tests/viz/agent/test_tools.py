@@ -1,0 +1,121 @@
+"""A program reads recordings through `ltvn mcp`: files by name, answers with what to ask next, and pictures."""
+
+import base64
+import io
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+from ltvn_viz.agent.tools import LARGEST_IMAGE
+from tests.repository import DEMO_DRIVE, DEMO_FAULT, DEMO_MAP, RECORDINGS
+from tests.viz.agent.agent_client import AgentClient, agent_client
+
+FAULT = DEMO_FAULT.name
+
+
+@pytest.fixture(scope="module")
+def agent() -> Iterator[AgentClient]:
+    """A program that may read two of the demo recordings."""
+    with agent_client(DEMO_FAULT, DEMO_MAP) as connected:
+        yield connected
+
+
+def test_all_tools_say_that_they_only_read_and_what_they_take(agent: AgentClient) -> None:
+    tools = agent.tools()
+
+    assert {tool.name for tool in tools} == {"list_files", "describe", "timeline", "ask", "image", "map_picture"}
+    assert all(tool.annotations is not None and tool.annotations.read_only_hint for tool in tools)
+    assert all(tool.description and tool.input_schema["additionalProperties"] is False for tool in tools)
+
+
+def test_a_recording_is_described_with_its_queries_and_questions(agent: AgentClient) -> None:
+    told = agent.ask("describe", file=FAULT)
+
+    assert [query["succeeded"] for query in told["queries"]] == [False] * 4
+    assert told["map_at_end"]["nodes"] == 327
+    assert {"edge", "failures", "what-if"} <= told["questions"].keys()
+    assert "hand" not in told["questions"]
+
+
+def test_the_planted_faults_are_not_told_by_the_description(agent: AgentClient) -> None:
+    assert "spurious" not in str(agent.ask("describe", file=FAULT)).replace("edges that nobody can drive", "")
+
+
+def test_a_stretch_of_time_is_told_by_kind_and_in_bounds(agent: AgentClient) -> None:
+    failures = agent.ask("timeline", file=FAULT, kinds=["failure"], to_s=8.0, most=2)
+
+    assert [row["about"] for row in failures["rows"]] == [[1489, 2621]] * 2
+    assert failures["left_out"] > 0
+
+
+def test_an_answer_says_what_to_ask_next_and_following_it_answers(agent: AgentClient) -> None:
+    answer = agent.ask("ask", file=FAULT, edge=[1489, 2621])
+    follow = next(each["ask"] for each in answer["follow"] if each["ask"].get("edge") == [2621, 1489])
+
+    assert "2621 → 1489" in agent.ask("ask", file=FAULT, **follow)["text"]
+
+
+def test_a_slow_answer_is_waited_for(agent: AgentClient) -> None:
+    answer = agent.ask("ask", file=FAULT, question="what-if", text="without 1489->2621", at_s=1.0)
+
+    assert "instead of 2 nodes" in answer["text"]
+
+
+def test_nothing_is_remembered_from_one_call_to_the_next(agent: AgentClient) -> None:
+    agent.ask("ask", file=FAULT, question="what-if", text="without 1489->2621", at_s=1.0)
+
+    afterwards = agent.ask("ask", file=FAULT, question="what-if", text="goal 3", at_s=1.0)
+
+    assert "without 1489" not in afterwards["text"]
+
+
+def test_images_and_maps_are_pictures_of_bounded_size(agent: AgentClient) -> None:
+    seen = agent.picture("image", file=FAULT, frame=1489)
+    drawn = agent.picture("map_picture", file=FAULT, at_s=0.0)
+
+    assert (seen.mime_type, drawn.mime_type) == ("image/jpeg", "image/png")
+    assert max(Image.open(io.BytesIO(base64.b64decode(seen.data))).size) <= LARGEST_IMAGE
+    assert max(Image.open(io.BytesIO(base64.b64decode(drawn.data))).size) <= 1100
+
+
+@pytest.mark.parametrize("name", [DEMO_DRIVE.name, str(DEMO_DRIVE), f"../recordings/{FAULT}", "/etc/passwd"])
+def test_only_the_named_files_can_be_read(agent: AgentClient, name: str) -> None:
+    assert FAULT in agent.refusal("describe", file=name)
+    assert agent.call("ask", {"file": FAULT, "question": "compare", "text": name}).is_error
+
+
+@pytest.mark.parametrize(
+    ("tool", "arguments", "said"),
+    [
+        ("describe", {}, "file is missing"),
+        ("ask", {"file": FAULT, "edge": [1489]}, "two nodes"),
+        ("ask", {"file": FAULT, "node": 99999}, "327 nodes"),
+        ("ask", {"file": FAULT, "question": "egde"}, "Did you mean edge?"),
+        ("ask", {"file": FAULT, "question": "hand"}, "these can"),
+        ("ask", {"file": FAULT, "edge": [3, 7], "at_s": 99}, "26.7 s"),
+        ("ask", {"file": FAULT, "query": 12}, "queries 0 to 3"),
+        ("ask", {"file": FAULT, "nod": 3}, "Did you mean node?"),
+        ("timeline", {"file": FAULT, "kinds": ["crash"]}, "collision"),
+        ("timeline", {"file": FAULT, "most": 10**9}, "from 1 to 500"),
+        ("image", {"file": FAULT, "frame": 5}, "no image of frame 5"),
+        ("delete", {}, "no tool"),
+    ],
+)
+def test_a_refusal_says_what_would_be_valid(agent: AgentClient, tool: str, arguments: dict, said: str) -> None:
+    assert said in agent.refusal(tool, **arguments)
+
+
+def test_a_damaged_file_is_refused_and_the_others_are_still_read(tmp_path: Path) -> None:
+    cut = tmp_path / "cut.rrd"
+    cut.write_bytes(DEMO_FAULT.read_bytes()[:100_000])
+
+    with agent_client(tmp_path, DEMO_MAP) as agent:
+        assert "cut.rrd" in agent.refusal("describe", file="cut.rrd")
+        assert agent.ask("describe", file=DEMO_MAP.name)["map_at_end"]["nodes"] == 327
+
+
+def test_a_folder_stands_for_the_recordings_in_it() -> None:
+    with agent_client(RECORDINGS) as agent:
+        assert FAULT in {row["file"] for row in agent.ask("list_files")["files"]}

@@ -143,6 +143,8 @@ class AttemptEnded:
     succeeded: bool
     reason: str
     """Which rule decided, in words."""
+    rule: str = ""
+    """The rule's name in `config`, such as judging.odometry_gap; empty in older recordings, and where none decided."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,6 +194,8 @@ class Note:
 
     text: str
     severity: Severity = Severity.INFO
+    rule: str = ""
+    """Name in `config` of the rule that decided it; empty where none did."""
 
 
 class ChangedBy(StrEnum):

@@ -61,11 +61,13 @@ class GoalCheck:
         if self._perception.with_node_support(self._goal).reachability <= self._judging.success_reachability:
             return False
         if not self._fits_plan(first):
-            yield Note("It looked like the goal, but by the plan the goal is somewhere else.", Severity.WARN)
+            text = "It looked like the goal, but by the plan the goal is somewhere else."
+            yield Note(text, Severity.WARN, rule="judging.by_plan")
             return False
         if not self._fits_trail(first):
             self._memory.plan = ()
-            yield Note("It looked like the goal, but what it saw on the way here does not fit.", Severity.WARN)
+            text = "It looked like the goal, but what it saw on the way here does not fit."
+            yield Note(text, Severity.WARN, rule="localising.trail_share")
             return False
         if not self._judging.second_look or self._memory.goal_rejections >= _MAX_REJECTIONS:
             return True
@@ -100,7 +102,8 @@ class GoalCheck:
             return True
         self._memory.goal_rejections += 1
         self._memory.plan = ()
-        yield Note("It looked like the goal, but a second look from a little aside disagreed.", Severity.WARN)
+        text = "It looked like the goal, but a second look from a little aside disagreed."
+        yield Note(text, Severity.WARN, rule="judging.second_look")
         return False
 
     def _look_back_from(self, aside: float) -> EventGenerator[bool]:
@@ -120,6 +123,8 @@ class AttemptVerdict(NamedTuple):
     reason: str
     hindered: bool = False
     """It failed, but that says little about the edge."""
+    rule: str = ""
+    """Name of that rule in `config`; empty where it has none."""
 
 
 def judge_attempt(
@@ -145,19 +150,20 @@ def judge_attempt(
         # Where it looks as near as odometry says, the target is probably there and merely hard to recognise.
         at_target = max(target_distance, gap) < _AT_TARGET_DISTANCE
         why = f"target does not look reachable: r = {reachability:.2f}, needs {needed:.2f}"
-        return AttemptVerdict(False, why, hindered or at_target)
+        return AttemptVerdict(False, why, hindered or at_target, rule=_SUCCESS_REACHABILITY)
     if target_distance >= within:
-        return AttemptVerdict(
-            False, f"target is still too far: d = {target_distance:.2f}, needs {within:.2f}", hindered
-        )
+        why = f"target is still too far: d = {target_distance:.2f}, needs {within:.2f}"
+        return AttemptVerdict(False, why, hindered, rule=_SUCCESS_DISTANCE)
     if 0 < judging.odometry_gap < gap:
         why = f"odometry ended {gap:.2f} from the waypoint, at most {judging.odometry_gap:.2f}"
-        return AttemptVerdict(False, why, hindered)
+        return AttemptVerdict(False, why, hindered, rule="judging.odometry_gap")
     if not fits_trail:
-        return AttemptVerdict(False, "what was seen on the way does not fit the target")
+        why = "what was seen on the way does not fit the target"
+        return AttemptVerdict(False, why, rule="localising.trail_share")
     if driven_too_often:
-        return AttemptVerdict(False, "driven too often in this query", hindered=True)
-    return AttemptVerdict(True, f"target is near: d = {target_distance:.2f}, r = {reachability:.2f}")
+        return AttemptVerdict(False, "driven too often in this query", hindered=True, rule="planning.repeat_limit")
+    why = f"target is near: d = {target_distance:.2f}, r = {reachability:.2f}"
+    return AttemptVerdict(True, why, rule=_SUCCESS_DISTANCE)
 
 
 def is_at_goal(reachability: float, waypoint: Waypoint, config: JudgingConfig) -> bool:
@@ -177,6 +183,7 @@ def goal_estimates_agree(first: Waypoint, first_odometry: Pose, second: Waypoint
     return bool(np.hypot(gap[0], gap[1]) < _AGREE_M and abs(gap[2]) < _AGREE_RAD)
 
 
+_SUCCESS_DISTANCE, _SUCCESS_REACHABILITY = "judging.success_distance", "judging.success_reachability"
 _AT_TARGET_DISTANCE = 0.3
 """A target nearer than this d is here."""
 _AGREE_M = 0.3

@@ -267,7 +267,8 @@ class QueryRunner:
         is_unsure = not verdict.succeeded and result.end is AttemptEnd.REACHED and not driven_too_often
         known = self._known_waypoint(target, _SURE) if is_unsure and source is not None else None
         if known is not None and np.hypot(known[0], known[1]) < _AT_TARGET_M:
-            return AttemptVerdict(True, "by all that it saw on its way the robot is there")
+            why = "by all that it saw on its way the robot is there"
+            return AttemptVerdict(True, why, rule="localising.follow_places")
         may_have_arrived = is_unsure and source is not None and self._map_learner.knows_surroundings(source)
         recognised = self._memory.saw_change and seen.reachability > self._method.localising.reachability
         if may_have_arrived and self._reckoning.arrive(
@@ -306,6 +307,7 @@ class QueryRunner:
             reachability=seen.reachability,
             succeeded=verdict.succeeded,
             reason=verdict.reason,
+            rule=verdict.rule,
         )
 
     def _recover(self, why: Outcome) -> EventGenerator[None]:

@@ -33,13 +33,13 @@ from ltvn_viz.session.inspection import EMPTY_OVERLAY, Label, Overlay, QuestionA
 from ltvn_viz.wishes.commands import ChooseQuestion, PointAt, QuestionRequest
 
 _NEXT = {
-    FailureMode.WRONG_ARRIVAL: (QuestionName.EDGE, QuestionName.WHERE),
+    FailureMode.WRONG_ARRIVAL: (QuestionName.DECISIONS, QuestionName.WHERE),
     FailureMode.LOST: (QuestionName.WHERE, QuestionName.EDGE),
     FailureMode.NO_PATH: (QuestionName.TRUTH, QuestionName.WHAT_IF),
-    FailureMode.COLLISION: (QuestionName.EDGE,),
-    FailureMode.BLOCKED: (QuestionName.EDGE,),
-    FailureMode.FAILED_EDGE: (QuestionName.EDGE,),
-    FailureMode.TOO_SLOW: (QuestionName.EDGE,),
+    FailureMode.COLLISION: (QuestionName.EDGE, QuestionName.DECISIONS),
+    FailureMode.BLOCKED: (QuestionName.EDGE, QuestionName.DECISIONS),
+    FailureMode.FAILED_EDGE: (QuestionName.EDGE, QuestionName.DECISIONS),
+    FailureMode.TOO_SLOW: (QuestionName.EDGE, QuestionName.DECISIONS),
 }
 """What to ask next."""
 WINDOW = 10

@@ -11,6 +11,7 @@ from ltvn_core.errors import PluginError
 from ltvn_core.plugins import QUESTIONS, Plugin, find_plugins, load_plugins
 from ltvn_viz.debugger.breakpoint_question import BreakpointQuestion
 from ltvn_viz.debugger.comparison_question import ComparisonQuestion
+from ltvn_viz.debugger.decision_question import DecisionQuestion
 from ltvn_viz.debugger.edge_question import EdgeQuestion
 from ltvn_viz.debugger.failure_question import FailureQuestion
 from ltvn_viz.debugger.ground_truth_question import GroundTruthQuestion
@@ -39,6 +40,7 @@ def all_questions(breakpoint_monitor: BreakpointMonitor) -> tuple[Question[Any],
     return (
         EdgeQuestion(),
         HistoryQuestion(),
+        DecisionQuestion(),
         WhatIfQuestion(),
         LocalisationQuestion(),
         BreakpointQuestion(breakpoint_monitor),

@@ -84,6 +84,7 @@ class QuestionName(StrEnum):
     NONE = "choose a question …", ""
     EDGE = "What about this edge?", "edge", "blame", "presence", "tried"
     TIME = "What happened when?", "time"
+    DECISIONS = "What did it decide?", "decisions"
     WHAT_IF = "What if?", "what-if"
     WHERE = "Where am I?", "where"
     BREAK = "Stop when …", "break"

@@ -1,5 +1,7 @@
 """Who says an attempt succeeded: the network, unless odometry or a repeat says otherwise."""
 
+from operator import attrgetter
+
 import numpy as np
 
 from ltvn_core.config import PAPER, ROBUST, Method
@@ -13,6 +15,7 @@ def verdict(
     method: Method = ROBUST, r: float = 0.9, d: float = 0.2, left: np.ndarray = THERE, **also: bool
 ) -> tuple[bool, str]:
     judged = judge_attempt(r, d, left, method, **also)
+    assert attrgetter(judged.rule)(method) is not None
     return judged.succeeded, judged.reason
 
 

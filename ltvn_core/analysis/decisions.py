@@ -1,0 +1,171 @@
+"""What the robot decided in a query, and which rules and numbers decided it.
+
+A recording holds the outcome of each decision and the thresholds of its method; this module joins the two. Verdicts and
+notes name their rule themselves. Owns which rule stands behind which other event.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from operator import attrgetter
+from typing import NamedTuple
+
+from ltvn_core.analysis.timeline import Timeline
+from ltvn_core.analysis.timeline_records import Instant
+from ltvn_core.config import Method
+from ltvn_core.graph import deltas as d
+from ltvn_core.graph.deltas import Cause
+from ltvn_core.graph.localiser import LOCAL
+from ltvn_core.navigation import events as e
+from ltvn_core.navigation.event_text import describe_event
+
+
+class RuleUse(NamedTuple):
+    """A rule that took part in a decision."""
+
+    rule: str
+    """Its name in `config`, such as localising.distance."""
+    limit: float | bool
+    """Its value in the run."""
+    found: float | None = None
+    """What was compared with it; None where the rule compares no recorded number."""
+
+    @property
+    def text(self) -> str:
+        """The rule, its number and what was compared with it."""
+        limit = ("on" if self.limit else "off") if isinstance(self.limit, bool) else f"{self.limit:g}"
+        return f"{self.rule} = {limit}" + ("" if self.found is None else f" (here {self.found:.2f})")
+
+
+@dataclass(frozen=True, slots=True)
+class Decision:
+    """One thing that the robot decided."""
+
+    event: int
+    """Index in the timeline's events."""
+    instant: Instant
+    text: str
+    """What was decided, in one sentence."""
+    rules: tuple[RuleUse, ...]
+    """The rules behind it; none where the method leaves no choice."""
+
+
+_ENDS = {
+    e.AttemptEnd.REACHED: "driving.position_tolerance_m",
+    e.AttemptEnd.COLLISION: "driving.back_off_m",
+    e.AttemptEnd.BLOCKED: "driving.veto_margin_m",
+    e.AttemptEnd.TIMEOUT: "driving.leg_steps",
+    e.AttemptEnd.LOST: "driving.lost_reachability",
+}
+"""What stops the robot on its way."""
+_OUTCOMES = {
+    e.Outcome.ARRIVED: ("judging.arrive_distance", "judging.arrive_reachability", "judging.arrive_yaw_rad"),
+    e.Outcome.NO_PATH: ("recovering.give_up_after_looks",),
+    e.Outcome.LOST: ("recovering.give_up_after_looks",),
+    e.Outcome.STEP_LIMIT: ("recovering.step_limit",),
+    e.Outcome.COLLISION_LIMIT: ("recovering.collision_limit",),
+}
+"""What ends a query."""
+_CAUSES = {
+    Cause.NOVEL: ("expanding.novel_after_looks", "expanding.connect_factor"),
+    Cause.EXPAND: ("expanding.search_reserve", "expanding.strict"),
+}
+"""What adds nodes and edges while the robot navigates."""
+
+
+def query_decisions(timeline: Timeline, query: int, method: Method, *, until: Instant | None = None) -> list[Decision]:
+    """Return the decisions of a query in their order.
+
+    Args:
+        timeline: The run.
+        query: Number of the query.
+        method: The thresholds of the run.
+        until: Leave out what was decided later.
+    """
+    record = next((each for each in timeline.queries if each.id == query), None)
+    if record is None:
+        return []
+    after = min(record.last + 1, timeline.count_until(until))
+    return list(_decisions(timeline.events[record.first : after], record.first, timeline, method))
+
+
+def _decisions(events: Sequence[e.StampedEvent], first: int, timeline: Timeline, method: Method) -> Iterator[Decision]:
+    failed = 0
+    for number, stamped in enumerate(events, first):
+        event = stamped.event
+        rules = _rules(event, failed)
+        if isinstance(event, e.AttemptEnded):
+            failed += not event.succeeded
+        if rules is None:
+            continue
+        used = tuple(RuleUse(rule, attrgetter(rule)(method), found) for rule, found in rules.items())
+        yield Decision(number, timeline.instant(number), describe_event(event).sentence, used)
+
+
+def _rules(event: e.Event, failed: int) -> dict[str, float | None] | None:
+    """Return the rules behind an event with what each compared; None for an event that decides nothing.
+
+    `failed`: attempts of the query that failed before.
+    """
+    match event:
+        case e.Localised():
+            return _localising_rules(event)
+        case e.Planned(nodes=nodes):
+            weights: dict[str, float | None] = {"planning.belief_weight": None}
+            return weights | ({"planning.failure_penalty": None} if failed and nodes else {})
+        case e.AttemptStarted(source=source, reachability=reachability):
+            # Approaching the node first is decided by what the next node looks like, which no event holds.
+            return {"driving.departure_reachability": None if source is None else reachability}
+        case e.AttemptEnded():
+            stopped: dict[str, float | None] = {_ENDS[event.end]: None} if event.end in _ENDS else {}
+            return stopped | ({event.rule: _judged(event)} if event.rule else {})
+        case e.StateChanged(state):
+            is_lost = state is e.NavigatorState.RECOVERING
+            return {"recovering.turn_rad": None, "recovering.looks_per_turn": None} if is_lost else None
+        case e.GraphChanged(delta):
+            return _map_rules(delta)
+        case e.QueryEnded(outcome=outcome):
+            return dict.fromkeys(_OUTCOMES.get(outcome, ()))
+        case e.Note(rule=rule):
+            return {rule: None} if rule else None
+        case _:
+            return None
+
+
+def _localising_rules(event: e.Localised) -> dict[str, float | None]:
+    near: dict[str, float | None] = {
+        "localising.distance": event.distance if math.isfinite(event.distance) else None,
+        "localising.reachability": event.reachability,
+    }
+    if event.node is None:
+        return near | {"localising.shortlist": None}
+    if event.probability is not None:
+        near["localising.follow_places"] = None
+    return near if event.scope == LOCAL else near | {"localising.reachability_weight": None}
+
+
+def _judged(event: e.AttemptEnded) -> float | None:
+    """Return the number that the rule of a verdict was asked about, where the event holds it."""
+    return {"judging.success_distance": event.distance, "judging.success_reachability": event.reachability}.get(
+        event.rule
+    )
+
+
+def _map_rules(delta: d.GraphDelta) -> dict[str, float | None] | None:
+    match delta:
+        case d.BeliefUpdated(belief=belief, cause=Cause.ATTEMPT):
+            return {
+                "believing.p_success_if_reachable": None,
+                "believing.p_success_if_not": None,
+                "believing.p_cap": belief.p,
+            }
+        case d.EdgePruned(cause=Cause.ATTEMPT):
+            return {
+                "believing.prune_below": None,
+                "believing.prune_after_failures": None,
+                "believing.failures_per_success": None,
+            }
+        case d.NodeAdded(cause=cause) | d.EdgeAdded(cause=cause) if cause in _CAUSES:
+            return dict.fromkeys(_CAUSES[cause])
+        case _:
+            return None

@@ -1,0 +1,58 @@
+"""What the robot decided in the query at the moment, with the rule and the number behind each decision.
+
+Owns the page of it; which rules stand behind an event is in `ltvn_core.analysis.decisions`.
+"""
+
+from typing import Never
+
+from ltvn_core.analysis.answer import Inline
+from ltvn_core.analysis.decisions import Decision, query_decisions
+from ltvn_core.analysis.timeline_records import QueryRecord
+from ltvn_viz.debugger.context import DebugContext
+from ltvn_viz.debugger.question import AnswerBuilder, Question, time_link
+from ltvn_viz.session.inspection import QuestionAnswer, QuestionName, Selection
+
+_ROWS = 24
+"""The latest decisions are shown; one goes back in time to see earlier ones."""
+
+
+class DecisionQuestion(Question[Never]):
+    """Tells which rule decided what."""
+
+    name = QuestionName.DECISIONS
+    word = QuestionName.DECISIONS.word
+    is_for_watchers = True
+    about = "Each decision of the query with the rule and the number behind it, the latest first."
+
+    def is_offered(self, context: DebugContext) -> bool:
+        """Tell whether the robot was ever sent anywhere."""
+        return context.timeline.progress_before(len(context.timeline.events)).queries > 0
+
+    def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
+        """List the decisions of the query up to the moment."""
+        builder = AnswerBuilder()
+        query = _query_at(context)
+        if query is None:
+            builder.add_line("No query has begun yet.")
+            return builder.build()
+        decisions = query_decisions(context.timeline, query.id, context.method, until=context.instant)
+        shown = decisions[-_ROWS:]
+        builder.add_line(f"Query {query.id} to node {query.goal}: {len(decisions)} decisions up to now.")
+        if shown:
+            builder.add_table(("when", "decision", "rule"), [_row(context, each) for each in reversed(shown)])
+        if len(shown) < len(decisions):
+            builder.add_line(f"The latest {_ROWS} are shown; go back in time to see earlier ones.")
+        builder.add_line("Rules are named as in config.py; docs/method.md says what each is worth.")
+        return builder.build()
+
+
+def _query_at(context: DebugContext) -> QueryRecord | None:
+    """Return the query that began last before the moment: where one ends as the next begins, the one that ends."""
+    begun = [each for each in context.timeline.queries if each.begin.step <= context.step]
+    before = [each for each in begun if each.begin.step < context.step]
+    return (before or begun or [None])[-1]
+
+
+def _row(context: DebugContext, decision: Decision) -> tuple[Inline, ...]:
+    rules = "; ".join(rule.text for rule in decision.rules) or "the only choice"
+    return (time_link(context.seconds(decision.instant)), decision.text, rules)

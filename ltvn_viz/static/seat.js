@@ -4,6 +4,7 @@ const seat = { isOpen: false, isSilent: false, you: null, driver: null, epoch: 0
 const activity = { mode: "driving", goal: null, story: false }; // What is under way, and the node that the robot drives to by itself.
 const watchers = []; // Functions without arguments, called whenever something to be shown has changed.
 let socket = null; // A worker that holds the connection.
+let early = []; // Actions asked for before the first connection stands, which are sent once it does; null afterwards.
 let refusedBy = null; // Who drives, when an action was refused for that reason.
 
 function changed() {
@@ -14,13 +15,21 @@ function send(message) {
   if (seat.isOpen) socket.postMessage({ type: "send", text: JSON.stringify(message) });
 }
 
+// Later, while the connection is lost, nothing waits: the world may be another when it is back.
+function sendEarly() {
+  early?.forEach(send);
+  early = null;
+}
+
 function tellHeld(message) {
   if (seat.isOpen) socket.postMessage({ type: "hold", message });
 }
 
 function ask(action, value = null) {
   refusedBy = null;
-  send({ type: "action", action, value });
+  const message = { type: "action", action, value };
+  if (early === null) send(message);
+  else early.push(message);
 }
 
 function connect() {
@@ -60,6 +69,7 @@ function hear({ type, ...fields }) {
     // Tell the truth about what is held; only "nothing" arms this page in the new epoch.
     if (isNewEpoch) report();
     openLink();
+    sendEarly();
   } else if (type === "moment") {
     return hearMoment(fields);
   } else if (type === "activity") {

@@ -262,3 +262,25 @@ def test_an_upload_that_is_no_image_is_a_clear_error(app: FlatApp, page: Page, t
     shows_no_success_of_its_own(page)
     expect(page.locator(".lt-health:visible")).not_to_have_text("Trouble")  # The app itself is well.
     assert app.session.mode is Mode.TELEOP
+
+
+_CONNECT_LATE = """
+const post = Worker.prototype.postMessage;
+Worker.prototype.postMessage = function (message, ...more) {
+  const go = () => post.call(this, message, ...more);
+  if (message?.type === "connect") window.letConnect = go;
+  else go();
+};
+"""
+
+
+def test_a_click_before_the_connection_stands_is_not_lost(chromium: Browser, tmp_path: Path) -> None:
+    with serving(tmp_path) as app, chromium.new_context(viewport={"width": 1000, "height": 640}) as context:
+        context.add_init_script(_CONNECT_LATE)
+        page = context.new_page()
+        page.goto(app.server.url)
+        page.get_by_text("Next:").wait_for()
+        page.evaluate("document.documentElement.dataset.ltvnReady = ''")
+        page.get_by_role("button", name=re.compile("^Record")).click()
+        page.evaluate("window.letConnect()")
+        until_shown(app, lambda now: now.recording.name is not None)

@@ -72,11 +72,6 @@ class RuleWorth:
     seconds_ratio: float
     """Time of the episodes with the rule over the time without it."""
 
-    @property
-    def cell(self) -> str:
-        """Return goals and SPL won, for a table."""
-        return f"{self.goals:+d}, {self.spl:+.3f} ({self.spl_low:+.2f} to {self.spl_high:+.2f})"
-
 
 @dataclass(frozen=True)
 class RulesSummary:
@@ -102,12 +97,12 @@ class RulesVerb(Verb):
     """Episodes for each scene and rule."""
     folder: Path = Path("runs/rules")
     """Where drives, weights, maps and results are kept, and found again by the next call."""
-    table: Path | None = None
-    """Write the table here, in Markdown."""
+    page: Path | None = None
+    """Write the tables into this Markdown page, between the lines of its block `rules`."""
 
     def run(self) -> Summary:
         """Run what is missing, scene after scene, and sum up."""
-        from ltvn_core.atomic_files import write_text_atomically
+        from ltvn_core.evaluation.reports.evaluation_page import fill_blocks
         from ltvn_core.evaluation.trial_plans import RULES
 
         started = time.monotonic()
@@ -118,8 +113,8 @@ class RulesVerb(Verb):
             with_all, *without = self._trials(scene, rules)
             whole.append(_summed_up(with_all))
             worth += [_worth(with_all, trial, rule) for rule, trial in zip(rules, without, strict=True)]
-            if self.table is not None:
-                write_text_atomically(self.table, markdown(whole, worth))
+            if self.page is not None:
+                fill_blocks(self.page, {"rules": markdown(whole, worth)})
         useless = [rule for rule in rules if not any(_is_worth_it(row) for row in worth if row.rule == rule)]
         return RulesSummary(whole, worth, useless, round(time.monotonic() - started, 1))
 
@@ -156,16 +151,49 @@ class RulesVerb(Verb):
 
 
 def markdown(whole: Sequence["WholeMethod"], worth: Sequence[RuleWorth]) -> str:
-    """Return the table of all scenes that are done; a cell says goals won and SPL won with its interval."""
-    rows = [
-        ["rule", *(each.scene for each in whole)],
-        ["---"] * (len(whole) + 1),
-        ["whole method", *(f"{each.reached} of {each.episodes}, SPL {each.spl:.2f}" for each in whole)],
+    """Return two tables of all scenes that are done: the whole method, then each rule over all scenes."""
+    scenes = [_scene_row(each) for each in whole]
+    rules = [
+        _rule_row(rule, [row for row in worth if row.rule == rule]) for rule in dict.fromkeys(r.rule for r in worth)
     ]
-    for rule in dict.fromkeys(row.rule for row in worth):
-        cells = {row.scene: row.cell for row in worth if row.rule == rule}
-        rows.append([f"`{rule}`", *(cells[each.scene] for each in whole)])
-    return "".join(f"| {' | '.join(row)} |\n" for row in rows)
+    head = ["rule", "ours", "paper's", "goals", "SPL", "most SPL in", "collisions", "spurious edges", "time"]
+    return (
+        _table(["scene", "reached", "SPL", "collisions", "spurious edges"], scenes)
+        + "\nWith the rule minus without it:\n\n"
+        + _table(head, rules)
+    )
+
+
+def _scene_row(found: WholeMethod) -> list[str]:
+    reached = f"{found.reached} of {found.episodes}"
+    spurious = f"{found.map.spurious_edges} of {found.map.edges}"
+    return [found.scene, reached, f"{found.spl:.2f}", f"{found.collisions:.2f}", spurious]
+
+
+def _rule_row(rule: str, rows: Sequence[RuleWorth]) -> list[str]:
+    from operator import attrgetter
+
+    from ltvn_core.config import PAPER, ROBUST
+
+    best = max(rows, key=lambda row: row.spl)
+    episodes = sum(row.episodes for row in rows)
+    ratio = sum(row.seconds_ratio for row in rows) / len(rows)
+    return [
+        f"`{rule}`",
+        f"{attrgetter(rule)(ROBUST):g}",
+        f"{attrgetter(rule)(PAPER):g}",
+        f"{sum(row.goals for row in rows):+d} of {episodes}",
+        f"{sum(row.spl * row.episodes for row in rows) / episodes:+.3f}",
+        f"{best.scene} {best.spl:+.2f} ({best.spl_low:+.2f} to {best.spl_high:+.2f})",
+        f"{sum(row.collisions * row.episodes for row in rows) / episodes:+.2f}",
+        f"{sum(row.spurious_edges for row in rows):+d}",
+        f"{ratio:.2f}",
+    ]
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    lines = [head, ["---"] * len(head), *rows]
+    return "".join(f"| {' | '.join(row)} |\n" for row in lines)
 
 
 def _summed_up(trial: "TrialResult") -> WholeMethod:

@@ -1,4 +1,4 @@
-"""`ltvn report --page` writes tables and pictures between the marks of docs/results.md and leaves the rest alone."""
+"""`ltvn report --page` writes tables and pictures between the marks of a page and leaves the rest alone."""
 
 import re
 from dataclasses import replace
@@ -19,7 +19,7 @@ from ltvn_core.verbs.report import ReportVerb
 from tests.core.evaluation.reports.fake_results import make_lifelong_result, make_trial, make_world_result
 from tests.repository import ROOT
 
-PAGE = ROOT / "docs" / "results.md"
+PAGE = ROOT / "docs" / "lab-notebook" / "2026-11-results.md"
 INK = FigurePalette((0.1, 0.3, 0.7), (0.8, 0.3, 0.1), (0.5, 0.2, 0.6))
 
 
@@ -32,13 +32,13 @@ def test_the_pages_blocks_are_filled_and_its_images_are_small(tmp_path: Path) ->
     ):
         save_results(folder / f"{number}.trial.json", trial)
     save_results(folder / "ltvn-100-20.lifelong.json", make_lifelong_result(points=2))
-    page_file, images = tmp_path / "docs" / "results.md", tmp_path / "docs" / "images"
-    page_file.parent.mkdir()
+    page_file, images = tmp_path / "docs" / "lab-notebook" / "results.md", tmp_path / "docs" / "images"
+    page_file.parent.mkdir(parents=True)
     page_file.write_text(PAGE.read_text(encoding="utf-8"), encoding="utf-8")
     pictures = fill_results_page(find_results(folder).results, INK, page=page_file, images=images)
     text = page_file.read_text(encoding="utf-8")
-    links = re.findall(r"!\[[^]]*\]\((?!images/results/house-)([^)]*)\)", text)
-    assert {page_file.parent / link for link in links} == set(pictures)
+    links = re.findall(r"!\[[^]]*\]\((?!../images/results/house-)([^)]*)\)", text)
+    assert {(page_file.parent / link).resolve() for link in links} == {path.resolve() for path in pictures}
     assert "No results yet." not in text
     for path in pictures:
         assert path.stat().st_size <= MAX_BYTES

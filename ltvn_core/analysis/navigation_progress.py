@@ -41,8 +41,9 @@ class NavigationProgress(NamedTuple):
     """Tasks that ended with the robot judging itself at the goal."""
     collisions: int = 0
     pruned: int = 0
+    """Edges that were pruned since the map was built or opened."""
     added: int = 0
-    """Edges that came in one by one, while driving or navigating or by hand; those of a whole map are no news."""
+    """Edges that were added since then, one by one, while driving or navigating or by hand."""
     blocked: frozenset[EdgeKey] = frozenset()
     """Edges of the map that were seen blocked when they were seen last; what left the map is forgotten with it."""
     seen_blocked: int = 0
@@ -114,7 +115,7 @@ def _after_change(progress: NavigationProgress, event: e.GraphChanged) -> Naviga
         return _after_look(progress, event, event.delta)
     progress = progress._replace(blocked=_still_there(progress.blocked, event.delta))
     if event.delta.cause in deltas.BULK_CAUSES:
-        return progress
+        return progress._replace(pruned=0, added=0)
     if isinstance(event.delta, deltas.EdgePruned):
         return progress._replace(pruned=progress.pruned + 1)
     if isinstance(event.delta, deltas.EdgeAdded):

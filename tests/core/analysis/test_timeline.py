@@ -5,7 +5,7 @@ import pytest
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import Instant, MarkKind
 from ltvn_core.data.recording.reader import Recording
-from ltvn_core.graph.deltas import Cause, NodeDropped
+from ltvn_core.graph.deltas import Cause, EdgePruned, NodeDropped
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import GraphChanged, Outcome, Planned, QueryEnded, QueryStarted
 from tests.core.analysis import example_runs
@@ -138,6 +138,19 @@ def test_a_second_map_begins_a_new_epoch_and_time_travel_does_not_mix_them() -> 
     assert set(timeline.graph_at(Instant(200, 0.0)).edges) == {(0, 7)}
     assert set(timeline.graph_at().nodes) == {0}
     assert [mark.instant.step for mark in timeline.marks if mark.kind is MarkKind.MAP] == [10, 200, 201]
+
+
+def test_edges_added_and_pruned_are_counted_anew_for_a_new_map() -> None:
+    make = example_runs
+    pruned = GraphChanged(EdgePruned(1, 2, Cause.ATTEMPT))
+    events = [
+        *make.at(0, make.node(1), make.node(2), make.edge(1, 2)),
+        *make.at(1, make.edge(2, 1, cause=Cause.ATTEMPT), pruned),
+        *make.at(2, make.node(3)),
+    ]
+    timeline = Timeline.of(events)
+    counts = [(then.added, then.pruned) for then in map(timeline.progress_before, range(len(events) + 1))]
+    assert counts[-2:] == [(1, 1), (0, 0)]
 
 
 def test_nothing_at_all_is_a_timeline_too() -> None:

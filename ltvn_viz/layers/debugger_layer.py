@@ -30,10 +30,10 @@ class DebuggerLayer:
     def __init__(self, scene: viser.SceneApi) -> None:
         """Add the empty parts."""
         self._scene = scene
-        self.strokes = LineSegments(scene, "/why/strokes", thickness_px=7.0)
-        self.halo = LineSegments(scene, "/why/halo", thickness_px=13.0)
-        self._nodes = drops(scene, "/why/nodes", 0.2)
-        self._ghosts = drops(scene, "/why/ghosts", 0.34)
+        self.strokes = LineSegments(scene, "/debugger/strokes", thickness_px=7.0)
+        self.halo = LineSegments(scene, "/debugger/halo", thickness_px=13.0)
+        self._nodes = drops(scene, "/debugger/nodes", 0.2)
+        self._ghosts = drops(scene, "/debugger/ghosts", 0.34)
         self._labels: list[viser.LabelHandle] = []
         self._drawn: Overlay = EMPTY_OVERLAY
 
@@ -71,7 +71,7 @@ class DebuggerLayer:
         for handle in self._labels:
             handle.remove()
         self._labels = [
-            self._scene.add_label(f"/why/label{number}", label.text, position=(*label.at, _OVERLAY_Z + 0.3))
+            self._scene.add_label(f"/debugger/label{number}", label.text, position=(*label.at, _OVERLAY_Z + 0.3))
             for number, label in enumerate(labels[:_LABELS])
         ]
 

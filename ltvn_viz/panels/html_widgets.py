@@ -79,8 +79,8 @@ STYLE = f"""<style>
 .lt-upload {{ display: grid; grid-template-columns: 2fr 3fr; gap: .75em; }}
 .lt-upload > div > img {{ width: 100%; display: block; border-radius: .35em; }}
 .lt-upload .lt-gallery {{ grid-template-columns: repeat(2, 1fr); }}
-.lt-upload figure {{ margin: 0; }}
-.lt-upload figcaption {{ color: var(--ltvn-soft); font-size: .75rem; line-height: 1.3; }}
+.lt-gallery figure {{ margin: 0; }}
+.lt-gallery figcaption {{ color: var(--ltvn-soft); font-size: .75rem; line-height: 1.3; }}
 .lt-table {{ display: grid; grid-template-columns: repeat(4, 1fr); gap: .1em .5em; }}
 .lt-table div {{ display: flex; flex-direction: column; }}
 .lt-table b {{ font-size: 1.15em; color: var(--ltvn-strong); font-weight: 600; font-variant-numeric: tabular-nums; }}

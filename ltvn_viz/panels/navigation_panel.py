@@ -20,7 +20,7 @@ from ltvn_core.network.allocator import return_freed_memory
 from ltvn_core.preprocessing import preprocess_image
 from ltvn_core.types import NodeId, Rgb
 from ltvn_viz.panels.html_widgets import REACHED_BY_TAB, ActionButton, HtmlBlock, button_row, note, toggle
-from ltvn_viz.session.snapshot import Snapshot, UploadMatch
+from ltvn_viz.session.snapshot import Snapshot, UploadMatch, WayNodes
 from ltvn_viz.wishes.commands import Command, Mode, NavigateToImage, ReportError
 from ltvn_viz.wishes.wish_table import Action
 
@@ -46,6 +46,7 @@ class NavigationPanel:
         self.task = HtmlBlock(gui)
         self.keep_going = HtmlBlock(gui)
         self.state = HtmlBlock(gui)
+        self.way = HtmlBlock(gui)
         self._upload = gui.add_upload_button(
             GO_TO_UPLOAD,
             icon=viser.Icon.PHOTO_UP,
@@ -85,6 +86,7 @@ class NavigationPanel:
         self.task.show(_task(snapshot))
         self.keep_going.show(_keep_going(snapshot.keeps_going))
         self.state.show(_state(snapshot))
+        self.way.show("" if snapshot.way is None else self._way(snapshot.way))
         self.upload_match.show("" if snapshot.upload is None else self._match(snapshot.upload, snapshot.selected))
         self.gallery.show(self._goals(snapshot))
 
@@ -93,6 +95,17 @@ class NavigationPanel:
             return note("Drive a little: goal images appear as the map grows.")
         images = "".join(self._goal_image(int(node), snapshot.selected) for node in snapshot.gallery)
         return f'<div class="lt">{_titled_group("Places to go to", images)}</div>'
+
+    def _way(self, way: WayNodes) -> str:
+        """Return the pictures of where the robot thinks it is, of its subgoal and of its goal, side by side."""
+        figures = zip(("Here", "Next", "Goal"), way, strict=True)
+        pictures = "".join(self._way_image(name, node) for name, node in figures if node is not None)
+        return f'<div class="lt">{_titled_group("On the way", pictures)}</div>'
+
+    def _way_image(self, name: str, node: NodeId) -> str:
+        address = escape(self._file_address(f"/thumb/{node}.jpg"))
+        image = f'<img src="{address}" alt="{name}: node {node}">'
+        return f"<figure>{image}<figcaption>{name} · node {node}</figcaption></figure>"
 
     def _match(self, upload: UploadMatch, selected: NodeId | None) -> str:
         own = f'<h2>Your image</h2><img src="{upload.picture}" alt="your image">'

@@ -26,7 +26,7 @@ from ltvn_core.maps.topological_map import TopologicalMap
 from ltvn_core.preprocessing import preprocess_image
 from ltvn_core.types import FrameId, NodeId, Observation, Pose, Predictor, Rgb, is_usable
 from ltvn_viz.session.live_map import LiveMap
-from ltvn_viz.session.snapshot import UploadMatch
+from ltvn_viz.session.snapshot import UploadMatch, WayNodes
 from ltvn_viz.session.worker import Worker
 
 LIMIT = 512
@@ -78,8 +78,10 @@ class Goals:
         self._thumbnails = thumbnails
         self.selected: NodeId | None = None
         self.gallery: tuple[NodeId, ...] = ()
+        self.way: WayNodes | None = None
         self.upload: UploadMatch | None = None
         self._graph: GraphArrays | None = None
+        self._followed: WayNodes | None = None
         self._chosen_of = 0
 
     def refresh(self, graph: GraphArrays) -> None:
@@ -97,6 +99,22 @@ class Goals:
         if grown or not known.issuperset(self.gallery):
             self._chosen_of = len(known)
             self.offer([int(graph.ids[row]) for row in farthest_points(graph.poses, GALLERY_SIZE)])
+
+    def follow(self, way: WayNodes | None) -> None:
+        """Show the nodes of a query under way as soon as their pictures are at hand; None ends that."""
+        if way is None or way == self._followed:
+            self.way = None if way is None else self.way
+            self._followed = way
+            return
+        self._followed = way
+        nodes = [node for node in way if node is not None]
+
+        def show(node_images: Sequence[tuple[FrameId, Rgb]]) -> None:
+            self._keep(node_images)
+            if way == self._followed and len(node_images) == len(nodes):
+                self.way = way
+
+        self._worker.submit(lambda: self._live_map.node_images(nodes), show)
 
     def offer(self, nodes: Sequence[NodeId]) -> None:
         """Offer these nodes as soon as their pictures are at hand."""

@@ -244,6 +244,16 @@ class LikePlace(NamedTuple):
     """In [-1, 1]; 1 is the same image."""
 
 
+class WayNodes(NamedTuple):
+    """The nodes by which a query under way is told."""
+
+    at: NodeId | None
+    """Where the robot thinks it is; None while it is lost."""
+    next: NodeId | None
+    """The subgoal that it drives to; None while it looks around."""
+    goal: NodeId
+
+
 @dataclass(frozen=True, slots=True)
 class UploadMatch:
     """An uploaded image and what looks like it."""
@@ -291,6 +301,8 @@ class Snapshot:
     """The goal that was chosen; shown with a pin."""
     gallery: tuple[NodeId, ...] = ()
     """Nodes offered as goals by their pictures."""
+    way: WayNodes | None = None
+    """Nodes of the query under way whose pictures are at hand; None without a query."""
     upload: UploadMatch | None = None
     """What was found for the image that was uploaded last; None where nothing was."""
     message: Message | None = None

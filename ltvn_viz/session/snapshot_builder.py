@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ltvn_core.analysis.navigation_progress import NavigationProgress
 from ltvn_core.navigation.events import Outcome
 from ltvn_viz.session.activities.map_building import MapBuilding
 from ltvn_viz.session.activities.navigation import Navigation
@@ -14,7 +15,7 @@ from ltvn_viz.session.activities.playback import Playback
 from ltvn_viz.session.app_state import AppState
 from ltvn_viz.session.command_handlers import drive_name
 from ltvn_viz.session.own_views import refresh_next_own_view
-from ltvn_viz.session.snapshot import FineTuningPhase, FineTuningStatus, LoopRates, Snapshot, TimelineStatus
+from ltvn_viz.session.snapshot import FineTuningPhase, FineTuningStatus, LoopRates, Snapshot, TimelineStatus, WayNodes
 from ltvn_viz.timeline.run_moment import RunMoment, moment_of
 from ltvn_viz.wishes.commands import Mode
 
@@ -144,6 +145,7 @@ def _live(state: AppState) -> Snapshot:
     if state.is_now:
         moment = replace(moment, robot=pose if np.isfinite(pose).all() else None)
     state.goals.refresh(moment.graph)
+    state.goals.follow(_way(moment.progress))
     larger = state.larger_feed if state.shows_larger else None
     feed_image = (larger or state.feed).latest_image(pose)
     return Snapshot(
@@ -154,6 +156,7 @@ def _live(state: AppState) -> Snapshot:
         rates=LoopRates(frame_age_ms=1000 * feed_image.age_s, dropped=feed_image.dropped),
         selected=state.goals.selected,
         gallery=state.goals.gallery,
+        way=state.goals.way,
         upload=state.goals.upload,
         world=None if state.world is None else state.world.view,
         link=None if state.link is None else state.link.report,
@@ -162,6 +165,13 @@ def _live(state: AppState) -> Snapshot:
         story_door=None if state.story is None else state.story.door,
         story_query=None if state.story is None else state.story.query,
     )
+
+
+def _way(progress: NavigationProgress) -> WayNodes | None:
+    if progress.query is None or progress.goal is None:
+        return None
+    at = None if progress.localised is None else progress.localised.node
+    return WayNodes(at, None if progress.attempt is None else progress.attempt.target, progress.goal)
 
 
 def _replayed(replay: Playback) -> Snapshot:

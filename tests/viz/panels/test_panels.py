@@ -32,6 +32,7 @@ from ltvn_viz.session.snapshot import (
     RecordingStatus,
     Snapshot,
     UploadMatch,
+    WayNodes,
     WorldView,
 )
 from ltvn_viz.session.snapshot_builder import hint
@@ -182,6 +183,18 @@ def test_the_gallery_offers_images_of_nodes_as_goals(server: viser.ViserServer, 
     assert snapshot.gallery
     for node in snapshot.gallery:
         assert f'src="/thumb/{node}.jpg?key=k" data-ltvn-action="select" data-id="{node}"' in panel.gallery.content
+
+
+def test_on_the_way_three_images_say_where_it_is_what_comes_next_and_where_it_goes(
+    server: viser.ViserServer, snapshot: Snapshot
+) -> None:
+    panel = NavigationPanel(server.gui, nothing, "{}?key=k".format)
+    panel.show(snapshot)
+    assert panel.way.content == ""
+    panel.show(replace(snapshot, way=WayNodes(3, 5, 9)))
+    assert re.findall(r"/thumb/(\d+)\.jpg", panel.way.content) == ["3", "5", "9"]
+    panel.show(replace(snapshot, way=WayNodes(None, None, 9)))
+    assert re.findall(r"/thumb/(\d+)\.jpg", panel.way.content) == ["9"]
 
 
 def test_an_upload_stands_under_its_heading_beside_places_with_their_likeness(

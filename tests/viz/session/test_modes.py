@@ -40,6 +40,18 @@ def test_a_node_is_reached_and_the_verdict_is_shown(harness: SessionHarness) -> 
     assert shown.moment.progress.judged.reached
 
 
+def test_on_the_way_the_images_of_subgoal_and_goal_are_at_hand_and_afterwards_none_is_shown(
+    harness: SessionHarness,
+) -> None:
+    goal = a_far_node(harness)
+    harness.do(c.NavigateTo(goal))
+    way = harness.until(lambda now: now.way is not None and now.way.next is not None).way
+    assert way is not None
+    assert way.goal == goal
+    assert all(harness.thumbnails.get(node) for node in way if node is not None)
+    assert harness.until(lambda now: now.mode is Mode.TELEOP).way is None
+
+
 def test_driving_keys_take_the_robot_over_from_navigation(harness: SessionHarness) -> None:
     harness.do(c.NavigateTo(a_far_node(harness)), ticks=20)
     harness.driver.twist = FORWARD

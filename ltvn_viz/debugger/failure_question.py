@@ -33,7 +33,7 @@ from ltvn_viz.session.inspection import EMPTY_OVERLAY, Label, Overlay, QuestionA
 from ltvn_viz.wishes.commands import ChooseQuestion, PointAt, QuestionRequest
 
 _NEXT = {
-    FailureMode.WRONG_ARRIVAL: (QuestionName.DECISIONS, QuestionName.WHERE),
+    FailureMode.WRONG_ARRIVAL: (QuestionName.EDGE, QuestionName.WHERE, QuestionName.DECISIONS),
     FailureMode.LOST: (QuestionName.WHERE, QuestionName.EDGE),
     FailureMode.NO_PATH: (QuestionName.TRUTH, QuestionName.WHAT_IF),
     FailureMode.COLLISION: (QuestionName.EDGE, QuestionName.DECISIONS),

@@ -105,7 +105,7 @@ def test_our_questions_keep_the_words_of_links_that_were_sent(tmp_path: Path) ->
     words = SessionHarness(tmp_path).state.debugger.words
 
     assert (
-        " ".join(words) == "edge blame presence tried time what-if where break compare truth failures coach hand share"
+        " ".join(words) == "edge blame presence tried time decisions what-if where break compare truth failures coach hand share"
     )
     earlier = [words[word] for word in ("blame", "presence", "tried")]
     assert set(earlier) == {words["edge"]}

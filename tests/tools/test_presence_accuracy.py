@@ -52,9 +52,11 @@ def test_a_filter_of_stays_foretells_regular_changes_better_than_the_last_look_d
     assert ComparedFilters.load(tmp_path / "found.json") == found
 
 
-@pytest.mark.parametrize("name", ["room", "room-exchanged"])
-def test_the_tables_of_the_documentation_are_those_of_its_results(name: str, tmp_path: Path) -> None:
-    page, written = tmp_path / "presence.md", ROOT / "docs" / "presence.md"
+@pytest.mark.parametrize(
+    ("name", "path"), [("room", "presence.md"), ("room-exchanged", "lab-notebook/2026-11-presence.md")]
+)
+def test_the_tables_of_the_documentation_are_those_of_its_results(name: str, path: str, tmp_path: Path) -> None:
+    page, written = tmp_path / "page.md", ROOT / "docs" / path
     page.write_text(written.read_text(encoding="utf-8"), encoding="utf-8")
     Show(found=ROOT / "docs" / "measurements" / "presence" / f"{name}.json", page=page, block=name).run()
     assert page.read_text(encoding="utf-8") == written.read_text(encoding="utf-8")

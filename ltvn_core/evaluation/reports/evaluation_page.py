@@ -23,6 +23,7 @@ from ltvn_core.evaluation.reports.evaluation_tables import (
     lifelong_table,
     main_table,
     margin_table,
+    overall_table,
     percent,
     recognition_table,
     run_table,
@@ -140,6 +141,7 @@ def fill_results_page(
         drawn = [figure for figure in figures_of(results, palette) if figure.kind in wanted]
         files = [(figure, save_png(figure.draw(), images / f"{prefix}{figure.name}.png")) for figure in drawn]
     blocks = markdown_tables(results, worlds) | {f"{kind}-pictures": _links(files, kind, page) for kind in wanted}
+    blocks["overall"] = overall_table(rows_of(results.trials)).markdown()
     named = {f"{prefix}{name}": block for name, block in blocks.items()}
     here = {name: block for name, block in named.items() if _mark(name) in text}
     if not here:

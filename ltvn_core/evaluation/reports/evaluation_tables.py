@@ -52,10 +52,19 @@ class ReportTable:
 
 def main_table(rows: Sequence[ResultRow]) -> ReportTable:
     """Return the metrics of each method in each scene, and then over all scenes."""
+    return _metrics_table((*rows_over_scenes(rows), *rows))
+
+
+def overall_table(rows: Sequence[ResultRow]) -> ReportTable:
+    """Return the metrics of each method over all scenes; the first rows of `main_table`."""
+    return _metrics_table(rows_over_scenes(rows) or _of_one_scene(rows))
+
+
+def _metrics_table(rows: Sequence[ResultRow]) -> ReportTable:
     head = ("scene", "method", "network", "goals reached", "SPL", "collisions", "steps", "nodes", "edges", "spurious")
     body = (
         (*_named(row), _interval(row.success), *_driving(row), *_size(row), _spurious(row), *_sample(row))
-        for row in chain(rows_over_scenes(rows), rows)
+        for row in rows
     )
     caption = "Goals reached with 95 % interval. SPL, collisions and steps are means over the episodes."
     return ReportTable(caption=caption, head=(*head, "episodes", "seeds"), rows=tuple(body), words=3)

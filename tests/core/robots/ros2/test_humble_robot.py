@@ -3,7 +3,7 @@
 import logging
 from collections.abc import Iterator
 from queue import Empty, SimpleQueue
-from typing import Any
+from typing import Any, TypeVar
 
 import pytest
 
@@ -23,8 +23,9 @@ from ltvn_core.robots.ros2.topic_keys import (
 )
 from ltvn_core.robots.ros2.zenoh_link import TopicPublisher, ZenohLink
 from ltvn_core.types import ZERO_TWIST, Twist
-from tests.waiting import until
+from tests.waiting import PATIENCE_S, until
 
+T = TypeVar("T")
 TURN = Twist(0.0, 0.5)
 
 
@@ -71,10 +72,7 @@ def test_commands_reach_it_and_its_coming_and_going_are_seen(
     wheels = Wheels(base, kind)
     until(lambda: commands.has_listener)
 
-    for _ in range(2):
-        commands.put(twist_message(TURN, stamp))
-
-    assert [wheels.reached.get(timeout=5.0) for _ in range(2)] == [(TURN, 1), (TURN, 2)]
+    assert _delivered(commands, wheels.reached, twist_message(TURN, stamp), times=2) == [(TURN, 1), (TURN, 2)]
     wheels.close()
     until(lambda: not commands.has_listener)
 
@@ -92,12 +90,18 @@ def test_a_robot_of_a_later_edition_gets_each_command_once(base: ZenohLink, driv
     commands = driver.command_publisher(Topic("/cmd_vel", TWIST))
     until(lambda: commands.has_listener)
 
-    for _ in range(3):
-        commands.put(twist_message(TURN, None))
-
-    assert [reached.get(timeout=5.0) for _ in range(3)] == [1, 2, 3]
+    assert _delivered(commands, reached, twist_message(TURN, None), times=3) == [1, 2, 3]
     with pytest.raises(Empty):
         reached.get(timeout=0.2)
+
+
+def _delivered(commands: TopicPublisher, reached: SimpleQueue[T], message: Any, times: int) -> list[T]:
+    """Send a message several times, each once the one before has arrived: a link that is full drops what comes next."""
+    arrived = []
+    for _ in range(times):
+        commands.put(message)
+        arrived.append(reached.get(timeout=PATIENCE_S))
+    return arrived
 
 
 def _drive_off(commands: TopicPublisher) -> None:
@@ -113,7 +117,7 @@ def test_the_guard_forwards_to_it(base: ZenohLink, driver: ZenohLink) -> None:
 
     _drive_off(driver.publisher(Topic(open_profile("sim").driving.guard_topic, TWIST)))
 
-    assert wheels.reached.get(timeout=5.0)[0] == ZERO_TWIST
+    assert wheels.reached.get(timeout=PATIENCE_S)[0] == ZERO_TWIST
 
 
 def test_the_guard_says_where_nobody_takes_its_commands(

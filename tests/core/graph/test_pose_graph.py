@@ -59,6 +59,26 @@ def test_true_closures_put_a_drive_right_and_false_ones_are_found_out(false: int
     assert not found.kept[len(again) :][far].any()
 
 
+def test_closures_that_no_way_can_be_long_enough_for_bend_nothing() -> None:
+    truth, odometry = square(), drifted(square())
+    lap = CORNERS * 8
+    again = np.arange(lap, len(truth), 2)
+    true = measured(truth, again, again % lap, 0.1)
+    absurd = RelativePoses(
+        np.array([3, 20, 40]),
+        np.array([50, 61, 90]),
+        np.array([[700.0, 0, 0], [-90, 400, 1], [0, 300, 2]]),
+        np.full((3, 3), 0.1),
+    )
+    both = RelativePoses(*(np.concatenate(pair) for pair in zip(_fields(true), _fields(absurd), strict=True)))  # type: ignore[arg-type]
+
+    found = optimise(odometry, in_a_row(odometry), both)
+
+    alone = optimise(odometry, in_a_row(odometry), true)
+    assert np.allclose(found.poses, alone.poses)
+    assert found.kept.tolist() == [True] * len(again) + [False] * 3
+
+
 def test_without_closures_odometry_is_all_there_is() -> None:
     odometry = drifted(square())
     nothing = np.empty(0, np.intp)

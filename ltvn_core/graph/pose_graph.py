@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_array
-from scipy.sparse.linalg import splu
+from scipy.sparse.linalg import LinearOperator, SuperLU, cg, splu
 
 from ltvn_core.geometry import relative, wrap_angle
 from ltvn_core.types import Pose, Waypoint
@@ -23,6 +23,8 @@ _GROWTH = 1.2
 _MOST_ROUNDS = 200
 _LAST_STEPS = 10
 _CONVERGED = 1e-4
+_EXACT, _MOST_ITERATIONS = 1e-8, 14
+"""Conjugate gradients end at this relative residual, or give up after so many iterations."""
 _LONGEST_WAY = 1.5
 """The wheels may have measured a way as so much shorter than it was."""
 
@@ -89,14 +91,16 @@ def _optimise_possible(poses: Pose, odometry: RelativePoses, closures: RelativeP
     worst = _squared(closures.errors(poses)).max(initial=0.0)
     weights = np.ones(len(closures.first))
     control = _TRUNCATED_ABOVE / max(2 * worst - _TRUNCATED_ABOVE, _TRUNCATED_ABOVE)
+    solver = _Solver()
     for _ in range(_MOST_ROUNDS):
-        poses = _least_squares(poses, odometry, closures, weights, most_steps=1)
+        poses = _least_squares(poses, odometry, closures, weights, solver, most_steps=1)
         weights = _truncated_weights(_squared(closures.errors(poses)), control)
         if ((weights == 0) | (weights == 1)).all():
             break
         control *= _GROWTH
     kept = weights > 0.5
-    return OptimisedPoses(_least_squares(poses, odometry, closures, kept.astype(float), most_steps=_LAST_STEPS), kept)
+    poses = _least_squares(poses, odometry, closures, kept.astype(float), solver, most_steps=_LAST_STEPS)
+    return OptimisedPoses(poses, kept)
 
 
 def _truncated_weights(squared: NDArray[np.float64], control: float) -> NDArray[np.float64]:
@@ -108,7 +112,13 @@ def _truncated_weights(squared: NDArray[np.float64], control: float) -> NDArray[
 
 
 def _least_squares(
-    poses: Pose, odometry: RelativePoses, closures: RelativePoses, weights: NDArray[np.float64], *, most_steps: int
+    poses: Pose,
+    odometry: RelativePoses,
+    closures: RelativePoses,
+    weights: NDArray[np.float64],
+    solver: "_Solver",
+    *,
+    most_steps: int,
 ) -> Pose:
     """Take up to so many steps of Gauss and Newton."""
     closures, weights = closures.among(weights > 0), weights[weights > 0]
@@ -117,15 +127,33 @@ def _least_squares(
         second = _linearised(poses, closures, weights)
         normal = (first.jacobian.T @ first.jacobian + second.jacobian.T @ second.jacobian)[3:, 3:]
         gradient = (first.jacobian.T @ first.errors + second.jacobian.T @ second.errors)[3:]
-        # The normal matrix is symmetric, so an ordering for such matrices fills in far less than COLAMD.
-        factors = splu(
-            csc_array(normal), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
-        )
-        step = factors.solve(-gradient).reshape(-1, 3)
+        step = solver.solve(csc_array(normal), -gradient).reshape(-1, 3)
         poses = np.concatenate([poses[:1], poses[1:] + step])
         if np.abs(step).max(initial=0.0) < _CONVERGED:
             break
     return poses
+
+
+class _Solver:
+    """Solves one system after another, of which each is little different from the one before.
+
+    Factors of an earlier system precondition the next ones, until these are no longer much like it.
+    """
+
+    def __init__(self) -> None:
+        self._factors: SuperLU | None = None
+
+    def solve(self, normal: csc_array, right: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return x (N,) with `normal` (N, N) x = `right` (N,); `normal` is symmetric and positive definite."""
+        if self._factors is not None:
+            like = LinearOperator(normal.shape, self._factors.solve)
+            solution, failed = cg(normal, right, rtol=_EXACT, maxiter=_MOST_ITERATIONS, M=like)
+            if not failed:
+                return solution
+        # An ordering for symmetric matrices fills in far less than SuperLU's own choice, COLAMD.
+        factors = splu(normal, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+        self._factors = factors
+        return factors.solve(right)
 
 
 class _Linearised(NamedTuple):

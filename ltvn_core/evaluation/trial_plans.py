@@ -4,6 +4,7 @@ Guarantees that results of different plans are never mixed. Runs nothing. Parts 
 thresholds; fine-tuning, which is a property of the weights, is a matter of the plan.
 """
 
+import hashlib
 import json
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
@@ -95,6 +96,8 @@ RULES = {f"{group}.{name}": _as_in_paper(group, [name]) for group in _GROUPS for
 
 
 _FINE_TUNING = "fine-tuning"
+_LONGEST_LABEL = 120
+"""Characters; file systems allow 255 for a name, to which endings are added."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -144,15 +147,17 @@ class TrialPlan:
 
     @property
     def label(self) -> str:
-        """Name the method in file names."""
+        """Name the method in file names; what would be longer than file systems allow ends in a fingerprint."""
         words = [self.system]
         words += [] if self.preset == "robust" else [self.preset]
         words += [] if self.predictor == NETWORK else [self.predictor]
         words += [self.maintenance] if self.maintenance else []
         words += [f"no-{part}" for part in self.parts_off]
-        return "-".join(
-            [*words, *(f"with-{name}" for name in (*self.perturbations, *episode_conditions(self.conditions)))]
-        )
+        words += [f"with-{name}" for name in (*self.perturbations, *episode_conditions(self.conditions))]
+        name = "-".join(words)
+        if len(name) <= _LONGEST_LABEL:
+            return name
+        return f"{name[:_LONGEST_LABEL]}-{hashlib.sha256(name.encode()).hexdigest()[:8]}"
 
 
 def method_parts() -> tuple[str, ...]:

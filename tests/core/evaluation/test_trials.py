@@ -14,7 +14,7 @@ from ltvn_core.evaluation.preparation_progress import EvaluationProgress
 from ltvn_core.evaluation.protocol import EvaluationProtocol, light_under, protocol_under
 from ltvn_core.evaluation.reports.result_rows import setup_of
 from ltvn_core.evaluation.results import TrialResult, load_drawing, load_results, save_results
-from ltvn_core.evaluation.trial_plans import TrialFiles, TrialPlan
+from ltvn_core.evaluation.trial_plans import RULES, TrialFiles, TrialPlan
 from ltvn_core.evaluation.trials import record_failures, run_trials
 from ltvn_core.navigation.events import QueryEnded
 from tests.core.simulation.two_room_mesh import box_house, save
@@ -177,6 +177,16 @@ def test_harder_conditions_have_files_of_their_own(folder: Path) -> None:
     assert protocol_under(EvaluationProtocol(), ["slip"]).odometry_noise.slips > 0
     assert protocol_under(EvaluationProtocol(), ["one-loop"]).loops == 1
     assert max(light_under(["half-light"])) == 0.5
+
+
+def test_however_many_rules_are_left_out_their_files_have_names_that_a_file_system_takes(folder: Path) -> None:
+    plan = _plan(folder)
+    many = [replace(plan, parts_off=tuple(RULES)[first:]) for first in (0, 1)]
+
+    labels = {TrialFiles.of(each, folder).label for each in many}
+
+    assert len(labels) == 2
+    assert all(len(f"{label}-25.trial.json") < 200 for label in labels)
 
 
 def test_an_evaluation_under_harder_conditions_says_so(tmp_path: Path) -> None:

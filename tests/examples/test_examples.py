@@ -15,8 +15,8 @@ LONGEST = 60
 
 def run(name: str, *arguments: str | Path, cwd: Path) -> str:
     """Run an example as a person would, and return what it printed."""
-    command = [sys.executable, str(EXAMPLES / name), *map(str, arguments)]
-    done = subprocess.run(command, capture_output=True, text=True, cwd=cwd, check=False)
+    command = [sys.executable, "-X", "utf8", str(EXAMPLES / name), *map(str, arguments)]
+    done = subprocess.run(command, capture_output=True, encoding="utf-8", cwd=cwd, check=False)
     assert done.returncode == 0, done.stderr
     return done.stdout
 
@@ -57,6 +57,16 @@ def test_two_systems_are_evaluated_and_plotted(tmp_path: Path) -> None:
     assert (tmp_path / "success.png").stat().st_size > 5_000
 
 
+def test_questions_are_answered_from_python(tmp_path: Path) -> None:
+    said = run("09_ask_why_from_python.py", cwd=tmp_path)
+    assert said.count(" failed (") >= 4
+    assert "query 2 failed (wrong arrival)" in said
+    assert "The map that it began with has a gap" in said
+    assert "It left the map at 9.6 s because attempt 7 failed." in said
+    assert "gone at step 3383: It was pruned after attempt 7" in said
+
+
+@pytest.mark.slow
 def test_the_notebook_runs_from_top_to_bottom() -> None:
     notebook = nbformat.read(NOTEBOOK, nbformat.NO_CONVERT)
     NotebookClient(notebook, timeout=120, resources={"metadata": {"path": str(EXAMPLES)}}).execute()

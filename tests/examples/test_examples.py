@@ -8,6 +8,8 @@ import nbformat
 import pytest
 from nbclient import NotebookClient
 
+import ltvn_core as ltvn
+
 EXAMPLES = Path(__file__).parents[2] / "examples"
 NOTEBOOK = EXAMPLES / "07_analyse_in_a_notebook.ipynb"
 LONGEST = 60
@@ -64,6 +66,15 @@ def test_questions_are_answered_from_python(tmp_path: Path) -> None:
     assert "The map that it began with has a gap" in said
     assert "It left the map at 9.6 s because attempt 7 failed." in said
     assert "gone at step 3383: It was pruned after attempt 7" in said
+
+
+def test_p_of_an_edge_is_read_with_rerun_and_plotted(tmp_path: Path) -> None:
+    said = run("10_plot_p_of_an_edge.py", tmp_path / "p.png", cwd=tmp_path)
+    recording = ltvn.Recording.open(EXAMPLES.parent / "recordings" / "demo-fault.rrd")
+    (life,) = ltvn.analysis.edge_history(ltvn.Timeline.of(recording.events), 1489, 2621).lifetimes
+    believed = [f"{each.instant.stamp:.1f} s  p = {each.belief.p:.3f}" for each in life.beliefs]
+    assert [line.strip() for line in said.splitlines()[:-1]] == [*believed, "338.1 s  p = 0.000"]
+    assert (tmp_path / "p.png").stat().st_size > 5_000
 
 
 @pytest.mark.slow

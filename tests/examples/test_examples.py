@@ -77,6 +77,20 @@ def test_p_of_an_edge_is_read_with_rerun_and_plotted(tmp_path: Path) -> None:
     assert (tmp_path / "p.png").stat().st_size > 5_000
 
 
+def test_two_maps_are_compared(tmp_path: Path) -> None:
+    said = run("11_compare_two_maps.py", cwd=tmp_path)
+    assert "327 nodes are in both, matched by id" in said
+    assert "4 edges are only in demo-map.rrd: 1158 -> 2465" in said
+    assert "3 edges are only in demo-fault.rrd: 2621 -> 1489" in said
+    assert "1493 -> 1489: p 0.95, length 0.58 became p 0.95, length 0.73; attempts 0 to 3" in said
+
+
+def test_maps_of_two_drives_are_compared_by_their_poses(tmp_path: Path) -> None:
+    recordings = EXAMPLES.parent / "recordings"
+    said = run("11_compare_two_maps.py", recordings / "demo-drive.rrd", recordings / "demo-map.rrd", cwd=tmp_path)
+    assert "matched by pose" in said
+
+
 @pytest.mark.slow
 def test_the_notebook_runs_from_top_to_bottom() -> None:
     notebook = nbformat.read(NOTEBOOK, nbformat.NO_CONVERT)

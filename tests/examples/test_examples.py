@@ -91,6 +91,14 @@ def test_maps_of_two_drives_are_compared_by_their_poses(tmp_path: Path) -> None:
     assert "matched by pose" in said
 
 
+def test_a_plan_turns_when_the_map_or_a_threshold_is_another(tmp_path: Path) -> None:
+    said = run("12_plan_under_another_threshold.py", cwd=tmp_path)
+    assert "belief_weight 1.5: cost 4.88, 2 nodes: 1489 -> 2621" in said
+    assert "without the edge: cost 15.49, 21 nodes" in said
+    assert "belief_weight 0: cost 2.48, 2 nodes" in said
+    assert "belief_weight 20: cost 33.58, 20 nodes" in said
+
+
 @pytest.mark.slow
 def test_the_notebook_runs_from_top_to_bottom() -> None:
     notebook = nbformat.read(NOTEBOOK, nbformat.NO_CONVERT)

@@ -1,5 +1,6 @@
 """The examples run as they stand, from any folder, and stay short enough to read at one go."""
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -100,6 +101,14 @@ def test_a_plan_turns_when_the_map_or_a_threshold_is_another(tmp_path: Path) -> 
 
 
 @pytest.mark.slow
+def test_a_planar_robot_arrives_at_its_goal(tmp_path: Path) -> None:
+    said = run("13_drive_a_planar_robot.py", cwd=tmp_path)
+    assert "query 0 ended: arrived" in said
+    away = re.search(r"The small robot stands (\S+) m from where", said)
+    assert away is not None
+    assert float(away[1]) < 0.5
+
+
 def test_the_notebook_runs_from_top_to_bottom() -> None:
     notebook = nbformat.read(NOTEBOOK, nbformat.NO_CONVERT)
     NotebookClient(notebook, timeout=120, resources={"metadata": {"path": str(EXAMPLES)}}).execute()

@@ -109,6 +109,15 @@ def test_a_planar_robot_arrives_at_its_goal(tmp_path: Path) -> None:
     assert float(away[1]) < 0.5
 
 
+def test_rows_of_ones_own_stand_in_the_recording(tmp_path: Path) -> None:
+    said = run("14_write_your_own_rows_into_a_recording.py", tmp_path / "own.rrd", cwd=tmp_path)
+    assert "/my/contrast: 30 rows" in said
+    assert "/my/edges: 30 rows" in said
+    assert "/my/remarks: 2 rows" in said
+    assert "whole, 30 images" in said
+    assert len(ltvn.Recording.open(tmp_path / "own.rrd").frames) == 30
+
+
 def test_the_notebook_runs_from_top_to_bottom() -> None:
     notebook = nbformat.read(NOTEBOOK, nbformat.NO_CONVERT)
     NotebookClient(notebook, timeout=120, resources={"metadata": {"path": str(EXAMPLES)}}).execute()

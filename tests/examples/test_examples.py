@@ -1,5 +1,6 @@
 """The examples run as they stand, from any folder, and stay short enough to read at one go."""
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -8,6 +9,8 @@ import nbformat
 import pytest
 from nbclient import NotebookClient
 
+import ltvn_core as ltvn
+
 EXAMPLES = Path(__file__).parents[2] / "examples"
 NOTEBOOK = EXAMPLES / "07_analyse_in_a_notebook.ipynb"
 LONGEST = 60
@@ -15,8 +18,8 @@ LONGEST = 60
 
 def run(name: str, *arguments: str | Path, cwd: Path) -> str:
     """Run an example as a person would, and return what it printed."""
-    command = [sys.executable, str(EXAMPLES / name), *map(str, arguments)]
-    done = subprocess.run(command, capture_output=True, text=True, cwd=cwd, check=False)
+    command = [sys.executable, "-X", "utf8", str(EXAMPLES / name), *map(str, arguments)]
+    done = subprocess.run(command, capture_output=True, encoding="utf-8", cwd=cwd, check=False)
     assert done.returncode == 0, done.stderr
     return done.stdout
 
@@ -55,6 +58,64 @@ def test_two_systems_are_evaluated_and_plotted(tmp_path: Path) -> None:
     said = run("06_evaluate_and_plot.py", tmp_path, "2", cwd=tmp_path)
     assert said.count("of 2 episodes") == 2
     assert (tmp_path / "success.png").stat().st_size > 5_000
+
+
+def test_questions_are_answered_from_python(tmp_path: Path) -> None:
+    said = run("09_ask_why_from_python.py", cwd=tmp_path)
+    assert said.count(" failed (") >= 4
+    assert "query 2 failed (wrong arrival)" in said
+    assert "The map that it began with has a gap" in said
+    assert "It left the map at 9.6 s because attempt 7 failed." in said
+    assert "gone at step 3383: It was pruned after attempt 7" in said
+
+
+def test_p_of_an_edge_is_read_with_rerun_and_plotted(tmp_path: Path) -> None:
+    said = run("10_plot_p_of_an_edge.py", tmp_path / "p.png", cwd=tmp_path)
+    recording = ltvn.Recording.open(EXAMPLES.parent / "recordings" / "demo-fault.rrd")
+    (life,) = ltvn.analysis.edge_history(ltvn.Timeline.of(recording.events), 1489, 2621).lifetimes
+    believed = [f"{each.instant.stamp:.1f} s  p = {each.belief.p:.3f}" for each in life.beliefs]
+    assert [line.strip() for line in said.splitlines()[:-1]] == [*believed, "338.1 s  p = 0.000"]
+    assert (tmp_path / "p.png").stat().st_size > 5_000
+
+
+def test_two_maps_are_compared(tmp_path: Path) -> None:
+    said = run("11_compare_two_maps.py", cwd=tmp_path)
+    assert "327 nodes are in both, matched by id" in said
+    assert "4 edges are only in demo-map.rrd: 1158 -> 2465" in said
+    assert "3 edges are only in demo-fault.rrd: 2621 -> 1489" in said
+    assert "1493 -> 1489: p 0.95, length 0.58 became p 0.95, length 0.73; attempts 0 to 3" in said
+
+
+def test_maps_of_two_drives_are_compared_by_their_poses(tmp_path: Path) -> None:
+    recordings = EXAMPLES.parent / "recordings"
+    said = run("11_compare_two_maps.py", recordings / "demo-drive.rrd", recordings / "demo-map.rrd", cwd=tmp_path)
+    assert "matched by pose" in said
+
+
+def test_a_plan_turns_when_the_map_or_a_threshold_is_another(tmp_path: Path) -> None:
+    said = run("12_plan_under_another_threshold.py", cwd=tmp_path)
+    assert "belief_weight 1.5: cost 4.88, 2 nodes: 1489 -> 2621" in said
+    assert "without the edge: cost 15.49, 21 nodes" in said
+    assert "belief_weight 0: cost 2.48, 2 nodes" in said
+    assert "belief_weight 20: cost 33.58, 20 nodes" in said
+
+
+@pytest.mark.slow
+def test_a_planar_robot_arrives_at_its_goal(tmp_path: Path) -> None:
+    said = run("13_drive_a_planar_robot.py", cwd=tmp_path)
+    assert "query 0 ended: arrived" in said
+    away = re.search(r"The small robot stands (\S+) m from where", said)
+    assert away is not None
+    assert float(away[1]) < 0.5
+
+
+def test_rows_of_ones_own_stand_in_the_recording(tmp_path: Path) -> None:
+    said = run("14_write_your_own_rows_into_a_recording.py", tmp_path / "own.rrd", cwd=tmp_path)
+    assert "/my/contrast: 30 rows" in said
+    assert "/my/edges: 30 rows" in said
+    assert "/my/remarks: 2 rows" in said
+    assert "whole, 30 images" in said
+    assert len(ltvn.Recording.open(tmp_path / "own.rrd").frames) == 30
 
 
 def test_the_notebook_runs_from_top_to_bottom() -> None:

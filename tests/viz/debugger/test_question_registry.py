@@ -104,9 +104,8 @@ def test_a_question_that_takes_no_text_says_so(harness: SessionHarness) -> None:
 def test_our_questions_keep_the_words_of_links_that_were_sent(tmp_path: Path) -> None:
     words = SessionHarness(tmp_path).state.debugger.words
 
-    assert (
-        " ".join(words) == "edge blame presence tried time decisions what-if where break compare truth failures coach hand share"
-    )
+    sent = "edge blame presence tried time decisions what-if where break compare truth failures coach hand share"
+    assert " ".join(words) == sent
     earlier = [words[word] for word in ("blame", "presence", "tried")]
     assert set(earlier) == {words["edge"]}
     assert len(set(words.values())) == len(words) - len(earlier)

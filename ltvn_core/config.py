@@ -81,14 +81,9 @@ class LocalisingConfig:
     """Least r for a node to be where the robot is (ours)."""
     reachability_weight: float = 1.5
     """The score is d - weight * ln r; 0 is the paper's nearest node (ours)."""
-    shortlist: int = 5
-    """How many of the best nodes are asked for temporal support, without which none is believed; 0 = off (ours)."""
-    trail_reach: int = 30
-    """What the robot saw on its way must fit to so many images of the drive before and after a node; 0 = off (ours)."""
-    trail_share: float = 0.2
-    """Share of those observations that must fit (ours)."""
     follow_places: bool = True
-    """Follow all places that images resemble, until what is seen on the way tells which it is (ours)."""
+    """Follow all places that images resemble until what is seen on the way tells which it is. Where that is sure, no
+    look-alike is taken for a node, a target or the goal (ours)."""
     doubt_after_failures: int = 3
     """Failed attempts in one query after which the robot does not believe to be where they began; 0 = never (ours)."""
 
@@ -148,21 +143,16 @@ class JudgingConfig:
     """When an attempt succeeded and when the goal is reached."""
 
     success_distance: float = 0.7
-    """An attempt succeeded if its target is nearer than this (ours); 0 = isConnectable, within D_c (paper)."""
+    """An attempt succeeded if its target is nearer than this, so that it fails where something blocks a short edge
+    (ours); 0 = isConnectable, within D_c (paper)."""
     success_reachability: float = 0.5
     """Least r for a success (ours)."""
-    odometry_gap: float = 1.0
-    """An attempt whose odometry ends farther than this d from its waypoint failed; 0 switches it off (ours)."""
     arrive_distance: float = 0.45
     """The goal is reached when it is nearer than this (ours)."""
     arrive_reachability: float = 0.6
     """Least r for the goal to be reached (ours)."""
     arrive_yaw_rad: float = 0.25
     """Greatest yaw to the goal; pi switches the gate off (ours)."""
-    by_plan: bool = True
-    """Believe the goal only about where the last plan puts it (ours)."""
-    second_look: bool = True
-    """Turn a little, observe again, and believe the goal only if both observations agree (ours)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -289,9 +279,7 @@ PAPER = Method(
         keep_merged=False,
         largest_piece=False,
     ),
-    localising=LocalisingConfig(
-        reachability_weight=0.0, shortlist=0, trail_reach=0, follow_places=False, doubt_after_failures=0
-    ),
+    localising=LocalisingConfig(reachability_weight=0.0, follow_places=False, doubt_after_failures=0),
     planning=PlanningConfig(belief_weight=0.0, failure_penalty=0.0, repeat_limit=0),
     driving=DrivingConfig(
         patience_s=0.0,
@@ -304,9 +292,7 @@ PAPER = Method(
         bends=0,
         back_off_m=0.1,
     ),
-    judging=JudgingConfig(
-        success_distance=0.0, odometry_gap=0.0, arrive_yaw_rad=math.pi, by_plan=False, second_look=False
-    ),
+    judging=JudgingConfig(success_distance=0.0, arrive_yaw_rad=math.pi),
     believing=BeliefConfig(
         one_failure_per_query=False,
         hindered_weight=1.0,

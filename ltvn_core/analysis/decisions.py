@@ -25,14 +25,16 @@ class RuleUse(NamedTuple):
 
     rule: str
     """Its name in `config`, such as localising.distance."""
-    limit: float | bool
-    """Its value in the run."""
+    limit: float | bool | None
+    """Its value in the run; None for a rule of an older version."""
     found: float | None = None
     """What was compared with it; None where the rule compares no recorded number."""
 
     @property
     def text(self) -> str:
         """The rule, its number and what was compared with it."""
+        if self.limit is None:
+            return f"{self.rule}, a rule of an older version"
         limit = ("on" if self.limit else "off") if isinstance(self.limit, bool) else f"{self.limit:g}"
         return f"{self.rule} = {limit}" + ("" if self.found is None else f" (here {self.found:.2f})")
 
@@ -98,8 +100,15 @@ def _decisions(events: Sequence[e.StampedEvent], first: int, timeline: Timeline,
             failed += not event.succeeded
         if rules is None:
             continue
-        used = tuple(RuleUse(rule, attrgetter(rule)(method), found) for rule, found in rules.items())
+        used = tuple(RuleUse(rule, _limit(method, rule), found) for rule, found in rules.items())
         yield Decision(number, timeline.instant(number), describe_event(event).sentence, used)
+
+
+def _limit(method: Method, rule: str) -> float | bool | None:
+    try:
+        return attrgetter(rule)(method)
+    except AttributeError:
+        return None
 
 
 def _rules(event: e.Event, failed: int) -> dict[str, float | None] | None:
@@ -138,7 +147,7 @@ def _localising_rules(event: e.Localised) -> dict[str, float | None]:
         "localising.reachability": event.reachability,
     }
     if event.node is None:
-        return near | {"localising.shortlist": None}
+        return near
     if event.probability is not None:
         near["localising.follow_places"] = None
     return near if event.scope == LOCAL else near | {"localising.reachability_weight": None}

@@ -12,19 +12,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from ltvn_core.config import LocalisingConfig
 from ltvn_core.geometry import distance
-from ltvn_core.graph.loop_closures import AgreementCriterion, LoopClosureVerifier, ObservationSequence
 from ltvn_core.graph.matching import Matcher, Matches
-from ltvn_core.graph.place_belief import BelievedPlace, is_where_expected
+from ltvn_core.graph.place_belief import AT_PLACE, BelievedPlace, is_where_expected
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.types import Features, FrameId, NodeId, Waypoint
 
 LOCAL = "local"
 GLOBAL = "global"
 _MIN_REACHABILITY = 1e-6
-_MIN_OBSERVATIONS, _MIN_OBSERVATIONS_TO_BLAME = 3, 5
-"""So many observations must bear on a place before it is passed over, and before an edge that led there is blamed."""
-_AT_PLACE = (0.9, 0.5)
-"""A node may be seen so far from where the place that the robot is at puts it, in m and rad."""
 _DOUBT_AT_PLACE = 0.5
 """There the score is d + so much times -ln r."""
 
@@ -35,8 +30,6 @@ class LocalisationPrior:
 
     plan: Sequence[NodeId] = ()
     """The nodes of the last plan."""
-    trail: ObservationSequence | None = None
-    """What it saw on its way here."""
     doubted: Collection[NodeId] = ()
     """Nodes that it does not believe to be at any more."""
     place: BelievedPlace | None = None
@@ -79,7 +72,6 @@ class Localiser:
         """Localise with `matcher`."""
         self._matcher = matcher
         self._config = config
-        self._loop_closures = LoopClosureVerifier(matcher)
 
     def localise(
         self, features: Features, graph: TopologicalGraph, prior: LocalisationPrior = NO_PRIOR
@@ -89,10 +81,10 @@ class Localiser:
             return self._at_place(prior.place, features, prior)
         nearby = [node for node in plan_neighbourhood(graph, prior.plan) if node not in prior.doubted]
         if nearby:
-            localisation = self._best_among(nearby, features, prior, LOCAL)
+            localisation = self._best_among(nearby, features, LOCAL)
             if localisation.node is not None:
                 return localisation
-        return self._best_among(prior.candidates(graph), features, prior, GLOBAL)
+        return self._best_among(prior.candidates(graph), features, GLOBAL)
 
     def _at_place(self, place: BelievedPlace, features: Features, prior: LocalisationPrior) -> Localisation:
         """Return the best of the nodes around a place, of those that are seen about where they should be.
@@ -102,20 +94,16 @@ class Localiser:
         nodes = [node for node in place.nodes if node not in prior.doubted]
         matches = self._matcher.match(features, nodes)
         expected = np.array([place.nodes[node] for node in nodes]).reshape(-1, 3)
-        trusted = matches.reachability * is_where_expected(expected, matches.waypoints, _AT_PLACE)
-        found = self._believable(features, matches.with_reachability(trusted))
+        trusted = matches.reachability * is_where_expected(expected, matches.waypoints, AT_PLACE)
+        found = matches.with_reachability(trusted)
         away = np.array([distance(place.nodes[node]) for node in found.nodes])
         scores = away + _DOUBT_AT_PLACE * doubt(found.reachability)
-        best = best_localisation(found, scores, self._near_enough(found), LOCAL)
+        best = best_localisation(found, scores, near_enough(found, self._config), LOCAL)
         return best._replace(probability=place.probability)
 
-    def _best_among(
-        self, nodes: Sequence[NodeId], features: Features, prior: LocalisationPrior, scope: str
-    ) -> Localisation:
-        matches = self._believable(features, self._matcher.match(features, nodes))
-        if prior.trail is not None:
-            matches = self._reject_off_trail(matches, prior.trail)
-        return self._best(matches, scope)
+    def _best_among(self, nodes: Sequence[NodeId], features: Features, scope: str) -> Localisation:
+        matches = self._matcher.match(features, nodes)
+        return best_localisation(matches, self._scores(matches), near_enough(matches, self._config), scope)
 
     def nearest_nodes(
         self, features: Features, graph: TopologicalGraph, count: int
@@ -128,63 +116,10 @@ class Localiser:
     def _scores(self, matches: Matches) -> np.ndarray:
         return matches.distances + self._config.reachability_weight * doubt(matches.reachability)
 
-    def _near_enough(self, matches: Matches) -> np.ndarray:
-        return near_enough(matches, self._config)
-
-    def _believable(self, features: Features, matches: Matches) -> Matches:
-        """Lower r of the best nodes to what their neighbours in time confirm; the rest cannot win any more."""
-        candidates = np.flatnonzero(self._near_enough(matches))
-        if not self._config.shortlist or not len(candidates):
-            return matches
-        order = np.argsort(self._scores(matches)[candidates], kind="stable")
-        return self._matcher.with_node_support(matches.take(candidates[order[: self._config.shortlist]]), features)
-
-    def _reject_off_trail(self, matches: Matches, trail: ObservationSequence) -> Matches:
-        """Take all trust from the best nodes up to the first that fits to the way here."""
-        candidates = np.flatnonzero(self._near_enough(matches))
-        trusted = matches.reachability.copy()
-        for k in candidates[np.argsort(self._scores(matches)[candidates], kind="stable")]:
-            if matches.by_view[k] or fits_trail(
-                self._loop_closures, trail, matches.nodes[k], matches.waypoints[k], self._config
-            ):
-                break
-            trusted[k] = 0.0
-        return matches.with_reachability(trusted)
-
-    def _best(self, matches: Matches, scope: str) -> Localisation:
-        return best_localisation(matches, self._scores(matches), self._near_enough(matches), scope)
-
 
 def near_enough(matches: Matches, config: LocalisingConfig) -> NDArray[np.bool_]:
     """Tell (N,) which matches are near enough to be where the robot is."""
     return (matches.distances < config.distance) & (matches.reachability > config.reachability)
-
-
-def fits_trail(
-    loop_closures: LoopClosureVerifier,
-    trail: ObservationSequence | None,
-    node: NodeId,
-    waypoint: Waypoint,
-    config: LocalisingConfig,
-    *,
-    to_blame: bool = False,
-) -> bool:
-    """Tell whether a node seen at `waypoint` (3,) may be there, after all that was seen on the way here.
-
-    More must speak against it where an edge is `to_blame`.
-    """
-    min_pairs = _MIN_OBSERVATIONS_TO_BLAME if to_blame else _MIN_OBSERVATIONS
-    criterion = AgreementCriterion(config.trail_reach, config.trail_share, min_pairs)
-    return trail is None or not config.trail_reach or loop_closures.fits(trail, node, waypoint, criterion)
-
-
-def trail_fit_mask(
-    matcher: Matcher, trail: ObservationSequence | None, matches: Matches, config: LocalisingConfig
-) -> NDArray[np.bool_]:
-    """Tell (N,) which matches may be where they seem, after all that was seen on the way here."""
-    loop_closures = LoopClosureVerifier(matcher)
-    pairs = zip(matches.nodes, matches.waypoints, strict=True)
-    return matches.by_view | np.array([fits_trail(loop_closures, trail, *pair, config) for pair in pairs], bool)
 
 
 def doubt(reachability: ArrayLike) -> NDArray[np.float64]:

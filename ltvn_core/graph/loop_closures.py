@@ -2,11 +2,10 @@
 
 Two rooms may look alike from one place; what is seen a metre on, or after a turn, tells them apart. Odometry over so
 short a stretch is exact, so a match foretells how the images around its ends lie to each other, and the network is
-asked whether they do. Owns that question (ours), for edges between two passes of a drive and for the robot on its way.
+asked whether they do. Owns that question (ours), for edges between two passes of a drive.
 """
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +22,8 @@ _NEAR = 0.9
 _GAP_M, _GAP_RAD = 0.35, 0.35
 """An answer may be off by so much."""
 _MIN_REACHABILITY = 0.5
+_MIN_PAIRS = 3
+"""Where fewer images should see each other, there is no verdict."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,17 +38,6 @@ class ObservationSequence:
     """(K, 2): pitch and roll of the camera in rad; None where it cannot tilt, or nobody measured it."""
 
 
-class AgreementCriterion(NamedTuple):
-    """What counts as fitting."""
-
-    reach: int
-    """So many images of the drive before and after a node take part."""
-    min_share: float
-    """Of the images that should see each other so many must, and where they should."""
-    min_pairs: int
-    """Where fewer images should see each other, there is no verdict."""
-
-
 class LoopClosureVerifier:
     """Asks whether a match fits along the way."""
 
@@ -55,7 +45,8 @@ class LoopClosureVerifier:
         """Ask through `matcher`, whose views hold the drives."""
         self._matcher = matcher
         self._keyframes = matcher.keyframes
-        self._edges = AgreementCriterion(matcher.config.closure_reach, matcher.config.closure_share, min_pairs=3)
+        self._reach = matcher.config.closure_reach
+        self._min_share = matcher.config.closure_share
 
     def connections(self, frame: FrameId, matches: Matches, thresholds: OperatorThresholds) -> Matches:
         """Return the matches of a held frame that become edges: connectable before and after `supported`."""
@@ -76,30 +67,29 @@ class LoopClosureVerifier:
 
         Images close in time need no such proof.
         """
-        reach = self._edges.reach
-        if not reach or not asked.any():
+        if not self._reach or not asked.any():
             return matches
         trusted = matches.reachability.copy()
         here = None
-        near = set(self._keyframes.temporal_window(frame, reach))
+        near = set(self._keyframes.temporal_window(frame, self._reach))
         for k in np.flatnonzero(asked):
             if matches.nodes[k] not in near:
-                here = here or self._sequence_around(frame, reach)
-                trusted[k] *= self.fits(here, matches.nodes[k], matches.waypoints[k], self._edges)
+                here = here or self._sequence_around(frame)
+                trusted[k] *= self._fits(here, matches.nodes[k], matches.waypoints[k])
         return matches.with_reachability(trusted)
 
-    def fits(self, here: ObservationSequence, node: FrameId, waypoint: Waypoint, criterion: AgreementCriterion) -> bool:
+    def _fits(self, here: ObservationSequence, node: FrameId, waypoint: Waypoint) -> bool:
         """Tell whether a node at `waypoint` (3,) fits to the stretch that leads here; True where none can say."""
-        there = self._sequence_around(node, criterion.reach)
+        there = self._sequence_around(node)
         first, second, expected = _expected_overlaps(here, replace(there, poses=compose(waypoint, there.poses)))
-        if len(first) < criterion.min_pairs:
+        if len(first) < _MIN_PAIRS:
             return True
         agreed = self._pairs_agree(here.features[first], there.features[second], expected)
-        return bool(agreed.mean() >= criterion.min_share)
+        return bool(agreed.mean() >= self._min_share)
 
-    def _sequence_around(self, frame: FrameId, reach: int) -> ObservationSequence:
+    def _sequence_around(self, frame: FrameId) -> ObservationSequence:
         """Return what the drive saw before and after a frame."""
-        beside = self._keyframes.temporal_window(frame, reach)
+        beside = self._keyframes.temporal_window(frame, self._reach)
         seen = [self._keyframes.observation(other) for other in beside]
         odometry = np.array([each.odometry for each in seen]).reshape(-1, 3)
         tilts = [each.tilt for each in seen if each.tilt is not None]

@@ -9,8 +9,6 @@ from dataclasses import dataclass, replace
 from ltvn_core.config import BeliefConfig, Method
 from ltvn_core.graph.beliefs import update_belief
 from ltvn_core.graph.deltas import BeliefUpdated, Cause, Edge, EdgePruned, GraphDelta
-from ltvn_core.graph.localiser import trail_fit_mask
-from ltvn_core.graph.loop_closures import ObservationSequence
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.operators import OperatorThresholds, connectable, mergeable, node_with_edges
 from ltvn_core.graph.presence.obstruction import Obstruction
@@ -45,15 +43,13 @@ class AttemptEvidence:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class UnrecognisedObservation:
-    """No node is near enough to the current image, or none that fits to the way here."""
+    """No node is near enough to the current image, or none where the robot can be."""
 
     observation: Observation
     features: Features
     """(1, F) of the observation."""
     consecutive_failures: int
     """Observations in a row, this one included, for which there was no node or no path."""
-    trail: ObservationSequence | None = None
-    """What was seen on the way here."""
 
 
 def update_edge(graph: TopologicalGraph, attempt: AttemptEvidence, config: BeliefConfig) -> tuple[GraphDelta, ...]:
@@ -89,8 +85,7 @@ def novel_node(
 ) -> tuple[GraphDelta, ...]:
     """Return the deltas that make an image nobody recognised a node; none if it merges or no edge joins it to the map.
 
-    D_c is looser and D_m smaller than in building. What must not be where the robot is, after all that it saw on its
-    way, is not tied to it either.
+    D_c is looser and D_m smaller than in building.
     """
     thresholds = OperatorThresholds.building(method.building).for_novel_nodes(method.expanding)
     observation = unrecognised.observation
@@ -102,8 +97,6 @@ def novel_node(
     chosen = matches.take(connectable(matches, thresholds))
     if method.expanding.strict:
         chosen = matcher.with_node_support(chosen, unrecognised.features)
-        chosen = chosen.take(
-            connectable(chosen, thresholds) & trail_fit_mask(matcher, unrecognised.trail, chosen, method.localising)
-        )
+        chosen = chosen.take(connectable(chosen, thresholds))
     # A node without an edge could never be used, so it waits until an edge joins it to the map.
     return tuple(node_with_edges(observation, chosen, method.believing, Cause.NOVEL)) if len(chosen) else ()

@@ -128,6 +128,10 @@ _SURE = 0.95
 """The robot knows where it is if a place is so probable."""
 _AROUND_M = 3.0
 """Nodes so near to a place are around it."""
+AT_PLACE = (0.9, 0.5)
+"""A node may be seen so far from where the place that the robot is at puts it, in m and rad."""
+LIKELY, SURE = 0.5, 0.8
+"""The robot drives by a place that is so probable, and judges by one that is so probable."""
 
 
 class BelievedPlace(NamedTuple):
@@ -137,6 +141,15 @@ class BelievedPlace(NamedTuple):
     """The nodes around, each (3,) in the robot's frame, the nearest first."""
     probability: float
     """Of this place among all that are followed."""
+    is_recognised: bool
+    """Whether the last image shows a node where this place puts it; not so where the world has changed."""
+
+    def rules_out(self, node: NodeId, waypoint: Waypoint, probability: float) -> bool:
+        """Tell whether a node cannot be where it is seen, at a waypoint (3,): the robot is surer to be here."""
+        if self.probability <= probability or not self.is_recognised:
+            return False
+        known = self.nodes.get(node)
+        return known is None or not is_where_expected(known, waypoint, AT_PLACE)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -164,12 +177,12 @@ class PlaceBelief:
         self._layout, self._tree = _laid_out(graph)
         self._places = _NO_PLACES
         self._odometry = np.zeros(3)
-        self._is_sure = False
+        self._is_sure = self._is_recognised = False
 
     def forget(self) -> None:
         """Begin anew, where what was believed has proved wrong."""
         self._places = _NO_PLACES
-        self._is_sure = False
+        self._is_sure = self._is_recognised = False
 
     def nodes_to_ask(self, odometry: Pose) -> tuple[NodeId, ...]:
         """Return the nodes that tell of an image taken at an odometry pose (3,) where it was taken.
@@ -200,10 +213,10 @@ class PlaceBelief:
         """Return the likeliest place at an odometry pose (3,) whose nearest node is not doubted; None without any."""
         self._move_to(odometry)
         weights = np.exp(self._places.log_weights)
-        for pose, weight in zip(self._places.poses, weights, strict=True):
+        for k, (pose, weight) in enumerate(zip(self._places.poses, weights, strict=True)):
             nodes = self._nodes_around(pose)
             if nodes and next(iter(nodes)) not in doubted:
-                return BelievedPlace(nodes, float(weight / weights.sum()))
+                return BelievedPlace(nodes, float(weight / weights.sum()), k == 0 and self._is_recognised)
         return None
 
     def _move_to(self, odometry: Pose) -> None:
@@ -259,8 +272,8 @@ class PlaceBelief:
             if not _is_within(relative(places.poses[k], places.poses[kept]), _MERGED).any():
                 kept.append(k)
         self._places = _Places(places.poses[kept], places.log_weights[kept] - best)
-        recognised = bool(kept) and kept[0] < len(agrees) and bool(agrees[kept[0]])
-        self._is_sure = recognised and 1 / np.exp(self._places.log_weights).sum() > _SURE
+        self._is_recognised = bool(kept) and kept[0] < len(agrees) and bool(agrees[kept[0]])
+        self._is_sure = self._is_recognised and 1 / np.exp(self._places.log_weights).sum() > _SURE
 
     def _nodes_around(self, pose: Pose) -> dict[NodeId, Pose]:
         rows = np.array(self._tree.query_ball_point(pose[:2], _AROUND_M), np.intp)

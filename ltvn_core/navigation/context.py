@@ -12,7 +12,6 @@ import numpy as np
 from ltvn_core.config import Method
 from ltvn_core.graph.deltas import GraphDelta
 from ltvn_core.graph.keyframes import KeyframeStore
-from ltvn_core.graph.loop_closures import LoopClosureVerifier
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.graph.planner import Planner
@@ -36,7 +35,6 @@ class NavigationContext:
     """The robot's size and camera."""
     matcher: Matcher
     planner: Planner
-    loop_closures: LoopClosureVerifier
     bystanders: Bystanders = field(default_factory=Bystanders)
     """The people around the robot."""
     world_time: Callable[[], float] | None = None
@@ -80,7 +78,6 @@ class NavigationContext:
             world_time=world_time,
             matcher=matcher,
             planner=planner,
-            loop_closures=LoopClosureVerifier(matcher),
         )
 
     def apply_deltas(

@@ -144,7 +144,7 @@ class AttemptEnded:
     reason: str
     """Which rule decided, in words."""
     rule: str = ""
-    """The rule's name in `config`, such as judging.odometry_gap; empty in older recordings, and where none decided."""
+    """The rule's name in `config`, such as judging.success_distance; empty in older recordings, and without any."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,18 +6,13 @@ Owns which observations are kept. Odometry drifts, so only the last metres say a
 from collections import deque
 from collections.abc import Sequence
 
-import numpy as np
-
 from ltvn_core.geometry import distance, relative
-from ltvn_core.graph.loop_closures import ObservationSequence
 from ltvn_core.types import Features, Pose
 
 _MAX_OBSERVATIONS = 24
 """Observations kept."""
 _MIN_SPACING = 0.2
 """An observation nearer than this d to the last one adds nothing."""
-_SAME_PLACE_DISTANCE = 0.2
-"""An observation nearer than this d to the robot was taken here, not on the way."""
 
 
 class ObservationTrail:
@@ -45,11 +40,3 @@ class ObservationTrail:
         """Begin anew, where the way here seems to have been misunderstood."""
         self._observations.clear()
         self.beginnings += 1
-
-    def relative_to(self, odometry: Pose) -> ObservationSequence | None:
-        """Return the observations relative to an odometry pose (3,), without those taken there; None without any."""
-        poses = relative(odometry, np.array([pose for pose, _ in self._observations]).reshape(-1, 3))
-        elsewhere = np.flatnonzero(distance(poses) > _SAME_PLACE_DISTANCE)
-        if not len(elsewhere):
-            return None
-        return ObservationSequence(np.concatenate([self._observations[k][1] for k in elsewhere]), poses[elsewhere])

@@ -31,5 +31,4 @@ class PassiveLocaliser:
         features = self._predictor.encode([seen])
         self._trail.add(seen.odometry, features)
         place = self._places.place(self._trail, seen.odometry)
-        prior = LocalisationPrior(trail=self._trail.relative_to(seen.odometry), place=place)
-        return self._system.localise(features, self._graph, prior, self._matcher)
+        return self._system.localise(features, self._graph, LocalisationPrior(place=place), self._matcher)

@@ -9,7 +9,6 @@ from typing import NamedTuple
 import numpy as np
 
 from ltvn_core.geometry import distance, relative
-from ltvn_core.graph.loop_closures import ObservationSequence
 from ltvn_core.graph.matching import Matcher, Matches
 from ltvn_core.navigation.events import Note, Severity
 from ltvn_core.navigation.motion import MotionExecutor
@@ -85,11 +84,6 @@ class Perception:
             self._features = self._predictor.encode([seen])
             self.trail.add(seen.odometry, self._features)
         return self._features
-
-    @property
-    def trail_from_here(self) -> ObservationSequence | None:
-        """What was seen on the way, as it lies from where the robot is now."""
-        return self.trail.relative_to(self._motion.odometry)
 
     def node_match(self, node: NodeId) -> NodeMatch:
         """Compare the current observation with a node; one that is not usable resembles nothing."""

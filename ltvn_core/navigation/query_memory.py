@@ -7,12 +7,11 @@ a step. Beliefs that outlive the query are the map's.
 import itertools
 from collections import Counter
 from collections.abc import Sequence
-from typing import NamedTuple
 
 from ltvn_core.config import LocalisingConfig, PlanningConfig
 from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.navigation.events import Outcome
-from ltvn_core.types import NodeId, Pose
+from ltvn_core.types import NodeId
 
 MOST_OBSTRUCTIONS = 4
 """A robot that has found its way closed so often in one query hopes no longer that what it sees there is wrong."""
@@ -20,15 +19,6 @@ MOST_OBSTRUCTIONS = 4
 
 _MOST_FRESH_HOPES = 2
 """So often it begins to hope anew, once it has looked all round."""
-
-
-class ExpectedGoal(NamedTuple):
-    """Where a plan puts the goal."""
-
-    pose: Pose
-    """(3,) by the robot's odometry."""
-    edges: int
-    """By so many edges it knows, each of which adds to the error."""
 
 
 class QueryMemory:
@@ -47,16 +37,12 @@ class QueryMemory:
         """What edges cost more for the rest of the query."""
         self.plan: tuple[NodeId, ...] = ()
         """The last plan; the robot is looked for around it first."""
-        self.expected_goal: ExpectedGoal | None = None
-        """Where the last plan puts the goal; None where the robot does not know where it is."""
         self.assumed_node: NodeId | None = None
         """Where the robot is held to be, because an attempt to reach it took no step; used once."""
         self.consecutive_failures = 0
         """Observations in a row without a node or without a path."""
         self.give_up_outcome = Outcome.LOST
         """What the query ends with if it is given up: no path counts for more than being lost on the way."""
-        self.goal_rejections = 0
-        """How often a second observation of the goal disagreed with the first."""
         self.approached: NodeId | None = None
         """The node that was approached last instead of its successor."""
         self.obstructions = 0
@@ -122,7 +108,6 @@ class QueryMemory:
             self.give_up_outcome = why
         self.consecutive_failures += 1
         self.plan = ()
-        self.expected_goal = None
 
     def take_assumed_node(self) -> NodeId | None:
         """Return where the robot is held to be, once."""

@@ -10,9 +10,9 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from ltvn_core.geometry import compose, relative
-from ltvn_core.graph.localiser import LOCAL, Localisation, LocalisationPrior, fits_trail
+from ltvn_core.graph.localiser import LOCAL, Localisation, LocalisationPrior
 from ltvn_core.graph.operators import pose_row
-from ltvn_core.graph.place_belief import BelievedPlace, is_where_expected
+from ltvn_core.graph.place_belief import LIKELY, SURE, BelievedPlace, is_where_expected
 from ltvn_core.graph.planner import GraphPath
 from ltvn_core.navigation.attempt_driver import AttemptDriver, AttemptResult
 from ltvn_core.navigation.context import NavigationContext
@@ -34,7 +34,7 @@ from ltvn_core.navigation.map_learner import MapLearner
 from ltvn_core.navigation.motion import EventGenerator, MotionExecutor, QueryAborted
 from ltvn_core.navigation.perception import NodeMatch, Perception
 from ltvn_core.navigation.place_tracker import PlaceTracker
-from ltvn_core.navigation.query_memory import ExpectedGoal, QueryMemory
+from ltvn_core.navigation.query_memory import QueryMemory
 from ltvn_core.navigation.recovery import Recovery
 from ltvn_core.navigation.view_learner import ViewLearner
 from ltvn_core.navigation.way_planner import WayPlanner
@@ -44,8 +44,6 @@ _AT_NODE_DISTANCE = 0.3
 """A node nearer than this d need not be approached once more."""
 _INCONCLUSIVE_ENDS = (AttemptEnd.BLOCKED, AttemptEnd.COLLISION, AttemptEnd.TIMEOUT)
 """An attempt that ended so says something about the surroundings, not about the edge."""
-_LIKELY, _SURE = 0.5, 0.8
-"""The robot drives by a place that is so probable, and judges by one that is so probable."""
 _AT_TARGET_M = 0.35
 """There it is at the target of an attempt."""
 
@@ -69,11 +67,11 @@ class QueryRunner:
         )
         self._reckoning = DeadReckoning(context, motion, perception)
         self._view_learner = ViewLearner(context, motion, perception, self._reckoning, query)
-        self._goal_check = GoalCheck(context, motion, perception, goal, self._memory, self._reckoning)
+        self._places = PlaceTracker(context.graph, context.matcher, context.system)
+        self._goal_check = GoalCheck(context.method, perception, goal, self._reckoning, self._place)
         self._way_planner = WayPlanner(context, self._memory, goal)
         self._map_learner = MapLearner(context, motion, perception, self._attempt_driver, self._memory, query, goal)
         self._recovery = Recovery(context, motion, perception, self._attempt_driver, self._memory, query)
-        self._places = PlaceTracker(context.graph, context.matcher, context.system)
         self._state = NavigatorState.IDLE
 
     def run(self) -> EventGenerator[Outcome]:
@@ -82,9 +80,7 @@ class QueryRunner:
             if (yield from self._perception.can_compare()) and (yield from self._goal_check.check()):
                 yield from self._view_learner.arrive(self._goal)
                 return Outcome.ARRIVED
-            if not (
-                yield from self._perception.can_compare()
-            ):  # Asked again, because the check may have turned the robot.
+            if not self._perception.is_usable:
                 yield from self._enter(NavigatorState.RECOVERING)
                 yield from self._recovery.turn_to_see()
                 continue
@@ -97,7 +93,6 @@ class QueryRunner:
                 yield from self._recover(Outcome.NO_PATH)
                 continue
             self._memory.consecutive_failures = 0
-            self._memory.expected_goal = self._expected_goal(localisation, path)
             if (yield from self._follow(localisation, path)):
                 return Outcome.ARRIVED
 
@@ -106,16 +101,12 @@ class QueryRunner:
         yield from self._enter(NavigatorState.LOCALISING)
         assumed = self._memory.take_assumed_node()
         if assumed is not None and assumed in self._context.graph.nodes:
-            node_match = self._perception.node_match(assumed)
-            localisation = Localisation(
-                assumed, node_match.distance, node_match.reachability, node_match.waypoint, None, np.inf, LOCAL
-            )
+            localisation = self._localisation_at(assumed)
+            yield from self._view_learner.learn(localisation)
         else:
             context = self._context
             features = self._perception.features
-            prior = LocalisationPrior(
-                self._memory.plan, self._perception.trail_from_here, self._memory.doubted, self._place()
-            )
+            prior = LocalisationPrior(self._memory.plan, self._memory.doubted, self._place())
             localisation = context.system.localise(features, context.graph, prior, context.matcher)
             yield from self._view_learner.learn(localisation)
             if (arrived := self._reckoning.take_arrival()) is not None:
@@ -135,6 +126,13 @@ class QueryRunner:
             probability=localisation.probability,
         )
         return localisation
+
+    def _localisation_at(self, node: NodeId) -> Localisation:
+        """Return that the robot is at a node, seen where the place belief puts it, or else where the image shows it."""
+        match = self._perception.node_match(node)
+        known = self._known_waypoint(node, LIKELY)
+        match = match if known is None else match.with_waypoint(known)
+        return Localisation(node, match.distance, match.reachability, match.waypoint, None, np.inf, LOCAL)
 
     def _plan(self, start: NodeId) -> EventGenerator[GraphPath]:
         """Find the cheapest path; where there is none, the system may extend the map."""
@@ -189,7 +187,7 @@ class QueryRunner:
         driving = self._method.driving
         if source is None:
             return node_match
-        known = self._known_waypoint(target, _LIKELY)
+        known = self._known_waypoint(target, LIKELY)
         looks_reachable = node_match.reachability >= driving.departure_reachability
         if known is not None and not (looks_reachable and is_where_expected(known, node_match.waypoint)):
             return node_match.with_waypoint(known)
@@ -200,11 +198,6 @@ class QueryRunner:
         if not driving.through_map:
             return node_match
         return node_match.with_waypoint(self._along(localisation.waypoint, segment))
-
-    def _expected_goal(self, localisation: Localisation, path: GraphPath) -> ExpectedGoal:
-        """Return where the goal is if the robot is where it was localised."""
-        ahead = self._along(localisation.waypoint, path.nodes)
-        return ExpectedGoal(compose(self._motion.odometry, ahead), len(path.nodes) - 1)
 
     def _along(self, waypoint: Waypoint, nodes: Sequence[NodeId]) -> Waypoint:
         """Return where the last of some nodes is (3,), by their edges, if the first is at a waypoint (3,)."""
@@ -223,7 +216,7 @@ class QueryRunner:
         )
         try:
             is_known = self._is_by_odometry(segment) or (
-                source is not None and self._known_waypoint(target, _LIKELY) is not None
+                source is not None and self._known_waypoint(target, LIKELY) is not None
             )
             result = yield from self._attempt_driver.drive(target, node_match.waypoint, is_known=is_known)
         except QueryAborted as over:
@@ -255,18 +248,20 @@ class QueryRunner:
             return AttemptVerdict(False, "the image at the end has no depth, so nothing can be said", hindered=True)
         seen = self._perception.node_match(target)
         left = relative(self._motion.odometry, result.goal)
+        place = self._place()
         verdict = judge_attempt(
             seen.reachability,
             seen.distance,
             left,
             self._method,
-            fits_trail=self._fits_trail(target, seen),
+            fits_place=place is None or not place.rules_out(target, seen.waypoint, SURE),
             hindered=result.end in _INCONCLUSIVE_ENDS,
             driven_too_often=driven_too_often,
         )
         is_unsure = not verdict.succeeded and result.end is AttemptEnd.REACHED and not driven_too_often
-        known = self._known_waypoint(target, _SURE) if is_unsure and source is not None else None
+        known = self._known_waypoint(target, SURE) if is_unsure and source is not None else None
         if known is not None and np.hypot(known[0], known[1]) < _AT_TARGET_M:
+            self._memory.assumed_node = target  # What stands there looks different, so the image alone would not tell.
             why = "by all that it saw on its way the robot is there"
             return AttemptVerdict(True, why, rule="localising.follow_places")
         may_have_arrived = is_unsure and source is not None and self._map_learner.knows_surroundings(source)
@@ -284,12 +279,6 @@ class QueryRunner:
         """Return where a node is (3,) from here, if the robot is so probably where all that it saw puts it."""
         place = self._place()
         return None if place is None or place.probability <= probability else place.nodes.get(node)
-
-    def _fits_trail(self, target: NodeId, seen: NodeMatch) -> bool:
-        config = self._method.localising
-        return seen.by_view or fits_trail(
-            self._context.loop_closures, self._perception.trail_from_here, target, seen.waypoint, config, to_blame=True
-        )
 
     def _ended(
         self, attempt: int, source: NodeId | None, target: NodeId, end: AttemptEnd, verdict: AttemptVerdict

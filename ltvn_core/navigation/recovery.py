@@ -72,9 +72,7 @@ class Recovery:
         """Let the system make a node of what nobody recognised."""
         context = self._context
         seen = self._perception.observation
-        unrecognised = UnrecognisedObservation(
-            seen, self._perception.features, self._memory.consecutive_failures, self._perception.trail_from_here
-        )
+        unrecognised = UnrecognisedObservation(seen, self._perception.features, self._memory.consecutive_failures)
         deltas = context.system.maintenance.unrecognised(context.graph, unrecognised, context.matcher)
         if deltas:
             context.keyframes.add([seen], self._perception.features)

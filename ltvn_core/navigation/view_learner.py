@@ -88,7 +88,7 @@ class ViewLearner:
             self._look(config)
 
     def arrive(self, goal: NodeId) -> Iterator[Event]:
-        """Use the end of a query: the goal was recognised twice, which proves more than a node on the way."""
+        """Use the end of a query: the goal was recognised from near, which proves more than a node on the way."""
         match = self._perception.node_match(goal)
         if self._config is not None and match.reachability > self._context.method.judging.arrive_reachability:
             yield from self._prove(goal, match.waypoint, self._config, after_m=0.0)

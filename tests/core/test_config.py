@@ -34,7 +34,7 @@ def test_the_literal_method_has_every_departure_switched_off() -> None:
     assert not PAPER.planning.failure_penalty
     assert not PAPER.planning.repeat_limit
     assert not PAPER.driving.depth_veto
-    assert not PAPER.judging.second_look
+    assert not PAPER.localising.follow_places
     assert not PAPER.judging.success_distance
     assert PAPER.judging.arrive_yaw_rad == math.pi
     assert PAPER.believing.prune_after_failures == 1

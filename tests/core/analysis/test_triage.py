@@ -110,7 +110,7 @@ def test_steps_lost_in_recovering_make_a_query_lost() -> None:
 
 
 def test_a_denied_arrival_counts_as_a_setback() -> None:
-    denial = Note("It looked like the goal, but a second look from a little aside disagreed.", Severity.WARN)
+    denial = Note("It looked like the goal, but the goal is somewhere else.", Severity.WARN)
     run = [*example_runs.square(), *query(0, 20, Outcome.STEP_LIMIT, reached=False)]
     run[-2:-2] = example_runs.at(28, denial)
     (failure,) = failed_queries(Timeline.of(run))

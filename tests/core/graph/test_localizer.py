@@ -81,15 +81,6 @@ def test_in_an_empty_map_the_robot_is_lost() -> None:
     assert fix.runner_up is None
 
 
-def test_a_false_match_that_its_neighbours_in_time_deny_is_not_believed() -> None:
-    predictor = FlatPredictor(one_room(), lies={(99, 6): np.array([0.01, 0, 0])})
-    here = predictor.encode([observation_at(np.array([0.7, 1.0, 0.0]), 99)])
-    robust, graph = line(predictor, ROBUST)
-    assert robust.localise(here, graph).node == 0
-    paper, graph = line(predictor, PAPER)
-    assert paper.localise(here, graph).node == 6
-
-
 def test_doubt_counts_against_a_node_in_the_robust_score() -> None:
     class Doubting(FlatPredictor):
         def predict(self, sources: np.ndarray, targets: np.ndarray):  # noqa: ANN202

@@ -9,7 +9,6 @@ import pytest
 from ltvn_core.config import PAPER, ROBUST, Method
 from ltvn_core.graph.deltas import Belief, BeliefUpdated, Cause, Edge, EdgeAdded, EdgePruned, Node, NodeAdded, PoseRow
 from ltvn_core.graph.keyframes import KeyframeStore
-from ltvn_core.graph.loop_closures import ObservationSequence
 from ltvn_core.graph.maintenance import AttemptEvidence, UnrecognisedObservation, novel_node, update_edge
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.topological_graph import TopologicalGraph
@@ -106,14 +105,12 @@ def test_updates_name_their_cause() -> None:
 HERE_IT_IS = observation_at(np.array([1.0, 1.0, 0.0]), 50)
 
 
-def novel(
-    graph: TopologicalGraph, x: float, method: Method = ROBUST, trail: ObservationSequence | None = None
-) -> Sequence[object]:
+def novel(graph: TopologicalGraph, x: float, method: Method = ROBUST) -> Sequence[object]:
     """Return what becomes of an image taken 1 m from the wall, with node 1 at x and node 2 out of sight."""
     predictor = FlatPredictor(one_room())
     keyframes = KeyframeStore(predictor)
     keyframes.add([observation_at(np.array([x, 1.0, 0.0]), 1), observation_at(np.array([4.8, 3.8, 3.0]), 2)])
-    unrecognised = UnrecognisedObservation(HERE_IT_IS, predictor.encode([HERE_IT_IS]), 12, trail)
+    unrecognised = UnrecognisedObservation(HERE_IT_IS, predictor.encode([HERE_IT_IS]), 12)
     deltas = novel_node(graph, unrecognised, Matcher(predictor, keyframes, method.matching), method)
     for delta in deltas:
         graph.apply(delta)
@@ -143,20 +140,6 @@ def test_a_frame_becomes_a_node_only_once() -> None:
     graph = one_edge()
     assert novel(graph, 2.1)
     assert novel(graph, 2.1) == ()
-
-
-def test_what_cannot_be_here_after_all_that_was_seen_is_not_tied_in() -> None:
-    # Node 1 looks 1.1 m ahead, but what was seen half a metre back did not look like the places beside the node.
-    back = np.linspace(-0.8, -0.3, 5)
-    trail = ObservationSequence(
-        np.array([[4.5, 3.0, 3.0, 60.0 + k] for k in range(5)]), np.stack([back, 0 * back, 0 * back], -1)
-    )
-    graph = one_edge()
-    predictor = FlatPredictor(one_room())
-    keyframes = KeyframeStore(predictor)
-    keyframes.add([observation_at(np.array([2.1 - 0.2 * k, 1.0, 0.0]), 1 + k) for k in range(10)])
-    unrecognised = UnrecognisedObservation(HERE_IT_IS, predictor.encode([HERE_IT_IS]), 12, trail)
-    assert novel_node(graph, unrecognised, Matcher(predictor, keyframes, ROBUST.matching), ROBUST) == ()
 
 
 def test_what_hindered_the_robot_says_little_about_the_edge() -> None:

@@ -185,13 +185,11 @@ class QueryRunner:
         source, target = _ends(segment)
         node_match = self._perception.node_match(target)
         driving = self._method.driving
-        if source is None:
-            return node_match
         known = self._known_waypoint(target, LIKELY)
         looks_reachable = node_match.reachability >= driving.departure_reachability
         if known is not None and not (looks_reachable and is_where_expected(known, node_match.waypoint)):
             return node_match.with_waypoint(known)
-        if looks_reachable:
+        if looks_reachable or source is None:
             return node_match
         if localisation.distance > _AT_NODE_DISTANCE and self._memory.approached != source:
             return None

@@ -7,7 +7,7 @@ import numpy as np
 from ltvn_core.geometry import relative
 from ltvn_core.graph.deltas import ViewAdded, ViewUsed
 from ltvn_core.graph.node_views import ViewConfig
-from ltvn_core.navigation.events import Event, GraphChanged
+from ltvn_core.navigation.events import Event, GraphChanged, Outcome, QueryEnded
 from ltvn_core.types import Prediction
 from tests.core.flat_world import FlatPredictor
 from tests.core.navigation.mapped_world import FIRST_STEP, events_of
@@ -61,6 +61,26 @@ def test_a_place_that_looks_different_gets_views_that_are_used_the_next_time() -
         assert np.hypot(*truth[:2]) < ViewConfig().distance
     assert changes(ViewUsed, [event for query in range(3, 6) for event in drive(place, query, goal)])
     assert max(map(len, place.graph.views.values())) <= ViewConfig().most
+
+
+class BlindPredictor(RepaintedPredictor):
+    """Has, where the world was painted, no idea where the other image was taken either."""
+
+    def predict(self, sources: np.ndarray, targets: np.ndarray) -> Prediction:
+        answer = super().predict(sources, targets)
+        answer.waypoints[answer.reachability < 0.1] = 1.5, -0.5, 2.0
+        return answer
+
+
+def test_a_goal_whose_image_can_say_nothing_is_reached_where_the_way_there_is_sure() -> None:
+    place = door_world("paper")
+    goal = place.nearest(3.4, 1.0)
+    place.predictor = BlindPredictor(place.world, painted=(3.0, 3.8))
+
+    ended = events_of(QueryEnded, drive(place, 0, goal))
+
+    assert [each.outcome for each in ended] == [Outcome.ARRIVED]
+    assert np.hypot(*(place.robot.pose - place.poses[goal])[:2]) < 0.3
 
 
 def test_where_nothing_changed_no_views_come_in() -> None:

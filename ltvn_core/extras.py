@@ -28,6 +28,7 @@ EXTRAS = {
     "jinja2": "docs",
     "matplotlib": "docs",
     "mcp": "agent",
+    "onnxruntime": "onnx",
 }
 """Top-level module -> extra."""
 

@@ -23,7 +23,7 @@ ROOT = Path(__file__).parents[2]
 SCRIPT = Path(__file__).with_name("debug_recording.py")
 PLAIN = ""
 """No extra at all."""
-EXTRAS = (PLAIN, "app", "network", "sim", "place", "train", "import", "ros", "cluster", "docs", "agent", "all")
+EXTRAS = (PLAIN, "app", "network", "sim", "place", "train", "import", "ros", "cluster", "docs", "agent", "onnx", "all")
 EACH_RUN = 2
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
@@ -76,6 +76,7 @@ JOBS: dict[str, tuple[tuple[str, ...], ...]] = {
     "network": (("measure", "--help"),),
     "sim": (("collect", "--scene", "demo", "--loops", "1", "--output", "drive.rrd"),),
     "place": (("plugins",),),
+    "onnx": (("plugins",),),
     "train": (("train", "--help"), ("dataset", "--help")),
     "import": (("export", _recording("demo-drive.rrd"), "--to", "mcap", "--output", "drive.mcap"),),
     "ros": (("serve", "--help"),),

@@ -185,6 +185,8 @@ class QueryRunner:
         source, target = _ends(segment)
         node_match = self._perception.node_match(target)
         driving = self._method.driving
+        if source is None and self._is_recognised(node_match):
+            return node_match
         known = self._known_waypoint(target, LIKELY)
         looks_reachable = node_match.reachability >= driving.departure_reachability
         if known is not None and not (looks_reachable and is_where_expected(known, node_match.waypoint)):
@@ -259,7 +261,8 @@ class QueryRunner:
         is_unsure = not verdict.succeeded and result.end is AttemptEnd.REACHED and not driven_too_often
         known = self._known_waypoint(target, SURE) if is_unsure and source is not None else None
         if known is not None and np.hypot(known[0], known[1]) < _AT_TARGET_M:
-            self._memory.assumed_node = target  # What stands there looks different, so the image alone would not tell.
+            if not self._is_recognised(seen):
+                self._memory.assumed_node = target  # The image can say nothing, so the place alone tells.
             why = "by all that it saw on its way the robot is there"
             return AttemptVerdict(True, why, rule="localising.follow_places")
         may_have_arrived = is_unsure and source is not None and self._map_learner.knows_surroundings(source)
@@ -269,6 +272,9 @@ class QueryRunner:
         ):
             return AttemptVerdict(True, "by odometry the robot is there, and the world has changed")
         return verdict
+
+    def _is_recognised(self, seen: NodeMatch) -> bool:
+        return seen.reachability > self._method.localising.reachability
 
     def _place(self) -> BelievedPlace | None:
         return self._places.place(self._perception.trail, self._motion.odometry, self._memory.doubted)

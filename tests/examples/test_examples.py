@@ -118,6 +118,19 @@ def test_rows_of_ones_own_stand_in_the_recording(tmp_path: Path) -> None:
     assert len(ltvn.Recording.open(tmp_path / "own.rrd").frames) == 30
 
 
+def test_a_policy_from_an_onnx_file_builds_a_map(tmp_path: Path) -> None:
+    said = run("15_run_an_onnx_policy.py", tmp_path / "policy", cwd=tmp_path)
+    assert "80 images became" in said
+    assert ltvn.Recording.open(tmp_path / "policy" / "map.rrd").meta.config["predictor"] == "onnx"
+
+
+def test_a_picture_is_found_in_a_map_of_another_drive(tmp_path: Path) -> None:
+    said = run("16_find_a_picture_in_a_map.py", cwd=tmp_path)
+    found = [float(likeness) for likeness in re.findall(r"r (\S+), ", said)]
+    assert len(found) == 3
+    assert found[0] > 0.8
+
+
 def test_the_notebook_runs_from_top_to_bottom() -> None:
     notebook = nbformat.read(NOTEBOOK, nbformat.NO_CONVERT)
     NotebookClient(notebook, timeout=120, resources={"metadata": {"path": str(EXAMPLES)}}).execute()

@@ -12,11 +12,11 @@ from scipy.spatial import KDTree
 
 from ltvn_core.cameras.depth_points import RELEVANT_RANGE_M, map_points, transform_points
 from ltvn_core.config import DrivingConfig
-from ltvn_core.geometry import compose, invert, relative
+from ltvn_core.geometry import compose, invert, relative, wrap_angle
 from ltvn_core.graph.place_belief import is_where_expected
 from ltvn_core.navigation.bystanders import BODY_M, Bystanders
 from ltvn_core.navigation.events import AttemptEnd, Event, Tick
-from ltvn_core.navigation.motion import MotionExecutor, drives_backwards, steer
+from ltvn_core.navigation.motion import MotionExecutor
 from ltvn_core.navigation.obstacle_avoidance import (
     CLEARANCE_TOLERANCE_M,
     MAX_NOISE_POINTS,
@@ -25,6 +25,7 @@ from ltvn_core.navigation.obstacle_avoidance import (
 )
 from ltvn_core.navigation.obstacle_memory import ObstacleMemory
 from ltvn_core.navigation.perception import Perception
+from ltvn_core.navigation.steering import TurningCircle, drives_backwards
 from ltvn_core.robots.robot_spec import RobotSpec
 from ltvn_core.types import CONTROL_STEP_S, NodeId, Pose, Twist, Waypoint
 
@@ -118,6 +119,9 @@ _WAITED_FOR_M = 1.5
 """The robot waits for people in its way who are nearer than this."""
 _CAREFUL_M, _SLOW_M_S, _SLOWER_1_S = 0.25, 0.15, 0.5
 """So near to a person the robot drives at no more than the second; a metre farther away, by the third more."""
+_TURNED_RAD, _SLOWEST_TURN_RAD_S = 0.05, 0.2
+_ARC_ROOM_M = 0.2
+"""A car's arc in a turn must be free so far ahead."""
 _FINAL_APPROACH_M = 0.3
 """So near, the waypoint is not predicted anew."""
 
@@ -147,7 +151,8 @@ class AttemptDriver:
         """Drive with `motion`, looking through `perception`; `bystanders` are the people met before."""
         self._motion = motion
         self._perception = perception
-        self._config = config
+        self._turning = TurningCircle(spec.speeds)
+        self._config = replace(config, leg_steps=config.leg_steps * self._turning.legs)
         self._detour_config = replace(config, position_tolerance_m=_DETOUR_TOLERANCE_M)
         self._spec = spec
         patient = config.patience_s > 0
@@ -250,13 +255,13 @@ class AttemptDriver:
         while True:
             aim, config = (goal, self._config) if self._detour is None else (self._detour, self._detour_config)
             error = relative(self._motion.odometry, aim)
-            twist = steer(error, config, backwards=self._backwards)
+            twist = self._turning.steer(error, config, backwards=self._backwards)
             if twist is None:
                 if self._detour is None:
                     return AttemptEnd.REACHED
                 self._detour = None
                 continue
-            free = self.avoid_obstacles(twist, float(np.hypot(error[0], error[1])))
+            free = self._drivable(twist, float(np.hypot(error[0], error[1])))
             if free is not None:
                 return free
             if not self._try_another_way(goal):
@@ -283,6 +288,28 @@ class AttemptDriver:
             return None
         onward = ahead - place
         return compose(odometry, np.array([*place, np.arctan2(onward[1], onward[0])]))
+
+    def _drivable(self, wish: Twist, length_m: float) -> Twist | None:
+        """Return what this body can drive in place of a wish, clear of obstacles; None if nothing is."""
+        ways = self._turning.commands(wish, self._motion.odometry)
+        return next((free for way in ways if (free := self.avoid_obstacles(way, length_m)) is not None), None)
+
+    def turn(self, angle_rad: float) -> Generator[Event | Tick, None, None]:
+        """Turn on the spot by an angle, by odometry; a car that has no room for its arcs stops."""
+        rate_rad_s = self._config.turn_rad_s
+        motion = self._motion
+        goal_rad = motion.odometry[2] + angle_rad
+        # Odometry may stand still when the robot is stuck, so the number of steps is bounded too.
+        steps = 2 + int(2 * abs(angle_rad) / (rate_rad_s * CONTROL_STEP_S))
+        for _ in range(steps * self._turning.legs):
+            left = abs(float(wrap_angle(goal_rad - motion.odometry[2])))
+            if left < _TURNED_RAD:
+                return
+            rate = min(rate_rad_s, max(_SLOWEST_TURN_RAD_S, left / CONTROL_STEP_S))
+            twist = self._drivable(Twist(0.0, float(np.sign(angle_rad) * rate)), _ARC_ROOM_M)
+            if twist is None:
+                return
+            yield from motion.move(twist)
 
     def avoid_obstacles(self, twist: Twist, length_m: float) -> Twist | None:
         """Return a command as near to `twist` as what stands around allows, None if nothing does."""

@@ -1,4 +1,4 @@
-"""The robot during one query: turns a waypoint error into velocities, moves a control step at a time, and counts.
+"""The robot during one query: moves a control step at a time, and counts.
 
 Owns the counts and their limits. Every step hands control back to the caller with a `Tick`.
 """
@@ -8,58 +8,11 @@ from typing import TypeAlias, TypeVar
 
 import numpy as np
 
-from ltvn_core.config import DrivingConfig, RecoveryConfig
-from ltvn_core.geometry import wrap_angle
+from ltvn_core.config import RecoveryConfig
 from ltvn_core.graph.wheel_slips import SlipTracker
 from ltvn_core.navigation.events import Collided, Event, Outcome, Tick
 from ltvn_core.robots.robot import Robot
-from ltvn_core.types import CONTROL_STEP_S, ZERO_TWIST, Observation, Pose, RobotState, Twist, Waypoint
-
-_REVERSE_BEARING_RAD = float(np.deg2rad(100))
-_TURN_FIRST_RAD = 0.5
-"""Beyond this bearing the robot turns on the spot."""
-_PASSED_M = 0.2
-"""A target this near that slips to the other side has been passed, not missed."""
-_SLOW_DOWN_M = 0.2
-_BEARING_GAIN_1_S = 3.0
-_YAW_GAIN_1_S = 4.0
-
-
-def drives_backwards(waypoint: Waypoint) -> bool:
-    """Tell whether the robot backs up to reach a waypoint (3,)."""
-    bearing = np.arctan2(waypoint[1], waypoint[0])
-    return bool(abs(bearing) > _REVERSE_BEARING_RAD)
-
-
-def steer(error: Waypoint, config: DrivingConfig, *, backwards: bool) -> Twist | None:
-    """Return the velocities towards a target given in the robot's frame (3,); None once it is reached."""
-    away_m = float(np.hypot(error[0], error[1]))
-    ahead_m = -error[0] if backwards else error[0]
-    there = away_m < config.position_tolerance_m or (away_m < _PASSED_M and ahead_m < 0)
-    return _turn_to(float(error[2]), config) if there else _drive_to(error, away_m, config, backwards=backwards)
-
-
-def _turn_to(yaw_rad: float, config: DrivingConfig) -> Twist | None:
-    if abs(yaw_rad) < config.yaw_tolerance_rad:
-        return None
-    return Twist(0.0, _limited(_YAW_GAIN_1_S * yaw_rad, config.turn_rad_s))
-
-
-def _drive_to(error: Waypoint, away_m: float, config: DrivingConfig, *, backwards: bool) -> Twist:
-    bearing = float(np.arctan2(error[1], error[0]))
-    if backwards:
-        bearing = float(wrap_angle(bearing + np.pi))
-    turn = _limited(_BEARING_GAIN_1_S * bearing, config.turn_rad_s)
-    if abs(bearing) > _TURN_FIRST_RAD:
-        return Twist(0.0, turn)
-    # The fourth power keeps the robot from cutting corners: it hardly moves before it faces its way.
-    speed = config.speed_m_s * np.cos(bearing) ** 4 * min(1.0, away_m / _SLOW_DOWN_M + 0.2)
-    return Twist(float(-speed if backwards else speed), turn)
-
-
-def _limited(value: float, limit: float) -> float:
-    return float(np.clip(value, -limit, limit))
-
+from ltvn_core.types import CONTROL_STEP_S, ZERO_TWIST, Observation, Pose, RobotState, Twist
 
 _T = TypeVar("_T")
 EventGenerator: TypeAlias = Generator[Event | Tick, None, _T]
@@ -130,17 +83,6 @@ class MotionExecutor:
     def wait_one_step(self) -> Iterator[Event | Tick]:
         """Stand still for one control step, so that no loop of thoughts is endless."""
         yield from self.move(ZERO_TWIST)
-
-    def turn(self, angle_rad: float, rate_rad_s: float) -> Iterator[Event | Tick]:
-        """Turn on the spot by an angle, by odometry."""
-        start = self.odometry[2]
-        sign = np.sign(angle_rad)
-        # Odometry may stand still when the robot is stuck, so the number of steps is bounded too.
-        for _ in range(2 + int(2 * abs(angle_rad) / (rate_rad_s * CONTROL_STEP_S))):
-            left = abs(float(wrap_angle(start + angle_rad - self.odometry[2])))
-            if left < 0.05:
-                return
-            yield from self.move(Twist(0.0, float(sign * min(rate_rad_s, max(0.2, left / CONTROL_STEP_S)))))
 
     def drive_straight(
         self, length_m: float, speed_m_s: float, *, goes_on: Callable[[], bool] = lambda: True

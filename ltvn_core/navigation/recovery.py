@@ -66,7 +66,7 @@ class Recovery:
 
     def turn(self) -> Iterator[Event | Tick]:
         """Turn on to where the next look is taken."""
-        yield from self._motion.turn(self._config.turn_rad, self._context.method.driving.turn_rad_s)
+        yield from self._driver.turn(self._config.turn_rad)
 
     def _remember_novel(self) -> Iterator[Event]:
         """Let the system make a node of what nobody recognised."""

@@ -13,13 +13,17 @@ from ltvn_core.types import Twist
 
 @dataclass(frozen=True, slots=True)
 class SpeedLimits:
-    """The largest speeds that a drive command may ask for."""
+    """The largest speeds and the tightest curve that a drive command may ask for."""
 
     linear_m_s: float = 0.5
     angular_rad_s: float = 1.0
+    turning_radius_m: float = 0.0
+    """Radius of the tightest curve of a car (Ackermann steering); 0 for a base that turns on the spot."""
 
     def bounded(self, twist: Twist) -> Twist:
         """Return `twist` scaled down to the limits; both speeds by the same factor, so that the arc stays the same.
+
+        An arc tighter than the turning circle becomes the circle.
 
         Raises:
             ValueError: A speed is NaN or infinite.
@@ -31,7 +35,14 @@ class SpeedLimits:
                 f"+-{self.angular_rad_s} rad/s."
             )
         excess = max(abs(twist.linear_m_s) / self.linear_m_s, abs(twist.angular_rad_s) / self.angular_rad_s, 1.0)
-        return Twist(twist.linear_m_s / excess, twist.angular_rad_s / excess)
+        return self.curved(Twist(twist.linear_m_s / excess, twist.angular_rad_s / excess))
+
+    def curved(self, twist: Twist) -> Twist:
+        """Return `twist` with its curve no tighter than the turning circle; a car that stands cannot turn."""
+        if not self.turning_radius_m:
+            return twist
+        most_rad_s = abs(twist.linear_m_s) / self.turning_radius_m
+        return Twist(twist.linear_m_s, min(max(twist.angular_rad_s, -most_rad_s), most_rad_s))
 
 
 @dataclass(frozen=True, slots=True)

@@ -133,7 +133,7 @@ class SimulatedRobot:
         start = _checked_free_pose(start, self._clearance, spec.radius_m)
         self._body = open_body(body, *scene.collision_triangles(), start, spec)
         self._odometer = Odometer(start, odometry_noise or OdometryNoise(), rng)
-        self._drivetrain = Drivetrain(spec.accelerations)
+        self._drivetrain = Drivetrain(spec.accelerations, spec.speeds)
         self._lease = DriveLease(lambda: self.stamp, valid_s=lease_s, limits=spec.speeds)
         self._collision_counter = _CollisionCounter()
         self._ticks = first_step * _TICKS_PER_STEP

@@ -13,15 +13,16 @@ from typing import ClassVar
 
 import numpy as np
 
-from ltvn_core.robots.robot_spec import AccelerationLimits
+from ltvn_core.robots.robot_spec import AccelerationLimits, SpeedLimits
 from ltvn_core.types import ZERO_TWIST, Pose, Twist
 
 
 class Drivetrain:
-    """Tracks commanded velocities with limited acceleration."""
+    """Tracks commanded velocities with limited acceleration, on no tighter curve than the wheels can steer."""
 
-    def __init__(self, accelerations: AccelerationLimits | None = None) -> None:
+    def __init__(self, accelerations: AccelerationLimits | None = None, speeds: SpeedLimits | None = None) -> None:
         self._limits = accelerations or AccelerationLimits()
+        self._steering = speeds or SpeedLimits()
         self.speeds = ZERO_TWIST
 
     def halt(self) -> None:
@@ -45,7 +46,7 @@ class Drivetrain:
             most_gain=limits.angular_rad_s2 * duration_s,
             most_loss=limits.angular_braking_rad_s2 * duration_s,
         )
-        self.speeds = Twist(linear_m_s, angular_rad_s)
+        self.speeds = self._steering.curved(Twist(linear_m_s, angular_rad_s))
         return self.speeds
 
 

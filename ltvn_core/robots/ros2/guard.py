@@ -122,7 +122,7 @@ class CommandGate:
             return ZERO_TWIST
         faster = self._accelerations
         most = self._output
-        self._output = Twist(
+        ramped = Twist(
             _towards(
                 most.linear_m_s, goal.linear_m_s, passed_s * faster.linear_m_s2, passed_s * faster.linear_braking_m_s2
             ),
@@ -133,6 +133,7 @@ class CommandGate:
                 passed_s * faster.angular_braking_rad_s2,
             ),
         )
+        self._output = self._speeds.curved(ramped)
         return self._output
 
 

@@ -158,8 +158,10 @@ class RobotProfile:
             raise RobotError(f"domain is {self.domain}; a ROS_DOMAIN_ID is from 0 to {_LAST_DOMAIN}.")
         for limits in (self.speeds, self.accelerations):
             for each in fields(limits):
-                if getattr(limits, each.name) <= 0:
+                if each.name != "turning_radius_m" and getattr(limits, each.name) <= 0:
                     raise RobotError(f"{each.name} is {getattr(limits, each.name)}; a limit is above 0.")
+        if self.speeds.turning_radius_m < 0:
+            raise RobotError(f"turning_radius_m is {self.speeds.turning_radius_m}; it is 0 or above.")
         self.spec(CameraModel.from_fov(64, 48, 1.0))  # Its own checks know sizes and angles.
 
     def spec(self, lens: CameraModel) -> RobotSpec:

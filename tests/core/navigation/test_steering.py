@@ -7,8 +7,9 @@ from hypothesis import strategies as st
 
 from ltvn_core.config import ROBUST
 from ltvn_core.geometry import compose, relative
-from ltvn_core.navigation.motion import drives_backwards, steer
-from ltvn_core.types import Waypoint
+from ltvn_core.navigation.steering import TurningCircle, drives_backwards, steer
+from ltvn_core.robots.robot_spec import SpeedLimits
+from ltvn_core.types import Twist, Waypoint
 
 DRIVING = ROBUST.driving
 waypoints = st.builds(
@@ -65,3 +66,34 @@ def test_where_the_robot_is_already_there_is_nothing_to_drive() -> None:
 def test_a_turn_on_the_spot_drives_nowhere(yaw: float) -> None:
     _, speeds = driven(np.array([0.0, 0.0, yaw]))
     assert set(speeds) == {0.0}
+
+
+CAR = SpeedLimits(turning_radius_m=0.4)
+
+
+@settings(max_examples=100)
+@given(waypoints)
+def test_a_car_reaches_every_waypoint_on_curves_that_it_can_steer(waypoint: Waypoint) -> None:
+    circle, pose, backwards = TurningCircle(CAR), np.zeros(3), drives_backwards(waypoint)
+    for _ in range(circle.legs * DRIVING.leg_steps):
+        wish = circle.steer(relative(pose, waypoint), DRIVING, backwards=backwards)
+        if wish is None:
+            break
+        twist = next(circle.commands(wish, pose))
+        assert abs(twist.angular_rad_s) * CAR.turning_radius_m <= abs(twist.linear_m_s) + 1e-9
+        pose = compose(pose, np.array([twist.linear_m_s * 0.1, 0.0, twist.angular_rad_s * 0.1]))
+    left = relative(pose, waypoint)
+    assert np.hypot(left[0], left[1]) < 0.4
+    assert abs(left[2]) < DRIVING.yaw_tolerance_rad
+
+
+def test_a_car_that_may_not_drive_on_turns_with_the_other_arc() -> None:
+    circle = TurningCircle(CAR)
+    first, second = circle.commands(Twist(0.0, 1.0), np.zeros(3))
+    assert first.linear_m_s * second.linear_m_s < 0
+    assert first.angular_rad_s > 0
+    assert second.angular_rad_s > 0
+
+
+def test_a_base_that_turns_on_the_spot_drives_what_it_is_told() -> None:
+    assert list(TurningCircle(SpeedLimits()).commands(Twist(0.0, 1.0), np.zeros(3))) == [Twist(0.0, 1.0)]

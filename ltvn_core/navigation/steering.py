@@ -1,0 +1,128 @@
+"""Steering: from where a waypoint lies to velocities that this body can drive.
+
+A robot that turns on the spot follows `steer` as it is. A car (Ackermann steering) has a smallest turning circle: where
+it would have to turn on the spot it drives short arcs forwards and backwards instead, which turn it the same way, as a
+driver turns in a narrow street. Owns no time and moves nothing.
+"""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from ltvn_core.config import DrivingConfig
+from ltvn_core.geometry import wrap_angle
+from ltvn_core.robots.robot_spec import SpeedLimits
+from ltvn_core.types import Pose, Twist, Waypoint
+
+_REVERSE_BEARING_RAD = float(np.deg2rad(100))
+_TURN_FIRST_RAD = 0.5
+"""Beyond this bearing the robot turns on the spot."""
+_PASSED_M = 0.2
+"""A target this near that slips to the other side has been passed, not missed."""
+_SLOW_DOWN_M = 0.2
+_BEARING_GAIN_1_S = 3.0
+_YAW_GAIN_1_S = 4.0
+_ARC_M_S = 0.25
+"""Speed on the short arcs of a turn."""
+_ARC_M = 0.15
+"""Length of each arc: the next one goes the other way."""
+_AIMED_RAD = 0.1
+"""A turn by arcs ends at this bearing."""
+_CAR_LEGS = 4
+
+
+def drives_backwards(waypoint: Waypoint) -> bool:
+    """Tell whether the robot backs up to reach a waypoint (3,)."""
+    bearing = np.arctan2(waypoint[1], waypoint[0])
+    return bool(abs(bearing) > _REVERSE_BEARING_RAD)
+
+
+def steer(
+    error: Waypoint, config: DrivingConfig, *, backwards: bool, turn_first_rad: float = _TURN_FIRST_RAD
+) -> Twist | None:
+    """Return the velocities towards a target given in the robot's frame (3,); None once it is reached."""
+    away_m = float(np.hypot(error[0], error[1]))
+    ahead_m = -error[0] if backwards else error[0]
+    if away_m < config.position_tolerance_m or (away_m < _PASSED_M and ahead_m < 0):
+        return _turn_to(float(error[2]), config)
+    bearing = float(np.arctan2(error[1], error[0]))
+    if backwards:
+        bearing = float(wrap_angle(bearing + np.pi))
+    turn = _limited(_BEARING_GAIN_1_S * bearing, config.turn_rad_s)
+    if abs(bearing) > turn_first_rad:
+        return Twist(0.0, turn)
+    # The fourth power keeps the robot from cutting corners: it hardly moves before it faces its way.
+    speed = config.speed_m_s * np.cos(bearing) ** 4 * min(1.0, away_m / _SLOW_DOWN_M + 0.2)
+    return Twist(float(-speed if backwards else speed), turn)
+
+
+class TurningCircle:
+    """The commands that a body can drive in place of a wished one. Remembers on which arc of a turn it is."""
+
+    def __init__(self, limits: SpeedLimits) -> None:
+        """Steer a body with these limits."""
+        self._limits = limits
+        self._forwards = True
+        self._arc_began: Pose | None = None
+
+    @property
+    def legs(self) -> int:
+        """How many times longer than a body that turns on the spot this one may take."""
+        return _CAR_LEGS if self._limits.turning_radius_m else 1
+
+    def steer(self, error: Waypoint, config: DrivingConfig, *, backwards: bool) -> Twist | None:
+        """Return what `steer` would, for a body that cannot drive straight to what lies beside it.
+
+        A turn that has begun goes on until the target lies straight ahead, though its arcs lead away from the spot.
+        """
+        radius_m = self._limits.turning_radius_m
+        if not radius_m:
+            return steer(error, config, backwards=backwards)
+        away_m = float(np.hypot(error[0], error[1]))
+        turns = self._arc_began is not None
+        # The arc to a point at distance d and bearing b has the radius d / (2 sin b).
+        first_rad = _AIMED_RAD if turns else 0.8 * np.arcsin(min(away_m / (2 * radius_m), 0.6))
+        slack_m = 2 * _ARC_M if turns else _ARC_M / 2
+        config = replace(config, position_tolerance_m=config.position_tolerance_m + slack_m)
+        return steer(error, config, backwards=backwards, turn_first_rad=float(first_rad))
+
+    def commands(self, wish: Twist, odometry: Pose) -> Iterator[Twist]:
+        """Yield what to try in place of a wish, the best first; a body that can drive the wish drives it.
+
+        Args:
+            wish: What a body without a turning circle would drive.
+            odometry: (3,) where the body is now.
+        """
+        if wish.linear_m_s or not wish.angular_rad_s or not self._limits.turning_radius_m:
+            self._arc_began = None
+            yield self._limits.curved(wish)
+            return
+        began = self._arc_began
+        if began is None:
+            self._arc_began = odometry
+        elif np.hypot(*(odometry - began)[:2]) >= _ARC_M:
+            self._turn_back(odometry)
+        yield self._arc(wish)
+        self._turn_back(odometry)
+        yield self._arc(wish)
+
+    def _turn_back(self, odometry: Pose) -> None:
+        self._forwards = not self._forwards
+        self._arc_began = odometry
+
+    def _arc(self, wish: Twist) -> Twist:
+        """Return the tightest arc that turns the body as wished; backwards the wheels point to the other side."""
+        radius_m = self._limits.turning_radius_m
+        speed = min(_ARC_M_S, abs(wish.angular_rad_s) * radius_m)
+        return Twist(speed if self._forwards else -speed, float(np.sign(wish.angular_rad_s)) * speed / radius_m)
+
+
+def _turn_to(yaw_rad: float, config: DrivingConfig) -> Twist | None:
+    if abs(yaw_rad) < config.yaw_tolerance_rad:
+        return None
+    return Twist(0.0, _limited(_YAW_GAIN_1_S * yaw_rad, config.turn_rad_s))
+
+
+def _limited(value: float, limit: float) -> float:
+    return float(np.clip(value, -limit, limit))

@@ -1,0 +1,16 @@
+"""Options of the verbs that lay a floor plan under a map."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass(frozen=True, kw_only=True)
+class FloorPlanOptions:
+    """A floor plan and where it lies."""
+
+    floor_plan: Path | None = None
+    """A floor plan of the building to lay under the map: the map.yaml of nav2. A map in another format is written in
+    the plan's frame."""
+    align: tuple[str, ...] = ()
+    """Where the plan lies: X,Y=NODE pairs, two and more, of a point of the plan in metres and the node there, as
+    1.5,-2=17. By default the plan's frame is that of the map, which is odometry's."""

@@ -12,5 +12,5 @@ class FloorPlanOptions:
     """A floor plan of the building to lay under the map: the map.yaml of nav2. A map in another format is written in
     the plan's frame."""
     align: tuple[str, ...] = ()
-    """Where the plan lies: X,Y=NODE pairs, two and more, of a point of the plan in metres and the node there, as
-    1.5,-2=17. By default the plan's frame is that of the map, which is odometry's."""
+    """Where the plan lies: NODE=X,Y pairs, two and more, of a node and the point of the plan in metres where it is, as
+    17=-1.5,2. By default the plan's frame is that of the map, which is odometry's."""

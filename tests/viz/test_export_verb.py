@@ -45,7 +45,7 @@ def test_a_floor_plan_lies_under_the_figure_and_gives_the_route_its_frame(tmp_pa
     poses = placed_map(Recording.open(DEMO_MAP)).poses
     first, middle, last = np.quantile([*poses], (0, 0.5, 1), method="nearest").tolist()
     # The plan's origin is at x = 1 m, y = 2 m of the map.
-    align = tuple(f"{poses[node][0] - 1},{poses[node][1] - 2}={node}" for node in (first, middle, last))
+    align = tuple(f"{node}={poses[node][0] - 1},{poses[node][1] - 2}" for node in (first, middle, last))
 
     export(recording=DEMO_MAP, to="nav2-route", output=tmp_path / "route.geojson", floor_plan=plan, align=align)
     export(recording=DEMO_MAP, svg=tmp_path / "map.svg", floor_plan=plan, align=align)
@@ -72,7 +72,7 @@ def test_a_floor_plan_lies_under_the_figure_and_gives_the_route_its_frame(tmp_pa
         ({}, "name --output"),
         ({"to": "vint", "output": Path("x"), "floor_plan": Path("map.yaml")}, "--floor-plan goes with"),
         ({"output": Path("x"), "floor_plan": Path("map.yaml")}, "goes with --html, --svg"),
-        ({"svg": Path("x.svg"), "align": ("1,2=3",)}, "name it by --floor-plan"),
+        ({"svg": Path("x.svg"), "align": ("3=1,2",)}, "name it by --floor-plan"),
     ],
 )
 def test_what_does_not_go_together_is_refused(options: dict[str, Any], expected: str) -> None:

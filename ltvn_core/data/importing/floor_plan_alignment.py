@@ -19,7 +19,7 @@ LEAST_APART_M = 0.5
 """Points nearer to each other say nothing of the turn."""
 DOUBTFUL_M = 1.0
 """Pairs that agree no better are wrong, or odometry drifted much."""
-_FORM = "X,Y=NODE, in metres of the plan, as 1.5,-2=17"
+_FORM = "NODE=X,Y, in metres of the plan, as 17=-1.5,2"
 
 
 class Alignment(NamedTuple):
@@ -32,7 +32,7 @@ class Alignment(NamedTuple):
 
 
 def align_plan(pairs: Sequence[str], poses: Mapping[NodeId, Pose]) -> Alignment:
-    """Return how a plan lies by pairs `X,Y=NODE`; without any, in the map's own frame.
+    """Return how a plan lies by pairs `NODE=X,Y`; without any, in the map's own frame.
 
     Args:
         pairs: None, or two and more.
@@ -63,8 +63,11 @@ def align_plan(pairs: Sequence[str], poses: Mapping[NodeId, Pose]) -> Alignment:
 
 
 def _pair(text: str) -> tuple[tuple[float, float], NodeId]:
-    """Return a point of the plan (x_m, y_m) and its node. Raises OptionError."""
-    point, _, node = text.partition("=")
+    """Return a point of the plan (x_m, y_m) and its node, named first, as an argument must not begin with a minus.
+
+    Raises OptionError.
+    """
+    node, _, point = text.partition("=")
     try:
         x, y = map(float, point.split(","))
         if not (abs(x) <= MOST_M and abs(y) <= MOST_M):

@@ -136,7 +136,7 @@ def test_points_tell_how_a_plan_lies(pairs: int) -> None:
     points = np.random.default_rng(pairs).uniform(-9, 9, (pairs, 3)).round(3)
     poses = {10 * k: compose(frame, point) for k, point in enumerate(points)}
 
-    found = align_plan([f"{x},{y}={10 * k}" for k, (x, y, _) in enumerate(points)], poses)
+    found = align_plan([f"{10 * k}={x},{y}" for k, (x, y, _) in enumerate(points)], poses)
 
     np.testing.assert_allclose(found.frame, frame, atol=1e-9)
     assert found.error_m == pytest.approx(0, abs=1e-9)
@@ -145,7 +145,7 @@ def test_points_tell_how_a_plan_lies(pairs: int) -> None:
 def test_points_that_do_not_fit_are_told_and_no_points_keep_the_frame() -> None:
     poses = {1: np.array([0.0, 0, 0]), 2: np.array([4.0, 0, 0])}
 
-    found = align_plan(["0,0=1", "6,0=2"], poses)
+    found = align_plan(["1=0,0", "2=6,0"], poses)
 
     np.testing.assert_allclose(found.frame, (-1, 0, 0), atol=1e-12)
     assert found.error_m == pytest.approx(1.0)
@@ -155,15 +155,15 @@ def test_points_that_do_not_fit_are_told_and_no_points_keep_the_frame() -> None:
 @pytest.mark.parametrize(
     ("pairs", "expected"),
     [
-        (["0,0=1"], "at least 2 pairs"),
-        (["0,0=1", "0.1,0=2"], "0.5 m apart"),
-        (["0,0=1", "3,0=1"], "0.5 m apart"),
-        (["0,0=1", "3,0=9"], "no node 9"),
-        (["0,0", "3,0=2"], "X,Y=NODE"),
-        (["0=1", "3,0=2"], "X,Y=NODE"),
-        (["nan,0=1", "3,0=2"], "X,Y=NODE"),
-        (["1e300,0=1", "3,0=2"], "X,Y=NODE"),
-        (["0,0=here", "3,0=2"], "X,Y=NODE"),
+        (["1=0,0"], "at least 2 pairs"),
+        (["1=0,0", "2=0.1,0"], "0.5 m apart"),
+        (["1=0,0", "1=3,0"], "0.5 m apart"),
+        (["1=0,0", "9=3,0"], "no node 9"),
+        (["0,0", "2=3,0"], "NODE=X,Y"),
+        (["1=0", "2=3,0"], "NODE=X,Y"),
+        (["1=nan,0", "2=3,0"], "NODE=X,Y"),
+        (["1=1e300,0", "2=3,0"], "NODE=X,Y"),
+        (["here=0,0", "2=3,0"], "NODE=X,Y"),
     ],
 )
 def test_pairs_that_say_nothing_are_refused(pairs: list[str], expected: str) -> None:

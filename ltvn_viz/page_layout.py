@@ -21,7 +21,7 @@ from ltvn_core.worlds import WorldState
 from ltvn_viz.layers.close_layers import HeadingsLayer, RobotMarker
 from ltvn_viz.layers.debugger_layer import DebuggerLayer
 from ltvn_viz.layers.first_view import FirstView, Floor
-from ltvn_viz.layers.floor_plan import lay_plan
+from ltvn_viz.layers.floor_plan import draw_floor_plan
 from ltvn_viz.layers.graph_layers import BlockedEdgesLayer, ChangesLayer, EdgesLayer, NodesLayer
 from ltvn_viz.layers.navigation_layers import GhostLayer, GoalLayer, PlanLayer
 from ltvn_viz.layers.robot_layers import CourseLayer, RobotLayer, TrajectoryLayer
@@ -276,7 +276,7 @@ def _panels(server: viser.ViserServer, pages: Pages, floor: Floor) -> list[PageP
 def _layers(scene: viser.SceneApi, pages: Pages, assets: PageAssets) -> list[PagePart]:
     add_lights(scene)
     if assets.floor_plan is not None:
-        lay_plan(scene, assets.floor_plan)
+        draw_floor_plan(scene, assets.floor_plan)
     return [
         RobotLayer(scene, assets.robot, assets.robot_glb),
         SceneLayer(scene, assets.scene_glb, load_picture=assets.scene_picture),

@@ -54,13 +54,13 @@ def draw_map(
     *,
     html: Path | None = None,
     svg: Path | None = None,
-    plan: FloorPlan | None = None,
+    floor_plan: FloorPlan | None = None,
 ) -> None:
     """Draw the map at a time of the robot's clock, at the end if None, into new files. Raises LtvnError.
 
     Below it lies a floor plan, if there is one.
     """
-    drawn = replace(map_layout(recording, at_s=at_s), floor_plan=plan)
+    drawn = replace(map_layout(recording, at_s=at_s), floor_plan=floor_plan)
     if svg is not None:
         write_text_atomically(svg, map_svg(drawn))
     if html is not None:

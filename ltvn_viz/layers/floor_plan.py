@@ -7,17 +7,17 @@ import viser
 from ltvn_core.data.importing.floor_plan import FloorPlan
 from ltvn_viz.layers.scene_assets import PICTURE_PX
 
-PLAN_NAME = "/floor-plan"
+FLOOR_PLAN_NAME = "/floor-plan"
 ABOVE_FLOOR_M = 0.005
 """On a drawn scene's own floor, and below all that belongs to the map."""
 
 
-def lay_plan(scene: viser.SceneApi, plan: FloorPlan) -> viser.ImageHandle:
+def draw_floor_plan(scene: viser.SceneApi, plan: FloorPlan) -> viser.ImageHandle:
     """Draw a plan where it lies."""
     x, y, yaw = map(float, plan.middle)
     width_m, height_m = plan.size_m
     return scene.add_image(
-        PLAN_NAME,
+        FLOOR_PLAN_NAME,
         plan.picture(PICTURE_PX),
         width_m,
         height_m,

@@ -32,7 +32,7 @@ _WHITE = 3 * 255
 _YES, _NO = ("1", "true", "yes", "on"), ("0", "false", "no", "off", "")
 
 
-class PlanMode(Enum):
+class FloorPlanMode(Enum):
     """What brightness means to nav2's map server."""
 
     TRINARY = "trinary"
@@ -107,10 +107,10 @@ class FloorPlan:
     def picture(self, most_px: int) -> NDArray[np.uint8]:
         """Return the plan in colours with opacity (H, W, 4), unknown cells clear; shrunk to `most_px` a side."""
         share = np.linspace(0, 1, OCCUPIED + 1)[:, None]
-        ramp = (1 - share) * np.array(palette.PLAN_FLOOR) + share * np.array(palette.PLAN_WALL)
+        ramp = (1 - share) * np.array(palette.FLOOR_PLAN_FREE) + share * np.array(palette.FLOOR_PLAN_WALL)
         colours = np.full((OCCUPIED + 2, 4), 255, np.uint8)  # The last is that of -1.
         colours[:-1, :3] = ramp.round()
-        colours[-1] = (*palette.PLAN_FLOOR, 0)
+        colours[-1] = (*palette.FLOOR_PLAN_FREE, 0)
         drawn = colours[self.cells]
         height, width = self.cells.shape
         shrink = most_px / max(height, width)
@@ -139,9 +139,9 @@ def _shown_cells(said: CalibrationYaml, path: Path) -> NDArray[np.int8]:
     if negate not in (*_YES, *_NO):
         raise DriveError(f"{path}: negate is 0 or 1, got {negate!r:.40}.")
     try:
-        mode = PlanMode(said.word("mode") or PlanMode.TRINARY.value)
+        mode = FloorPlanMode(said.word("mode") or FloorPlanMode.TRINARY.value)
     except ValueError as error:
-        known = ", ".join(each.value for each in PlanMode)
+        known = ", ".join(each.value for each in FloorPlanMode)
         raise DriveError(f"{path}: mode is one of {known}, got {said.word('mode')!r:.40}.") from error
     occupied = _number(said, "occupied_thresh", path, _OCCUPIED_THRESHOLD)
     free = _number(said, "free_thresh", path, _FREE_THRESHOLD)
@@ -152,11 +152,11 @@ def _shown_cells(said: CalibrationYaml, path: Path) -> NDArray[np.int8]:
     shade = np.arange(_WHITE + 1) / _WHITE
     taken = shade if negate in _YES else 1 - shade
     match mode:
-        case PlanMode.RAW:
+        case FloorPlanMode.RAW:
             value = np.rint(255 * shade)
             return np.where(value <= OCCUPIED, value, UNKNOWN).astype(np.int8)
-        case PlanMode.SCALE:
+        case FloorPlanMode.SCALE:
             between = np.rint(OCCUPIED * (taken - free) / (occupied - free))
-        case PlanMode.TRINARY:
+        case FloorPlanMode.TRINARY:
             between = np.full(len(taken), UNKNOWN)
     return np.select([taken > occupied, taken < free], [OCCUPIED, 0], between).astype(np.int8)

@@ -31,7 +31,7 @@ class Alignment(NamedTuple):
     """Root mean square distance between the plan's points and their nodes."""
 
 
-def align_plan(pairs: Sequence[str], poses: Mapping[NodeId, Pose]) -> Alignment:
+def align_floor_plan(pairs: Sequence[str], poses: Mapping[NodeId, Pose]) -> Alignment:
     """Return how a plan lies by pairs `NODE=X,Y`; without any, in the map's own frame.
 
     Args:

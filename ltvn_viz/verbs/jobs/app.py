@@ -16,7 +16,7 @@ from ltvn_core.verbs.verb import Summary
 from ltvn_viz.app import AppOptions, run_app
 from ltvn_viz.session.options import DEMO_SCENE
 from ltvn_viz.verbs.app import AppVerb, ReplayVerb
-from ltvn_viz.verbs.jobs.floor_plan import LaidPlan, lay_floor_plan
+from ltvn_viz.verbs.jobs.floor_plan import LaidFloorPlan, lay_floor_plan
 
 _LOG = logging.getLogger(__name__)
 
@@ -58,7 +58,9 @@ def _find(options: ReplayVerb) -> Path:
     return copy
 
 
-def _serve(options: AppVerb, laid: LaidPlan | None, replay: str | None, at_s: float = 0.0, ask: str = "") -> AppSummary:
+def _serve(
+    options: AppVerb, laid: LaidFloorPlan | None, replay: str | None, at_s: float = 0.0, ask: str = ""
+) -> AppSummary:
     _LOG.info("Starting the app…")
     run_app(
         AppOptions(

@@ -153,4 +153,4 @@ def _cut(options: ExportVerb, until_s: float | None) -> Excerpt:
 def _draw(options: ExportVerb, to_s: float | None) -> None:
     laid = lay_floor_plan(options, options.recording)
     plan = None if laid is None else laid.plan
-    draw_map(Recording.open(options.recording), to_s, html=options.html, svg=options.svg, plan=plan)
+    draw_map(Recording.open(options.recording), to_s, html=options.html, svg=options.svg, floor_plan=plan)

@@ -8,7 +8,7 @@ import numpy as np
 
 from ltvn_core.data.exporting.map_files import placed_map
 from ltvn_core.data.importing.floor_plan import FloorPlan
-from ltvn_core.data.importing.floor_plan_alignment import DOUBTFUL_M, Alignment, align_plan
+from ltvn_core.data.importing.floor_plan_alignment import DOUBTFUL_M, Alignment, align_floor_plan
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.errors import OptionError
 from ltvn_core.types import Pose
@@ -17,7 +17,7 @@ from ltvn_viz.verbs.floor_plan_options import FloorPlanOptions
 _LOG = logging.getLogger(__name__)
 
 
-class LaidPlan(NamedTuple):
+class LaidFloorPlan(NamedTuple):
     """A floor plan under a map."""
 
     plan: FloorPlan
@@ -26,7 +26,7 @@ class LaidPlan(NamedTuple):
     """(3,) pose of the plan's own frame in the map's."""
 
 
-def lay_floor_plan(options: FloorPlanOptions, map_file: Path | None) -> LaidPlan | None:
+def lay_floor_plan(options: FloorPlanOptions, map_file: Path | None) -> LaidFloorPlan | None:
     """Return the plan of the options under a map, or under none yet; None without a plan.
 
     Raises DriveError for a plan that cannot be read, OptionError for pairs that cannot be right, RecordingError and
@@ -38,14 +38,14 @@ def lay_floor_plan(options: FloorPlanOptions, map_file: Path | None) -> LaidPlan
         return None
     plan = FloorPlan.open(options.floor_plan)
     if not options.align:
-        return LaidPlan(plan, np.zeros(3))
+        return LaidFloorPlan(plan, np.zeros(3))
     if map_file is None:
         raise OptionError("--align names nodes of a map; name the map too, by --map.")
     poses = placed_map(Recording.open(map_file)).poses
-    alignment = align_plan(options.align, poses)
+    alignment = align_floor_plan(options.align, poses)
     laid = plan.moved(alignment.frame)
     _tell(alignment, laid.cells_at([pose[:2] for pose in poses.values()]))
-    return LaidPlan(laid, alignment.frame)
+    return LaidFloorPlan(laid, alignment.frame)
 
 
 def _tell(alignment: Alignment, under_nodes: np.ndarray) -> None:

@@ -7,7 +7,7 @@ import viser
 from scipy.spatial.transform import Rotation
 
 from ltvn_core.data.importing.floor_plan import FloorPlan
-from ltvn_viz.layers.floor_plan import lay_plan
+from ltvn_viz.layers.floor_plan import draw_floor_plan
 from tests.core.data.importing.plan_files import SAID, write_plan
 
 
@@ -15,7 +15,7 @@ def test_the_wall_of_a_turned_plan_is_drawn_where_the_plan_has_it(tmp_path: Path
     plan = FloorPlan.open(write_plan(tmp_path, SAID.replace("2.0, 0]", "2.0, 0.4]"))).moved(np.array([4.0, 1.0, 2.0]))
     server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
     try:
-        drawn = lay_plan(server.scene, plan)
+        drawn = draw_floor_plan(server.scene, plan)
         # viser's pictures are looked at along z: x goes to the right, y down, from the middle.
         wall = np.array([-drawn.render_width / 2 + 0.25, -drawn.render_height / 2 + 0.25, 0.0])
         place = Rotation.from_quat(drawn.wxyz, scalar_first=True).apply(wall) + drawn.position

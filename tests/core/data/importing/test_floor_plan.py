@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from ltvn_core.data.importing.floor_plan import FloorPlan
-from ltvn_core.data.importing.floor_plan_alignment import align_plan
+from ltvn_core.data.importing.floor_plan_alignment import align_floor_plan
 from ltvn_core.errors import DriveError, OptionError
 from ltvn_core.geometry import compose
 from tests.core.data.importing.plan_files import SAID, room, write_plan, write_png
@@ -136,7 +136,7 @@ def test_points_tell_how_a_plan_lies(pairs: int) -> None:
     points = np.random.default_rng(pairs).uniform(-9, 9, (pairs, 3)).round(3)
     poses = {10 * k: compose(frame, point) for k, point in enumerate(points)}
 
-    found = align_plan([f"{10 * k}={x},{y}" for k, (x, y, _) in enumerate(points)], poses)
+    found = align_floor_plan([f"{10 * k}={x},{y}" for k, (x, y, _) in enumerate(points)], poses)
 
     np.testing.assert_allclose(found.frame, frame, atol=1e-9)
     assert found.error_m == pytest.approx(0, abs=1e-9)
@@ -145,11 +145,11 @@ def test_points_tell_how_a_plan_lies(pairs: int) -> None:
 def test_points_that_do_not_fit_are_told_and_no_points_keep_the_frame() -> None:
     poses = {1: np.array([0.0, 0, 0]), 2: np.array([4.0, 0, 0])}
 
-    found = align_plan(["1=0,0", "2=6,0"], poses)
+    found = align_floor_plan(["1=0,0", "2=6,0"], poses)
 
     np.testing.assert_allclose(found.frame, (-1, 0, 0), atol=1e-12)
     assert found.error_m == pytest.approx(1.0)
-    np.testing.assert_array_equal(align_plan([], poses).frame, np.zeros(3))
+    np.testing.assert_array_equal(align_floor_plan([], poses).frame, np.zeros(3))
 
 
 @pytest.mark.parametrize(
@@ -169,4 +169,4 @@ def test_points_that_do_not_fit_are_told_and_no_points_keep_the_frame() -> None:
 def test_pairs_that_say_nothing_are_refused(pairs: list[str], expected: str) -> None:
     poses = {1: np.array([0.0, 0, 0]), 2: np.array([4.0, 0, 0])}
     with pytest.raises(OptionError, match=expected):
-        align_plan(pairs, poses)
+        align_floor_plan(pairs, poses)

@@ -26,8 +26,8 @@ UNKNOWN = -1
 OCCUPIED = 100
 MOST_M = 100_000.0
 """No building is so long, or so far from its origin."""
-_OCCUPIED_THRESHOLD, _FREE_THRESHOLD = 0.65, 0.25
-"""What nav2's map saver writes; taken where a file names none."""
+_OCCUPIED_THRESHOLD, _FREE_THRESHOLD = 0.65, 0.196
+"""The usual ones, taken where a file names none; the grey 205 of map savers is just above the latter, so unknown."""
 _WHITE = 3 * 255
 _YES, _NO = ("1", "true", "yes", "on"), ("0", "false", "no", "off", "")
 

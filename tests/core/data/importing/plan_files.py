@@ -14,7 +14,7 @@ resolution: 0.5
 origin: [-1.0, 2.0, 0]
 negate: 0
 occupied_thresh: 0.65
-free_thresh: 0.25
+free_thresh: 0.196
 """
 
 

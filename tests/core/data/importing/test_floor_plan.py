@@ -41,7 +41,7 @@ def test_the_origin_may_be_turned(tmp_path: Path) -> None:
     [
         ({"negate: 0": "negate: 1"}, (0, 100, 100)),
         ({"trinary": "scale"}, (100, 0, 0)),
-        ({"trinary": "scale", "free_thresh: 0.25": "free_thresh: 0.0"}, (100, 30, 1)),
+        ({"trinary": "scale", "free_thresh: 0.196": "free_thresh: 0.0"}, (100, 30, 1)),
         ({"trinary": "raw"}, (0, -1, -1)),
     ],
     ids=["negate", "scale", "scale from 0", "raw"],
@@ -89,11 +89,11 @@ def test_png_plain_pgm_comments_and_lists_by_lines_are_read(tmp_path: Path) -> N
         (SAID.replace("-1.0, 2.0, 0", "1, 2, 1e300"), "origin is"),
         (SAID.replace("negate: 0", "negate: perhaps"), "negate is 0 or 1"),
         (SAID.replace("trinary", "colourful"), "trinary, scale, raw"),
-        (SAID.replace("0.25", "0.7"), "must be below"),
+        (SAID.replace("0.196", "0.7"), "must be below"),
         ("[" * 90_000, "names no image"),
         ("&a [*a, *a]\n" * 5_000, "names no image"),
         ("#" * 200_000, "100,000 bytes"),
-        ("image: \0", "cannot be read|leads nowhere"),
+        (SAID.replace("map.pgm", "\0"), "cannot be read|leads nowhere"),
     ],
 )
 def test_what_cannot_be_right_is_refused_in_one_line(tmp_path: Path, said: str, expected: str) -> None:

@@ -63,6 +63,16 @@ def rotation(yaw_rad: float) -> NDArray[np.float64]:
     return np.array([[cos, -sin], [sin, cos]])
 
 
+def rigid_fit(points: ArrayLike, onto: ArrayLike) -> Pose:
+    """Return the pose (3,) that moves points (N, 2) nearest to others (N, 2) by least squares (Umeyama, 1991)."""
+    points, onto = np.asarray(points, np.float64), np.asarray(onto, np.float64)
+    middle, to_middle = points.mean(axis=0), onto.mean(axis=0)
+    left, right = points - middle, onto - to_middle
+    cross = (left[:, 0] * right[:, 1] - left[:, 1] * right[:, 0]).sum()
+    turn = float(np.arctan2(cross, (left * right).sum()))
+    return np.array([*(to_middle - rotation(turn) @ middle), turn])
+
+
 def lengths_along(path: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the length (M,) of a path (M, 2) from its start to each of its points."""
     return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])

@@ -329,6 +329,7 @@ def open_session(options: AppOptions, server: GuardedServer, stack: ExitStack) -
             robot=robot.spec,
             scene_picture=scene_picture,
             added_glb=added_glb,
+            floor_plan=options.floor_plan,
         ),
         Floor(*floor),
     )

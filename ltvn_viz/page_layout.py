@@ -15,11 +15,13 @@ from typing import Protocol
 import viser
 
 from ltvn_core import palette
+from ltvn_core.data.importing.floor_plan import FloorPlan
 from ltvn_core.robots.robot_spec import LOCOBOT, RobotSpec
 from ltvn_core.worlds import WorldState
 from ltvn_viz.layers.close_layers import HeadingsLayer, RobotMarker
 from ltvn_viz.layers.debugger_layer import DebuggerLayer
 from ltvn_viz.layers.first_view import FirstView, Floor
+from ltvn_viz.layers.floor_plan import draw_floor_plan
 from ltvn_viz.layers.graph_layers import BlockedEdgesLayer, ChangesLayer, EdgesLayer, NodesLayer
 from ltvn_viz.layers.navigation_layers import GhostLayer, GoalLayer, PlanLayer
 from ltvn_viz.layers.robot_layers import CourseLayer, RobotLayer, TrajectoryLayer
@@ -169,6 +171,8 @@ class PageAssets:
     """Draws that scene from above, for pages that draw slowly; None where nobody can. Raises SceneError."""
     added_glb: Callable[[str, WorldState], bytes | None] = lambda _name, _state: None
     """Loads what stands in that scene for now; None where nothing does. Raises SceneError."""
+    floor_plan: FloorPlan | None = None
+    """What a person laid under everything."""
 
 
 class Pages(Protocol):
@@ -271,6 +275,8 @@ def _panels(server: viser.ViserServer, pages: Pages, floor: Floor) -> list[PageP
 
 def _layers(scene: viser.SceneApi, pages: Pages, assets: PageAssets) -> list[PagePart]:
     add_lights(scene)
+    if assets.floor_plan is not None:
+        draw_floor_plan(scene, assets.floor_plan)
     return [
         RobotLayer(scene, assets.robot, assets.robot_glb),
         SceneLayer(scene, assets.scene_glb, load_picture=assets.scene_picture),

@@ -219,4 +219,4 @@ def _damaged(blob: bytes, source: str) -> str:
 
 
 def _too_large(source: str) -> DriveError:
-    return DriveError(f"{source} unpacks to more than {MAX_PIXELS:,} pixels, which no camera of a robot has.")
+    return DriveError(f"{source} unpacks to more than {MAX_PIXELS:,} pixels, and no picture so large is read.")

@@ -6,10 +6,12 @@ Owns the names of the files, which never are those of others. What is in them is
 
 import os
 import re
+from dataclasses import replace
 from pathlib import Path
 
 from ltvn_core.analysis.regression_test_source import regression_test_source
 from ltvn_core.atomic_files import write_text_atomically
+from ltvn_core.data.importing.floor_plan import FloorPlan
 from ltvn_core.data.recording.excerpt import event_window, time_span, write_excerpt
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.evaluation.reports.map_svg import map_layout, map_svg
@@ -46,9 +48,19 @@ def write_excerpt_test(recording: Recording, excerpt: Path, test: Path, *, from_
     write_text_atomically(test, regression_test_source(found.ongoing + found.events, file=file, about=about))
 
 
-def draw_map(recording: Recording, at_s: float | None, *, html: Path | None = None, svg: Path | None = None) -> None:
-    """Draw the map at a time of the robot's clock, at the end if None, into new files. Raises LtvnError."""
-    drawn = map_layout(recording, at_s=at_s)
+def draw_map(
+    recording: Recording,
+    at_s: float | None,
+    *,
+    html: Path | None = None,
+    svg: Path | None = None,
+    floor_plan: FloorPlan | None = None,
+) -> None:
+    """Draw the map at a time of the robot's clock, at the end if None, into new files. Raises LtvnError.
+
+    Below it lies a floor plan, if there is one.
+    """
+    drawn = replace(map_layout(recording, at_s=at_s), floor_plan=floor_plan)
     if svg is not None:
         write_text_atomically(svg, map_svg(drawn))
     if html is not None:

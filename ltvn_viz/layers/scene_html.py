@@ -18,6 +18,7 @@ from ltvn_core.evaluation.reports.map_svg import MapLayout, bar_length_m
 from ltvn_viz.layers import CHANGE_Z, EDGE_Z, NODE_Z
 from ltvn_viz.layers.edge_lines import EdgeLines
 from ltvn_viz.layers.first_view import Floor
+from ltvn_viz.layers.floor_plan import draw_floor_plan
 from ltvn_viz.layers.graph_layers import offset_right
 from ltvn_viz.layers.scene_assets import add_lights, floor_bounds, scene_glb
 from ltvn_viz.layers.shapes import Dots, LineSegments, points
@@ -44,6 +45,8 @@ def scene_html(recording: Recording, drawn: MapLayout) -> str:
         walls = _walls(recording)
         if walls is not None:
             server.scene.add_glb("/apartment", walls, cast_shadow=False, receive_shadow=False)
+        if drawn.floor_plan is not None:
+            draw_floor_plan(server.scene, drawn.floor_plan)
         add_lights(server.scene)
         poses = np.array([row[1:] for row in drawn.plan.nodes])
         _draw(server.scene, drawn, poses)

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from ltvn_core.data.importing.floor_plan import FloorPlan
 from ltvn_core.predictors.choice import AUTO
 from ltvn_core.simulation.body_names import BodyName
 from ltvn_core.systems.registry import DEFAULT_SYSTEM, system_entry
@@ -53,6 +54,8 @@ class AppOptions:
     """Seconds after its beginning at which to show it first."""
     replay_question: str = ""
     """Word of the question with which the debugger opens; empty for none."""
+    floor_plan: FloorPlan | None = None
+    """A plan of the building to lay under everything, in the frame of the map."""
     questions: Sequence[Callable[[], Any]] = ()
     """Questions for the debugger besides ours and the installed ones, each a class that is made without arguments."""
 

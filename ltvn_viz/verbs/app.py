@@ -12,10 +12,11 @@ from ltvn_core.systems.registry import DEFAULT_SYSTEM
 from ltvn_core.verbs.body_option import BodyOption
 from ltvn_core.verbs.option_types import AUTO, PredictorName, SystemName
 from ltvn_core.verbs.verb import Verb
+from ltvn_viz.verbs.floor_plan_options import FloorPlanOptions
 
 
 @dataclass(frozen=True, kw_only=True)
-class AppVerb(Verb):
+class AppVerb(FloorPlanOptions, Verb):
     """Open the page: drive, map, click a goal, watch. Without options: the demo apartment and its ready-made map."""
 
     job = "ltvn_viz.verbs.jobs.app:open_page"
@@ -57,7 +58,7 @@ class AppVerb(Verb):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ReplayVerb(Verb):
+class ReplayVerb(FloorPlanOptions, Verb):
     """Open the page on a recording, with a slider over its time."""
 
     job = "ltvn_viz.verbs.jobs.app:open_replay"

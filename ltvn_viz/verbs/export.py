@@ -8,10 +8,11 @@ import tyro
 from tyro.conf import Positional
 
 from ltvn_core.verbs.verb import Verb
+from ltvn_viz.verbs.floor_plan_options import FloorPlanOptions
 
 
 @dataclass(frozen=True, kw_only=True)
-class ExportVerb(Verb):
+class ExportVerb(FloorPlanOptions, Verb):
     """Take something out of a recording or a map, to pass on: a moment, a test of it, a page or a figure of the map.
 
     With --to FORMAT all of it becomes a file or folder for other programs.

@@ -1,17 +1,18 @@
 """Writes a map for other programs: GraphML, GeoJSON, and the graph of Nav2's Route Server.
 
-Nodes lie where they are drawn: at their true poses where there are such, else at those of odometry, which drifts. All
-lengths are metres in a plane and no degrees on the globe.
+Nodes lie where they are drawn: at their true poses where there are such, else at those of odometry, which drifts; or
+in another frame, such as that of a floor plan. All lengths are metres in a plane and no degrees on the globe.
 """
 
 import json
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 from xml.etree import ElementTree
 
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.errors import MapError
+from ltvn_core.geometry import relative
 from ltvn_core.graph.deltas import Edge
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.types import NodeId, Pose
@@ -26,6 +27,10 @@ class PlacedMap(NamedTuple):
     graph: TopologicalGraph
     poses: dict[NodeId, Pose]
     """(3,) of each node."""
+
+    def seen_from(self, frame: Pose) -> Self:
+        """Return the same map in a frame whose pose (3,) in the map's is known."""
+        return self._replace(poses={node: relative(frame, pose) for node, pose in self.poses.items()})
 
 
 def placed_map(recording: Recording) -> PlacedMap:

@@ -20,6 +20,7 @@ from ltvn_core.data.exporting.exported_drive import CameraPlace, ExportedDrive
 from ltvn_core.data.exporting.map_files import PlacedMap, placed_map, write_geojson, write_graphml, write_nav2_route
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.extras import naming_the_extra
+from ltvn_core.types import Pose
 
 UNITS_PER_METRE = 5000
 _FARTHEST = 65535
@@ -110,14 +111,19 @@ def export_recording(
     *,
     from_s: float | None = None,
     to_s: float | None = None,
+    frame: Pose | None = None,
 ) -> Exported:
     """Write a new file for a map, a new folder for a drive; an output that ends in .mcap is one file.
+
+    A map is written in `frame`, a pose (3,) in the map's own, which is also the default.
 
     Raises RecordingError where `output` exists or cannot be written, MapError where there is no map, and
     MissingLibraryError where a library is missing.
     """
     if to.is_map:
         placed = placed_map(recording)
+        if frame is not None:
+            placed = placed.seen_from(frame)
         with atomic_output(output) as part:
             _MAPS[to](placed, part)
         return Exported(None, len(placed.graph.nodes), len(placed.graph.edges))

@@ -18,7 +18,7 @@ from ltvn_core.data.importing.frame_preparation import FramePreparation
 from ltvn_core.data.importing.import_options import OdometrySource
 from ltvn_core.data.importing.raw_frame import DriveFacts
 from ltvn_core.data.importing.stamped_lists import period_s
-from ltvn_core.geometry import compose, distance, relative
+from ltvn_core.geometry import compose, distance, relative, rigid_fit
 from ltvn_core.graph.bridges import REACH
 from ltvn_core.graph.odometry_gate import JUMP_M, PAUSE_S
 from ltvn_core.graph.revisits import near_pairs, revisits
@@ -221,15 +221,9 @@ def drift(odometry: Pose, truth: Pose) -> Drift | None:
 
 
 def _aligned_rmse_m(odometry: Pose, truth: Pose) -> float:
-    """Return the root mean square distance after the best rigid alignment in the plane (Umeyama, 1991)."""
-    from_middle = odometry[:, :2].mean(axis=0)
-    to_middle = truth[:, :2].mean(axis=0)
-    left = odometry[:, :2] - from_middle
-    right = truth[:, :2] - to_middle
-    cross = (left[:, 0] * right[:, 1] - left[:, 1] * right[:, 0]).sum()
-    turn = np.array([0.0, 0.0, math.atan2(cross, float((left * right).sum()))])
-    turned = compose(turn, np.column_stack([left, np.zeros(len(left))]))[:, :2]
-    return float(np.sqrt(((turned - right) ** 2).sum(axis=1).mean()))
+    """Return the root mean square distance after the best rigid alignment in the plane."""
+    moved = compose(rigid_fit(odometry[:, :2], truth[:, :2]), odometry)[:, :2]
+    return float(np.sqrt(((moved - truth[:, :2]) ** 2).sum(axis=1).mean()))
 
 
 def tilt_range(tilts: Sequence[Tilt]) -> TiltRange | None:

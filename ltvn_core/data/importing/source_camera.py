@@ -41,6 +41,8 @@ _MOST_YAML_BYTES = 100_000
 _NAME = re.compile(r"^([A-Za-z_]\w*)[ \t]*:", re.MULTILINE)
 _COMMENT = re.compile(r"(?:^|(?<=\s))#.*$", re.MULTILINE)
 _LIST = re.compile(r"\[([^\[\]]*)\]")
+_ITEM = re.compile(r"^[ \t]*-[ \t]+(\S+)[ \t]*$", re.MULTILINE)
+"""Of a list with a line for each number."""
 
 
 class CameraFile(NamedTuple):
@@ -205,11 +207,11 @@ def _positive(fields: dict[str, Any], name: str) -> float | None:
 class CalibrationYaml:
     """What a file says, by the names that stand at the beginning of a line."""
 
-    def __init__(self, path: Path) -> None:
-        """Read a file. Raises DriveError where it is no text or too long."""
+    def __init__(self, path: Path, *, what: str = "calibration") -> None:
+        """Read a file, which messages call `what`. Raises DriveError where it is no text or too long."""
         self._path = path
         try:
-            text = read_foreign(path, most_bytes=_MOST_YAML_BYTES, what="calibration").decode("utf-8-sig")
+            text = read_foreign(path, most_bytes=_MOST_YAML_BYTES, what=what).decode("utf-8-sig")
         except (OSError, UnicodeDecodeError) as error:
             raise DriveError(f"{path} cannot be read as text ({error!s:.120}).") from error
         parts = _NAME.split(_COMMENT.sub("", text))
@@ -221,9 +223,11 @@ class CalibrationYaml:
 
     def numbers(self, name: str) -> Sequence[float]:
         """Return the list of a name, or its `data`; empty where the file has none. Raises DriveError."""
-        found = _LIST.search(self._values.get(name, ""))
+        value = self._values.get(name, "")
+        found = _LIST.search(value)
         try:
-            numbers = [float(word) for word in found.group(1).split(",") if word.strip()] if found else []
+            words = found.group(1).split(",") if found else _ITEM.findall(value)
+            numbers = [float(word) for word in words if word.strip()]
         except ValueError as error:
             raise DriveError(f"{self._path}: {name} is no list of numbers ({error!s:.80}).") from error
         if not np.isfinite(numbers).all():

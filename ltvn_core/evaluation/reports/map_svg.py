@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 
 from ltvn_core import palette
+from ltvn_core.data.importing.floor_plan import FloorPlan
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.errors import MapError, SceneError
 from ltvn_core.evaluation.ground_truth import GroundTruth, floorplan
@@ -36,6 +37,8 @@ class MapLayout:
     """Without floor and without verdicts outside simulation."""
     simulated: bool
     """Whether the ground truth is known."""
+    floor_plan: FloorPlan | None = None
+    """What a person laid under the map."""
 
 
 def map_layout(recording: Recording, *, at_s: float | None = None) -> MapLayout:
@@ -86,6 +89,9 @@ def _by_odometry(graph: TopologicalGraph) -> MapDrawing:
 
 
 _MARGIN_M = 0.3
+_PLAN_MARGIN_M = 2.0
+"""So much of a floor plan is seen around the nodes."""
+_PLAN_PX = 2048
 _NODE_M = 0.05
 _YAW_M = 0.16
 """Length of the tick that shows a node's heading."""
@@ -100,7 +106,7 @@ class _Box(NamedTuple):
 
 def map_svg(drawn: MapLayout) -> str:
     """Return a self-contained SVG in metres, x to the right and y up, with title, legend and scale bar below."""
-    box = _box(drawn.plan)
+    box = _box(drawn.plan, _MARGIN_M if drawn.floor_plan is None else _PLAN_MARGIN_M)
     # A picture's y goes down, so everything is drawn with its sign turned.
     whole_m = box.height_m + legend_height_m(box.width_m)
     view = f"{box.x_m:.3f} {-(box.y_m + box.height_m):.3f} {box.width_m:.3f} {whole_m:.3f}"
@@ -116,6 +122,7 @@ def map_svg(drawn: MapLayout) -> str:
         f'<rect x="{box.x_m:.3f}" y="{-(box.y_m + box.height_m):.3f}" width="{box.width_m:.3f}" '
         f'height="{whole_m:.3f}" fill="{palette.BACKGROUND.css}"/>',
         *_floor(drawn.plan),
+        *_floor_plan(drawn.floor_plan),
         *_edges(drawn),
         *_nodes(drawn),
         *map_legend(drawn, box.x_m, -box.y_m, box.width_m),
@@ -124,8 +131,8 @@ def map_svg(drawn: MapLayout) -> str:
     return "\n".join(parts)
 
 
-def _box(plan: MapDrawing) -> _Box:
-    """Return the visible area: the floor, or all nodes."""
+def _box(plan: MapDrawing, margin_m: float = _MARGIN_M) -> _Box:
+    """Return the visible area: the floor, or all nodes with a margin."""
     if plan.free:
         return _Box(
             x_m=plan.origin[0],
@@ -134,8 +141,8 @@ def _box(plan: MapDrawing) -> _Box:
             height_m=len(plan.free) * plan.resolution_m,
         )
     places = np.array([node[1:3] for node in plan.nodes])
-    low = places.min(axis=0) - _MARGIN_M
-    high = places.max(axis=0) + _MARGIN_M
+    low = places.min(axis=0) - margin_m
+    high = places.max(axis=0) + margin_m
     return _Box(x_m=float(low[0]), y_m=float(low[1]), width_m=float(high[0] - low[0]), height_m=float(high[1] - low[1]))
 
 
@@ -151,6 +158,22 @@ def _floor(plan: MapDrawing) -> Iterator[str]:
     yield (
         f'<image x="{box.x_m:.3f}" y="{-(box.y_m + box.height_m):.3f}" width="{box.width_m:.3f}" '
         f'height="{box.height_m:.3f}" style="image-rendering:pixelated" href="data:image/png;base64,{data}"/>'
+    )
+
+
+def _floor_plan(plan: FloorPlan | None) -> Iterator[str]:
+    """Draw a floor plan, one unit a cell before it is moved to where it lies."""
+    if plan is None:
+        return
+    pixels = cv2.cvtColor(plan.picture(_PLAN_PX), cv2.COLOR_RGBA2BGRA)
+    data = base64.b64encode(cv2.imencode(".png", pixels)[1].tobytes()).decode()
+    height, width = plan.cells.shape
+    x, y, yaw = map(float, plan.corner)
+    cos, sin = plan.resolution_m * math.cos(yaw), plan.resolution_m * math.sin(yaw)
+    move = f"{cos:.9f} {-sin:.9f} {sin:.9f} {cos:.9f} {x - sin * height:.6f} {-y - cos * height:.6f}"
+    yield (
+        f'<image width="{width}" height="{height}" transform="matrix({move})" preserveAspectRatio="none" '
+        f'style="image-rendering:pixelated" href="data:image/png;base64,{data}"/>'
     )
 
 

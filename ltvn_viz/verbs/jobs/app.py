@@ -16,6 +16,7 @@ from ltvn_core.verbs.verb import Summary
 from ltvn_viz.app import AppOptions, run_app
 from ltvn_viz.session.options import DEMO_SCENE
 from ltvn_viz.verbs.app import AppVerb, ReplayVerb
+from ltvn_viz.verbs.jobs.floor_plan import LaidFloorPlan, lay_floor_plan
 
 _LOG = logging.getLogger(__name__)
 
@@ -30,7 +31,7 @@ class AppSummary:
 
 def open_page(options: AppVerb) -> Summary:
     """Serve the page until interrupted; raises LtvnError."""
-    return _serve(options, replay=None)
+    return _serve(options, lay_floor_plan(options, options.map), replay=None)
 
 
 def open_replay(options: ReplayVerb) -> Summary:
@@ -38,7 +39,8 @@ def open_replay(options: ReplayVerb) -> Summary:
     recording = _find(options)
     scene = read_info(recording).scene
     app = AppVerb(port=options.port, scene=scene, recordings=recording.parent)
-    return _serve(app, replay=recording.name, at_s=options.at, ask=options.ask)
+    laid = lay_floor_plan(options, recording)
+    return _serve(app, laid, replay=recording.name, at_s=options.at, ask=options.ask)
 
 
 def _find(options: ReplayVerb) -> Path:
@@ -56,7 +58,9 @@ def _find(options: ReplayVerb) -> Path:
     return copy
 
 
-def _serve(options: AppVerb, replay: str | None, at_s: float = 0.0, ask: str = "") -> AppSummary:
+def _serve(
+    options: AppVerb, laid: LaidFloorPlan | None, replay: str | None, at_s: float = 0.0, ask: str = ""
+) -> AppSummary:
     _LOG.info("Starting the app…")
     run_app(
         AppOptions(
@@ -77,6 +81,7 @@ def _serve(options: AppVerb, replay: str | None, at_s: float = 0.0, ask: str = "
             replay=replay,
             replay_at_s=at_s,
             replay_question=ask,
+            floor_plan=None if laid is None else laid.plan,
         ),
         say=_LOG.info,
     )

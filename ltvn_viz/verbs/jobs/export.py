@@ -10,6 +10,7 @@ from ltvn_core.errors import OptionError
 from ltvn_core.verbs.verb import Summary
 from ltvn_viz.debugger.exports import draw_map, write_excerpt_test
 from ltvn_viz.verbs.export import ExportVerb
+from ltvn_viz.verbs.jobs.floor_plan import lay_floor_plan
 
 
 @dataclass(frozen=True)
@@ -70,6 +71,8 @@ def _end(options: ExportVerb) -> tuple[float | None, ExportFormat | None]:
 def _check(options: ExportVerb, to_format: ExportFormat | None) -> None:
     if to_format is not None:
         _check_format(options, to_format)
+    elif (options.floor_plan or options.align) and not (options.html or options.svg):
+        raise OptionError("--floor-plan lies under a map; it goes with --html, --svg and the formats of maps.")
     elif options.output is None and options.html is None and options.svg is None:
         raise OptionError("Nothing to write: name --output for a moment, or --html or --svg for a picture of the map.")
     if options.test is not None and options.output is None:
@@ -85,6 +88,8 @@ def _check_format(options: ExportVerb, to_format: ExportFormat) -> None:
         raise OptionError(f"--to {name} needs --output, the file or folder to write.")
     if options.html or options.svg or options.test or options.named_only:
         raise OptionError(f"--to {name} writes one thing alone; leave out --html, --svg, --test and --named-only.")
+    if not to_format.is_map and (options.floor_plan or options.align):
+        raise OptionError(f"--to {name} writes a drive; --floor-plan goes with graphml, geojson and nav2-route.")
     if to_format.is_map and (options.from_s is not None or options.until is not None):
         raise OptionError(f"--to {name} writes the map at the end; --from and --until choose frames of a drive.")
     if options.output.suffix == ".rrd":
@@ -94,7 +99,9 @@ def _check_format(options: ExportVerb, to_format: ExportFormat) -> None:
 def _export(options: ExportVerb, to_format: ExportFormat, to_s: float | None) -> Summary:
     recording = Recording.open(options.recording)
     output = options.output or Path()
-    done = export_recording(recording, output, to_format, from_s=options.from_s, to_s=to_s)
+    laid = lay_floor_plan(options, options.recording)
+    frame = None if laid is None else laid.frame
+    done = export_recording(recording, output, to_format, from_s=options.from_s, to_s=to_s, frame=frame)
     files = [output] if output.is_file() else [file for file in output.rglob("*") if file.is_file()]
     return _summary(
         options,
@@ -144,4 +151,6 @@ def _cut(options: ExportVerb, until_s: float | None) -> Excerpt:
 
 
 def _draw(options: ExportVerb, to_s: float | None) -> None:
-    draw_map(Recording.open(options.recording), to_s, html=options.html, svg=options.svg)
+    laid = lay_floor_plan(options, options.recording)
+    plan = None if laid is None else laid.plan
+    draw_map(Recording.open(options.recording), to_s, html=options.html, svg=options.svg, floor_plan=plan)

@@ -4,10 +4,13 @@ import json
 from pathlib import Path
 
 import networkx
+import numpy as np
 import pytest
 
+from ltvn_core.data.exporting.map_files import placed_map
 from ltvn_core.data.exporting.recording_export import ExportFormat, export_recording
 from ltvn_core.data.recording.reader import Recording
+from ltvn_core.geometry import compose
 from tests.repository import DEMO_MAP
 
 
@@ -66,3 +69,23 @@ def test_a_route_graph_has_what_the_route_server_reads(tmp_path: Path, recording
     assert all({edge["startid"], edge["endid"]} <= known for edge in edges)
     assert all(node["frame"] == "map" for node in nodes)
     assert len(edges) == len(recording.final_graph().edges)
+
+
+def test_a_route_graph_can_be_written_in_the_frame_of_a_floor_plan(tmp_path: Path, recording: Recording) -> None:
+    frame = np.array([5.0, -2.0, 0.7])
+    written = {}
+    for name, pose in (("own", None), ("plan", frame)):
+        export_recording(recording, tmp_path / name, ExportFormat.NAV2_ROUTE, frame=pose)
+        written[name] = json.loads((tmp_path / name).read_text(encoding="utf-8"))["features"]
+    nodes = [each for each in written["plan"] if each["geometry"]["type"] == "Point"]
+    poses = np.array([(*each["geometry"]["coordinates"], each["properties"]["metadata"]["yaw"]) for each in nodes])
+
+    back = compose(frame, poses)
+
+    placed = placed_map(recording).poses
+    np.testing.assert_allclose(back, [placed[each["properties"]["id"]] for each in nodes], atol=1e-9)
+    edges, same = (
+        [each["properties"] for each in written[name] if each["geometry"]["type"] != "Point"]
+        for name in ("plan", "own")
+    )
+    assert edges == same

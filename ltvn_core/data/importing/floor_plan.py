@@ -1,0 +1,162 @@
+"""A floor plan as nav2's map server has it: `map.yaml` and the picture that it names, as cells and as a picture.
+
+Owns what the map server makes of brightness, and where a pixel lies: the origin is the pose of the picture's lower left
+corner, in metres and radians. The picture must be beside `map.yaml` or below, as with all files of strangers.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from enum import Enum
+from pathlib import Path
+from typing import Self
+
+import cv2
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ltvn_core import palette
+from ltvn_core.cameras.encoded_images import decode_colour, encoded_size
+from ltvn_core.data.importing.foreign_files import read_bytes_within
+from ltvn_core.data.importing.source_camera import CalibrationYaml
+from ltvn_core.errors import DriveError
+from ltvn_core.geometry import compose, relative
+from ltvn_core.types import Pose
+
+UNKNOWN = -1
+OCCUPIED = 100
+MOST_M = 100_000.0
+"""No building is so long, or so far from its origin."""
+_OCCUPIED_THRESHOLD, _FREE_THRESHOLD = 0.65, 0.196
+"""The usual ones, taken where a file names none; the grey 205 of map savers is just above the latter, so unknown."""
+_WHITE = 3 * 255
+_YES, _NO = ("1", "true", "yes", "on"), ("0", "false", "no", "off", "")
+
+
+class FloorPlanMode(Enum):
+    """What brightness means to nav2's map server."""
+
+    TRINARY = "trinary"
+    """Cells are free, occupied or unknown;"""
+    SCALE = "scale"
+    """or anything between free and occupied;"""
+    RAW = "raw"
+    """or what the pixel says, 0 to 100."""
+
+
+@dataclass(frozen=True, eq=False)
+class FloorPlan:
+    """Which cells of a floor are free and which are walls, and where they lie."""
+
+    cells: NDArray[np.int8]
+    """(H, W): 0 is free, 100 occupied, -1 unknown; the first row is the picture's upper one."""
+    resolution_m: float
+    """Side of a cell."""
+    corner: Pose
+    """(3,) of the picture's lower left corner; x runs along its lower side."""
+
+    @classmethod
+    def open(cls, path: Path) -> Self:
+        """Read `map.yaml` and its picture. Raises DriveError, which says what to mend."""
+        said = CalibrationYaml(path, what="map.yaml")
+        name = said.word("image")
+        if not name:
+            raise DriveError(f"{path} names no image; a map.yaml of nav2 has a line as `image: map.pgm`.")
+        resolution_m = _number(said, "resolution", path)
+        if not 0 < resolution_m < MOST_M:
+            raise DriveError(f"{path}: resolution is metres a pixel and above 0, as 0.05; got {resolution_m:g}.")
+        origin = said.numbers("origin")
+        if len(origin) != 3 or max(map(abs, origin)) > MOST_M:
+            raise DriveError(f"{path}: origin is [x, y, yaw] of the lower left corner, in metres and radians.")
+        shown = _shown_cells(said, path)
+        source = f"{name} of {path}"
+        blob = read_bytes_within(path.parent, name)
+        width, height = encoded_size(blob, source)
+        if max(width, height) * resolution_m > MOST_M:
+            raise DriveError(f"{source} would be {max(width, height) * resolution_m:,.0f} m long; check resolution.")
+        cells = shown[decode_colour(blob, source).sum(axis=2, dtype=np.uint16)]
+        return cls(cells, resolution_m, np.array(origin, np.float64))
+
+    @property
+    def size_m(self) -> tuple[float, float]:
+        """Width and height."""
+        height, width = self.cells.shape
+        return width * self.resolution_m, height * self.resolution_m
+
+    @property
+    def middle(self) -> Pose:
+        """The pose (3,) of the picture's middle."""
+        width_m, height_m = self.size_m
+        return compose(self.corner, np.array([width_m / 2, height_m / 2, 0.0]))
+
+    def moved(self, frame: Pose) -> Self:
+        """Return the plan in another frame, in which its own has the pose `frame` (3,)."""
+        return replace(self, corner=compose(frame, self.corner))
+
+    def cells_at(self, places: ArrayLike) -> NDArray[np.int8]:
+        """Return the cells (N,) at places (N, 2) in metres; outside of the plan they are unknown."""
+        places = np.asarray(places, np.float64).reshape(-1, 2)
+        inside = relative(self.corner, np.column_stack([places, np.zeros(len(places))]))
+        column, up = np.floor(inside[:, :2].T / self.resolution_m)
+        height, width = self.cells.shape
+        row = height - 1 - up
+        known = (column >= 0) & (column < width) & (row >= 0) & (row < height)
+        found = np.full(len(places), UNKNOWN, np.int8)
+        found[known] = self.cells[row[known].astype(int), column[known].astype(int)]
+        return found
+
+    def picture(self, most_px: int) -> NDArray[np.uint8]:
+        """Return the plan in colours with opacity (H, W, 4), unknown cells clear; shrunk to `most_px` a side."""
+        share = np.linspace(0, 1, OCCUPIED + 1)[:, None]
+        ramp = (1 - share) * np.array(palette.FLOOR_PLAN_FREE) + share * np.array(palette.FLOOR_PLAN_WALL)
+        colours = np.full((OCCUPIED + 2, 4), 255, np.uint8)  # The last is that of -1.
+        colours[:-1, :3] = ramp.round()
+        colours[-1] = (*palette.FLOOR_PLAN_FREE, 0)
+        drawn = colours[self.cells]
+        height, width = self.cells.shape
+        shrink = most_px / max(height, width)
+        if shrink >= 1:
+            return drawn
+        size = max(round(width * shrink), 1), max(round(height * shrink), 1)
+        return np.asarray(cv2.resize(drawn, size, interpolation=cv2.INTER_AREA), np.uint8)
+
+
+def _number(said: CalibrationYaml, name: str, path: Path, default: float | None = None) -> float:
+    word = said.word(name)
+    if not word and default is not None:
+        return default
+    try:
+        number = float(word)
+    except ValueError as error:
+        raise DriveError(f"{path}: {name} must be a number, got {word!r:.40}.") from error
+    if not math.isfinite(number):
+        raise DriveError(f"{path}: {name} must be a finite number, got {word!r:.40}.")
+    return number
+
+
+def _shown_cells(said: CalibrationYaml, path: Path) -> NDArray[np.int8]:
+    """Return what cell each sum of red, green and blue (766,) stands for. Raises DriveError."""
+    negate = said.word("negate").lower()
+    if negate not in (*_YES, *_NO):
+        raise DriveError(f"{path}: negate is 0 or 1, got {negate!r:.40}.")
+    try:
+        mode = FloorPlanMode(said.word("mode") or FloorPlanMode.TRINARY.value)
+    except ValueError as error:
+        known = ", ".join(each.value for each in FloorPlanMode)
+        raise DriveError(f"{path}: mode is one of {known}, got {said.word('mode')!r:.40}.") from error
+    occupied = _number(said, "occupied_thresh", path, _OCCUPIED_THRESHOLD)
+    free = _number(said, "free_thresh", path, _FREE_THRESHOLD)
+    if not 0 <= free < occupied <= 1:
+        raise DriveError(
+            f"{path}: free_thresh ({free:g}) must be below occupied_thresh ({occupied:g}), both from 0 to 1."
+        )
+    shade = np.arange(_WHITE + 1) / _WHITE
+    taken = shade if negate in _YES else 1 - shade
+    match mode:
+        case FloorPlanMode.RAW:
+            value = np.rint(255 * shade)
+            return np.where(value <= OCCUPIED, value, UNKNOWN).astype(np.int8)
+        case FloorPlanMode.SCALE:
+            between = np.rint(OCCUPIED * (taken - free) / (occupied - free))
+        case FloorPlanMode.TRINARY:
+            between = np.full(len(taken), UNKNOWN)
+    return np.select([taken > occupied, taken < free], [OCCUPIED, 0], between).astype(np.int8)

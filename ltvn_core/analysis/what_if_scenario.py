@@ -55,7 +55,7 @@ class PlannerState:
     goal: NodeId | None
     """None outside of queries."""
     failures: Mapping[EdgeKey, int] = field(default_factory=dict)
-    """How often each edge had failed in this query, each time at the price of `Planning.failure_penalty`."""
+    """Failures of each edge in this query; each one costs `PlanningConfig.failure_penalty`."""
     localised: Localised | None = None
     """The localisation that told the source."""
     tries: int = 0
@@ -295,9 +295,9 @@ class PlanDifference:
     notes: tuple[str, ...]
     """What these plans cannot tell about the changes, for a person."""
     old_open: Mapping[EdgeKey, float] = field(default_factory=dict)
-    """How probably the edges are open that were ever seen blocked,"""
+    """p(open) now of each edge that was ever seen blocked."""
     new_open: Mapping[EdgeKey, float] = field(default_factory=dict)
-    """and how probably they would be."""
+    """p(open) of the same edges under the changes."""
 
     @property
     def sentence(self) -> str:

@@ -91,9 +91,9 @@ class _Stage(Enum):
     FIRST = auto()
     """Algorithm 1: it merges with a node, or is connected with nodes."""
     SECOND = auto()
-    """It may be connected by the lower cut,"""
+    """It may be connected by the lower cut."""
     BRIDGES = auto()
-    """and with merged images as well, which then become nodes."""
+    """It may also be connected with merged images, which then become nodes."""
 
 
 class _BuildRun:

@@ -1,7 +1,7 @@
 """Which nodes resemble an image without depth, such as an upload.
 
 Owns a plain comparison of small, normalised colour images. The network needs depth and is not asked; an image with
-depth is better ranked by `Localizer.nearest_nodes`.
+depth is better ranked by `Localiser.nearest_nodes`.
 """
 
 from collections.abc import Sequence

@@ -34,9 +34,9 @@ LITTLE_KNOWN = 0.8
 PAIRS = 30
 """So many pairs of images in a row are asked about, spread over the drive."""
 RECOGNISED = 0.5
-"""Images with a higher r show one place,"""
+"""Two images with a higher r show one place."""
 FEW_RECOGNISED = 0.5
-"""and where fewer of those in a row than this do, that is why the map falls apart."""
+"""Where a smaller share of consecutive images shows one place, the predictor is why the map falls apart."""
 MOST_RECOGNISED = 0.95
 """Where not even so many do, the drive breaks there."""
 GEOMETRIC = "geometric"

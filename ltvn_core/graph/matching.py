@@ -1,6 +1,6 @@
 """One image against many: reachability, waypoint and distance, with temporal support where it matters.
 
-Owns how the network is asked. Does not decide what a match means: `graph.operators` and `graph.localizer` do.
+Owns how the network is asked. Does not decide what a match means: `graph.operators` and `graph.localiser` do.
 """
 
 from collections.abc import Sequence

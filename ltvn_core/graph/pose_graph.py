@@ -34,9 +34,9 @@ class RelativePoses:
     """Measurements of how pairs of poses lie to each other."""
 
     first: NDArray[np.intp]
-    """(M,) rows of the poses measured from,"""
+    """(M,) rows of the reference poses."""
     second: NDArray[np.intp]
-    """(M,) and of those measured."""
+    """(M,) rows of the poses that are measured."""
     poses: Waypoint
     """(M, 3): the second, seen from the first."""
     deviations: NDArray[np.float64]

@@ -34,9 +34,9 @@ _LEAST_POINTS = 15
 _EDGE_RAD, _NEAR_M = 0.1, 0.35
 """What is nearer than this to the edge of the earlier image, or to its camera, may have no counterpart there."""
 _STEPS = ((0.05, 0.04), (0.0125, 0.01))
-"""Steps of the search in m and rad, coarse and fine,"""
+"""Step sizes of the search in m and rad: coarse, then fine."""
 _REACH = ((9, 9), (4, 4))
-"""and how many of them to each side."""
+"""Number of search steps to each side, in m and rad: coarse, then fine."""
 _COST_PER_M, _COST_PER_RAD = 0.02, 0.025
 """Of motions that fit as well, the one nearest to the odometry is believed."""
 _SURFACE_GAP_M, _SURFACE_STEP_M = 0.8, 0.04

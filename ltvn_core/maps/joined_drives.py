@@ -105,9 +105,9 @@ class JoinedDrive:
 
     name: str
     first: FrameId
-    """Its first image,"""
+    """Frame id of its first image in the map."""
     last: FrameId
-    """and its last, as they are numbered in the map."""
+    """Frame id of its last image in the map."""
     added_steps: int = 0
     """So much more than in its recording."""
     continues: str = ""

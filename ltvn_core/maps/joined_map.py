@@ -59,9 +59,9 @@ class DriveReport:
 
     name: str
     first: int
-    """Its first image, as it is numbered in the map,"""
+    """Frame id of its first image in the map."""
     added_steps: int
-    """and so much more than in its recording."""
+    """Offset of its steps in the map against its recording."""
     nodes: int
     joined_by: int
     """Edges between its nodes and those of the drives before; 0 for the first."""
@@ -72,9 +72,9 @@ class DriveReport:
     recognised: float | None
     """Share of its images whose place the drives before had seen; None for the first."""
     blocked: tuple[EdgeKey, ...]
-    """Edges of the drives before that it saw blocked,"""
+    """Edges of earlier drives that this drive saw blocked."""
     returned: tuple[EdgeKey, ...]
-    """and those that were seen blocked before and that it found open."""
+    """Edges of earlier drives that were blocked before and that this drive found open."""
 
     @property
     def is_piece_of_its_own(self) -> bool:
@@ -160,9 +160,9 @@ class _Place:
     """Where an image of a later drive was taken."""
 
     node: NodeId
-    """A node of an earlier drive,"""
+    """A node of an earlier drive."""
     pose: Pose
-    """and the robot (3,) in its frame."""
+    """The robot's pose (3,) in the node's frame."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -170,9 +170,9 @@ class _Comparison:
     """What a later drive says of the map of earlier ones."""
 
     asked: int
-    """Images that were compared with it,"""
+    """Number of images that were compared with the map."""
     recognised: int
-    """and of them those whose place was known."""
+    """Number of compared images whose place was recognised."""
     observed: tuple[PresenceObserved, ...]
     """Edges that the drive saw blocked, or found open that had been blocked."""
 

@@ -101,12 +101,13 @@ _AHEAD_M, _ASIDE_M = 1.1, 0.5
 _ATTENTIVE_S = 0.08
 """With people near, an image older than this is replaced, even if the robot has not moved."""
 _KEEP_M = 0.12
-"""The robot keeps so much more distance from people,"""
+"""Extra distance that the robot keeps from people, in metres."""
 _NEXT_TO_M = 0.1
-"""What is seen so near to a person is held to be the person."""
+"""Radius around a person within which points count as part of the person, in metres."""
 _AROUND = np.linspace(-np.pi, np.pi, 40, endpoint=False).repeat(3)
 _RING = (BODY_M + _KEEP_M) * np.stack([np.cos(_AROUND), np.sin(_AROUND)], axis=-1)
-"""as if they were so wide; each point counts three times, so that it is not taken for noise."""
+"""Points (N, 2) around a person, wider than the person by `_KEEP_M`. Each counts three times, so that none is filtered
+as noise."""
 _SIDES_M = 0.15 * np.array([(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)])
 """From what moves the robot keeps so much more distance."""
 _HIT_WIDTH_M, _HIT_POINTS = 0.5, 11

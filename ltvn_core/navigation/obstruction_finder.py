@@ -100,9 +100,9 @@ _KNOWN_SHARE, _KNOWN_SHARE_IF_UNSURE = 0.5, 0.75
 """Where less of what stands around is known, the robot is probably not where it thinks it is. Of 62 looks in two
 apartments with closed doors these rules kept all 50 at the right place and none of 12 at a wrong one."""
 _LEAST_POINTS = 8
-"""Fewer new points are held to be noise, and of them"""
+"""Minimum number of new points that count as an obstruction."""
 _LEAST_ON_WAY = 4
-"""fewer on the way of the robot's body."""
+"""Minimum number of new points inside the robot's swept path."""
 _GRID_M = 0.05
 """Of points within such a cell one is kept."""
 _CELLS = 1 << 32

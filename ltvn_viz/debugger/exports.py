@@ -1,7 +1,7 @@
 """What a person can take along from a recording: a moment with a test to begin with, and the map as page and figure.
 
-Owns the names of the files, which never are those of others. What is in them is `recording.excerpt`,
-`analysis.regression_test_source`, `scene_html` and `report.map_svg`. Slow; runs in the worker's thread.
+Owns the names of the files, which are always new. Their contents come from `ltvn_core.data.recording.excerpt`,
+`analysis.regression_test_source`, `scene_html` and `evaluation.reports.map_svg`. Slow; runs in the worker's thread.
 """
 
 import os

@@ -1,7 +1,7 @@
 """A map in its scene as one HTML file that asks nothing of any other machine: viser's own client with all it shows.
 
-Owns what is put into that file: walls, nodes, edges, a legend, and a policy that lets no request out. Where things lie
-is `evaluate.scene_plan`; the flat figure, with the numbers of every node and edge, is `report.scene_svg`.
+Owns what is put into that file: walls, nodes, edges, a legend, and a policy that lets no request out. The flat
+figure, with the numbers of every node and edge, is `evaluation.reports.map_svg`.
 """
 
 from html import escape

@@ -1,7 +1,7 @@
 """The `/drive` socket: carries held inputs and presses to the app, and seat and camera pictures back to the pages.
 
-Owns the connections and the watchdog thread. The rules of driving are in `driving.py`, the words in
-`drive_messages.py`. Nothing is awaited between the arrival of a message and the listener's call.
+Owns the connections and the watchdog thread. The rules of driving are in `driver_seat.py`, the messages
+in `drive_messages.py`. Nothing is awaited between the arrival of a message and the listener's call.
 """
 
 import asyncio

@@ -4,7 +4,7 @@ Owns how viser is started, what is served beside it (`/drive`, numbered files) a
 another port, open a public tunnel). viser has no hook for any of this, so its one call of `websockets` is wrapped while
 it starts; the version is pinned and the tests hold it to that.
 
-Uploads need no route: `gui.add_upload_button` travels over viser's own socket, which passes the same guard.
+Uploads need no route: `viser.GuiApi.add_upload_button` travels over viser's own socket, which passes the same guard.
 """
 
 import asyncio

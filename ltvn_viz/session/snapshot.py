@@ -192,9 +192,9 @@ class JobProgress:
 
     label: str
     images: int = 0
-    """How many are done,"""
+    """Number of images that are done."""
     of_images: int | None = None
-    """and how many there are; None when nobody knows."""
+    """Number of all images; None where it is unknown."""
 
     @property
     def share(self) -> float | None:

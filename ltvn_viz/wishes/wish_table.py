@@ -1,8 +1,8 @@
 """What a person can wish for on the page, each wish written once: its command, words, keys, value, and who may.
 
 Keys, buttons, viser's controls, the palette, the help, and the sentence for what makes no sense now are all made from
-`WISHES`. In which modes a wish makes sense, its command says; what is done then, `session.command_handlers`. Keys are
-named by `KeyboardEvent.code`, the place on the keyboard, so that they lie under the same fingers on every layout.
+`WISHES`. The command of a wish says in which modes it makes sense, `session.command_handlers` what it does. Keys are
+named by the browser's KeyboardEvent.code, the place on the keyboard, so that they are the same on every layout.
 """
 
 import math

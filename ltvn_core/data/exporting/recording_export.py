@@ -90,9 +90,9 @@ class Exported(NamedTuple):
     """What was written."""
 
     frames: int | None
-    """Of a drive,"""
+    """Number of frames written; None for a map."""
     nodes: int | None
-    """and of a map."""
+    """Number of nodes written; None for a drive."""
     edges: int | None
 
 

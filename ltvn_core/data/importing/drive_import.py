@@ -32,9 +32,9 @@ from ltvn_core.robots.robot_check import ObservationCheck
 from ltvn_core.types import Depth, Observation, Pose, Rgb, Tilt
 
 MOVED_SHARE = 0.04
-"""An image is kept when half of what is followed moved by this share of the image's width,"""
+"""Motion that keeps an image: the median shift of the tracked points, as a share of the image's width."""
 LOST_SHARE = 0.5
-"""or when more than this share of it is no longer to be found."""
+"""Share of tracked points whose loss keeps an image."""
 _WIDTH_PX = 160
 _POINTS = 120
 _FEWEST_POINTS = 8

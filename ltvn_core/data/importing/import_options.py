@@ -55,9 +55,9 @@ class ImportOptions:
 
     odometry: OdometrySource = OdometrySource.AUTO
     every_m: float = EVERY_M
-    """An image is kept after so many metres,"""
+    """Distance after which an image is kept, in metres; with 0 for both limits, all images are kept."""
     every_deg: float = EVERY_DEG
-    """or degrees of heading or tilt; 0 and 0 keep all."""
+    """Change of heading or tilt after which an image is kept, in degrees."""
     fov_deg: float | None = None
     """Horizontal field of view of a camera of which nothing else is known."""
     height_m: float | None = None

@@ -106,7 +106,7 @@ class ImportSummary(WithDoubts):
     revisited_share: float | None
     """Share of the images that show a place where the drive had been before: loops."""
     gaps: int
-    """Pauses between images that are much longer than usual,"""
+    """Number of pauses between images that are much longer than usual."""
     longest_gap_s: float
     tilt: TiltRange | None
     """How the camera was tilted, where that changes."""

@@ -104,13 +104,13 @@ class ReadOptions:
     """What a person says of a drive; None leaves it to the reader to find out."""
 
     rgb: str | None = None
-    """Topic, key or folder of the colour images,"""
+    """Topic, key or folder of the colour images."""
     depth: str | None = None
-    """of the depth images; "none" leaves depth out,"""
+    """Topic, key or folder of the depth images; "none" leaves depth out."""
     odometry: str | None = None
-    """of the odometry, a CSV file for a folder of pictures,"""
+    """Topic or key of the odometry; a CSV file for a folder of pictures."""
     camera_info: str | None = None
-    """and of the camera's description."""
+    """Topic, key or file of the camera's description."""
     camera: CameraModel | None = None
     """The camera of the colour images; wins over what the source says. Readers scale it to the images they find where
     the aspect agrees (`source_camera.fitted`)."""

@@ -21,7 +21,7 @@ AUTO = "auto"
 _MOST_ENTRIES = 100
 """Of a folder that no reader knows, so many entries are looked at."""
 _SCENES = (".glb", ".gltf", ".obj", ".ply")
-"""What `--scene` takes (`mesh_file.FORMATS`; a reader knows nothing of simulation)."""
+"""File endings that `--scene` takes, as in `simulation.meshes.mesh_file.FORMATS`, which no reader imports."""
 LAST = "folder"
 """Folders of every format look like a folder of pictures as well, so this reader is asked last."""
 

@@ -39,7 +39,7 @@ class RowTime(NamedTuple):
 
 
 PROPERTIES = "ltvn"
-"""Name of the recording property that holds `meta.Meta`; Rerun keeps it at /__properties/ltvn."""
+"""Name of the recording property that holds `metadata.RecordingMetadata`; Rerun keeps it at /__properties/ltvn."""
 
 WORLD = "world"
 SCENE = "world/scene"

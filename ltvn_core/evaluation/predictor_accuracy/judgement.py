@@ -102,9 +102,9 @@ class Judgement:
 
 class _Rows(NamedTuple):
     looks: NDArray[np.intp]
-    """Images that are looked for in the map,"""
+    """Rows of the images that are localised in the map."""
     mapped: NDArray[np.intp]
-    """and those that it is built from."""
+    """Rows of the images that the map is built from."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

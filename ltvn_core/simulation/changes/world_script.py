@@ -7,7 +7,7 @@ People may write such a file by hand; it is checked in full when it is read:
         {"at_s": 68700, "change": "ThingPlaced", "thing": "parcel", "kind": "box",
          "pose": [1.5, 2.0, 0.3], "size": [0.4, 0.3, 0.5]}]}
 
-Each change has its moment, in seconds from midnight of the first day, its class name of `worlds.world_change`, and the
+Each change has its moment, in seconds from midnight of the first day, its class name of `ltvn_core.worlds`, and the
 fields of that class. A world accepts the changes that its scene can carry out; they come from people, pages and files.
 """
 

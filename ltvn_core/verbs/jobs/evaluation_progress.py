@@ -20,9 +20,9 @@ class PartSummary:
     done: int
     """Episodes, queries or scenes that this part has."""
     tests: int
-    """Of all parts: one for each scene, seed and maintenance,"""
+    """Tests of all parts: one for each scene, seed and maintenance."""
     finished: int
-    """and those of them of which nothing is missing any more."""
+    """Tests of all parts that are complete."""
     folder: Path
     """Where all parts belong."""
     wall_s: float

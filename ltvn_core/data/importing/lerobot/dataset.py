@@ -40,9 +40,9 @@ class DepthCodes:
     """What the codes 0 to 4095 mean. Code 0 also stands for everything nearer, and for no return."""
 
     depth_min: float = 0.01
-    """Metres at code 0,"""
+    """Depth at code 0, in metres."""
     depth_max: float = 10.0
-    """and at the largest code."""
+    """Depth at the largest code, in metres."""
     shift: float = 3.5
     """Metres that are added before the logarithm."""
     use_log: bool = True

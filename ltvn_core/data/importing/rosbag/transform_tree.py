@@ -13,10 +13,10 @@ from scipy.spatial.transform import Rotation
 from ltvn_core.data.importing.spatial_pose import Transform, inverse, pose_between
 
 _LONGEST_GAP_S = 0.5
-"""Between two poses farther apart nobody knows where the robot was, unless it stood still,"""
+"""Longest gap between two poses that is interpolated, in seconds, unless the robot stood still meanwhile."""
 _STANDING_M = 0.03
 _STANDING_RAD = np.radians(2.0)
-"""which is what so little motion means."""
+"""A robot that turned less than this, and moved less than `_STANDING_M`, stood still."""
 _LATEST_S = 0.1
 """So long before the first pose and behind the last it counts as where the robot was."""
 _KEPT = 4096

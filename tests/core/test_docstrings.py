@@ -2,9 +2,7 @@
 
 import ast
 import builtins
-import io
 import re
-import tokenize
 from collections.abc import Iterator
 from functools import cache
 from importlib.util import find_spec
@@ -20,6 +18,7 @@ MODULES = tuple(sorted(path for package in PACKAGES for path in (ROOT / package)
 DOCUMENTS = tuple(sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *(ROOT / "recordings").rglob("*.md")]))
 
 _IN_BACKTICKS = re.compile(r"(?<!`)`([^`]+)`(?!`)")
+_COMMENT = re.compile(r"(^|\s)# .*")
 _WORD = re.compile(r"[A-Za-z_]\w*")
 _DOTTED = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)+(\(\))?")
 _SOURCE_PATH = re.compile(r"([\w-]+/)*[\w-]+\.(py|js|css|md)|(ltvn_core|ltvn_viz|docs|tools|tests)/[\w./-]+")
@@ -39,9 +38,19 @@ def tree_of(path: Path) -> ast.Module:
     return ast.parse(path.read_text(encoding="utf-8"))
 
 
-def statements_of(node: ast.AST) -> list[ast.stmt]:
-    body = getattr(node, "body", [])
-    return body if isinstance(body, list) else []
+@cache
+def blocks_of(path: Path) -> tuple[list[ast.stmt], ...]:
+    """Return the blocks of statements of a module, without looking into expressions."""
+    blocks: list[list[ast.stmt]] = []
+    waiting: list[ast.AST] = [tree_of(path)]
+    while waiting:
+        node = waiting.pop()
+        for name in ("body", "orelse", "finalbody"):
+            block = getattr(node, name, [])
+            if isinstance(block, list):
+                blocks.append(block)
+                waiting += block
+    return tuple(blocks)
 
 
 def text_of(statement: ast.stmt) -> ast.Constant | None:
@@ -54,25 +63,28 @@ def text_of(statement: ast.stmt) -> ast.Constant | None:
 @cache
 def docstrings_of(path: Path) -> tuple[ast.Constant, ...]:
     """Return the docstrings of a module, its classes, functions and fields."""
-    statements = (each for node in ast.walk(tree_of(path)) for each in statements_of(node))
-    return tuple(text for each in statements if (text := text_of(each)) is not None)
+    return tuple(text for block in blocks_of(path) for each in block if (text := text_of(each)) is not None)
 
 
-def words_of(tree: ast.AST, docstrings: tuple[ast.Constant, ...]) -> frozenset[str]:
-    """Return the identifiers of code, its strings and the words in them, which may be keys of a file."""
-    left_out = frozenset(map(id, docstrings))
-    words: set[str] = set()
-    for node in ast.walk(tree):
-        if id(node) not in left_out:
-            for _, value in ast.iter_fields(node):
-                for each in value if isinstance(value, list) else [value]:
-                    words.update((each, *_WORD.findall(each)) if isinstance(each, str) else ())
-    return frozenset(words)
+@cache
+def code_of(path: Path) -> list[str]:
+    """Return the lines of a module, without its docstrings and comments."""
+    lines = path.read_text(encoding="utf-8").splitlines()
+    for docstring in docstrings_of(path):
+        last = docstring.end_lineno or docstring.lineno
+        lines[docstring.lineno - 1 : last] = [""] * (last - docstring.lineno + 1)
+    return [_COMMENT.sub("", line) for line in lines]
+
+
+def words_of(lines: list[str]) -> frozenset[str]:
+    """Return the names in code, dotted ones too, and the words in its strings, which may be keys of a file."""
+    text = "\n".join(lines)
+    return frozenset(_WORD.findall(text)) | frozenset(found.group() for found in _DOTTED.finditer(text))
 
 
 @cache
 def words_in(path: Path) -> frozenset[str]:
-    return words_of(tree_of(path), docstrings_of(path))
+    return words_of(code_of(path))
 
 
 @cache
@@ -88,11 +100,10 @@ def house_classes() -> dict[str, tuple[frozenset[str], frozenset[str]]]:
     """Return the words in each class, and the names of its bases; classes of one name count as one."""
     classes: dict[str, tuple[frozenset[str], frozenset[str]]] = {}
     for path in MODULES:
-        for node in ast.walk(tree_of(path)):
-            if isinstance(node, ast.ClassDef):
-                words, bases = classes.get(node.name, (frozenset(), frozenset()))
-                named = frozenset(_WORD.findall(" ".join(map(ast.unparse, node.bases))))
-                classes[node.name] = (words | words_of(node, docstrings_of(path)), bases | named)
+        for node in (each for block in blocks_of(path) for each in block if isinstance(each, ast.ClassDef)):
+            words, bases = classes.get(node.name, (frozenset(), frozenset()))
+            named = frozenset(_WORD.findall(" ".join(map(ast.unparse, node.bases))))
+            classes[node.name] = (words | words_of(code_of(path)[node.lineno : node.end_lineno]), bases | named)
     return classes
 
 
@@ -105,11 +116,15 @@ def has_member(name: str, member: str) -> bool:
 def references_in(path: Path) -> Iterator[Reference]:
     """Yield what stands in backticks in the docstrings and comments of a module."""
     texts = [(docstring.lineno, str(docstring.value)) for docstring in docstrings_of(path)]
-    tokens = tokenize.generate_tokens(io.StringIO(path.read_text(encoding="utf-8")).readline)
-    texts += [(token.start[0], token.string) for token in tokens if token.type == tokenize.COMMENT]
+    lines = path.read_text(encoding="utf-8").splitlines()
+    texts += [(line, found.group()) for line, text in enumerate(lines, 1) if (found := _COMMENT.search(text))]
     for line, text in texts:
         for found in _IN_BACKTICKS.finditer(text):
             yield line, found.group(1)
+
+
+def packages_around(path: Path) -> list[Path]:
+    return [folder for folder in path.parents if folder.is_relative_to(ROOT)]
 
 
 def is_there(path: Path, reference: str) -> bool:
@@ -117,7 +132,7 @@ def is_there(path: Path, reference: str) -> bool:
     if _DATA_FILE.fullmatch(reference):
         return True
     if _SOURCE_PATH.fullmatch(reference):
-        return any((folder / reference).exists() for folder in (*path.parents, ROOT / "ltvn_viz" / "static"))
+        return any((folder / reference).exists() for folder in (*packages_around(path), ROOT / "ltvn_viz" / "static"))
     if _DOTTED.fullmatch(reference):
         return is_dotted_name(path, reference.removesuffix("()").split("."))
     return not _WORD.fullmatch(reference) or reference in house_words() or hasattr(builtins, reference)
@@ -125,7 +140,7 @@ def is_there(path: Path, reference: str) -> bool:
 
 def is_dotted_name(path: Path, parts: list[str]) -> bool:
     """Tell whether a module has a member, or a class has it, or a word of the code may well have it."""
-    for folder in (*path.parents, ROOT / "ltvn_core"):
+    for folder in (*packages_around(path), ROOT / "ltvn_core"):
         if (folder / parts[0]).is_dir() or (folder / f"{parts[0]}.py").is_file():
             return is_in_module(folder, parts)
     if parts[0] in house_classes():
@@ -151,7 +166,7 @@ def is_in_module(folder: Path, parts: list[str]) -> bool:
 @cache
 def fields_of(path: Path) -> tuple[ast.Constant, ...]:
     """Return the docstrings of a module's attributes and constants."""
-    pairs = (pair for node in ast.walk(tree_of(path)) for pair in pairwise(statements_of(node)))
+    pairs = (pair for block in blocks_of(path) for pair in pairwise(block))
     texts = (text_of(after) for before, after in pairs if isinstance(before, ast.Assign | ast.AnnAssign))
     return tuple(text for text in texts if text is not None)
 

@@ -27,7 +27,7 @@ from ltvn_viz.session.worker import JobQueue
 from ltvn_viz.timeline.breakpoint_monitor import BreakpointMonitor
 
 _SERIALS = 2**24
-"""So many views of a page can be counted before its links look like those of the next."""
+"""Offset between the view numbers of two pages; a page has fewer views than this, so links are unique."""
 
 _LOG = logging.getLogger(__name__)
 

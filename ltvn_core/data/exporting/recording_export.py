@@ -70,7 +70,7 @@ def write_vint_folder(drive: ExportedDrive, folder: Path) -> None:
 
 
 class ExportFormat(Enum):
-    """What a recording can be written as: its drive by the first four, its map by the others."""
+    """Formats of an export: the first four for a drive, the others for a map."""
 
     MCAP = "mcap"
     TUM = "tum"
@@ -87,7 +87,7 @@ class ExportFormat(Enum):
 
 
 class Exported(NamedTuple):
-    """What was written."""
+    """Counts of an export."""
 
     frames: int | None
     """Number of frames written; None for a map."""

@@ -34,7 +34,7 @@ _DISTORTIONS = ("radial-tangential", "radtan", "plumb_bob", "none", "")
 
 
 class EurocReader(ImageFilesReader):
-    """A sequence in the ASL layout that is open for reading."""
+    """A sequence in the ASL layout, open for reading."""
 
     def __init__(self, path: Path, options: ReadOptions) -> None:
         """Read the lists, and no image yet. Raises DriveError."""

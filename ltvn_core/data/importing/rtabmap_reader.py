@@ -22,7 +22,7 @@ from ltvn_core.types import Depth
 
 _RVL = b"DEPTHRVL"
 _COVERED = 0.95
-"""The optimised map is taken for the truth where it holds at least so many of the nodes."""
+"""Least share of the nodes in the optimised map for it to count as ground truth."""
 
 DAMAGED = "damaged image"
 OTHER_SESSION = "of another drive"
@@ -160,7 +160,7 @@ class RtabmapReader:
         return [replace(node, stamp=float(count)) for count, node in enumerate(chosen)]
 
     def _true_poses(self) -> dict[int, Transform]:
-        """Return ground truth where RTAB-Map was told, else its optimised map where it closed loops."""
+        """Return RTAB-Map's ground truth, else its optimised map if it closed loops."""
         told = {node.id: node.truth for node in self._nodes if node.truth is not None}
         if told:
             return told

@@ -27,12 +27,12 @@ HOW_TO = (
     "say it by --camera fx,fy,cx,cy,width,height (in pixels, then the distortion k1,k2,p1,p2,k3 where there is one), "
     "or roughly by --fov DEGREES, the horizontal field of view"
 )
-"""What a message advises where the lens is not known."""
+"""Advice for a message about an unknown lens."""
 HOW_TO_SCALE = (
     'write {"depth_scale": N} into a camera.json, where N is how many units a metre has (1000 for millimetres), and '
     "name the file by --camera"
 )
-"""What a message advises where depth is in another unit."""
+"""Advice for a message about depth in another unit."""
 
 _SIX = 6
 _ASPECT_TOLERANCE = 0.02
@@ -44,7 +44,7 @@ _LIST = re.compile(r"\[([^\[\]]*)\]")
 
 
 class CameraFile(NamedTuple):
-    """What a `camera.json` says; None for what it leaves open."""
+    """Content of a `camera.json`; None for missing fields."""
 
     camera: CameraModel | None
     """Of the colour images."""
@@ -203,7 +203,7 @@ def _positive(fields: dict[str, Any], name: str) -> float | None:
 
 
 class CalibrationYaml:
-    """What a file says, by the names that stand at the beginning of a line."""
+    """Content of a file, by the names at the beginning of its lines."""
 
     def __init__(self, path: Path) -> None:
         """Read a file. Raises DriveError where it is no text or too long."""
@@ -216,7 +216,7 @@ class CalibrationYaml:
         self._values = dict(zip(parts[1::2], parts[2::2], strict=True))
 
     def word(self, name: str) -> str:
-        """Return what stands behind a name on its line, empty where the file has no such name."""
+        """Return the text after a name on its line, empty if the file has no such name."""
         return (self._values.get(name, "").strip().splitlines() or [""])[0].strip().strip("\"'")
 
     def numbers(self, name: str) -> Sequence[float]:

@@ -37,7 +37,7 @@ class Episode:
     length: int
     """Rows."""
     row: Mapping[str, Any]
-    """All that the data set says of it: which files, from when to when."""
+    """The data set's entry for it: which files, from when to when."""
 
     def whole(self, name: str) -> int:
         """Return a number of a file. Raises DriveError."""
@@ -75,7 +75,7 @@ class Layout(Protocol):
 
 
 class LayoutV3:
-    """Version 3: a table says in which file, and from when to when, each episode is."""
+    """Version 3: a table gives the file and the time span of each episode."""
 
     DATA = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
     VIDEO = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
@@ -104,7 +104,7 @@ class LayoutV3:
         return _filled(self._video, {**self._numbers(f"videos/{key}/", episode), "video_key": key})
 
     def video_span(self, key: str, episode: Episode) -> tuple[float, float]:
-        """Return what the table says; see `Layout`."""
+        """Return the span in the table; see `Layout`."""
         begin, end = (episode.seconds(f"videos/{key}/{side}_timestamp") for side in ("from", "to"))
         return begin, end
 

@@ -55,7 +55,7 @@ class RigCamera(NamedTuple):
     focal: tuple[float, float, float, float]
     """fx, fy, cx, cy in pixels."""
     is_stereo: bool = False
-    """It is the left one of two, and what is stored as its depth is the right one's image."""
+    """Whether it is the left camera of a stereo pair, whose stored depth is the right image."""
 
     def fitted(self, width: int, height: int) -> CameraModel:
         """Return the lens for images of a size. Raises CameraError."""
@@ -171,18 +171,18 @@ class Node:
 
     id: int
     session: int
-    """Counts drives; odometry begins anew in each."""
+    """Number of the drive; odometry starts anew in each."""
     stamp: float
     """Seconds; 0 where the program did not say."""
     odometry: Transform | None
     """(4, 4) of the robot."""
     truth: Transform | None
-    """(4, 4) of the robot in the world, where the program was told."""
+    """(4, 4) true pose of the robot in the world, if the program had it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class NodeImages:
-    """What was seen from a place, as it is stored."""
+    """The stored images of a place."""
 
     colours: bytes
     depth: bytes | None
@@ -226,7 +226,7 @@ class RtabmapDatabase:
         ]
 
     def images(self, node: Node) -> NodeImages:
-        """Return what was seen from a node."""
+        """Return the images of a node."""
         query = "SELECT image, depth, calibration FROM Data WHERE id = ?"
         colours, depth, calibration = next(self._rows(query, (node.id,)), (None, None, None))
         if not isinstance(colours, bytes):

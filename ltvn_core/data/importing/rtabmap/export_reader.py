@@ -33,9 +33,9 @@ _POSES = "poses.txt"
 _RAW, _STAMPED, _WITH_ID = 12, 8, 9
 """Columns of the formats 0, of 1 and 10, and of 11."""
 _CLEARLY = 0.2
-"""The other of two readings is taken where the camera is so much more upright by it, as the cosine."""
+"""Least gain of the mean cosine with which the other of two readings makes the camera more upright."""
 RATE_HZ = 1.0
-"""RTAB-Map keeps an image a second, where nobody says otherwise."""
+"""Images per second that RTAB-Map keeps by default."""
 _FISHEYES = ("equidistant", "fisheye")
 
 
@@ -53,7 +53,7 @@ class ExportFiles:
     @classmethod
     def find(cls, folder: Path) -> Self | None:
         """Return the files of a folder; None where they are not those of an export."""
-        if not folder.is_dir() or (folder / "rgb.txt").is_file():  # TUM's layout has folders of the same names.
+        if not folder.is_dir() or (folder / "rgb.txt").is_file():  # TUM's layout has folders with the same names.
             return None
         for rgb in _folders(folder):
             prefix = rgb.name.removesuffix("rgb")
@@ -82,7 +82,7 @@ class ExportFiles:
         return _partner(self.depth, image)
 
     def confidence_of(self, image: Path) -> Path | None:
-        """Return how far the depth of an image may be trusted, where that is told."""
+        """Return the confidence file of an image's depth, if there is one."""
         return _partner(self.confidence, image)
 
     def lens_of(self, image: Path) -> Path | None:
@@ -138,10 +138,10 @@ def read_poses(path: Path, images: Sequence[Path]) -> Mapping[Path, ExportedPose
 def camera_poses(
     poses: NDArray[np.float64], *, are_of_camera: bool, camera_on_robot: Transform | None
 ) -> NDArray[np.float64]:
-    """Return the poses (N, 4, 4) of the camera's optical frame out of those of a list.
+    """Return the poses (N, 4, 4) of the camera's optical frame from those of a list.
 
-    Two of RTAB-Map's formats look alike: one holds poses as they are, the other has turned them by the optical frame
-    (`RGBD-SLAM in motion capture frame`). The reading by which the camera is carried more upright is taken.
+    Two of RTAB-Map's formats look alike: one holds plain poses, in the other they are rotated by the optical frame
+    (`RGBD-SLAM in motion capture frame`). The reading in which the camera is more upright is used.
     """
     behind = np.eye(4)
     if not are_of_camera:
@@ -279,7 +279,7 @@ class RtabmapExportReader(ImageFilesReader):
         """Return the stamps of the images: from the list of poses, from their names, else by the rate."""
         listed = {image: pose.stamp for image, pose in found.items() if pose.stamp is not None}
         if listed and self._options.rate_hz is None:
-            # An image without a pose lies between its neighbours; it is left out as one whose place nobody knows.
+            # An image without a pose lies between its neighbours; it is left out because its place is unknown.
             missing = [image for image in self._paths if image not in listed]
             if missing:
                 self.dropped["without a pose"] = len(missing)

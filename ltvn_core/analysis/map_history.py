@@ -92,7 +92,7 @@ class GraphHistory:
     def apply(self, delta: d.GraphDelta, stamp: float, pose: Pose | None = None) -> None:
         """Append a change at `stamp` seconds; a new node is drawn at `pose` (3,), else where odometry put it.
 
-        A change that does not fit, in a recording that lost some, leaves the map as it was.
+        In a damaged recording, a change that does not fit leaves the map unchanged.
         """
         self.version += 1
         match delta:

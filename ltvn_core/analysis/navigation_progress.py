@@ -60,7 +60,7 @@ NO_PROGRESS = NavigationProgress()
 
 
 def apply_event(progress: NavigationProgress, event: e.Event) -> NavigationProgress:
-    """Return how things stand once `event` has happened."""
+    """Return the progress after `event`."""
     match event:
         case e.StateChanged(state):
             return progress._replace(navigator=state)

@@ -116,7 +116,7 @@ def parse_world_time(text: str) -> WorldTime:
     elif found := _AGO.fullmatch(words):
         return TimeAway(-float(found[1]) * _UNITS_S[found[2].lower()])
     raise OptionError(
-        f"{text[:60]!r} is no time; write one of: {', '.join(TIME_EXAMPLES)}. Hours go to 23, days count from 1."
+        f"{text[:60]!r} is not a time; write one of: {', '.join(TIME_EXAMPLES)}. Hours go to 23, days count from 1."
     )
 
 

@@ -70,7 +70,7 @@ def _unpacked(path: Path) -> str:
     except (gzip.BadGzipFile, EOFError, zlib.error) as error:
         raise OptionError(f"{path} is damaged, or not packed by gzip: {error}.") from error
     if len(content) > MAX_BYTES:
-        raise OptionError(f"{path} unpacks to more than {MAX_BYTES // 1_000_000} MB, which is no result.")
+        raise OptionError(f"{path} unpacks to more than {MAX_BYTES // 1_000_000} MB, which is not a result.")
     return content.decode("utf-8")
 
 

@@ -311,5 +311,5 @@ def _logistic(part: Mapping[str, Any]) -> Logistic:
 
 def _finite(number: object) -> float:
     if isinstance(number, bool) or not isinstance(number, int | float) or not math.isfinite(number):
-        raise ValueError(f"{number!r:.40} is no number")
+        raise ValueError(f"{number!r:.40} is not a number")
     return float(number)

@@ -115,7 +115,7 @@ def _checked(tables: Mapping[str, Any], folder: Path) -> OnnxCard:
     for section, known in _SECTIONS.items():
         table = tables.get(section, {})
         if not isinstance(table, dict):
-            raise ValueError(f"[{section}] is no table")
+            raise ValueError(f"[{section}] is not a table")
         unknown += sorted(f"{section}.{name}" for name in table.keys() - known)
         given |= table
     if unknown:

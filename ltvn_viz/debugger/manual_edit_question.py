@@ -143,7 +143,7 @@ def _about_pair(
 
 def _about_node(graph: TopologicalGraph, node: NodeId) -> Iterator[Link]:
     goal = graph.nodes[node].goal
-    label = f"{node} is no goal" if goal else f"mark {node} as a goal"
+    label = f"unmark {node} as a goal" if goal else f"mark {node} as a goal"
     yield Link(label, EditMap((mark_goal(graph, node, goal=not goal),)))
     yield Link(f"delete {node}", EditMap((delete_node(graph, node),)))
 

@@ -72,7 +72,7 @@ def load_question(plugin: Plugin) -> Question[Any]:
     """Make a question of another package. Raises PluginError, and MissingLibraryError where an extra is missing."""
     make = plugin.load()
     if not (isinstance(make, type) and issubclass(make, Question)):
-        raise plugin.refusal("is no class below ltvn_viz.debugger.question.Question")
+        raise plugin.refusal("is not a class below ltvn_viz.debugger.question.Question")
     try:
         return make()
     except Exception as error:  # Another person's code may raise anything.

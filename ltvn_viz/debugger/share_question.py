@@ -36,7 +36,7 @@ class ShareRequest(QuestionRequest):
 
 
 class _ShareJob(NamedTuple):
-    """Something slow that a person asked for."""
+    """A slow export that a person requested."""
 
     words: str
     question: tuple[Any, ...]

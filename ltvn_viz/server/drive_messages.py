@@ -156,4 +156,4 @@ def _action(name: str) -> Action:
 
 
 def _refuse_constant(name: str) -> float:
-    raise MessageError(f"{name} is no number here")
+    raise MessageError(f"{name} is not a number here")

@@ -73,7 +73,7 @@ def refuse(status: HTTPStatus, text: str) -> Response:
 
 
 def refusal(request: Request) -> Response | None:
-    """Return None for a request that comes from this machine's own page or from nowhere, else the answer."""
+    """Return the refusal of a request from another machine or site; None for a request to accept."""
     headers = request.headers
     if not _names_this_machine(headers):
         return refuse(HTTPStatus.FORBIDDEN, "This server answers to localhost and 127.0.0.1 only.")

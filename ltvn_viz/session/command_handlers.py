@@ -348,7 +348,7 @@ def use_weights(state: AppState) -> None:
     def then() -> None:
         state.fine_tuning.adopt(weights)
         state.say(
-            f"The map was built anew with the weights {state.live_map.fingerprint}. Start the app with --weights "
+            f"The map was rebuilt with the weights {state.live_map.fingerprint}. Start the app with --weights "
             f"{weights} to use them another time."
         )
 

@@ -32,10 +32,10 @@ _MOST = 2.0
 
 
 class LearningTime:
-    """The parts of one lesson and when they began."""
+    """The stages of one fine-tuning and when they began."""
 
     def __init__(self, minutes: float, clock: Callable[[], float] = time.monotonic) -> None:
-        """Begin a lesson that was asked to learn for `minutes`; `clock` counts seconds."""
+        """Begin a fine-tuning that trains for `minutes`; `clock` counts seconds."""
         self._learning_s = 60 * minutes
         self._clock = clock
         self._began = clock()

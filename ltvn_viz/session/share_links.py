@@ -150,7 +150,7 @@ def question_commands(word: str | None, known: Mapping[str, str]) -> tuple[Comma
 def _pointed(words: dict[str, str]) -> tuple[Command, ...]:
     ends = words["edge"].split("-") if "edge" in words else [words["node"]] if "node" in words else []
     if not all(_NODE.fullmatch(end) for end in ends) or len(ends) != ("edge" in words) + bool(ends):
-        raise OptionError("This link points at something that is no node and no edge; want edge=12-40 or node=12.")
+        raise OptionError("This link selects neither a node nor an edge; it needs edge=12-40 or node=12.")
     return (PointAt(*map(int, ends)),) if ends else ()
 
 

@@ -101,7 +101,7 @@ class EurocReader(ImageFilesReader):
         except (ValueError, CameraError) as error:
             raise DriveError(
                 f"{self._folder / _SENSOR} describes no camera ({error!s:.120}); it needs intrinsics fx, fy, cx, cy "
-                "and resolution in pixels. Mend it, or take it away and use --camera."
+                "and resolution in pixels. Correct it, or remove it and use --camera."
             ) from error
 
     def _read_truth(self, camera_on_body: Transform) -> tuple[PoseTrack | None, str]:

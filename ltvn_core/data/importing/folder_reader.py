@@ -78,7 +78,7 @@ class FolderPictures:
 def colour_pictures(folder: Path, wanted: str | None) -> FolderPictures:
     """Return the pictures of a folder or of the folder in it that holds them. Raises DriveError without colours."""
     if not folder.is_dir():
-        raise DriveError(f"{folder} is no folder; name the folder that the pictures lie in.")
+        raise DriveError(f"{folder} is not a folder; name the folder that the pictures lie in.")
     found: list[FolderPictures] = []
     for name in IMAGE_FOLDERS if wanted is None else (wanted,):
         found.append(_sorted_out(folder / name))
@@ -166,9 +166,7 @@ def _is_deep(path: Path) -> bool:
     try:
         with path.open("rb") as file, Image.open(file, formats=("PNG", "TIFF")) as header:
             return header.mode in _DEEP_MODES
-    except (
-        Exception
-    ):  # Pillow's readers raise many kinds of errors; damaged images are reported where they are decoded.
+    except Exception:  # Pillow raises many kinds of errors; damaged images are reported where they are decoded.
         return False
 
 

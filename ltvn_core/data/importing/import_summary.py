@@ -241,8 +241,8 @@ def _odometry(drive: DriveStatistics) -> Iterator[Finding]:
         )
     if drive.odometry is OdometrySource.TRUTH:
         yield Finding(
-            "There is no odometry of its own; the true poses stand in for it, so a map of this drive is better than "
-            "wheels would make it."
+            "The source has no odometry; the true poses replace it, so a map of this drive is better than one by wheel "
+            "odometry."
         )
     if drive.drift is not None and drive.drift.per_metre > MUCH_DRIFT:
         yield Finding(

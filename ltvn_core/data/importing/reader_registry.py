@@ -104,7 +104,7 @@ def _named(name: str) -> ReaderClass:
 def _load(plugin: Plugin) -> ReaderClass:
     reader = plugin.load()
     if not (callable(getattr(reader, "recognises", None)) and callable(getattr(reader, "open", None))):
-        raise plugin.refusal("is no reader: it lacks the class methods recognises and open")
+        raise plugin.refusal("is not a reader: it lacks the class methods recognises and open")
     return cast(ReaderClass, reader)
 
 

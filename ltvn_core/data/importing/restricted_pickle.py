@@ -136,7 +136,7 @@ def load_pickle(path: Path) -> Any:
     except DriveError:
         raise
     except Exception as error:  # A damaged program fails in as many ways as there are steps.
-        raise DriveError(f"{path} is no pickle of a trajectory ({' '.join(str(error).split())!s:.120}).") from error
+        raise DriveError(f"{path} is not a pickle of a trajectory ({' '.join(str(error).split())!s:.120}).") from error
 
 
 class _ArrayUnpickler(pickle.Unpickler):
@@ -172,7 +172,7 @@ def _array(buffer: bytes, dtype: np.dtype, shape: tuple[int, ...], order: str) -
 
 def _dtype(text: object, *_: object) -> np.dtype:
     if not isinstance(text, str) or not _NUMPY_TYPE.fullmatch(text):
-        raise pickle.UnpicklingError(f"{text!r:.20} is no type of numbers")
+        raise pickle.UnpicklingError(f"{text!r:.20} is not a type of numbers")
     return np.dtype(text, copy=True)  # What the state then changes must not be numpy's own.
 
 

@@ -152,7 +152,7 @@ class RtabmapReader:
         if len(sessions) > 1:
             self.dropped[OTHER_SESSION] = len(nodes) - sessions[longest]
             self.doubts.append(
-                f"The database holds {len(sessions)} drives, and odometry begins anew in each; the longest was read."
+                f"The database holds {len(sessions)} drives, and odometry starts over in each; the longest was read."
             )
         chosen = [node for node in nodes if node.session == longest]
         if all(node.stamp > 0 for node in chosen):
@@ -200,5 +200,5 @@ def _one_camera(image: np.ndarray, cameras: int, number: int, name: str) -> np.n
         return image
     width, rest = divmod(image.shape[1], cameras)
     if rest or not width:
-        raise DriveError(f"{name}: an image {image.shape[1]} wide is no row of {cameras} cameras.")
+        raise DriveError(f"{name}: an image {image.shape[1]} wide is not a row of {cameras} cameras.")
     return np.ascontiguousarray(image[:, number * width : (number + 1) * width])

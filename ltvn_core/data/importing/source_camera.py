@@ -94,7 +94,7 @@ def read_camera_file(path: Path) -> CameraFile:
     except (OSError, ValueError, TypeError, KeyError, OverflowError, CameraError) as error:
         raise DriveError(
             f"{path} describes no camera ({type(error).__name__}: {error!s:.160}); it needs width, height, fx, fy, cx "
-            "and cy in pixels. Mend it, or take it away and use --camera."
+            "and cy in pixels. Correct it, or remove it and use --camera."
         ) from error
 
 
@@ -116,7 +116,7 @@ def _replica_camera(path: Path) -> CameraFile:
     except (OSError, ValueError, TypeError, KeyError, OverflowError, CameraError) as error:
         raise DriveError(
             f"{path} describes no camera ({type(error).__name__}: {error!s:.160}); it needs w, h, fx, fy, cx, cy and "
-            "scale under camera. Mend it, or take it away and use --camera."
+            "scale under camera. Correct it, or remove it and use --camera."
         ) from error
 
 
@@ -225,7 +225,7 @@ class CalibrationYaml:
         try:
             numbers = [float(word) for word in found.group(1).split(",") if word.strip()] if found else []
         except ValueError as error:
-            raise DriveError(f"{self._path}: {name} is no list of numbers ({error!s:.80}).") from error
+            raise DriveError(f"{self._path}: {name} is not a list of numbers ({error!s:.80}).") from error
         if not np.isfinite(numbers).all():
             raise DriveError(f"{self._path}: {name} holds numbers that are not finite.")
         return numbers
@@ -239,5 +239,5 @@ class CalibrationYaml:
         if len(numbers) in (12, 16):
             matrix[:3] = np.reshape(numbers[:12], (3, 4))
         if len(numbers) not in (12, 16) or not is_rigid(matrix):
-            raise DriveError(f"{self._path}: {name} is no pose; it needs 3 or 4 rows of 4 numbers, a rotation first.")
+            raise DriveError(f"{self._path}: {name} is not a pose; write 3 or 4 rows of 4 numbers, rotation first.")
         return matrix

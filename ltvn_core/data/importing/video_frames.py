@@ -83,7 +83,7 @@ def video_images(part: VideoPart, period_s: float, *, container_format: str = "m
 
 
 def _unreadable(path: Path, error: Exception) -> DriveError:
-    return DriveError(f"{path} is no video that can be read ({' '.join(str(error).split())!s:.120}).")
+    return DriveError(f"{path} is not a video that can be read ({' '.join(str(error).split())!s:.120}).")
 
 
 def colours(frame: Any) -> Rgb:

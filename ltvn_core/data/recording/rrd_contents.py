@@ -113,7 +113,7 @@ def require_rrd(path: Path) -> None:
         raise unreadable(path, error) from error
     if not genuine:
         size = path.stat().st_size
-        what = "is empty" if size == 0 else f"is no Rerun recording ({size} bytes of another format)"
+        what = "is empty" if size == 0 else f"is not a Rerun recording ({size} bytes of another format)"
         raise RecordingError(f"{path} {what}; name a .rrd file written by ltvn.")
 
 
@@ -167,7 +167,7 @@ def open_contents(path: Path) -> RrdContents:
         if entity in store.without_steps:
             raise RecordingError(
                 f"{path} has lost the timeline `{schema.STEP}` of {entity}, which says what belongs to which moment. "
-                "Take the recording that it was made from, and keep that timeline."
+                "Use the original recording, and keep that timeline."
             )
     return RrdContents(meta, store.rows, found.record)
 

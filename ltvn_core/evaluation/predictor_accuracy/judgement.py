@@ -305,7 +305,7 @@ def _pair_findings(judgement: Judgement) -> Iterator[Finding]:
         elif count < _FEW_PAIRS:
             yield Finding(f"There are only {count} {kind} pairs, so the share of them that is accepted is uncertain.")
     if not pairs.near_pairs:
-        yield Finding("Are the true poses in metres, and, of two recordings, in one frame?")
+        yield Finding("Are the true poses in metres and, for two recordings, in one frame?")
 
 
 def _odometry_findings(sequence: JudgedSequence) -> Iterator[Finding]:

@@ -304,7 +304,7 @@ def _require_same_run(path: Path, run: dict[str, str]) -> None:
         found = parse_json(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise WeightsError(
-            f"{path}: cannot be read or written ({error}); free some space, or delete {path.parent} to begin anew."
+            f"{path}: cannot be read or written ({error}); free some space, or delete {path.parent} to start over."
         ) from error
     if found != run:
         raise WeightsError(

@@ -118,7 +118,7 @@ def _require_name(name: str) -> None:
 
 def _require_pose(pose: w.PlaceRow, name: str) -> None:
     if len(pose) != 3 or not all(math.isfinite(value) for value in pose):
-        raise WorldError(f"{name} stands at x and y in metres and yaw in radians, got {pose}.")
+        raise WorldError(f"{name} needs x and y in metres and yaw in radians, got {pose}.")
 
 
 def _require_between(value: float, limits: tuple[float, float], what: str) -> None:

@@ -43,14 +43,14 @@ class Episode:
         """Return a number of a file. Raises DriveError."""
         value = self.row.get(name)
         if not isinstance(value, int) or not 0 <= value < _LARGEST_NUMBER:
-            raise DriveError(f"Episode {self.number}: {name} is {value!r:.40}, which is no number of a file.")
+            raise DriveError(f"Episode {self.number}: {name} is {value!r:.40}, which is not the number of a file.")
         return value
 
     def seconds(self, name: str) -> float:
         """Return a moment of a video. Raises DriveError."""
         value = self.row.get(name)
         if not isinstance(value, int | float) or not 0 <= value < 10**7:
-            raise DriveError(f"Episode {self.number}: {name} is {value!r:.40}, which is no time in a video.")
+            raise DriveError(f"Episode {self.number}: {name} is {value!r:.40}, which is not a time in a video.")
         return float(value)
 
 
@@ -195,7 +195,7 @@ def _episode(row: object) -> Episode:
     number = found.get("episode_index")
     length = found.get("length")
     if not isinstance(number, int) or not isinstance(length, int):
-        raise DriveError(f"An episode has the number {number!r:.20} and the length {length!r:.20}.")
+        raise DriveError(f"An episode needs whole numbers, got number {number!r:.20} and length {length!r:.20}.")
     return Episode(number=number, length=length, row=found)
 
 

@@ -116,7 +116,7 @@ class BagDrive:
         return self.frames_where(lambda _: True)
 
     def frames_where(self, wanted: FrameFilter) -> Iterator[RawFrame]:
-        """Yield the frames without those whose moment is not wanted, whose images are not decoded."""
+        """Yield the frames of wanted moments; images of other moments are not decoded."""
         # The surveyed messages are read again now, perhaps with another clock or from another topic.
         self._tree.forget_motion()
         for matched in self._matches():

@@ -199,7 +199,7 @@ class RtabmapDatabase:
         self._looks = 0
         tables = {row[0] for row in self._rows("SELECT name FROM sqlite_master WHERE type = 'table'")}
         if not {b"Node", b"Data", b"Admin"} <= tables:
-            raise DriveError(f"{path} is no database of RTAB-Map: it lacks its tables Node, Data and Admin.")
+            raise DriveError(f"{path} is not a database of RTAB-Map: it lacks its tables Node, Data and Admin.")
         self.version = self._version()
         if self.version < _OLDEST:
             raise DriveError(
@@ -264,7 +264,7 @@ class RtabmapDatabase:
         words = text.decode(errors="replace") if isinstance(text, bytes) else ""
         found = re.match(r"(\d{1,4})\.(\d{1,4})(?:\.(\d{1,4}))?", words)
         if found is None:
-            raise DriveError(f"{self.path} is no database of RTAB-Map: its version is {words!r:.40}.")
+            raise DriveError(f"{self.path} is not a database of RTAB-Map: its version is {words!r:.40}.")
         return tuple(int(part or 0) for part in found.groups())
 
     def _columns(self, table: str) -> set[str]:

@@ -129,7 +129,7 @@ def read_poses(path: Path, images: Sequence[Path]) -> Mapping[Path, ExportedPose
     if len(rows) != len(images):
         raise DriveError(
             f"{path} has {len(rows)} poses for {len(images)} images, and no stamp or number that names one of them. "
-            "Export both anew by `rtabmap-export --images_id --poses_camera FILE.db`."
+            "Export both again by `rtabmap-export --images_id --poses_camera FILE.db`."
         )
     in_order = list(by_stamp.values()) if by_stamp else [ExportedPose(None, _matrix(numbers, path)) for numbers in rows]
     return dict(zip(images, in_order, strict=False))
@@ -168,7 +168,7 @@ def _rows(path: Path) -> Iterator[NDArray[np.float64]]:
         if len(numbers) not in (_STAMPED, _WITH_ID, _RAW) or not np.isfinite(numbers).all():
             raise DriveError(
                 f"{path}, line {number}: expected stamp x y z qx qy qz qw (and a number), or 3 rows of 4 numbers, got "
-                f"{line!s:.60}. Export the poses anew by `rtabmap-export --poses_camera FILE.db`."
+                f"{line!s:.60}. Export the poses again by `rtabmap-export --poses_camera FILE.db`."
             )
         yield numbers
 
@@ -176,7 +176,7 @@ def _rows(path: Path) -> Iterator[NDArray[np.float64]]:
 def _matrix(numbers: NDArray[np.float64], path: Path) -> Transform:
     matrix = np.vstack([numbers.reshape(3, 4), [0, 0, 0, 1]])
     if not is_rigid(matrix):
-        raise DriveError(f"{path}: {numbers[:4]} and so on is no pose; its rows are r11 r12 r13 tx and so on.")
+        raise DriveError(f"{path}: {numbers[:4]} and so on is not a pose; its rows are r11 r12 r13 tx and so on.")
     return matrix
 
 
@@ -215,7 +215,7 @@ class RtabmapExportReader(ImageFilesReader):
         files = ExportFiles.find(folder)
         if files is None:
             raise DriveError(
-                f"{folder} is no export of RTAB-Map: it needs rgb/ with calib/, or NAME_rgb/ with NAME_calib/, as "
+                f"{folder} is not an export of RTAB-Map: it needs rgb/ with calib/, or NAME_rgb/ with NAME_calib/, as "
                 "`rtabmap-export --images --poses_camera FILE.db` writes them; or name the database."
             )
         self._files = files

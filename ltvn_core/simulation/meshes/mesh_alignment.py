@@ -125,7 +125,7 @@ def _check_keys(content: Mapping[str, object], path: Path) -> None:
         if key in known or meant is None or (meant == "scale" and value in _METRES):
             continue
         raise SceneError(
-            f'{path}: "{key}" is not a setting; did you mean "{meant}"? The settings are "up" ("y" or "z"), '
+            f'{path}: "{key}" is not a setting; "{meant}" is meant, most likely. The settings are "up" ("y" or "z"), '
             '"scale" (metres per unit, 0.001 for millimetres) and "floor_height" (metres).'
         )
 

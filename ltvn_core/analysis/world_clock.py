@@ -30,7 +30,7 @@ TIME_EXAMPLES = ("at 18:00", "at day 2 18:00", "in 30 min", "in 1 h")
 
 @dataclass(frozen=True, slots=True)
 class TimeOfDay:
-    """So many seconds after midnight, of the present day or of day `day`, counted from 1."""
+    """A time in seconds after midnight, of the present day or of day `day`, counted from 1."""
 
     seconds: float
     day: int | None = None
@@ -38,7 +38,7 @@ class TimeOfDay:
 
 @dataclass(frozen=True, slots=True)
 class TimeAway:
-    """So many seconds from now; negative is before."""
+    """A time in seconds from now; negative is before."""
 
     seconds: float
 

@@ -30,7 +30,7 @@ class CollectVerb(Verb):
     """Record what a robot of your own sees while you drive it by its own controls: an installed robot's name,
     path/to/file.py:factory, or PROFILE@ADDRESS (ROS 2)."""
     seconds: float = 0.0
-    """With --robot: end after so long; 0 is until Ctrl-C."""
+    """With --robot: end after this number of seconds; 0 is until Ctrl-C."""
 
     def run(self) -> Summary:
         """Tour the scene, or watch a robot of one's own; raises OptionError, RobotError, SceneError, RecordingError."""

@@ -147,7 +147,7 @@ def _task(snapshot: Snapshot) -> str:
 
 
 def _keep_going(is_on: bool | None) -> str:
-    """Return the switch for runs that nobody watches; a real robot has none."""
+    """Return the switch for queries that continue without a page; a real robot has none."""
     if is_on is None:
         return ""
     return toggle(Action.KEEP_GOING, is_on=is_on)

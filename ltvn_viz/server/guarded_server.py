@@ -75,7 +75,7 @@ class Asker:
 
 
 class GuardedServer:
-    """Serve the page to whoever has the token, and to nobody else."""
+    """Serves the page to holders of the token only."""
 
     def __init__(
         self,
@@ -139,7 +139,7 @@ class GuardedServer:
         return self.viser.gui
 
     def listen(self, listener: DriveListener) -> None:
-        """Name who is told of driving, stops and actions."""
+        """Set the listener for driving, stops and actions."""
         self._drive.listener = listener
 
     def asker(self, viser_client: int) -> Asker:
@@ -267,7 +267,7 @@ class GuardedServer:
 
 
 def _page_key(query: str) -> str | None:
-    """Return the secret by which a page's two sockets know each other; None for a page without one."""
+    """Return the secret that connects a page's two sockets; None for a page without one."""
     given = parse_qs(query).get("page", [""])[-1]
     return given if _PAGE_KEY.fullmatch(given) else None
 

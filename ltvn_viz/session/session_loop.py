@@ -162,7 +162,7 @@ class Session:
             logger.info("kept the recording %s", kept)
 
     def _react(self) -> None:
-        """Let commands and held keys reach the robot."""
+        """Run the waiting commands and pass held keys to the robot."""
         state = self._state
         while self._commands:
             handle(state, self._commands.popleft())

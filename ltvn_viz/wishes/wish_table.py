@@ -274,7 +274,7 @@ WISHES: Mapping[Action, Wish] = {
 UNASKED: Mapping[type[Command], str] = {
     c.TakeOver: "take over",  # The session sees held keys.
     c.NavigateToImage: "upload an image",  # A file comes in pieces that the drive socket does not carry.
-    c.EditMap: "change the map by hand",  # A question makes it of a link or of what it is told.
+    c.EditMap: "change the map by hand",  # A question builds it from a link or from typed text.
     c.AskQuestion: "",  # Behind a link of an answer.
     c.PointAt: "",  # In an address, or behind a link of an answer.
     c.ReportError: "",  # The app itself has something to say.

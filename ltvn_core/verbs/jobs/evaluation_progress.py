@@ -29,7 +29,7 @@ class PartSummary:
 
 
 def progress_on_bar(bar: "tqdm[NoReturn]", maps: int) -> EvaluationProgress:
-    """Return whom to tell how far it is: a bar for the work, which first shows how so many maps are prepared."""
+    """Return a progress callback: a bar for the work, which first shows how many maps are prepared."""
     shown = _PreparationOnBar(bar, maps)
     return EvaluationProgress(
         maps_ready=shown.maps_ready, work_done=bar.update, preparing=shown.preparing, unfinished=shown.unfinished

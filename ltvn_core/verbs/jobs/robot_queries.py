@@ -52,7 +52,7 @@ def continued_robot(own: Robot, known: TopologicalMap) -> ContinuedRobot:
 
 
 class DrawnRun:
-    """Writes down what happens to a robot that drives by a map, and draws the map anew where that changes it."""
+    """Records the events of a robot that drives by a map, and draws the map again when it changes."""
 
     def __init__(self, robot: Robot, writer: RecordingWriter, graph: TopologicalGraph) -> None:
         """Take the time from the robot."""

@@ -117,7 +117,7 @@ def _as_array(value: ArrayLike, source: str) -> np.ndarray:
     try:
         return np.asarray(value)
     except (ValueError, TypeError, OverflowError) as error:  # Rows of different lengths.
-        raise ImageError(f"{source}: this is no picture, for its rows differ in length ({error!s:.80}).") from error
+        raise ImageError(f"{source}: this is not a picture, for its rows differ in length ({error!s:.80}).") from error
 
 
 def _checked_depth(depth: ArrayLike, scale: float, source: str) -> Depth:

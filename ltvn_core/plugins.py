@@ -100,7 +100,7 @@ class Plugin:
     def remedy(self) -> str:
         """What to do about a broken plug-in."""
         if self.package == OWN_PACKAGE:
-            return "install the toolkit anew: pip install ltvn (or -e .)"
+            return "reinstall the toolkit: pip install ltvn (or -e .)"
         return "update, repair or uninstall that package"
 
 

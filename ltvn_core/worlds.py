@@ -126,11 +126,11 @@ class Outline:
     y: float
     yaw: float
     width: float
-    """Along x of its own frame,"""
+    """Size along x of its own frame, in metres."""
     depth: float
-    """along y,"""
+    """Size along y of its own frame, in metres."""
     height: float
-    """and up from the floor."""
+    """Height above the floor, in metres."""
 
 
 def change_text(change: WorldChange) -> str:

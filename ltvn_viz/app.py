@@ -29,7 +29,7 @@ __all__ = ["AppOptions", "RunningApp", "open_app", "run_app"]
 
 @dataclass(frozen=True)
 class RunningApp:
-    """A page that is served; `session.run()` gives it life."""
+    """A page that is served; `Session.run` runs its loop."""
 
     server: GuardedServer
     session: "Session"

@@ -96,7 +96,7 @@ def observed_presence(
 def presence_strip(
     observations: Sequence[PresenceObservation], presence_filter: PresenceFilter, times_s: Sequence[float]
 ) -> PresenceStrip:
-    """Return how probably an edge was open at times in order, each by what was known then; later times are foretold.
+    """Return p(open) of an edge at times in order, each by the observations before it; later times are predicted.
 
     Linear in observations and times.
     """
@@ -116,7 +116,8 @@ def presence_strip(
 def expected_open_s(
     observations: Sequence[PresenceObservation], presence_filter: PresenceFilter, now_s: float
 ) -> float | None:
-    """Return when a closed edge will be held to be open if nobody looks, None if it is so now or not in two weeks."""
+    """Return when a closed edge will count as open without further observations; None if it does now or not within two
+    weeks."""
     tracks = follow_histories(presence_filter, [[seen for seen in observations if seen.stamp_s <= now_s]])
     if tracks.probability(now_s)[0] >= OPEN_ABOVE:
         return None
@@ -165,7 +166,7 @@ def presence_difference(
 
 @dataclass(frozen=True, slots=True)
 class PresenceDecision:
-    """One choice between a way through edges that were held to be closed and the best way around."""
+    """One choice between a way through edges that counted as closed and the best detour."""
 
     plan: PlanRecord
     """As recorded."""
@@ -197,7 +198,7 @@ class PresenceDecision:
 
     @property
     def expected_saving(self) -> float:
-        """So much less than going around; negative where a try is not worth it."""
+        """Expected saving against the detour; negative where a try is not worthwhile."""
         return self.around.cost - self.expected_cost
 
     @property

@@ -32,7 +32,7 @@ from ltvn_core.navigation.events import (
 from ltvn_core.types import NodeId
 
 _NEARER = 0.2
-"""So much cheaper must the plan have become; less may come from new beliefs alone (ours)."""
+"""Least reduction of the plan's cost; a smaller one may come from new beliefs alone (ours)."""
 WASTED_SHARE = 1 / 3
 """If less than this share of its steps was wasted, a robot that ran out of steps was just too slow (ours)."""
 _BEFORE_S = 1.0

@@ -73,9 +73,9 @@ def delete_node(graph: TopologicalGraph, node: NodeId) -> d.NodeDropped:
 
 
 def rename_node(graph: TopologicalGraph, node: NodeId, name: str) -> d.NodeNamed:
-    """Return the delta that names a node; an empty name takes its name away.
+    """Return the delta that names a node; an empty name removes its name.
 
-    Raises MapError where there is no such node or another one has the name, OptionError for a name nobody can read.
+    Raises MapError for a missing node or a name in use, OptionError for an unreadable name.
     """
     _require_nodes(graph, node)
     return d.NodeNamed(node, _free_name(graph, node, name), goal=graph.nodes[node].goal, cause=d.Cause.HAND)

@@ -30,7 +30,7 @@ _SOURCES = 32
 
 
 class MatchedBy(StrEnum):
-    """How the nodes of two maps were told to be the same."""
+    """How the nodes of two maps were matched."""
 
     ID = "id"
     """Both maps come from one trajectory, and a node is named after its image."""
@@ -182,9 +182,9 @@ class MapMetrics:
     arrived: int
     """By the robot's own judgement."""
     reached: int | None
-    """By the paper's criterion; None where nobody judged."""
+    """Success by the paper's criterion; None if unknown."""
     collisions: int
-    """Touches so far, those too of a query that is not over."""
+    """Collisions so far, including those of an unfinished query."""
 
 
 def compare_maps(

@@ -25,7 +25,7 @@ from ltvn_core.types import NodeId, Pose
 
 NEVER = np.iinfo(np.int64).max
 _STRIDE = 10_000
-"""A map is kept after so many changes; folding as many takes some tens of milliseconds."""
+"""Number of changes between cached maps; folding as many takes some tens of milliseconds."""
 _MOST_KEPT = 12
 """A map of 10,000 nodes and 50,000 edges takes some 10 MB."""
 
@@ -78,7 +78,7 @@ class GraphHistory:
     def __init__(self) -> None:
         """Begin with an empty map."""
         self.version = 0
-        """How many changes happened so far; any number up to this can be looked at."""
+        """Number of changes so far; the map at any smaller number can be shown."""
         self._nodes = GrowingTable({"id": int, "x": float, "y": float, "yaw": float, "born": int, "died": int})
         edge = {"source": int, "target": int, "born": int, "died": int, "came_s": float, "went_s": float}
         self._edges = GrowingTable(edge)
@@ -92,7 +92,7 @@ class GraphHistory:
     def apply(self, delta: d.GraphDelta, stamp: float, pose: Pose | None = None) -> None:
         """Append a change at `stamp` seconds; a new node is drawn at `pose` (3,), else where odometry put it.
 
-        A change that does not fit, in a recording that lost some, leaves the map as it was.
+        In a damaged recording, a change that does not fit leaves the map unchanged.
         """
         self.version += 1
         match delta:
@@ -211,7 +211,7 @@ class MapHistory:
         self._by_edge: dict[EdgeKey, list[MapChange]] = {}
         self._by_node: dict[NodeId, list[MapChange]] = {}
         self._filed = 0
-        """So many changes are filed by edge and node already; the rest waits until somebody asks."""
+        """Number of changes indexed by edge and node; the rest are indexed on demand."""
         self._epochs = MapEpochs()
         self._kept: dict[int, MapReplay] = {}
 
@@ -318,7 +318,7 @@ class MapHistory:
             case d.NodeDropped(node=node) | d.ViewAdded(node=node) | d.ViewUsed(node=node) | d.ViewDropped(node=node):
                 self._by_node.setdefault(node, []).append(change)
             case d.EdgeProtected() | d.NodeNamed() | d.DriveBegun() | d.FramesReserved() | d.FramesReleased():
-                pass  # Nobody asks for these by edge or node.
+                pass  # These are never looked up by edge or node.
 
     def _keep(self, place: int, replay: MapReplay) -> None:
         kept = {**self._kept, place: replay}

@@ -46,7 +46,7 @@ class MapEpochs:
         self.current = 0
         """Which map the last change belongs to, from 0."""
         self.version = 0
-        """Changes in the current map so far."""
+        """Number of changes in the current map so far."""
         self._last: GraphDelta | None = None
         self._nodes: set[NodeId] = set()
 

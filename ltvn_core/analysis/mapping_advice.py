@@ -82,7 +82,7 @@ class MappingAdvice:
     one_sided_places: tuple[OneSidedPlace, ...]
     """Places seen from one side only."""
     novelty: float | None
-    """1 - best r of the current view to any node: 0 = known, 1 = new; None where nobody compared it."""
+    """1 - best r of the current view to any node: 0 = known, 1 = new; None if it was not compared."""
     hint: Finding
     """Where to drive next, and why."""
     target: PoseRow | None

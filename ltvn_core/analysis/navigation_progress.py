@@ -47,7 +47,7 @@ class NavigationProgress(NamedTuple):
     blocked: frozenset[EdgeKey] = frozenset()
     """Edges of the map that were seen blocked when they were seen last; what left the map is forgotten with it."""
     seen_blocked: int = 0
-    """How many observations told that an edge is blocked, those too that came with the map."""
+    """Number of observations of blocked edges, including those that came with the map."""
     obstructions: int = 0
     """How often in the latest task something was seen to block edges."""
     obstructed_s: float | None = None
@@ -60,7 +60,7 @@ NO_PROGRESS = NavigationProgress()
 
 
 def apply_event(progress: NavigationProgress, event: e.Event) -> NavigationProgress:
-    """Return how things stand once `event` has happened."""
+    """Return the progress after `event`."""
     match event:
         case e.StateChanged(state):
             return progress._replace(navigator=state)

@@ -78,7 +78,7 @@ class RecordedFrames:
         self._poses[step] = pose
 
     def pose(self, step: FrameId) -> Pose | None:
-        """Return where an image was taken, (3,); None if nobody said."""
+        """Return where an image was taken, (3,); None if unknown."""
         return self._poses.get(step)
 
     def count_at(self, stamp: float) -> int:
@@ -98,9 +98,9 @@ class RecordedFrames:
         return np.array([self._driven[name][row] for name in ("x", "y", "yaw")])
 
     def trajectory(self, count: int, most: int) -> NDArray[np.float64]:
-        """Return (T, 3) poses of the first `count` images, thinned to about `most`, the last one always among them.
+        """Return (T, 3) poses of the first `count` images, thinned to about `most`, always including the last.
 
-        While nothing was driven the same array is returned, so that whoever draws sees at a glance that nothing
+        While the robot does not move the same array is returned, so that comparing by identity shows that nothing
         changed.
         """
         if self._trajectory[0] != (count, most):

@@ -270,7 +270,7 @@ class Timeline:
         self._maps = MapHistory()
         self._known_rows = TimelineRows()
         self._row_events = 0
-        """So many events have their rows already; the rest waits until somebody asks."""
+        """Number of events with rows; the rest get rows on demand."""
         self._closed_at: tuple[int, ClosedRows] | None = None
         self._late = 0
 

@@ -166,7 +166,7 @@ class QueryRecord:
 
     @property
     def succeeded(self) -> bool | None:
-        """It said that it had arrived, and nobody knows better; None if it was cut, or cancelled by a person."""
+        """Whether the robot declared arrival, as far as known; None for an unfinished or cancelled query."""
         if self.outcome in (None, Outcome.CANCELLED):
             return None
         return self.outcome is Outcome.ARRIVED and (self.judged is None or self.judged.reached)

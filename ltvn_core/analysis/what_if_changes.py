@@ -90,7 +90,7 @@ class WithThreshold:
 
 @dataclass(frozen=True, slots=True)
 class WithTime:
-    """It is later, and nobody looked meanwhile."""
+    """A later time, without observations in between."""
 
     time: WorldTime
 

@@ -51,13 +51,13 @@ class PlannerState:
     """A question to the planner."""
 
     source: NodeId | None
-    """Where the robot held itself to be; None when it was lost or nobody asked yet."""
+    """The robot's believed node; None if it was lost or was not localised yet."""
     goal: NodeId | None
     """None outside of queries."""
     failures: Mapping[EdgeKey, int] = field(default_factory=dict)
-    """How often each edge had failed in this query, each time at the price of `Planning.failure_penalty`."""
+    """Failures of each edge in this query; each one costs `PlanningConfig.failure_penalty`."""
     localised: Localised | None = None
-    """The localisation that told the source."""
+    """The localisation that gave the source."""
     tries: int = 0
     """How often something was in the way in this query."""
 
@@ -105,7 +105,7 @@ class WhatIfScenario:
     method: Method
     edge_weight_of: EdgeWeightFactory = ltvn_edge_weight
     presence: PresenceMoment | None = None
-    """None where every edge that exists is held to be open."""
+    """p(open) of edges; None if every edge that exists counts as open."""
     notes: list[str] = field(default_factory=list)
     """What a plan here cannot tell, for a person."""
 
@@ -160,7 +160,7 @@ def _wait(scenario: WhatIfScenario, time: WorldTime) -> None:
         return
     at_s = time_ahead(time, scenario.presence.at_s)
     scenario.presence = replace(scenario.presence, at_s=at_s)
-    # Whoever sets off later begins another query.
+    # A later departure starts another query.
     scenario.planner_state = replace(scenario.planner_state, tries=0, failures={})
     scenario.notes.append(f"It would be {clock_text(at_s)}, if nobody looked until then.")
 
@@ -295,9 +295,9 @@ class PlanDifference:
     notes: tuple[str, ...]
     """What these plans cannot tell about the changes, for a person."""
     old_open: Mapping[EdgeKey, float] = field(default_factory=dict)
-    """How probably the edges are open that were ever seen blocked,"""
+    """p(open) now of each edge that was ever seen blocked."""
     new_open: Mapping[EdgeKey, float] = field(default_factory=dict)
-    """and how probably they would be."""
+    """p(open) of the same edges under the changes."""
 
     @property
     def sentence(self) -> str:

@@ -30,7 +30,7 @@ TIME_EXAMPLES = ("at 18:00", "at day 2 18:00", "in 30 min", "in 1 h")
 
 @dataclass(frozen=True, slots=True)
 class TimeOfDay:
-    """So many seconds after midnight, of the present day or of day `day`, counted from 1."""
+    """A time in seconds after midnight, of the present day or of day `day`, counted from 1."""
 
     seconds: float
     day: int | None = None
@@ -38,7 +38,7 @@ class TimeOfDay:
 
 @dataclass(frozen=True, slots=True)
 class TimeAway:
-    """So many seconds from now; negative is before."""
+    """A time in seconds from now; negative is before."""
 
     seconds: float
 
@@ -116,7 +116,7 @@ def parse_world_time(text: str) -> WorldTime:
     elif found := _AGO.fullmatch(words):
         return TimeAway(-float(found[1]) * _UNITS_S[found[2].lower()])
     raise OptionError(
-        f"{text[:60]!r} is no time; write one of: {', '.join(TIME_EXAMPLES)}. Hours go to 23, days count from 1."
+        f"{text[:60]!r} is not a time; write one of: {', '.join(TIME_EXAMPLES)}. Hours go to 23, days count from 1."
     )
 
 

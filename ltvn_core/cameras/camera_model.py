@@ -110,13 +110,13 @@ class CameraModel:
     height: int
     """Rows of its picture."""
     fx: float
-    """Focal length in pixels along a row,"""
+    """Focal length along a row, in pixels."""
     fy: float
-    """and along a column."""
+    """Focal length along a column, in pixels."""
     cx: float
-    """Where the optical axis meets the picture, in pixels from the centre of the left upper pixel: to the right,"""
+    """Column of the principal point, in pixels from the centre of the top left pixel."""
     cy: float
-    """and down."""
+    """Row of the principal point, in pixels from the centre of the top left pixel."""
     distortion: tuple[float, ...] = ()
     """OpenCV's coefficients: none, k1 k2 p1 p2, with k3, with k4 k5 k6; for a fisheye k1 k2 k3 k4."""
     fisheye: bool = False

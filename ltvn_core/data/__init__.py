@@ -1,1 +1,1 @@
-"""Recordings, and drives and maps in the formats of others."""
+"""Recordings, and drives and maps in the formats of other programs."""

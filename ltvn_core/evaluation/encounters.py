@@ -28,9 +28,9 @@ BEGINS_M, ENDS_M = 1.5, 2.0
 """An encounter begins when a person is nearer than the first, and ends when farther than the second; from surface to
 surface, as all distances here."""
 _ATTENTION_S = 3.0
-"""A driver knows of whoever was in view so lately,"""
+"""A driver remembers a person for this time after they left the view."""
 _LOOK_S = 0.1
-"""and needs so long to notice them, before the robot brakes."""
+"""Reaction time of a driver before the robot brakes, in seconds."""
 _VIEWS = 40
 _TOUCH_M = 0.003
 

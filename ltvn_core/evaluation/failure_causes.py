@@ -95,9 +95,9 @@ class FailureClassifier:
         """The first cause since the last correct localisation: a spurious edge may lead to a place where the robot is
         then mislocalised."""
         self.localised = 0
-        """Localisations that found a node,"""
+        """Number of localisations that found a node."""
         self.mislocalised = 0
-        """and of those the ones at a node where the robot was not."""
+        """Number of localisations that found a node at which the robot was not."""
         self._is_mislocalised = False
         self._plans_without_path = self._mislocalised_plans = 0
 

@@ -26,9 +26,9 @@ from ltvn_core.types import NodeId, Pose, Predictor, Waypoint
 THROUGH_WALL_M = 2.5
 """A spurious edge is no longer than this, so that only the wall makes it wrong."""
 DETOUR_M = 3.5
-"""The true path around the wall is longer than this,"""
+"""Least length of the true path around the wall, in metres."""
 ALIAS_DISTANCE_M = 3.0
-"""and perceptual aliases are farther apart than this."""
+"""Least distance between two places that are perceptual aliases, in metres."""
 _APART_M = 1.0
 """The ends of several spurious edges are so far apart, so that they do not all lead through one wall."""
 _ENDPOINT_MARGIN_M = 2.0

@@ -21,11 +21,11 @@ from ltvn_core.simulation.oracle_predictor import MIN_CLEARANCE_M, is_drivable, 
 from ltvn_core.types import FrameId, NodeId, Observation, Pose
 
 MISLOCALISED_M = 1.5
-"""A robot farther than this from a node is not at it (ours; D_l is about 1 m),"""
+"""A robot farther than this from a node is not at it (ours; D_l is about 1 m)."""
 MISLOCALISED_YAW_RAD = float(np.deg2rad(60))
-"""nor is one whose heading differs by more than this,"""
+"""A robot whose heading differs from a node's by more than this is not at it."""
 MISLOCALISED_PATH_M = 2.0
-"""nor one with a longer path to it than this, around a wall."""
+"""A robot with a longer path to a node than this, around a wall, is not at it."""
 AT_ONE_PLACE_M = 0.5
 """Between poses nearer than this, with nothing in between, the robot mostly turns."""
 RECOGNISABLE_DISTANCE = 0.75
@@ -42,7 +42,7 @@ class GroundTruth:
         *,
         poses: Mapping[FrameId, Pose] | None = None,
     ) -> None:
-        """Ask `observation` (such as `Views.observation`) for the image of a node, once per node not in `poses`.
+        """Ask `observation` for the image of a node, once per node not in `poses`.
 
         Node ids are frame ids and nodes never move, so results are cached even when the map changes.
         """

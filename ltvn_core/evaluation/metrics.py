@@ -203,9 +203,9 @@ class LifelongMetrics:
     """Changes of one or several maps by queries with maintenance."""
 
     before: StaticTestMetrics
-    """The static test with the maps as they were built,"""
+    """The static test with the maps as they were built."""
     after: StaticTestMetrics
-    """and after all queries."""
+    """The static test with the maps after all queries."""
     queries: int
     """With maintenance, in all maps together."""
     reached_share: float

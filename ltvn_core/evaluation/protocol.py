@@ -41,9 +41,9 @@ class EvaluationProtocol:
     episodes: int = 500
     """Random episodes (paper)."""
     distance_noise: float = 0.02
-    """Standard deviation of odometry's error in distance, as a share of it (ours),"""
+    """Standard deviation of odometry's error in distance, as a share of the distance (ours)."""
     angle_noise: float = 0.01
-    """and in angle (ours)."""
+    """Standard deviation of odometry's error in angle, as a share of the angle (ours)."""
     step_limit: int | None = None
     """K: control steps of 0.1 s after which an episode failed; None is the paper's, 1,000 below 100 m2 of floor and
     2,000 above."""

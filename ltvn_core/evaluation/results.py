@@ -70,7 +70,7 @@ def _unpacked(path: Path) -> str:
     except (gzip.BadGzipFile, EOFError, zlib.error) as error:
         raise OptionError(f"{path} is damaged, or not packed by gzip: {error}.") from error
     if len(content) > MAX_BYTES:
-        raise OptionError(f"{path} unpacks to more than {MAX_BYTES // 1_000_000} MB, which is no result.")
+        raise OptionError(f"{path} unpacks to more than {MAX_BYTES // 1_000_000} MB, which is not a result.")
     return content.decode("utf-8")
 
 
@@ -88,9 +88,9 @@ class MapTruthMetrics:
     goals_connected: int
     """Goals that can be reached from most of the map."""
     goals_told: int | None = None
-    """Goals of which the map says before any drive that it does not hold them surely; None in older results,"""
+    """Number of goals that the map reports as doubtful before any drive; None in older results."""
     goals_told_rightly: int | None = None
-    """and those of them to which no drivable way leads from most of the map."""
+    """Number of doubtful goals to which no drivable way leads from most of the map."""
     goals_untold: int | None = None
     """Goals that have no such way either, and the map claims to hold them."""
 
@@ -116,9 +116,9 @@ class TrialResult:
 
     scene: str
     method: str
-    """ltvn, sptm or ving."""
+    """Name of the system, such as `ltvn`, `sptm` or `ving`."""
     preset: str
-    """robust or paper; of the navigator."""
+    """Preset of the navigator: `robust` or `paper`."""
     without: tuple[str, ...]
     """Parts of the method that were switched off."""
     finetuned: bool

@@ -92,7 +92,7 @@ PARTS: dict[str, Callable[[Method], Method]] = {
 }
 """What can be left out, by the names the command line knows; `our-driving` leaves out our departures in driving."""
 RULES = {f"{group}.{name}": _as_in_paper(group, [name]) for group in _GROUPS for name in _departures(group)}
-"""Each of our departures alone, as `driving.swerve`; the command line knows these names as well."""
+"""Each of our departures alone, for instance "driving.swerve"; the command line takes these names too."""
 
 
 _FINE_TUNING = "fine-tuning"

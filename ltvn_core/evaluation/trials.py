@@ -50,8 +50,8 @@ def run_trials(
 ) -> list[TrialResult]:
     """Run the static test of several plans, one scene and seed each; existing results are only read.
 
-    A `part` runs its share of the episodes, and returns the results of the plans whose episodes are all done by then,
-    whoever ran them. Raises OptionError if the folder has results of other settings.
+    A `part` runs its share of the episodes, and returns the results of the plans that all parts together have finished.
+    Raises OptionError if the folder has results of other settings.
     """
     mine = _share(plans, episodes, part)
     jobs = prepare_all(list(dict.fromkeys(plan for plan, _ in mine)), folder, parallel, progress)

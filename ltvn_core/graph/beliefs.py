@@ -1,6 +1,6 @@
 """What driving an edge teaches: Eq. 3 for its existence and Eq. 4 for its length, as pure functions.
 
-Owns the two filters and nothing else; the caller decides about pruning.
+Owns the two Bayes filters; the caller decides about pruning.
 """
 
 from ltvn_core.config import BeliefConfig

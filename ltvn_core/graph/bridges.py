@@ -1,8 +1,8 @@
-"""How images that Algorithm 1 leaves over come into the map after all: by way of a merged image, or by odometry.
+"""Bridges: joins images that Algorithm 1 leaves over to the map, through a merged image or by odometry.
 
-A predictor may recognise an image from one that merged and from no node, for the node is farther away. And where two
-images in a row show nothing in common, as before a bare wall, the robot drove from one to the other all the same, and
-over so short a way odometry is exact. Both are ours. Owns which images are joined so; changes no map.
+A predictor may recognise an image from a merged image but from no node, because the node is farther away. Where two
+consecutive images show nothing in common, as in front of a bare wall, the robot still drove from one to the other, and
+odometry is accurate over such a short way. Both kinds of bridge are ours. Owns which images are joined; changes no map.
 """
 
 from collections.abc import Collection, Container, Iterator, Sequence
@@ -18,9 +18,9 @@ from ltvn_core.graph.operators import OperatorThresholds
 from ltvn_core.types import FrameId, Observation
 
 REACH = 30
-"""Images that were taken so few images before or after are asked about first, and joined by odometry."""
+"""Number of images before and after that are compared first, and that odometry may join."""
 _BESIDE = 4
-"""An image that is joined by odometry must be recognised from one of so many left-over ones before or after it."""
+"""An image joined by odometry must be recognised from one of this many left-over images before or after it."""
 
 
 class Bridge(NamedTuple):
@@ -30,11 +30,11 @@ class Bridge(NamedTuple):
     matches: Matches
     """One image that is a node or merged."""
     by_odometry: bool = False
-    """Odometry alone says how the two lie to each other."""
+    """Whether only odometry says how the two lie to each other."""
 
 
 class BridgeSearch:
-    """Searches bridges along one trajectory; no pair of images is asked about twice."""
+    """Searches bridges along one trajectory; compares each pair of images at most once."""
 
     def __init__(
         self,
@@ -56,15 +56,16 @@ class BridgeSearch:
     def by_merged_image(self, frame: FrameId, merged: Collection[FrameId]) -> Bridge | None:
         """Return the most reachable merged image that a left-over one can be connected with; None without any.
 
-        One near in time is preferred, because two such are hardly perceptual aliases.
+        An image near in time is preferred, because two such are hardly perceptual aliases.
         """
         beside = [other for other in self._beside(frame, REACH) if other in merged]
         return self._recognised(frame, beside) or self._recognised(frame, sorted(merged))
 
     def by_odometry(self, left: Collection[FrameId], placed: Container[FrameId]) -> Bridge | None:
-        """Return the shortest way that odometry knows from a left-over image to a node or a merged image.
+        """Return the shortest way by odometry from a left-over image to a node or a merged image; None if there is
+        none.
 
-        An image that nothing recognises leads nowhere, so it is not joined. None where there is no such way.
+        An image that is recognised from no other leads nowhere, so it is not joined.
         """
         ways = [way for frame in left for way in self._ways(frame, placed)]
         for way in sorted(ways, key=lambda way: (way.matches.distances[0], way.frame)):
@@ -96,5 +97,5 @@ class BridgeSearch:
             driven = None if other is None else self._odometry_gate.driven(frame, other)
             if other is None or driven is None or distance(driven) >= self._thresholds.connect_distance:
                 continue
-            # No image speaks for it, so it is believed no more than the least edge that images speak for.
+            # No image supports the edge, so it gets the least p of an edge that images support.
             yield Bridge(frame, Matches.of_one(other, self._thresholds.connect_reachability, driven), by_odometry=True)

@@ -32,9 +32,9 @@ _MERGE_CANDIDATES = 3
 _NEAR_IN_TIME = 12
 
 ProgressCallback = Callable[[int, int], None]
-"""Called with images done and images in all."""
+"""Called with the number of images done and the number of all images."""
 _CLOSING_SHARE = 0.3
-"""Share of the work that is to put odometry right."""
+"""Share of the work that corrects odometry."""
 
 
 def build(
@@ -91,13 +91,13 @@ class _Stage(Enum):
     FIRST = auto()
     """Algorithm 1: it merges with a node, or is connected with nodes."""
     SECOND = auto()
-    """It may be connected by the lower cut,"""
+    """It may be connected by the lower cut."""
     BRIDGES = auto()
-    """and with merged images as well, which then become nodes."""
+    """It may also be connected with merged images, which then become nodes."""
 
 
 class _BuildRun:
-    """One run of Algorithm 1, which begins a new piece of the map while the images left over could make the largest."""
+    """One run of Algorithm 1; it starts another piece while the left-over images could form the largest one."""
 
     def __init__(
         self,
@@ -137,10 +137,11 @@ class _BuildRun:
         return (*self._deltas, *reserved)
 
     def run(self, rng: np.random.Generator, progress: ProgressCallback) -> None:
-        """Pass over the images until a pass adds nothing, then with the lower cut, then with bridges; begin elsewhere.
+        """Pass over the images until a pass adds nothing, then with the lower cut, then with bridges; then start
+        another piece.
 
-        Where an image is joined with nothing, so is all that hangs on it: one start alone would leave it to chance
-        whether the map is the largest piece of the drive or a small one.
+        An image that cannot be joined cuts off all images behind it. With one start, chance would decide whether the
+        map is the largest piece of the drive or a small one.
         """
         start: Observation | None = self._first_start(rng)
         while start is not None:
@@ -166,7 +167,7 @@ class _BuildRun:
         self._left += [seen for seen in self._observations if seen.step in dropped]
 
     def tie_goals(self) -> None:
-        """Make nodes of the goals that are still left over, and join them by the best way there is."""
+        """Make nodes of the goals that are still left over, and join each by the best way available."""
         search = GoalTies(self._observations, self._matcher, self._odometry_gate, self._second_pass_thresholds)
         for goal in sorted(self._goals - self.nodes.keys()):
             for bridge in search.ties(goal, self.nodes.keys() | self._merged.keys()):
@@ -179,10 +180,10 @@ class _BuildRun:
         return min(order, key=lambda seen: seen.step not in self._goals)
 
     def _start_elsewhere(self, rng: np.random.Generator) -> Observation | None:
-        """Draw an image that begins another piece of the map; None where there is no need.
+        """Draw an image that starts another piece of the map; None if no other piece is needed.
 
-        It is one of a drive that has no place in the map yet, because nothing recognises it, or any image left over
-        while these are more than the largest piece knows.
+        It is an image of a drive without any place in the map, or any left-over image while more are left over than the
+        largest piece contains.
         """
         drive_of = self._matcher.keyframes.drive_of
         placed = {drive_of(frame) for frame in (*self.nodes, *self._merged)}
@@ -255,14 +256,14 @@ class _BuildRun:
         if len(chosen):
             self._enter(node_with_edges(seen, chosen, self._method.believing, Cause.BUILD))
             return True
-        known.reachability[near] = trusted.reachability  # What was compared in full once stays decided.
+        known.reachability[near] = trusted.reachability  # A pair is compared in full only once.
         bridge = self._bridges.by_merged_image(seen.step, self._merged) if stage is _Stage.BRIDGES else None
         if bridge is not None:
             self._cross(bridge)
         return bridge is not None
 
     def _cross(self, bridge: Bridge, cause: Cause = Cause.BUILD) -> None:
-        """Make a left-over image a node, and the one that it hangs on as well if that merged."""
+        """Make a left-over image a node, and also the merged image that it is bridged to."""
         (other,) = bridge.matches.nodes
         keyframes = self._matcher.keyframes
         config = self._method.believing
@@ -273,9 +274,9 @@ class _BuildRun:
         self._enter(node_with_edges(seen, bridge.matches, config, cause, by_odometry=bridge.by_odometry))
 
     def _not_met(self, frame: FrameId) -> Iterator[tuple[NodeId, ...]]:
-        """Yield the nodes that came since the last time, those near in time first: most images merge with these.
+        """Yield the nodes added since the last pass, those near in time first, because most images merge with these.
 
-        Of the others only those that may look alike at all, where there are many.
+        Where there are many other nodes, only those that may look alike are included.
         """
         nodes = tuple(self.nodes)
         fresh = self._odometry_gate.may_be_near(frame, nodes[self._met.get(frame, 0) :])
@@ -292,9 +293,9 @@ class _BuildRun:
         self._known[frame] = self._known[frame].concatenated(found) if frame in self._known else found
 
     def _merging(self, found: Matches, frame: FrameId) -> Matches | None:
-        """Return the node that an image adds nothing to; None if there is none."""
+        """Return the node that an image merges with; None if there is none."""
         alike = found.take(mergeable(found, self._thresholds))
-        # One after the other, because temporal support is dear and the nearest nearly always has it.
+        # One by one, because temporal support is expensive and the nearest node nearly always has it.
         for k in np.argsort(alike.distances, kind="stable")[:_MERGE_CANDIDATES]:
             nearest = self._matcher.with_mutual_support(alike.take(np.array([k])), frame)
             if mergeable(nearest, self._thresholds).any():

@@ -15,7 +15,7 @@ from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.types import NodeId
 
 _LEAST_COST = 1e-9
-"""A sparse matrix takes an edge of no cost for no edge."""
+"""Cost for edges that cost nothing, because a sparse matrix drops zeros."""
 
 
 class CostMatrix(NamedTuple):
@@ -24,11 +24,11 @@ class CostMatrix(NamedTuple):
     nodes: tuple[NodeId, ...]
     """N nodes."""
     costs: csr_array
-    """(N, N): what each edge costs."""
+    """(N, N) cost of each edge."""
 
 
 def cost_matrix(graph: TopologicalGraph, weight: EdgeWeight) -> CostMatrix:
-    """Return what the edges of a graph cost, as a sparse matrix; linear in edges."""
+    """Return the costs of a graph's edges as a sparse matrix; linear in edges."""
     nodes = tuple(graph.nodes)
     row = {node: k for k, node in enumerate(nodes)}
     ends = np.array([(row[source], row[target]) for source, target in graph.edges], np.intp).reshape(-1, 2)
@@ -57,5 +57,5 @@ def strongly_connected_components(graph: TopologicalGraph) -> tuple[tuple[NodeId
 
 
 def count_strongly_connected_components(graph: TopologicalGraph) -> int:
-    """Return how many strongly connected components a map has; 1 is what one wants."""
+    """Return the number of strongly connected components of a map; 1 is ideal."""
     return len(strongly_connected_components(graph))

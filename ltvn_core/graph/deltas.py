@@ -17,11 +17,11 @@ class Cause(StrEnum):
     BUILD = "build"
     """Algorithm 1, from a whole recording."""
     ONLINE = "online"
-    """The same operators while somebody drives."""
+    """The same operators, during driving."""
     ATTEMPT = "attempt"
     """An edge was driven: Eq. 3 and Eq. 4, and pruning."""
     NOVEL = "novel"
-    """The robot was lost, and what it saw became a node."""
+    """The robot was lost, and its observation became a node."""
     EXPAND = "expand"
     """No path existed, and images left over from mapping were sampled until one did."""
     GOAL = "goal"
@@ -29,14 +29,14 @@ class Cause(StrEnum):
     LOAD = "load"
     """The map came out of a file."""
     SIGHT = "sight"
-    """What stands in the way of one edge was seen to stand in the way of others, or to be gone; or a place that the
-    robot was at looked different."""
+    """An obstruction of one edge was also seen to block other edges, or to be gone; or the place of the robot looked
+    different."""
     HAND = "hand"
-    """A person did it."""
+    """A person changed the map."""
 
 
 BULK_CAUSES = (Cause.BUILD, Cause.LOAD)
-"""Changes of these causes come in bulk and make a map, which is no news; what comes after them changes it."""
+"""Causes of changes that come in bulk while a map is made; changes of other causes count as news."""
 
 
 class PoseRow(NamedTuple):
@@ -65,16 +65,16 @@ class Node:
 
     id: NodeId
     odometry: PoseRow
-    """Where odometry put the robot when the image was taken; for drawing and as evidence, never for planning."""
+    """Odometry pose when the image was taken; for drawing and as evidence, never for planning."""
     name: str = ""
-    """What a person calls the place; empty when nobody named it, else unique in the map."""
+    """Name given by a person, unique in the map; empty if there is none."""
     goal: bool = False
-    """A person marked the place as somewhere to go."""
+    """Whether a person marked the place as a goal."""
 
 
 @dataclass(frozen=True, slots=True)
 class Edge:
-    """I can drive from `source` to `target` along `waypoint`."""
+    """An edge: the robot can drive from `source` to `target` along `waypoint`."""
 
     source: NodeId
     target: NodeId
@@ -84,25 +84,25 @@ class Edge:
     attempts: int = 0
     """How often the edge was driven."""
     successes: int = 0
-    """How often that led to the target."""
+    """Number of attempts that led to the target."""
     protected: bool = False
-    """Held by hand: maintenance leaves it alone."""
+    """Whether a person protects the edge from maintenance."""
     by_odometry: bool = False
-    """Odometry alone joins the two nodes; no predictor found one in the image of the other."""
+    """Whether only odometry joins the two nodes; no predictor recognised one in the image of the other."""
 
 
 @dataclass(frozen=True, slots=True)
 class NodeView:
-    """What a place looked like at another time than when it became a node."""
+    """How a place looked at another time than when it became a node."""
 
     frame: FrameId
     """The image."""
     pose: PoseRow
-    """Where it was taken, in the frame of the node."""
+    """Pose of the image in the frame of the node."""
     used_s: float
-    """When the place was last recognised by it, or it was taken, in seconds on the clock of the world."""
+    """Time when the view was taken, or last recognised, in seconds on the clock of the world."""
     uses: int = 0
-    """In how many queries the place was recognised by it."""
+    """Number of queries in which the view was recognised."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,7 +152,7 @@ class EdgePruned:
 
 @dataclass(frozen=True, slots=True)
 class EdgeProtected:
-    """An edge came under a person's protection, or left it."""
+    """An edge was protected by a person, or is no longer."""
 
     source: NodeId
     target: NodeId
@@ -162,7 +162,7 @@ class EdgeProtected:
 
 @dataclass(frozen=True, slots=True)
 class PresenceObserved:
-    """An edge was seen to be open, or blocked, at a moment: that says nothing of whether it exists."""
+    """An edge was seen to be open or blocked at a moment, which says nothing about its existence."""
 
     source: NodeId
     target: NodeId
@@ -174,7 +174,7 @@ class PresenceObserved:
 
 @dataclass(frozen=True, slots=True)
 class NodeNamed:
-    """A node got this name, which may be empty, and is a goal or not."""
+    """A node got this name, which may be empty, and is marked as a goal or not."""
 
     node: NodeId
     name: str
@@ -213,12 +213,12 @@ class ViewDropped:
 
 @dataclass(frozen=True, slots=True)
 class DriveBegun:
-    """Images from a frame on are of another drive, whose odometry most often begins anew."""
+    """Images from this frame on belong to another drive, whose odometry usually starts anew."""
 
     frame: FrameId
     """The first image."""
     name: str
-    """What a person calls the drive, such as its file."""
+    """Name of the drive for a person, such as its file name."""
     cause: Cause
 
 

@@ -1,9 +1,9 @@
-"""Where a drive comes past a place again, and what that says of its odometry.
+"""Loop closures of a drive, and the correction of its odometry by them.
 
-Odometry drifts, so after a long way it no longer tells a room from the one beside it, and where rooms look alike the
-network does not either. But all the places that a drive passes twice must agree on one course of it. Those closures
-that the others contradict are perceptual aliases (`graph.pose_graph`), and by the rest the course is known to within
-decimetres everywhere. Owns which images are asked about, and the correction of their odometry (ours).
+Odometry drifts: after a long way it cannot tell a room from the one beside it, and where rooms look alike the network
+cannot either. But all places that a drive passes twice must agree on one trajectory. Closures that contradict the
+others are perceptual aliases (`graph.pose_graph`); the rest fix the trajectory to within decimetres. Owns which images
+are compared, and the correction of their odometry (ours).
 """
 
 import logging
@@ -30,7 +30,7 @@ log = logging.getLogger(__name__)
 def separate_contradicted_drives(
     observations: Sequence[Observation], matcher: Matcher, loop_closures: LoopClosureVerifier, config: BuildingConfig
 ) -> None:
-    """Let odometry begin anew, in the matcher's keyframes, at drives whose images say that it does.
+    """Restart odometry, in the matcher's keyframes, at drives whose images contradict the continued odometry.
 
     Costs a few thousand comparisons for each drive that goes on after a pause of more than `PAUSE_S`.
     """
@@ -60,18 +60,18 @@ def _is_allowed(link: DriveLink, gate: OdometryGate) -> bool:
 
 
 _KEY_GAP = 0.5
-"""Images of a drive nearer than this d are asked about once."""
+"""Images of a drive nearer to each other than this d are compared only once."""
 _AGAIN_M = 4.0
-"""Two images say something about drift if so much was driven between them."""
+"""Least distance driven between two images that say something about drift, in metres."""
 _BATCH = 200
-"""After so many images what was found is put to use."""
+"""Number of images after which the closures found so far are applied."""
 _CLOSURE_DEVIATIONS = (0.12, 0.12, 0.1)
 """Standard deviations of the network's waypoint over an edge, in m, m and rad."""
 _SAME_STRETCH_M, _MOST_IN_STRETCH = 2.0, 3.0
-"""Closures found within so much of a drive count as so many at most."""
+"""Closures within this distance along a drive count as at most this number."""
 _LEAST_DEVIATIONS = (0.01, 0.01, 0.005)
 _DRIFT_M_PER_M, _DRIFT_RAD_PER_M, _DRIFT_PER_RAD = 0.03, 0.02, 0.01
-"""Standard deviations of odometry: of the way and the heading per metre driven, and of the angle turned."""
+"""Standard deviations of odometry: of distance and heading per metre driven, and of the angle turned."""
 
 
 def with_closed_loops(
@@ -81,7 +81,7 @@ def with_closed_loops(
     method: Method,
     progress: Callable[[float], None],
 ) -> tuple[Sequence[Observation], OdometryGate]:
-    """Return the images, their odometry corrected where a drive passed a place again, and what odometry knows then.
+    """Return the images with odometry corrected by loop closures, and what odometry knows afterwards.
 
     The images in the matcher's keyframes are corrected, too. `progress` is called with the share that is done.
     """
@@ -116,7 +116,7 @@ class ClosedDrives(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ClosureSearch:
-    """Searches loop closures within the drives of one map."""
+    """Searches for loop closures within the drives of one map."""
 
     observations: Sequence[Observation]
     matcher: Matcher
@@ -124,7 +124,7 @@ class ClosureSearch:
     gate: OdometryGate
     config: BuildingConfig
     progress: Callable[[float], None]
-    """Called with the share of the images that were asked about."""
+    """Called with the share of the images that were compared."""
 
     def closed(self) -> ClosedDrives:
         """Return the images with corrected odometry; where odometry breaks off, each stretch is corrected by itself."""
@@ -147,7 +147,7 @@ class ClosureSearch:
         yield stretch
 
     def _closed_stretch(self, stretch: Sequence[Observation]) -> ClosedDrives:
-        """Correct a stretch as it goes on, so that what comes later is compared with what is near alone."""
+        """Correct a stretch while searching it, so that later images are compared only with near ones."""
         odometry = np.array([seen.odometry for seen in stretch])
         rows = _key_rows(odometry)
         keys = [stretch[row].step for row in rows]
@@ -201,16 +201,17 @@ def _corrected(
 
 
 def _shares(driven_m: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return what each of K closures counts, found so far along the drive (K,).
+    """Return the weight of each of K closures, given their position along the drive (K,).
 
-    Where one image mistakes a place for another, so do those just before and after it: together they count as a few.
+    An image that is mistaken for another place has neighbours that are mistaken, too, so nearby closures count as a
+    few.
     """
     near = np.abs(driven_m[:, None] - driven_m) < _SAME_STRETCH_M
     return np.minimum(1.0, _MOST_IN_STRETCH / near.sum(axis=1))
 
 
 def _key_rows(odometry: NDArray[np.float64]) -> NDArray[np.intp]:
-    """Return the rows of poses (N, 3) that are apart from each other, the first and the last among them."""
+    """Return the rows of poses (N, 3) that lie apart from each other, including the first and the last."""
     rows = [0]
     for row in range(1, len(odometry)):
         if distance(relative(odometry[rows[-1]], odometry[row])) >= _KEY_GAP:
@@ -235,7 +236,7 @@ def _odometry_between(poses: NDArray[np.float64]) -> RelativePoses:
 
 
 def _carried(odometry: NDArray[np.float64], rows: NDArray[np.intp], poses: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return where all images (N, 3) are, once the key images are at `poses` (K, 3): between two, half by each way."""
+    """Return the poses of all images (N, 3), given key images at `poses` (K, 3); between two, both are interpolated."""
     before = np.clip(np.searchsorted(rows, np.arange(len(odometry)), side="right") - 1, 0, max(len(rows) - 2, 0))
     after = np.minimum(before + 1, len(rows) - 1)
     ahead = compose(poses[before], relative(odometry[rows[before]], odometry))

@@ -1,8 +1,8 @@
-"""Where drives meet whose odometry has nothing in common: images of two drives that surely show one place.
+"""Links between drives with unrelated odometry: pairs of images, one of each drive, that surely show one place.
 
-One match may be a perceptual alias. Matches that agree about how the two odometries lie to each other are none, or
-whole places are alike, so of several opinions the one with most matches counts, and a few must share it (ours). Owns
-that vote; the matches are the network's.
+One match may be a perceptual alias. Several matches that agree on how the two odometry frames lie to each other are
+not, unless whole places look alike. So the matches vote, and the transform with the most votes counts if it has a few
+(ours). Owns that vote; the matches come from the network.
 """
 
 import math
@@ -22,18 +22,18 @@ from ltvn_core.graph.operators import OperatorThresholds, connectable
 from ltvn_core.types import FrameId, Observation
 
 _APART = 0.35
-"""Images of one drive nearer than this d are asked about once."""
+"""Images of one drive nearer to each other than this d are compared only once."""
 _MOST_ASKED, _MOST_MET = 60, 300
-"""So many images of the later drive, evenly spread, are compared with so many of the earlier one."""
+"""Number of images of the later drive, evenly spread, and of the earlier one, that are compared."""
 _BEST = 3
 _MOST_MATCHES = 60
 _LEAST_AGREEING = 3
-"""Fewer images that agree are held to be perceptual aliases."""
+"""Fewer matches that agree count as perceptual aliases."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DriveLinkSearch:
-    """Searches links between the drives of one map."""
+    """Searches for links between the drives of one map."""
 
     observations: Sequence[Observation]
     drive_starts: Sequence[FrameId]
@@ -62,13 +62,13 @@ class DriveLinkSearch:
             if len({link.frame for link in best}) < min(_LEAST_AGREEING, len(asked)):
                 break
             agreed += best
-            # Where odometry jumped within a drive, what came after the jump may be linked as well.
+            # Where odometry jumps within a drive, the images after the jump may be linked as well.
             gate = self._gate(agreed)
             left = [link for link in left if link not in best and not gate.knows(link.frame, link.other)]
         return agreed
 
     def _agreeing(self, link: DriveLink, others: Sequence[DriveLink]) -> list[DriveLink]:
-        """Return the links that lie as this one foretells, itself among them."""
+        """Return the links that agree with this one, itself included."""
         gate = self._gate([link])
         return [
             other
@@ -101,9 +101,9 @@ def surest_links(
 
 
 def _spread(drive: Sequence[Observation], most: int) -> list[FrameId]:
-    """Return images of a drive that are apart from each other by odometry, and at most so many, evenly spread.
+    """Return images of a drive that lie apart by odometry, evenly spread and limited in number.
 
-    A drive without odometry is taken as it is.
+    A drive without odometry is used as it is.
     """
     kept = list(drive[:1])
     for seen in drive[1:]:

@@ -25,22 +25,22 @@ from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.types import NodeId
 
 _PLACE_M = 0.45
-"""Nodes nearer to each other than this are at one place: a small robot on both sides of the thinnest wall is farther
-apart."""
+"""Nodes nearer to each other than this are one place: robots on both sides of the thinnest wall are farther apart."""
 _REACH_M = 2.5
-"""No edge is longer; a robot drives no farther without recognising where it is."""
+"""Length of the longest edge; a robot drives no farther without localising."""
 _REACH_RAD = 1.5
-"""Nor turns the robot by more at the end of one that leads away, or its image there says nothing of the target."""
+"""Largest turn at the end of an edge; after a larger turn the robot's image shows nothing of the target."""
 _STRETCH = 1.2
-"""Without the edge the way must cost so many times as much; 1.5 bounds SPL lower (`docs/results.md`)."""
+"""Least ratio between the cost of the way without an edge and the cost of the edge; 1.5 lowers SPL
+(`docs/results.md`)."""
 _MOST_DRIVEN_M = 60.0
-"""By a longer way along the drive odometry does not know at all where two nodes lie to each other."""
+"""Longest way along the drive over which odometry still locates two nodes."""
 _DOUBTED = 0.5
-"""So much an edge is believed that odometry does not know well: it is driven where the way round is long."""
+"""p of an edge that odometry does not know well; it is driven only where the detour is long."""
 
 
 def floor_edges(graph: TopologicalGraph, gate: OdometryGate, floor: FreeFloor, method: Method) -> Iterator[EdgeAdded]:
-    """Yield edges, each with the one back: the shortest first, as long as there is no way nearly as short."""
+    """Yield edges in both directions, the shortest first, wherever no existing way is nearly as short."""
     ways = _Ways.of(graph, method)
     for pair in sorted(_pairs(graph, gate, method), key=lambda pair: pair.matches.distances[0]):
         there, back = bidirectional_edges(pair.source, pair.matches, method.believing, Cause.BUILD, by_odometry=True)
@@ -58,15 +58,15 @@ class _Pair:
 
     @property
     def is_one_place(self) -> bool:
-        """Whether nothing fits between the two."""
+        """Whether the two nodes are so close that nothing fits between them."""
         return bool(np.hypot(*self.matches.waypoints[0, :2]) <= _PLACE_M)
 
 
 def _pairs(graph: TopologicalGraph, gate: OdometryGate, method: Method) -> Iterator[_Pair]:
-    """Yield each pair of nodes near each other once, as far as odometry knows, that no edge joins."""
+    """Yield each pair of near nodes once, as far as odometry knows, if no edge joins them."""
     nodes = tuple(graph.nodes)
     places = np.array([node.odometry[:2] for node in graph.nodes.values()])
-    # No image speaks for it, so it is believed no more than the least edge that images speak for.
+    # No image supports the edge, so it gets the least p of an edge that images support.
     most = method.building.connect_reachability
     for k, beside in enumerate(KDTree(places).query_ball_point(places, _REACH_M, return_sorted=True)):
         others = [nodes[j] for j in beside if j > k and (nodes[k], nodes[j]) not in graph.edges]
@@ -83,7 +83,7 @@ def _pairs(graph: TopologicalGraph, gate: OdometryGate, method: Method) -> Itera
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Ways:
-    """What the ways of a map cost, as edges come in."""
+    """Costs of the ways in a map, updated as edges are added."""
 
     costs: "rustworkx.PyDiGraph[NodeId, float]"
     rows: dict[NodeId, int]
@@ -102,7 +102,7 @@ class _Ways:
         self.costs.add_edge(self.rows[edge.source], self.rows[edge.target], self._cost(edge))
 
     def is_shortened_by(self, edge: Edge) -> bool:
-        """Tell whether the way between its ends costs much more without the edge."""
+        """Tell whether the way between an edge's ends costs much more without the edge."""
         source = self.rows[edge.source]
         target = self.rows[edge.target]
         lengths = rustworkx.dijkstra_shortest_path_lengths(self.costs, source, float, goal=target)

@@ -1,4 +1,4 @@
-"""Which floor the images of a drive saw free, as far as the drive's odometry knows where they were taken.
+"""Free floor: which floor the depth images of a drive saw free, as far as odometry knows where they were taken.
 
 Owns when a straight way counts as free. Knows nothing of the graph.
 """
@@ -18,19 +18,19 @@ from ltvn_core.graph.odometry_gate import OdometryGate
 from ltvn_core.types import NodeId, Observation, Pose
 
 _CLEAR_M = 0.3
-"""So much must be free on both sides of a way: half a small robot, and what odometry may be wrong by."""
+"""Clearance needed on both sides of a way: half a small robot plus the error of odometry, in metres."""
 _STOOD_M = 0.25
-"""The floor is free so near to where an image was taken."""
+"""Radius around the place of an image within which the floor is free, in metres."""
 _SPACING_M = 0.15
 WELL_KNOWN_M = 10.0
-"""By no longer a way along the drive odometry knows well where things lie to each other."""
+"""Longest way along the drive over which odometry is accurate, in metres."""
 
 
 class FreeFloor:
-    """What the images of some frames saw of the floor."""
+    """The floor as seen by the images of some frames."""
 
     def __init__(self, seen: Sequence[Observation], camera: CameraModel, gate: OdometryGate) -> None:
-        """Read the depth of images; those without any say nothing but that a robot stood there."""
+        """Read the depth of images; one without depth only shows that a robot stood there."""
         scans = [DepthScan.from_image(each, camera, np.zeros(3)) for each in seen]
         self._frames = [each.step for each in seen]
         self._gate = gate

@@ -1,8 +1,8 @@
-"""How goals that Algorithm 1 leaves over are tied into the map after all, so that there is a way to each (ours).
+"""Ties: connect goals that Algorithm 1 leaves over, so that a way leads to each (ours).
 
-The robot drove past its goal images, so odometry knows a way there; where it does not, the surest node may agree with
-the goal both ways, though less surely than an edge needs. Such an edge is believed less than any other. Owns which
-images are tied to what; changes no map.
+The robot drove past its goal images, so odometry usually knows a way. Otherwise the most reachable node may agree with
+the goal in both directions, though with a lower r than an edge needs; such an edge gets a lower p than any other. Owns
+which images are tied to what; changes no map.
 """
 
 from collections.abc import Collection, Container, Iterator, Sequence
@@ -17,17 +17,17 @@ from ltvn_core.graph.operators import OperatorThresholds
 from ltvn_core.types import FrameId, Observation
 
 UNSURE_P = 0.45
-"""What is believed at most of an edge that is not sure; an edge that is believed less than a half is rather none."""
+"""Largest p of an unsure edge; an edge below one half probably does not exist."""
 _MAX_HOPS = 12
-"""Odometry is followed over so many images, about ten metres, for a goal."""
+"""Number of images, about ten metres of driving, over which odometry is followed to a goal."""
 _MIN_AGREED = 0.2
-"""Least r, the smaller of both ways, of a node that a goal is tied to unsurely."""
+"""Least r, the smaller of both directions, of a node that a goal is tied to unsurely."""
 _GAP_M, _GAP_RAD = 0.35, 0.35
-"""Both ways must say the same but for so much."""
+"""Largest disagreement between both directions."""
 
 
 class GoalTies:
-    """Searches ties of goals along one trajectory."""
+    """Searches for ties of goals along one trajectory."""
 
     def __init__(
         self,
@@ -44,9 +44,10 @@ class GoalTies:
         self._thresholds = thresholds
 
     def ties(self, goal: FrameId, placed: Collection[FrameId]) -> tuple[Bridge, ...]:
-        """Return bridges that lead from the images `placed` in the map to a goal, in the order in which to cross them.
+        """Return bridges from the images `placed` in the map to a goal, in the order in which to cross them.
 
-        Those of odometry, if it knows a way; else the surest node with which the goal agrees; else none.
+        They follow odometry if it knows a way, else lead from the best node with which the goal agrees; else there are
+        none.
         """
         chains = [chain for step in (-1, 1) if (chain := self._chain(goal, placed, step))]
         if chains:
@@ -55,7 +56,7 @@ class GoalTies:
         return () if unsure is None else (unsure,)
 
     def _chain(self, goal: FrameId, placed: Container[FrameId], step: int) -> tuple[Bridge, ...]:
-        """Follow odometry from the goal on to the next placed image, by hops as long as an edge may be."""
+        """Follow odometry from the goal to the next placed image, in hops no longer than an edge may be."""
         bridges = list[Bridge]()
         here = goal
         while here not in placed and len(bridges) < _MAX_HOPS:
@@ -79,7 +80,7 @@ class GoalTies:
             row += step
 
     def _unsure(self, goal: FrameId, placed: Sequence[FrameId]) -> Bridge | None:
-        """Return the image with which the goal agrees best, both ways; None where none does."""
+        """Return the image with which the goal agrees best in both directions; None without any."""
         others = self._odometry_gate.may_be_near(goal, placed)
         if not others:
             return None

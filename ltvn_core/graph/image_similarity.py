@@ -1,7 +1,7 @@
 """Which nodes resemble an image without depth, such as an upload.
 
-Owns a plain comparison of small, normalised colour images. The network needs depth and is not asked; an image with
-depth is better ranked by `Localizer.nearest_nodes`.
+Owns a plain comparison of small, normalised colour images. The network is not used, because it needs depth; images with
+depth are ranked better by `Localiser.nearest_nodes`.
 """
 
 from collections.abc import Sequence
@@ -13,12 +13,13 @@ from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.types import NodeId, Rgb
 
 _GRID = (12, 16)
-"""Rows and columns of the blocks that are averaged, 6 pixels of the network's camera a side, so that a shift of a few
-pixels hardly matters."""
+"""Rows and columns of blocks that are averaged, each 6 pixels of the network's camera wide, so that small shifts hardly
+matter."""
 
 
 LIKELY_HELD = 0.7
-"""Of 6,000 pictures of other apartments one in twenty was so much like its best of 400 nodes (six apartments, ours)."""
+"""Similarity with the best of 400 nodes that 1 in 20 of 6,000 pictures of other apartments reaches (six apartments,
+ours)."""
 
 
 def most_similar_nodes(
@@ -32,7 +33,7 @@ def most_similar_nodes(
         return ()
     descriptors = colour_descriptors(keyframes, nodes)
     own = _colour_descriptor(rgb)
-    # Of an image of one colour nothing is left but that, and another of one colour is as much like it as any can be.
+    # An image of one colour has no structure left, so it is equally similar to any other of one colour.
     likeness: NDArray[np.float64] = np.where(descriptors.any(axis=1), 0.0, 1.0)
     if own.any():
         likeness = np.asarray(descriptors @ own)

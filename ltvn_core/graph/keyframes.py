@@ -1,7 +1,7 @@
 """Images and features of nodes and reserve by frame, each encoded once.
 
-Owns observations and features of every frame that is a node or in the reserve, and who comes before and after whom.
-Does not decide which frames to keep: the caller drops those that the map let go.
+Owns the observations and features of every frame that is a node or in the reserve, and their order in time. Does not
+decide which frames to keep: the caller drops those that left the map.
 """
 
 from bisect import bisect_left, bisect_right, insort
@@ -14,7 +14,7 @@ from ltvn_core.geometry import distance, relative
 from ltvn_core.types import Features, FrameId, Observation, Predictor
 
 ODOMETRY_JUMP = 1.5
-"""Frames one after the other that are farther apart by odometry, as d, are not of one stretch of driving."""
+"""Distance d by odometry between consecutive frames above which a new stretch of driving begins."""
 
 
 class KeyframeStore:
@@ -31,7 +31,7 @@ class KeyframeStore:
         self._resumed: list[FrameId] = []
         self._features: Features | None = None
         self._has_odometry = False
-        """Whether odometry ever moved; where it did not, it does not say which images are near each other."""
+        """Whether odometry ever moved; if not, it cannot tell which images are near each other."""
 
     def __contains__(self, frame: FrameId) -> bool:
         return frame in self._rows
@@ -51,12 +51,12 @@ class KeyframeStore:
 
     @property
     def resumed_starts(self) -> tuple[FrameId, ...]:
-        """The first frames of drives that go on in the odometry of the drive before, in order."""
+        """The first frames of drives that continue the odometry of the drive before, in order."""
         return tuple(self._resumed)
 
     @property
     def odometry_starts(self) -> tuple[FrameId, ...]:
-        """The first frames of the drives whose odometry begins anew, in order, where there are several drives."""
+        """The first frames of the drives whose odometry starts anew, in order, where there are several drives."""
         return tuple(frame for frame in self._drive_starts if frame not in self._resumed)
 
     def begin_drives(self, frames: Iterable[FrameId], *, resumed: Iterable[FrameId] = ()) -> None:
@@ -71,15 +71,15 @@ class KeyframeStore:
         self._resumed = sorted({*self._resumed, *resumed})
 
     def restart_odometry(self, frame: FrameId) -> None:
-        """Hold odometry to begin anew at the first frame of a drive."""
+        """Make odometry start anew at the first frame of a drive."""
         self._resumed = [other for other in self._resumed if other != frame]
 
     def drive_of(self, frame: FrameId) -> int:
-        """Return the number of the drive that a frame is of."""
+        """Return the number of the drive that a frame belongs to."""
         return bisect_right(self._drive_starts, frame)
 
     def add(self, observations: Sequence[Observation], features: Features | None = None) -> None:
-        """Take in images; those not known yet are encoded in one batch unless their features (N, F) come along."""
+        """Add images; new ones are encoded in one batch unless their features (N, F) are given."""
         fresh = [k for k, seen in enumerate(observations) if seen.step not in self._rows]
         if not fresh:
             return
@@ -89,10 +89,8 @@ class KeyframeStore:
             self._store(seen, row)
 
     def correct(self, observations: Iterable[Observation]) -> None:
-        """Put observations in the place of those of the same frames; only their odometry may differ.
-
-        Raises MapError if one is not held.
-        """
+        """Replace the observations of frames; only their odometry may differ. Raises MapError if a frame is not
+        held."""
         for seen in observations:
             self.observation(seen.step)
             self._observations[seen.step] = seen

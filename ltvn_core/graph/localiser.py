@@ -21,48 +21,48 @@ LOCAL = "local"
 GLOBAL = "global"
 _MIN_REACHABILITY = 1e-6
 _DOUBT_AT_PLACE = 0.5
-"""There the score is d + so much times -ln r."""
+"""Weight of -ln r in the score at a place, added to d."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LocalisationPrior:
-    """What the robot remembers of the query that helps to tell where it is."""
+    """What the robot remembers of the query that helps localisation."""
 
     plan: Sequence[NodeId] = ()
     """The nodes of the last plan."""
     doubted: Collection[NodeId] = ()
-    """Nodes that it does not believe to be at any more."""
+    """Nodes that it no longer believes to be at."""
     place: BelievedPlace | None = None
-    """Where it probably is by all that it saw; None where it does not keep count."""
+    """The probable place given all observations; None without a place belief."""
 
     def candidates(self, graph: TopologicalGraph) -> tuple[NodeId, ...]:
-        """Return all nodes it may be at."""
+        """Return all nodes that the robot may be at."""
         return tuple(node for node in graph.nodes if node not in self.doubted)
 
 
 NO_PRIOR = LocalisationPrior()
-"""At the beginning of a query."""
+"""The prior at the beginning of a query."""
 
 
 class Localisation(NamedTuple):
-    """The best node, and how sure that is."""
+    """The best node, and its certainty."""
 
     node: NodeId | None
     """None when no node is near enough."""
     distance: float
-    """d of the best node, near enough or not; infinite in an empty map."""
+    """d of the best node, even if it is not near enough; infinite in an empty map."""
     reachability: float
     waypoint: Waypoint
-    """(3,): the best node in the robot's frame."""
+    """(3,) pose of the best node in the robot's frame."""
     runner_up: NodeId | None
     margin: float
     """Score of the runner-up minus score of the best; infinite without a runner-up."""
     scope: str
-    """LOCAL or GLOBAL."""
+    """Whether neighbours of the plan were searched (LOCAL) or the whole map (GLOBAL)."""
     view: FrameId | None = None
-    """The view of the node by which it was recognised; None where that was its own image."""
+    """The view by which the node was recognised; None if it was the node's own image."""
     probability: float | None = None
-    """Of the place, among all that are followed; None where none are."""
+    """Probability of the place among all hypotheses; None without hypotheses."""
 
 
 class Localiser:
@@ -87,9 +87,9 @@ class Localiser:
         return self._best_among(prior.candidates(graph), features, GLOBAL)
 
     def _at_place(self, place: BelievedPlace, features: Features, prior: LocalisationPrior) -> Localisation:
-        """Return the best of the nodes around a place, of those that are seen about where they should be.
+        """Return the best of the nodes around a place, among those seen about where they are expected.
 
-        How near they are the place knows better than the image, where a corridor looks the same a metre on.
+        The place, not the image, decides how near they are: a corridor looks the same one metre on.
         """
         nodes = [node for node in place.nodes if node not in prior.doubted]
         matches = self._matcher.match(features, nodes)
@@ -123,16 +123,16 @@ def near_enough(matches: Matches, config: LocalisingConfig) -> NDArray[np.bool_]
 
 
 def doubt(reachability: ArrayLike) -> NDArray[np.float64]:
-    """Return -ln r of r of any shape, finite."""
+    """Return -ln r for r of any shape, finite."""
     return np.asarray(-np.log(np.maximum(reachability, _MIN_REACHABILITY)), np.float64)
 
 
 def best_localisation(
     matches: Matches, scores: NDArray[np.float64], passing: NDArray[np.bool_], scope: str
 ) -> Localisation:
-    """Return the match with the lowest score (N,) among those that pass (N,), and how sure that is.
+    """Return the match with the lowest score (N,) among those that pass (N,), and its certainty.
 
-    Where none passes the best of all is reported without a node, so that one can see how far off it was.
+    If none passes, the best match is reported without a node, which shows by how much it failed.
     """
     if not len(matches):
         return Localisation(None, np.inf, 0.0, np.zeros(3), None, np.inf, scope)
@@ -154,7 +154,7 @@ def best_localisation(
 
 
 def plan_neighbourhood(graph: TopologicalGraph, plan: Sequence[NodeId]) -> tuple[NodeId, ...]:
-    """Return the nodes of a plan and their neighbours, those still in the map."""
+    """Return the nodes of a plan and their neighbours that are still in the map."""
     nodes = dict.fromkeys(node for node in plan if node in graph.nodes)
     nodes |= dict.fromkeys(neighbour for node in plan for neighbour in graph.successors(node))
     return tuple(nodes)

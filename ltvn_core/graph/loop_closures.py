@@ -16,14 +16,14 @@ from ltvn_core.graph.operators import OperatorThresholds, connectable
 from ltvn_core.types import Features, FrameId, Waypoint
 
 _PAIRS = 8
-"""So many pairs of images are asked about one match, those farthest from its ends."""
+"""Number of pairs of images that are compared for one match, those farthest from its ends."""
 _NEAR = 0.9
-"""Images that should lie within this d are asked about."""
+"""Images expected within this d of each other are compared."""
 _GAP_M, _GAP_RAD = 0.35, 0.35
-"""An answer may be off by so much."""
+"""Largest error of an answer."""
 _MIN_REACHABILITY = 0.5
 _MIN_PAIRS = 3
-"""Where fewer images should see each other, there is no verdict."""
+"""With fewer images that should see each other there is no verdict."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,11 +35,11 @@ class ObservationSequence:
     poses: Waypoint
     """(K, 3): where odometry puts them, seen from that place."""
     tilts: NDArray[np.float64] | None = None
-    """(K, 2): pitch and roll of the camera in rad; None where it cannot tilt, or nobody measured it."""
+    """(K, 2) pitch and roll of the camera in rad; None if it cannot tilt, or the tilt is unknown."""
 
 
 class LoopClosureVerifier:
-    """Asks whether a match fits along the way."""
+    """Verifies a match along the two stretches of driving that it joins."""
 
     def __init__(self, matcher: Matcher) -> None:
         """Ask through `matcher`, whose views hold the drives."""
@@ -54,16 +54,16 @@ class LoopClosureVerifier:
         return supported.take(connectable(supported, thresholds))
 
     def supported(self, frame: FrameId, matches: Matches, thresholds: OperatorThresholds) -> Matches:
-        """Return the matches of a held frame, each r lowered by what speaks against it.
+        """Return the matches of a held frame, each r lowered by contradicting evidence.
 
-        First images near in time are asked, see `Matcher.with_mutual_support`, then, about those that are still
-        connectable, the drive, see `verified`.
+        First by images near in time, see `Matcher.with_mutual_support`; then those still connectable by the drive, see
+        `verified`.
         """
         lowered = self._matcher.with_mutual_support(matches, frame)
         return self.verified(frame, lowered, connectable(lowered, thresholds))
 
     def verified(self, frame: FrameId, matches: Matches, asked: NDArray[np.bool_]) -> Matches:
-        """Return the matches of a held frame; those of `asked` (N,) that do not fit along the drive lose all trust.
+        """Return the matches of a held frame; r of those of `asked` (N,) that do not fit along the drive becomes 0.
 
         Images close in time need no such proof.
         """
@@ -79,7 +79,7 @@ class LoopClosureVerifier:
         return matches.with_reachability(trusted)
 
     def _fits(self, here: ObservationSequence, node: FrameId, waypoint: Waypoint) -> bool:
-        """Tell whether a node at `waypoint` (3,) fits to the stretch that leads here; True where none can say."""
+        """Tell whether a node at `waypoint` (3,) fits the stretch that leads here; True where that is unknown."""
         there = self._sequence_around(node)
         first, second, expected = _expected_overlaps(here, replace(there, poses=compose(waypoint, there.poses)))
         if len(first) < _MIN_PAIRS:
@@ -100,7 +100,8 @@ class LoopClosureVerifier:
         )
 
     def _pairs_agree(self, first: Features, second: Features, expected: Waypoint) -> NDArray[np.bool_]:
-        """Tell for P pairs of images whether the network sees them as they should lie, (P, 3), one way or the other."""
+        """Tell for P pairs of images whether the network confirms their expected relative poses (P, 3) in either
+        direction."""
         reachability, waypoints = self._matcher.match_pairs(first, second)
         gap = relative(expected, waypoints)
         near = (np.hypot(gap[:, 0], gap[:, 1]) < _GAP_M) & (np.abs(wrap_angle(gap[:, 2])) < _GAP_RAD)
@@ -110,7 +111,7 @@ class LoopClosureVerifier:
 def _expected_overlaps(
     here: ObservationSequence, there: ObservationSequence
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], Waypoint]:
-    """Return which images of two sequences, in one frame, should see each other, and how they should lie, (P, 3)."""
+    """Return which images of two sequences, in one frame, should see each other, and their relative poses (P, 3)."""
     lie = relative(here.poses[:, None], there.poses[None])
     far = np.linalg.norm(here.poses[:, :2], axis=-1)[:, None] + np.linalg.norm(there.poses[:, :2], axis=-1)[None]
     first, second = np.nonzero(np.hypot(distance(lie), _tilt_distances(here, there)) < _NEAR)
@@ -119,14 +120,14 @@ def _expected_overlaps(
 
 
 def _tilt_distances(here: ObservationSequence, there: ObservationSequence) -> NDArray[np.float64]:
-    """Return (K, L) how far apart the tilts of two sequences are, as d; 0 where nobody knows."""
+    """Return the (K, L) differences of tilt between two sequences, as d; 0 where unknown."""
     if here.tilts is None or there.tilts is None:
         return np.zeros((len(here.poses), len(there.poses)))
     return tilt_distance(here.tilts[:, None], there.tilts[None])
 
 
 def _disjoint_pairs(first: NDArray[np.intp], second: NDArray[np.intp], order: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Return the first few pairs in order in which no image takes part twice."""
+    """Return the first few pairs in which no image occurs twice."""
     chosen = list[int]()
     used_first = set[int]()
     used_second = set[int]()

@@ -1,8 +1,8 @@
 """The paper's own system: Algorithm 1, Dijkstra on d, the first node of the path, and lifelong maintenance.
 
-Owns how these parts are put together, growing the map while somebody drives (the operators of Algorithm 1, one image
-at a time), and expanding it where no path exists (a search through the reserve T'). Building is `graph.builder`,
-planning `graph.planner`, and what driving teaches an edge `graph.maintenance`.
+Owns the composition of these parts, online mapping (the operators of Algorithm 1, one image at a time), and the
+expansion of the map where no path exists (a search through the reserve T'). Building is `graph.builder`, planning
+`graph.planner`, and learning from attempts `graph.maintenance`.
 """
 
 from collections.abc import Iterator, Sequence
@@ -44,9 +44,9 @@ from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.types import Features, FrameId, NodeId, Observation, Predictor, is_usable
 
 MAX_RETRIES_PER_NODE = 4
-"""Images kept for later that are tried again with each new node."""
+"""Number of reserved images that are tried again with each new node."""
 BRIDGES_TRIED = 12
-"""An image without a neighbour is compared with so many images that merged last: it may hang on one of them."""
+"""Number of recently merged images with which an image without a neighbour is compared."""
 
 
 class OnlineBuilder:
@@ -72,13 +72,13 @@ class OnlineBuilder:
         self._reserve_limit = reserve_limit
         self._pending: dict[FrameId, None] = {}
         self._merged: dict[FrameId, Matches] = {}
-        """The images that merged last, each with the node that it adds nothing to."""
+        """The images that merged last, each with the node that it merged with."""
 
     def offer(self, observation: Observation) -> tuple[GraphDelta, ...]:
-        """Return what an image changes: a node with its edges, or its place in the reserve, or nothing.
+        """Return the changes of an image: a node with its edges, a place in the reserve, or none.
 
-        An image whose frame is known already changes nothing, nor one without the depth that the predictor needs.
-        Images that had no neighbour before are tried again when a node comes in.
+        An image of a known frame changes nothing, nor does one without the depth that the predictor needs. Images
+        without a neighbour are tried again when a node is added.
         """
         frame = observation.step
         if frame in self._keyframes or frame in self._graph.nodes or not is_usable(observation, self._predictor):
@@ -133,9 +133,9 @@ class OnlineBuilder:
         ]
 
     def _try_pending(self, fresh: FrameId) -> Iterator[GraphDelta]:
-        """Tie the latest left-over images to the node that just came in, where they fit."""
+        """Connect the latest left-over images to the new node where possible."""
         for frame in [*reversed(self._pending)][:MAX_RETRIES_PER_NODE]:
-            if frame not in self._graph.reserve:  # Something else made a node of it, or let it go.
+            if frame not in self._graph.reserve:  # It became a node, or left the reserve, in the meantime.
                 del self._pending[frame]
                 continue
             found = self._matcher.match(self._keyframes.features([frame]), (fresh,))
@@ -147,7 +147,7 @@ class OnlineBuilder:
                 yield from node_with_edges(seen, chosen, self._method.believing, Cause.ONLINE)
 
     def _keep(self, frame: FrameId) -> Iterator[GraphDelta]:
-        """Put an image in the reserve, letting the oldest go when that is full; merged ones only if they are kept."""
+        """Put an image in the reserve and drop the oldest when it is full; merged images only if they are kept."""
         if frame not in self._pending and not self._method.building.keep_merged:
             self._keyframes.drop([frame])
             return
@@ -168,7 +168,7 @@ def expand(
     method: Method,
     rng: np.random.Generator,
 ) -> tuple[GraphDelta, ...]:
-    """Return the deltas that join `source` to `goal` through images of the reserve; none if that fails."""
+    """Return the deltas that join `source` to `goal` through images of the reserve; none without such a way."""
     if not graph.reserve or source not in graph.nodes or goal not in graph.nodes:
         return ()
     trial = graph.copy()
@@ -186,7 +186,7 @@ def expand(
 
 
 def reachable_nodes(graph: TopologicalGraph, start: NodeId, *, backwards: bool = False) -> set[NodeId]:
-    """Return all nodes that can be reached from `start`, or that can reach it; it is one of them."""
+    """Return all nodes that can be reached from `start`, or from which it can be reached, including itself."""
     step = graph.predecessors if backwards else graph.successors
     seen = {start}
     frontier = [start]
@@ -200,7 +200,7 @@ def reachable_nodes(graph: TopologicalGraph, start: NodeId, *, backwards: bool =
 def _candidates(
     graph: TopologicalGraph, source: NodeId, goal: NodeId, method: Method, rng: np.random.Generator
 ) -> list[FrameId]:
-    """Order the reserve: at random, or those first that lie in time between what is reached and what is not."""
+    """Order the reserve: at random, or first the images that lie in time between reached and unreached nodes."""
     frames = np.array(sorted(graph.reserve))
     limit = method.expanding.sample_limit
     if not limit:
@@ -243,7 +243,7 @@ def _connected(matches: Matches, frame: FrameId, matcher: Matcher, method: Metho
     if not method.expanding.strict:
         merges = mergeable(matches, thresholds).any()
         return matches.take(connectable(matches, thresholds) & ~merges)
-    # Merged images are welcome here: they are in the reserve because they look like a node, and so bridge gaps.
+    # Merged images help here: they are in the reserve because they look like a node, and so bridge gaps.
     chosen = LoopClosureVerifier(matcher).connections(frame, matches, thresholds)
     return chosen if len(chosen) >= 2 else chosen.take(np.zeros(len(chosen), bool))
 
@@ -293,7 +293,7 @@ class LifelongMaintenance:
     method: Method
 
     def after_attempt(self, graph: TopologicalGraph, attempt: AttemptEvidence) -> Deltas:
-        """Update the belief of the edge, and prune it if it has failed too often."""
+        """Update the belief of the edge, and prune it after too many failures."""
         return update_edge(graph, attempt, self.method.believing)
 
     def no_path(

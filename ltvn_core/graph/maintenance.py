@@ -26,37 +26,37 @@ class AttemptEvidence:
     """d(w_aj) measured at departure from the real view o_a."""
     succeeded: bool
     failed_before: bool = False
-    """The edge failed in this query already."""
+    """Whether the edge failed earlier in this query."""
     hindered: bool = False
-    """It failed because something stood in the way, the robot went in circles or the target was hard to recognise
-    where odometry expected it: that says little of the edge."""
+    """Whether it failed for a reason that says little about the edge: an obstacle, driving in circles, or a target that
+    is hard to recognise where odometry expects it."""
     stamp: float = 0.0
-    """When it ended, in seconds on the clock of the world."""
+    """End of the attempt, in seconds on the clock of the world."""
     obstruction: Obstruction | None = None
-    """What was seen around its way that had not been there when the map was made."""
+    """New obstacles around the way, which were not there when the map was made."""
 
     @property
     def obstructed(self) -> bool:
-        """Whether something new stopped the robot."""
+        """Whether a new obstacle stopped the robot."""
         return self.obstruction is not None and self.obstruction.stopped
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class UnrecognisedObservation:
-    """No node is near enough to the current image, or none where the robot can be."""
+    """No node is near enough to the current image, or none at a place where the robot can be."""
 
     observation: Observation
     features: Features
     """(1, F) of the observation."""
     consecutive_failures: int
-    """Observations in a row, this one included, for which there was no node or no path."""
+    """Consecutive observations, including this one, without a node or a path."""
 
 
 def update_edge(graph: TopologicalGraph, attempt: AttemptEvidence, config: BeliefConfig) -> tuple[GraphDelta, ...]:
-    """Return the new belief of the driven edge, Eq. 3 and Eq. 4, and its pruning if it has failed too often.
+    """Return the new belief of the driven edge, Eq. 3 and Eq. 4, and its pruning after too many failures.
 
-    Nothing changes for an edge that has left the map meanwhile, nor for a second failure in one query where
-    failures of one query count as one.
+    Nothing changes for an edge that has left the map meanwhile, nor for a second failure in one query if failures of
+    one query count once.
     """
     edge = graph.edges.get((attempt.source, attempt.target))
     if edge is None or (attempt.failed_before and not attempt.succeeded and config.one_failure_per_query):
@@ -83,7 +83,7 @@ def should_prune(edge: Edge, least_p: float, config: BeliefConfig) -> bool:
 def novel_node(
     graph: TopologicalGraph, unrecognised: UnrecognisedObservation, matcher: Matcher, method: Method
 ) -> tuple[GraphDelta, ...]:
-    """Return the deltas that make an image nobody recognised a node; none if it merges or no edge joins it to the map.
+    """Return the deltas that make an unrecognised image a node; none if it merges or no edge joins it to the map.
 
     D_c is looser and D_m smaller than in building.
     """

@@ -1,7 +1,7 @@
-"""What is doubtful of a map, and why nothing came of a drive: likely causes of a map that nobody can navigate by.
+"""Findings about a map: what is doubtful, and likely causes why a drive gives a map that cannot be navigated.
 
-Owns the questions, their limits and what to do. Asks the predictor about some images in a row, because images that
-follow each other are near if anything is. Decides nothing: such a map is kept and can be driven by.
+Owns the checks, their limits and the advice. Asks the predictor about some consecutive images, because these are near
+each other if any are. Decides nothing: a doubtful map is kept and can be driven by.
 """
 
 import math
@@ -26,32 +26,32 @@ from ltvn_core.types import Features, FrameId, Observation, Predictor, is_usable
 
 MANY_NODES = 6
 SMALL_PIECE = 0.5
-"""A map of so many nodes is in pieces when the largest piece has a smaller share of them."""
+"""Number of nodes from which a map counts as broken if its largest piece has a smaller share of them."""
 MANY_IMAGES = 20
-"""A drive of two metres has so many images; a shorter one may show one place indeed."""
+"""Number of images of a two-metre drive; a shorter drive may show a single place."""
 LITTLE_KNOWN = 0.8
-"""A map that knows a smaller share of its own drive leaves the robot lost on the rest."""
+"""Share of its own drive that a map should know; with less, the robot is lost on the rest."""
 PAIRS = 30
-"""So many pairs of images in a row are asked about, spread over the drive."""
+"""Number of pairs of consecutive images that are compared, spread over the drive."""
 RECOGNISED = 0.5
-"""Images with a higher r show one place,"""
+"""Two images with a higher r show one place."""
 FEW_RECOGNISED = 0.5
-"""and where fewer of those in a row than this do, that is why the map falls apart."""
+"""Share of recognised pairs below which the predictor is why the map falls apart."""
 MOST_RECOGNISED = 0.95
-"""Where not even so many do, the drive breaks there."""
+"""Share of recognised pairs below which the drive breaks where they are not recognised."""
 GEOMETRIC = "geometric"
-"""What to try, unless it was tried."""
+"""Predictor to suggest, unless it was used."""
 SEEN = 0.6
-"""A predictor that is shown less of its own field of view than this sees little."""
+"""Share of the predictor's field of view that a camera should show."""
 MOST_WITHOUT_DEPTH = 0.5
 ALIKE = 0.97
-"""Similarity of images far apart in time, above which they look alike throughout the drive."""
+"""Similarity of images far apart in time above which images look alike throughout the drive."""
 FEW_KEY_POINTS = 150
-"""A predictor that compares key points finds too little where it has fewer of them in an image."""
+"""Number of key points per image below which a predictor that compares key points finds too little."""
 MOST_ONE_WAY = 0.5
-"""Where so many of the images that a map does not know have one cause, it is said."""
+"""Share of the images unknown to a map that must have one cause for it to be reported."""
 NO_WAY_M, NO_TURN_RAD = 0.5, math.radians(15)
-"""A drive within both of these has one place to show."""
+"""Extent of a drive, in metres and radians, below which it shows a single place."""
 
 
 @runtime_checkable
@@ -59,32 +59,32 @@ class KeyPointPredictor(Protocol):
     """A predictor that compares images by key points."""
 
     def key_point_counts(self, features: Features) -> NDArray[np.intp]:
-        """Return how many key points were found in each of N images, (N,)."""
+        """Return the number of key points of each of N images, (N,)."""
         ...
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class MappedDrive:
-    """A drive and the map that was built of it."""
+    """A drive and the map that was built from it."""
 
     observations: Sequence[Observation]
     """As they were recorded, in the order of their steps."""
     camera: CameraModel | None
-    """That took them; None where it is the predictor's."""
+    """Camera that took them; None if it is the predictor's."""
     is_lens_known: bool
-    """Whether somebody said what the lens of that camera is."""
+    """Whether the lens of that camera was given."""
     graph: TopologicalGraph
     keyframes: KeyframeStore
     """The images as the predictor sees them."""
     predictor: Predictor
     predictor_name: str = ""
-    """By what name it was asked for; empty where it has none."""
+    """Name by which the predictor was chosen; empty if it has none."""
     least_width_px: int = 0
-    """The predictor finds too little in images that are narrower."""
+    """Width of images below which the predictor finds too little, in pixels."""
 
 
 def map_findings(graph: TopologicalGraph, images: int, coverage: MapCoverage) -> tuple[Finding, ...]:
-    """Return what is doubtful of a map; nothing for a map that is in order, or of less than two images.
+    """Return what is doubtful about a map; nothing for a map in order, or of fewer than two images.
 
     Args:
         graph: The map.
@@ -118,7 +118,7 @@ def _joints(graph: TopologicalGraph, images: int, coverage: MapCoverage) -> Iter
 def _one_node(images: int, coverage: MapCoverage) -> Finding:
     text = "The map has one node, and nobody can navigate by it."
     if coverage.share < LITTLE_KNOWN:
-        return Finding(text)  # Most images show something else; the finding about the coverage says how many.
+        return Finding(text)  # Most images show something else; the finding about the coverage gives their number.
     if images < MANY_IMAGES:
         return Finding(f"{text} It was built from {images} images of one place; drive farther.")
     share = "all" if coverage.share == 1 else "nearly all"
@@ -144,7 +144,7 @@ def _coverage(coverage: MapCoverage) -> Iterator[Finding]:
 
 
 def diagnose(drive: MappedDrive, coverage: MapCoverage) -> tuple[Finding, ...]:
-    """Return what is doubtful of a map as a whole, then why it came of the drive; nothing for a map in order."""
+    """Return what is doubtful about a map as a whole, then its causes in the drive; nothing for a map in order."""
     doubtful = map_findings(drive.graph, len(drive.observations), coverage)
     if not doubtful:
         return ()
@@ -203,7 +203,7 @@ def _key_points(drive: MappedDrive) -> Iterator[Finding]:
 
 
 def _view(drive: MappedDrive) -> Iterator[Finding]:
-    """Ask how much of what the predictor expects to see the camera showed at all."""
+    """Check how much of the predictor's field of view the camera shows."""
     camera = drive.camera
     target = drive.predictor.camera
     if camera is None or have_same_rays(camera, target):
@@ -223,7 +223,7 @@ def _view(drive: MappedDrive) -> Iterator[Finding]:
 
 
 def _places(drive: MappedDrive) -> Iterator[Finding]:
-    """Ask whether the drive shows more than one place."""
+    """Check whether the drive shows more than one place."""
     poses = np.array([seen.odometry for seen in drive.observations])
     way = relative(poses[0], poses)
     moved_m = np.hypot(way[:, 0], way[:, 1]).max()
@@ -256,7 +256,7 @@ def _look_alike(drive: MappedDrive) -> bool:
 
 
 def _overlap(drive: MappedDrive, recognised: NDArray[np.bool_] | None) -> Iterator[Finding]:
-    """Ask whether images in a row are recognised (P,), and whether they could be."""
+    """Check whether consecutive images are recognised (P,), and whether they overlap enough to be."""
     if recognised is None or recognised.mean() >= MOST_RECOGNISED:
         return
     text = f"of {len(recognised)} pairs of images in a row {recognised.sum()} are recognised as one place"
@@ -289,7 +289,7 @@ def _thin_less(drive: MappedDrive) -> str:
 
 
 def _one_way(drive: MappedDrive, coverage: MapCoverage, recognised: NDArray[np.bool_] | None) -> Iterator[Finding]:
-    """Ask whether the images that the map does not know could be joined from one side alone."""
+    """Check whether the images unknown to the map could be joined from one side only."""
     if not coverage.lost or recognised is None or recognised.mean() < FEW_RECOGNISED:
         return  # Where nothing is recognised, a second pass would be recognised as little.
     again = "Drive there again, the other way round too, and slowly."
@@ -311,7 +311,7 @@ def _one_way(drive: MappedDrive, coverage: MapCoverage, recognised: NDArray[np.b
 
 
 def _passed_once(drive: MappedDrive, lost: Sequence[FrameId]) -> int:
-    """Return how many images were taken where the drive passes once, by odometry; 0 where that does not know."""
+    """Return the number of images taken where the drive passes once, by odometry; 0 if that is unknown."""
     if not _has_odometry(drive) or len(drive.graph.drives) > 1:
         return 0
     poses = np.array([seen.odometry for seen in drive.observations])
@@ -321,9 +321,8 @@ def _passed_once(drive: MappedDrive, lost: Sequence[FrameId]) -> int:
 
 
 def _recognised_one_way(drive: MappedDrive, lost: Sequence[FrameId]) -> tuple[int, int]:
-    """Return how many images are recognised in one direction alone by the nodes next to them in time, and how many
-    were asked.
-    """
+    """Return how many images are recognised in one direction only by the nodes next to them in time, and how many were
+    compared."""
     nodes = np.array(sorted(drive.graph.nodes))
     held = [frame for frame in lost if frame in drive.keyframes and frame not in drive.graph.nodes]
     held = [frame for frame in held if is_usable(drive.keyframes.observation(frame), drive.predictor)]
@@ -340,7 +339,7 @@ def _recognised_one_way(drive: MappedDrive, lost: Sequence[FrameId]) -> tuple[in
 
 
 def _far_apart(drive: MappedDrive) -> float:
-    """Return the share of the images in a row that by odometry can hardly overlap."""
+    """Return the share of consecutive images that, by odometry, can hardly overlap."""
     poses = np.array([seen.odometry for seen in drive.observations])
     steps = relative(poses[:-1], poses[1:])
     moved_m = np.hypot(steps[:, 0], steps[:, 1])
@@ -354,7 +353,8 @@ def _has_odometry(drive: MappedDrive) -> bool:
 
 
 def _recognised_in_a_row(drive: MappedDrive) -> NDArray[np.bool_] | None:
-    """Return for some pairs of images in a row (P,) whether the predictor calls them one place, either way round."""
+    """Return for some pairs of consecutive images (P,) whether the predictor calls them one place in either
+    direction."""
     frames = [seen.step for seen in drive.observations if seen.step in drive.keyframes]
     frames = [frame for frame in frames if is_usable(drive.keyframes.observation(frame), drive.predictor)]
     if len(frames) < 2:

@@ -1,8 +1,7 @@
-"""What a map holds: the share of its drive whose place is in the map's largest piece, and whether it holds a goal.
+"""Coverage: the share of a drive whose place is in the map's largest piece, and whether the map holds a goal.
 
-It holds a goal where a way leads there from most of the map, over edges that are rather believed. Owns these questions,
-so that nobody learns the answers from a robot that fails; they are put to the localisation that a robot would use.
-Changes no map.
+A map holds a goal if a way leads there from most of the map, over edges with p of at least one half. These questions
+are put to the same localisation that a robot uses, so that the answers are known before a robot fails. Changes no map.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -24,13 +23,13 @@ from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.types import FrameId, NodeId, Observation, Predictor, is_usable
 
 ASKED = 40
-"""Images that are no nodes are asked where they are; of more than so many, evenly spaced ones."""
+"""Largest number of images without a node that are localised, evenly spaced."""
 _LIKELY_P = 0.5
 _BESIDE_STEPS = 50
-"""Control steps, five seconds of the drive, in which a robot does not come far."""
+"""Control steps, five seconds of the drive, within which a robot hardly moves on."""
 _NEAREST_ASKED = 5
 _MOST = 0.5
-"""From so large a share of the other nodes a way must lead to a goal."""
+"""Share of the other nodes from which a way must lead to a goal."""
 
 
 class Stretch(NamedTuple):
@@ -39,18 +38,18 @@ class Stretch(NamedTuple):
     begin_s: float
     end_s: float
     drive: str = ""
-    """Its name, where the map has several."""
+    """Name of the drive, where the map has several."""
 
 
 class MapCoverage(NamedTuple):
     """What a map knows of the drive that it was built from."""
 
     share: float
-    """Of the images, those that are nodes of the map's largest piece or are recognised as one of them."""
+    """Share of the images that are nodes of the map's largest piece or are recognised as one of them."""
     gap: Stretch | None
-    """The longest part of the drive that the piece knows nothing of; None where it knows all."""
+    """The longest part of the drive that the piece does not know; None if it knows all."""
     lost: tuple[FrameId, ...] = ()
-    """The images that it does not know, in order."""
+    """The images that the map does not know, in order."""
 
 
 def map_coverage(
@@ -60,9 +59,9 @@ def map_coverage(
     predictor: Predictor,
     system: NavigationSystem,
 ) -> MapCoverage:
-    """Return what the largest piece of a map knows of the images that it was built from, which are in order.
+    """Return what the largest piece of a map knows of the images that it was built from, in order.
 
-    `keyframes` holds those of nodes and of the reserve. An image in neither merged and was let go, so it is known,
+    `keyframes` holds those of nodes and of the reserve. An image in neither has merged and was dropped, so it is known,
     unless the predictor cannot use it.
     """
     pieces = strongly_connected_components(graph)
@@ -82,7 +81,7 @@ def map_coverage(
 
 
 def evenly(frames: Sequence[FrameId], most: int) -> list[FrameId]:
-    """Return at most so many of some frames in order, evenly spread."""
+    """Return an evenly spread selection of some frames in order, limited in number."""
     places = np.unique(np.linspace(0, len(frames) - 1, min(len(frames), most)).astype(int))
     return [frames[place] for place in places.tolist()]
 
@@ -90,7 +89,8 @@ def evenly(frames: Sequence[FrameId], most: int) -> list[FrameId]:
 def _known(
     observations: Sequence[Observation], answers: Mapping[FrameId, bool], in_reserve: set[FrameId], predictor: Predictor
 ) -> list[bool]:
-    """Tell for each image whether its place is known; one of the reserve that was not asked is where the last was."""
+    """Tell for each image whether its place is known; reserved images that were not localised count as the last one
+    that was."""
     known = list[bool]()
     last = True
     for seen in observations:
@@ -103,7 +103,7 @@ def _known(
 
 
 def _longest_gap(observations: Sequence[Observation], known: Sequence[bool], graph: TopologicalGraph) -> Stretch | None:
-    """Return the longest part of one drive that is not known; between two drives lies no part of either."""
+    """Return the longest unknown part of one drive; the time between two drives does not count."""
     gaps = list[Stretch]()
     begun_s = dict[int, float]()
     names = dict(enumerate(graph.drives.values(), 1)) if len(graph.drives) > 1 else {}
@@ -118,29 +118,29 @@ def _longest_gap(observations: Sequence[Observation], known: Sequence[bool], gra
 
 
 class Standing(StrEnum):
-    """How a goal stands to a map."""
+    """How well a map holds a goal."""
 
     HELD = "held"
     UNSURE = "unsure"
-    """The only ways there lead over edges that are believed less than a half."""
+    """All ways to it lead over edges with p below one half."""
     NOT_HELD = "not held"
     """It is no node, or no way leads there from most of the map."""
 
 
 class GoalReport(NamedTuple):
-    """What a map says of a goal."""
+    """What a map reports about a goal."""
 
     goal: FrameId
     standing: Standing
     nearest: NodeId | None = None
-    """Of the nodes with a way, one that was taken beside it on the drive, else the one that looks most like it; None
-    where the goal is held, or there is none."""
+    """The node with a way that was taken beside the goal on the drive, else the most similar one; None if the goal is
+    held, or there is no such node."""
     reachability: float = 0.0
-    """How surely the predictor sees that node from the goal, r in [0, 1]."""
+    """r of that node seen from the goal, in [0, 1]."""
 
     @property
     def finding(self) -> Finding | None:
-        """What is wrong; None where nothing is."""
+        """What is wrong; None for a goal that is held."""
         goal = f"goal {self.goal}"
         if self.standing is Standing.HELD:
             return None
@@ -159,7 +159,7 @@ class GoalReport(NamedTuple):
 
 
 def standings(graph: TopologicalGraph, goals: Sequence[FrameId]) -> tuple[Standing, ...]:
-    """Return how each goal stands to a map; linear in edges for each goal."""
+    """Return how well a map holds each goal; linear in edges for each goal."""
     likely = reached_from_most(graph, goals, lambda edge: edge.belief.p >= _LIKELY_P)
     every = reached_from_most(graph, goals)
     found = {True: Standing.HELD, False: Standing.UNSURE}
@@ -173,7 +173,7 @@ def goal_reports(
     predictor: Predictor,
     system: NavigationSystem,
 ) -> tuple[GoalReport, ...]:
-    """Return what a map says of each goal; `keyframes` holds the images of its nodes, and those of most goals."""
+    """Return what a map reports about each goal; `keyframes` holds the images of its nodes, and those of most goals."""
     matcher = Matcher(predictor, keyframes, system.method.matching)
     localiser = Localiser(matcher, system.method.localising)
     reports = list[GoalReport]()
@@ -183,7 +183,7 @@ def goal_reports(
             continue
         features = keyframes.features([goal])
         held = _held(graph, _beside(graph, goal))
-        if not held:  # Another place may look more like it than its own, so this comes second.
+        if not held:  # Another place may look more similar than the goal's own, so this comes second.
             held = _held(graph, [node for node, _ in localiser.nearest_nodes(features, graph, _NEAREST_ASKED)])
         if not held:
             reports.append(GoalReport(goal, standing))
@@ -207,7 +207,7 @@ def _held(graph: TopologicalGraph, nodes: Sequence[NodeId]) -> list[NodeId]:
 def reached_from_most(
     graph: TopologicalGraph, goals: Sequence[FrameId], over: Callable[[Edge], bool] = lambda edge: True
 ) -> list[bool]:
-    """Tell for each goal whether it is a node to which ways lead from half of the others, `over` such edges."""
+    """Tell for each goal whether it is a node to which ways lead from half of the others, `over` these edges."""
     mirror, index = mirrored(graph, (key for key, edge in graph.edges.items() if over(edge)))
     enough = _MOST * (len(index) - 1)
     return [goal in index and len(rustworkx.ancestors(mirror, index[goal])) >= enough for goal in goals]

@@ -1,6 +1,6 @@
-"""One image against many: reachability, waypoint and distance, with temporal support where it matters.
+"""One image against many: reachability, waypoint and distance, with temporal support where needed.
 
-Owns how the network is asked. Does not decide what a match means: `graph.operators` and `graph.localizer` do.
+Owns the calls of the predictor. Does not decide what a match means: `graph.operators` and `graph.localiser` do.
 """
 
 from collections.abc import Sequence
@@ -17,12 +17,12 @@ from ltvn_core.graph.node_views import NO_VIEWS, ViewConfig, Views
 from ltvn_core.types import Features, FrameId, NodeId, Prediction, Predictor, Waypoint
 
 _MAX_NODES_BOTH_WAYS_AT_ONCE = 8
-"""So few nodes are asked both ways at once."""
+"""Number of nodes up to which both directions are compared in one call."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Matches:
-    """What the network says of one image and N nodes."""
+    """What the predictor says about one image and N nodes."""
 
     nodes: tuple[NodeId, ...]
     """N nodes."""
@@ -33,9 +33,10 @@ class Matches:
     distances: NDArray[np.float64]
     """(N,): d(w), Eq. 2."""
     ahead: NDArray[np.bool_]
-    """(N,): the network answered for image to node; where false, for node to image, and the waypoint was inverted."""
+    """(N,) whether the predictor answered for image to node; where false, for node to image, and the waypoint was
+    inverted."""
     images: tuple[FrameId, ...] = ()
-    """N images that the nodes were recognised by, of which some are views; none where all are the nodes' own."""
+    """N images by which the nodes were recognised, some of them views; None if all are the nodes' own."""
 
     @classmethod
     def of_one(cls, node: NodeId, reachability: float, waypoint: Waypoint) -> "Matches":
@@ -48,11 +49,11 @@ class Matches:
 
     @property
     def by_view(self) -> NDArray[np.bool_]:
-        """(N,): the node was recognised by a view, of which no neighbours in time are known."""
+        """(N,) whether the node was recognised by a view, which has no known neighbours in time."""
         return np.array(self.images or self.nodes, np.intp) != np.array(self.nodes, np.intp)
 
     def take(self, chosen: NDArray[np.bool_] | NDArray[np.intp]) -> "Matches":
-        """Return the chosen ones: a mask (N,) or indices."""
+        """Return the chosen matches: a mask (N,) or indices."""
         kept = np.arange(len(self))[chosen]
         nodes = tuple(self.nodes[k] for k in kept)
         return Matches(
@@ -65,7 +66,7 @@ class Matches:
         )
 
     def with_reachability(self, reachability: NDArray[np.float64]) -> "Matches":
-        """Return the same matches, trusted differently."""
+        """Return the same matches with another reachability."""
         return replace(self, reachability=reachability)
 
     def concatenated(self, other: "Matches") -> "Matches":
@@ -81,7 +82,7 @@ class Matches:
 
 
 class Matcher:
-    """Asks the network about pairs of images whose features are at hand."""
+    """Asks the predictor about pairs of images with known features."""
 
     def __init__(
         self,
@@ -92,7 +93,7 @@ class Matcher:
         views: Views = NO_VIEWS,
         view_config: ViewConfig | None = None,
     ) -> None:
-        """Compare against the images in `keyframes`; with a `view_config` also with the `views` that nodes have."""
+        """Compare with the images in `keyframes`; with a `view_config` also with the `views` of nodes."""
         self._views = NO_VIEWS if view_config is None else views
         self._view_config = view_config or ViewConfig()
         self._predictor = predictor
@@ -110,7 +111,7 @@ class Matcher:
         return self._keyframes
 
     def match(self, features: Features, nodes: Sequence[NodeId]) -> Matches:
-        """Compare an image (1, F) with the images of `nodes`, and with views of those that it does not recognise."""
+        """Compare an image (1, F) with the images of `nodes`, and with views of nodes that it does not recognise."""
         found = self._match_images(features, nodes)
         return self._with_views(features, found) if self._views else found
 
@@ -142,7 +143,7 @@ class Matcher:
         return self._with_support(matches, features, ())
 
     def _with_views(self, features: Features, found: Matches) -> Matches:
-        """Return `found`, in which nodes that are not recognised are seen as their best views show them."""
+        """Return `found`, where nodes that were not recognised are replaced by the match with their best view."""
         asked = np.flatnonzero(found.reachability <= self._view_config.recognised_above)
         views = [(k, view) for k in asked for view in self._views.get(found.nodes[k], ())]
         if not views:
@@ -156,7 +157,7 @@ class Matcher:
         return replace(chosen, nodes=found.nodes, images=chosen.nodes)
 
     def _match_views(self, features: Features, views: Sequence[NodeView]) -> Matches:
-        """Compare an image (1, F) with views; the waypoints lead to the nodes that they are views of."""
+        """Compare an image (1, F) with views; the waypoints lead to the nodes of the views."""
         seen = self._match_images(features, [view.frame for view in views])
         waypoints = compose(seen.waypoints, invert(np.array([view.pose for view in views])))
         distances = np.where(np.isfinite(seen.distances), distance(waypoints), np.inf)
@@ -174,7 +175,8 @@ class Matcher:
         return self._both_ways(features, targets, found, backward) if self._config.both_directions else found
 
     def _answers(self, features: Features, targets: Features) -> tuple[Prediction, Prediction | None]:
-        """Ask the way to N targets, and back from them at once where they are few: a second call would cost more."""
+        """Compare with N targets, and in the same call back from them if they are few, because a second call would cost
+        more."""
         count = len(targets)
         if not self._config.both_directions or count > _MAX_NODES_BOTH_WAYS_AT_ONCE:
             return self._predictor.predict(features, targets), None
@@ -187,7 +189,7 @@ class Matcher:
         return Prediction(*(part[:count] for part in both)), Prediction(*(part[count:] for part in both))
 
     def _both_ways(self, features: Features, targets: Features, found: Matches, answered: Prediction | None) -> Matches:
-        """Ask from the nodes to the image too, where it is near, and take the more reachable answer."""
+        """Compare also from the nodes to the image, where it is near, and keep the more reachable answer."""
         # The network measures a motion by aligning both images, so even where it calls the way there unreachable it
         # knows how far that is, and only near nodes need the second question.
         close = np.flatnonzero(found.distances < self._config.reverse_within)
@@ -240,5 +242,5 @@ class Matcher:
 
 
 def _has_no_waypoint(reachability: NDArray[np.float64], waypoints: Waypoint) -> NDArray[np.bool_]:
-    """Tell (N,) which pairs a predictor passed over: it calls them unreachable and gives a waypoint of zeros."""
+    """Tell (N,) which pairs a predictor skipped: it calls them unreachable and gives a waypoint of zeros."""
     return (reachability < 0.5) & ~waypoints.any(axis=1)

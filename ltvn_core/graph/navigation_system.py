@@ -63,7 +63,7 @@ class BuildStrategy(Protocol):
 
 
 class OnlineStrategy(Protocol):
-    """How a map grows while somebody drives."""
+    """How a map grows during driving."""
 
     def offer(self, observation: Observation) -> Deltas:
         """Return what one more image changes; apply the deltas before offering the next."""
@@ -71,10 +71,10 @@ class OnlineStrategy(Protocol):
 
 
 class OnlineStrategyFactory(Protocol):
-    """Begins to let one map grow."""
+    """Starts the growth of one map."""
 
     def __call__(self, graph: TopologicalGraph, keyframes: KeyframeStore, predictor: Predictor) -> OnlineStrategy:
-        """Return what lets `graph` grow, whose images `keyframes` holds."""
+        """Return the online strategy of `graph`, whose images `keyframes` holds."""
         ...
 
 
@@ -84,7 +84,7 @@ class LocalisationStrategy(Protocol):
     def __call__(
         self, features: Features, graph: TopologicalGraph, prior: LocalisationPrior, matcher: Matcher
     ) -> Localisation:
-        """Compare the current image (1, F) with the map, in the light of what the query has shown so far."""
+        """Compare the current image (1, F) with the map, given what the query has shown so far."""
         ...
 
 
@@ -94,26 +94,26 @@ class SubgoalStrategy(Protocol):
     def __call__(self, path: Sequence[NodeId], reachability: Callable[[NodeId], float]) -> int:
         """Return an index of `path`, at least 1; the path has two nodes or more and begins where the robot is.
 
-        `reachability` says how reachable a node is from here; each node asked costs a comparison.
+        `reachability` returns how reachable a node is from here; each call costs a comparison.
         """
         ...
 
 
 class MaintenanceStrategy(Protocol):
-    """What driving does to the map."""
+    """How driving changes the map."""
 
     def after_attempt(self, graph: TopologicalGraph, attempt: AttemptEvidence) -> Deltas:
-        """Learn from an attempt. Its ends need not be joined by an edge where the subgoal lies farther ahead."""
+        """Learn from an attempt. Its ends need not be joined by an edge if the subgoal lies farther ahead."""
         ...
 
     def no_path(
         self, graph: TopologicalGraph, source: NodeId, goal: NodeId, matcher: Matcher, rng: np.random.Generator
     ) -> Deltas:
-        """Search a path where the map has none; asked once per source and query."""
+        """Search for a path where the map has none; called once per source and query."""
         ...
 
     def unrecognised(self, graph: TopologicalGraph, unrecognised: UnrecognisedObservation, matcher: Matcher) -> Deltas:
-        """Make use of an image nobody recognised; if it becomes a node the navigator keeps its view."""
+        """Use an image that nothing recognised; if it becomes a node the navigator keeps its view."""
         ...
 
 
@@ -148,24 +148,24 @@ class NavigationSystem:
     """
 
     name: str
-    """What reports call it."""
+    """Name of the system in reports."""
     method: Method
-    """Thresholds of what is not exchanged: comparing images, the controller, judging, recovering."""
+    """Thresholds of everything that is not exchanged: comparing images, the controller, judging, recovering."""
     build: BuildStrategy
     edge_weight: EdgeWeight
     localise: LocalisationStrategy
     subgoal: SubgoalStrategy
     maintenance: MaintenanceStrategy
     online: OnlineStrategyFactory | None = None
-    """Lets a map grow image by image; None where a system only builds whole maps."""
+    """Grows a map image by image; None for a system that only builds whole maps."""
     presence: EdgePresence = ALWAYS_OPEN
-    """Tells which edges may not be open now."""
+    """Predicts which edges are closed now."""
     follows_places: bool = False
-    """It localises by the places that all images on the way speak for, and drives and judges by them."""
+    """Whether it localises, drives and judges by a place belief over all images of a query."""
     views: ViewConfig | None = None
-    """When nodes get views beside their own image; None where they have none, and those of the map are not used."""
+    """When nodes get views beside their own image; None if nodes have none, and those of the map are unused."""
 
     @property
     def follows_presence(self) -> bool:
-        """Whether the system tells an edge that is closed now from one that does not exist."""
+        """Whether the system distinguishes an edge that is closed now from one that does not exist."""
         return not isinstance(self.presence, AlwaysOpen)

@@ -1,7 +1,7 @@
-"""How the nodes of a map looked at other times: views beside the images that they are named after.
+"""Views: images of nodes taken at other times, beside the image that names the node.
 
-Owns that structure and its invariants, and which view of a node is the least useful. Does not own their images
-(`graph.keyframes`), how they are compared (`graph.matching`) nor when one comes in (`navigation.view_learner`).
+Owns the views and their invariants, and which view of a node is the least useful. Does not own their images
+(`graph.keyframes`), how they are compared (`graph.matching`) nor when one is added (`navigation.view_learner`).
 """
 
 import math
@@ -25,22 +25,22 @@ class ViewConfig:
     """When a node gets a view, and how many it may have. All values are ours."""
 
     most: int = 2
-    """So many views a node may have beside its own image, which always stays: it names the node, its depth tells what
-    was solid when the map was made, and a look that was there once, by day or with a door open, comes back."""
+    """Largest number of views of a node beside its own image. That image always stays: it names the node, its depth
+    shows what was solid when the map was made, and its look may return, by day or with a door open."""
     distance: float = 0.5
-    """A view is taken nearer to its node than this d."""
+    """Largest d between a view and its node."""
     recognised_above: float = 0.5
-    """A node that is more reachable than this is recognised, and needs no view."""
+    """A node with a higher r is recognised and needs no view."""
     half_life_s: float = 86400.0
-    """What a view was good for counts half after so long without use."""
+    """Time without use after which the uses of a view count half, in seconds."""
 
     def usefulness(self, view: NodeView, now_s: float) -> float:
-        """Return how useful a view is held to be; one that is taken now counts as one use now."""
+        """Return how useful a view is; one that is taken now counts as one use now."""
         return (view.uses + 1) * 0.5 ** (max(0.0, now_s - view.used_s) / self.half_life_s)
 
 
 def view_deltas(views: Views, node: NodeId, view: NodeView, config: ViewConfig) -> tuple[ViewDropped | ViewAdded, ...]:
-    """Return that a node gets a view, and loses the least useful of those it has where they would be too many."""
+    """Return the deltas that give a node a view, and drop the least useful one if there are too many."""
     held = views.get(node, ())
     left = sorted(held, key=lambda each: config.usefulness(each, view.used_s))[: max(0, len(held) + 1 - config.most)]
     dropped = (ViewDropped(node, each.frame, Cause.SIGHT) for each in left)
@@ -66,7 +66,7 @@ class NodeViews:
         return self._owners.keys()
 
     def add(self, node: NodeId, view: NodeView) -> None:
-        """Give a node a view. Raises MapError for an image that is one already, and for numbers that cannot be."""
+        """Give a node a view. Raises MapError for an image that is a view already, and for invalid numbers."""
         if view.frame in self._owners:
             raise MapError(f"Frame {view.frame} is a view of node {self._owners[view.frame]} already.")
         if not all(map(math.isfinite, (*view.pose, view.used_s))) or view.uses < 0:
@@ -77,7 +77,7 @@ class NodeViews:
         self._owners[view.frame] = node
 
     def use(self, used: ViewUsed) -> None:
-        """Count a use of a view. Raises MapError where the node has no such view."""
+        """Count a use of a view. Raises MapError if the node has no such view."""
         self._require(used.node, used.frame)
         if not math.isfinite(used.stamp):
             raise MapError(f"View {used.frame} was used at {used.stamp} s; a moment must be finite.")
@@ -87,7 +87,7 @@ class NodeViews:
         )
 
     def drop(self, node: NodeId, frame: FrameId) -> None:
-        """Take a view away. Raises MapError where the node has no such view."""
+        """Remove a view. Raises MapError if the node has no such view."""
         self._require(node, frame)
         left = tuple(view for view in self._by_node[node] if view.frame != frame)
         del self._owners[frame]
@@ -97,12 +97,12 @@ class NodeViews:
             del self._by_node[node]
 
     def forget(self, node: NodeId) -> None:
-        """Take all views of a node away, if it has any."""
+        """Remove all views of a node."""
         for view in self._by_node.pop(node, ()):
             del self._owners[view.frame]
 
     def deltas(self, cause: Cause) -> list[ViewAdded]:
-        """Return the deltas that bring all views in."""
+        """Return the deltas that add all views."""
         return [ViewAdded(node, view, cause) for node, views in self._by_node.items() for view in views]
 
     def copy(self) -> Self:

@@ -1,10 +1,9 @@
-"""What odometry knows of two images of one trajectory: how far apart they can be at most, allowing for its drift.
+"""The odometry gate: how far apart two images of one trajectory can be, allowing for drift.
 
-Owns the allowance. It is evidence against false edges between perceptual aliases, and saves comparing what cannot be
-near; it places a node only where images in a row show nothing in common (`graph.bridges`). Where odometry jumps, as
-after a restart, and between two drives it knows only what links say, unless one drive goes on in the odometry of the
-other (`maps.joined_drives`). It knows nothing where it stands still for the whole
-drive, which is how a drive without odometry is recorded.
+Owns that allowance. It is evidence against false edges between perceptual aliases, and saves comparing images that
+cannot be near; it places a node only where consecutive images show nothing in common (`graph.bridges`). Where odometry
+jumps, as after a restart, and between two drives only links connect it, unless one drive continues the odometry of the
+other (`maps.joined_drives`). A drive whose odometry never moves is a drive without odometry.
 """
 
 from collections.abc import Collection, Sequence
@@ -21,28 +20,28 @@ from ltvn_core.graph.matching import Matches
 from ltvn_core.types import FrameId, NodeId, Observation, Pose, Waypoint
 
 JUMP_M = 1.5
-"""Two images in a row that are farther apart were not driven from one to the other."""
+"""Distance between consecutive images above which odometry jumped, in metres."""
 _SLACK_M, _SLACK_RAD = 0.6, 0.6
-"""By so much the network's waypoint may be wrong."""
+"""Largest error of the predictor's waypoint, in m and rad."""
 PAUSE_S = 5.0
-"""In a longer pause between two images a robot may be carried away without its odometry knowing."""
+"""Pause between two images in which a robot may be carried away unnoticed by its odometry, in seconds."""
 _DRIFT_RAD_PER_M = 0.02
 _STEP_M = 0.05
-"""What a closure counts as, in metres driven."""
+"""Length of a closure, as metres driven."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DriveLink:
-    """Two images that surely show one place, of one stretch of odometry or of two."""
+    """Two images that surely show one place, in one stretch of odometry or in two."""
 
     frame: FrameId
     other: FrameId
     waypoint: Waypoint
-    """(3,): the other, seen from the first."""
+    """(3,) pose of the second image in the frame of the first."""
 
 
 class OdometryGate:
-    """Odometry along one or several trajectories."""
+    """Odometry along one or several trajectories, as a test of which images can be near each other."""
 
     def __init__(
         self,
@@ -91,7 +90,7 @@ class OdometryGate:
         driven, path_m = self._way(here, there)
         reach = max(self._config.connect_distance, self._config.merge_distance)
         near = np.hypot(driven[:, 0], driven[:, 1]) <= reach + self._allowance_m(path_m)
-        # d is at least sqrt(2) per radian, so what is turned far enough away is too far as well.
+        # d is at least sqrt(2) per radian, so an image that is turned far enough is too far away as well.
         near &= np.abs(wrap_angle(driven[:, 2])) <= reach / np.sqrt(2) + self._allowance_rad(path_m)
         return tuple(node for node, is_near in zip(nodes, near, strict=True) if is_near)
 
@@ -107,9 +106,9 @@ class OdometryGate:
         return (gap_m <= self._allowance_m(path_m)) & (gap_rad <= self._allowance_rad(path_m))
 
     def driven(self, frame: FrameId, other: FrameId) -> Waypoint | None:
-        """Return where an image lies (3,) seen from another, by odometry alone.
+        """Return the pose (3,) of an image seen from another, by odometry alone.
 
-        None where odometry is not used, jumps between the two, or cannot know because there is a pause between them.
+        None if odometry is not used, jumps between the two, or cannot know because there is a pause between them.
         """
         here = self._row[frame]
         there = self._row[other]
@@ -121,19 +120,20 @@ class OdometryGate:
         return relative(self._poses[here], self._poses[there])
 
     def seen_from(self, frame: FrameId, nodes: Sequence[NodeId]) -> tuple[Waypoint, NDArray[np.float64]]:
-        """Return where nodes lie seen from a frame (N, 3), and by how long a way odometry knows it (N,), in metres.
+        """Return the poses of nodes seen from a frame (N, 3), and the length of the way by which odometry knows each
+        (N,), in metres.
 
-        The way is infinite where it does not know.
+        The length is infinite where it is unknown.
         """
         driven, path_m = self._way(self._row[frame], self._rows(nodes))
         return driven, np.where(np.isneginf(path_m), np.inf, path_m)
 
     def same_stretch(self, frame: FrameId, other: FrameId) -> bool:
-        """Tell whether odometry does not break off between two images."""
+        """Tell whether odometry is unbroken between two images."""
         return bool(self._segment[self._row[frame]] == self._segment[self._row[other]])
 
     def knows(self, frame: FrameId, other: FrameId) -> bool:
-        """Tell whether odometry, with what links say, knows how two images lie to each other."""
+        """Tell whether odometry and links together know how two images lie to each other."""
         _, path_m = self._way(self._row[frame], self._rows([other]))
         return bool(np.isfinite(path_m[0]))
 
@@ -141,9 +141,10 @@ class OdometryGate:
         return np.array([self._row[node] for node in nodes], np.intp)
 
     def _way(self, here: int, there: NDArray[np.intp]) -> tuple[Waypoint, NDArray[np.float64]]:
-        """Return where rows (N,) lie seen from one (N, 3), and by how long a way odometry knows it (N,).
+        """Return the poses of rows (N,) seen from one (N, 3), and the length of the way by which odometry knows each
+        (N,).
 
-        A way is infinite where it knows nothing, and -infinite where the two are held to be of different places.
+        The length is infinite where it is unknown, and -infinite if the two are taken for different places.
         """
         driven = relative(self._poses[here], self._poses[there])
         same = self._segment[there] == self._segment[here]
@@ -170,7 +171,7 @@ class OdometryGate:
 
 
 class _ShortestWays:
-    """How long the shortest way along a drive is, where closures are steps from one pass to another."""
+    """Lengths of the shortest ways along a drive, where closures are steps from one pass to another."""
 
     def __init__(self, path_m: NDArray[np.float64], closures: Sequence[tuple[int, int]]) -> None:
         """Take (N,) how far had been driven at each image, and the rows of the images that closures join."""
@@ -183,7 +184,7 @@ class _ShortestWays:
         first = np.concatenate([chain, pairs[:, 0]])
         second = np.concatenate([chain + 1, pairs[:, 1]])
         lengths = np.concatenate([np.diff(path_m[self._ends]), np.zeros(len(pairs))])
-        lengths = np.maximum(lengths, _STEP_M)  # A length of zero would be no way at all.
+        lengths = np.maximum(lengths, _STEP_M)  # A length of zero would count as no way at all.
         self._steps = csr_array(coo_array((lengths, (first, second)), shape=(len(self._ends), len(self._ends))))
         self._from_end: dict[int, NDArray[np.float32]] = {}
 
@@ -211,7 +212,7 @@ class _ShortestWays:
 
 
 def _moves(poses: Pose, drive: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """Tell (N,) of which of N images the drive has odometry that ever moves."""
+    """Return (N,) whether each image belongs to a drive whose odometry changes."""
     moves = np.zeros(len(poses), bool)
     for number in np.unique(drive):
         moves[drive == number] = bool(np.ptp(poses[drive == number], axis=0).any())

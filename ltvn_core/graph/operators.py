@@ -54,7 +54,7 @@ class OperatorThresholds:
 
 
 def mergeable(matches: Matches, thresholds: OperatorThresholds) -> NDArray[np.bool_]:
-    """Tell for each node (N,) whether the image adds nothing to it: d < D_m."""
+    """Tell for each node (N,) whether the image merges with it: d < D_m."""
     return (
         (matches.distances < thresholds.merge_distance)
         & (matches.reachability > thresholds.merge_reachability)
@@ -90,9 +90,9 @@ def node_with_edges(
 def bidirectional_edges(
     source: NodeId, matches: Matches, config: BeliefConfig, cause: Cause, *, by_odometry: bool = False
 ) -> Iterable[EdgeAdded]:
-    """Yield an edge to each match and the same edge driven backwards, whose waypoint is the inverse.
+    """Yield an edge to each match and the reverse edge, whose waypoint is the inverse.
 
-    `by_odometry` marks edges that odometry alone speaks for.
+    `by_odometry` marks edges that only odometry supports.
     """
     for k, target in enumerate(matches.nodes):
         belief = initial_belief(matches.reachability[k], matches.distances[k], config)

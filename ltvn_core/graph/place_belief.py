@@ -1,10 +1,9 @@
-"""Place belief: several places where the robot may be, until what it sees on its way tells which.
+"""Place belief: multi-hypothesis localisation, a Bayes filter over the places where the robot may be.
 
-Where rooms look alike one image says little: in an office of equal rooms 22 nodes resemble it, of which 2 or 3 are
-where the robot is. But all images on the way must fit to one course. So every place that an image resembles is
-followed by odometry, and later images speak for those places from which the map would show them so, and against the
-others: a filter over hypotheses (Jensfelt and Kristensen 2001, there on metric maps). Owns the hypotheses and their
-weights (ours).
+Where rooms look alike one image says little: in an office of identical rooms 22 nodes resemble it, of which 2 or 3 are
+where the robot is. But all images of a query must fit one trajectory. So every place that resembles an image becomes a
+hypothesis that moves with odometry, and later images raise or lower its weight by whether they show what the map
+expects there (Jensfelt and Kristensen 2001, on metric maps). Owns the hypotheses and their weights (ours).
 """
 
 from collections.abc import Collection, Mapping
@@ -23,9 +22,9 @@ from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.types import NodeId, Pose, Waypoint
 
 _GAP_M, _GAP_RAD = 0.5, 0.4
-"""Two ways to know where a node is agree if they differ by no more."""
+"""Two estimates of where a node is agree if they differ by no more than this, in m and rad."""
 _FAR_M = 1e4
-"""Parts that no edge joins lie so far apart, where nothing of the one is near the other."""
+"""Distance between parts that no edge joins, large enough that no node of one is near the other, in metres."""
 
 Rows = NDArray[np.intp]
 
@@ -40,7 +39,7 @@ class NodeLayout:
 
 
 def lay_out(graph: TopologicalGraph) -> NodeLayout:
-    """Return where the nodes of a map lie."""
+    """Return the poses of a map's nodes in one plane."""
     nodes = tuple(graph.nodes)
     poses = np.array([graph.nodes[node].odometry for node in nodes]).reshape(-1, 3)
     row_of = {node: row for row, node in enumerate(nodes)}
@@ -54,7 +53,7 @@ def lay_out(graph: TopologicalGraph) -> NodeLayout:
 
 
 def _frames(poses: Pose, part_of: Rows, edges: Rows, waypoints: Waypoint) -> Pose:
-    """Return (P, 3) where the frames of the parts lie."""
+    """Return (P, 3) frames of the parts."""
     count = int(part_of.max(initial=-1)) + 1
     joints = dict[tuple[int, int], Pose]()
     agreeing = dict[tuple[int, int], int]()
@@ -84,7 +83,8 @@ def _frames(poses: Pose, part_of: Rows, edges: Rows, waypoints: Waypoint) -> Pos
 
 
 def _joint(poses: Pose, edges: Rows, waypoints: Waypoint) -> tuple[Pose, int]:
-    """Return the frame (3,) of a second part in that of a first, by the edge that most edges agree with, and how many.
+    """Return the frame (3,) of a second part in that of a first, by the edge that most edges agree with, and their
+    number.
 
     Edges lie far from where a frame begins, so they are compared where they end.
     """
@@ -108,30 +108,30 @@ def _near(first: Pose, second: Pose) -> NDArray[np.bool_]:
 FloatArray = NDArray[np.float64]
 
 _MOST, _LEAST_LOG_WEIGHT = 120, -14.0
-"""So many places are followed, and none that is so much less likely than the best, as ln."""
+"""Largest number of hypotheses, and the lowest ln weight relative to the best."""
 _OVERLAP_M, _M_PER_RAD = 0.7, 0.6
-"""From so near a node should be recognised, where a radian counts as so many metres."""
+"""Distance within which a node should be recognised, in metres, and the metres that a radian counts as."""
 _GAP = (0.5, 0.35)
-"""What is recognised may be so far from where it should be, in m and rad."""
+"""Largest error of a recognised node's pose, in m and rad."""
 _MIN_REACHABILITY = 0.5
 _AGREES, _DISAGREES, _NOTHING_NEAR = float(np.log(0.85 / 0.45)), float(np.log(0.15 / 0.55)), -0.3
-"""How much likelier an image is where the robot is at a place than where it is not, as ln."""
+"""ln likelihood ratios of an image at a place: if it agrees, if it disagrees, and if no node is near."""
 _NEW = -6.0
-"""How much less likely than the best is a place that only the last image speaks for, as ln."""
+"""ln weight, relative to the best, of a new hypothesis."""
 _SAME_PLACE = (0.6, 0.4)
-"""A match so near to a place that is followed, in m and rad, is no new one."""
+"""A match within this of a hypothesis, in m and rad, starts no new one."""
 _MERGED = (0.3, 0.25)
-"""Places that have come so near to each other are one."""
+"""Distance within which two hypotheses merge, in m and rad."""
 _TRUST_IN_MATCH = 0.5
-"""A place is put right by so much of the way to where a match puts it."""
+"""Share of the way to a match by which a hypothesis is corrected."""
 _SURE = 0.95
-"""The robot knows where it is if a place is so probable."""
+"""Probability above which the robot knows where it is."""
 _AROUND_M = 3.0
-"""Nodes so near to a place are around it."""
+"""Distance within which nodes count as around a place, in metres."""
 AT_PLACE = (0.9, 0.5)
-"""A node may be seen so far from where the place that the robot is at puts it, in m and rad."""
+"""Largest error of a node's pose relative to the robot's place, in m and rad."""
 LIKELY, SURE = 0.5, 0.8
-"""The robot drives by a place that is so probable, and judges by one that is so probable."""
+"""Probability above which the robot drives by a place, and above which it judges by one."""
 
 
 class BelievedPlace(NamedTuple):
@@ -140,12 +140,12 @@ class BelievedPlace(NamedTuple):
     nodes: Mapping[NodeId, Pose]
     """The nodes around, each (3,) in the robot's frame, the nearest first."""
     probability: float
-    """Of this place among all that are followed."""
+    """Probability of this place among all hypotheses."""
     is_recognised: bool
-    """Whether the last image shows a node where this place puts it; not so where the world has changed."""
+    """Whether the last image shows a node where this place expects it; false where the world has changed."""
 
     def rules_out(self, node: NodeId, waypoint: Waypoint, probability: float) -> bool:
-        """Tell whether a node cannot be where it is seen, at a waypoint (3,): the robot is surer to be here."""
+        """Tell whether a node cannot be at a waypoint (3,), because this place is more certain."""
         if self.probability <= probability or not self.is_recognised:
             return False
         known = self.nodes.get(node)
@@ -154,7 +154,7 @@ class BelievedPlace(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Places:
-    """M places where the robot may be."""
+    """M hypotheses of where the robot is."""
 
     poses: FloatArray
     """(M, 3) in the layout of the map."""
@@ -169,10 +169,10 @@ _NO_PLACES = _Places(np.empty((0, 3)), np.empty(0))
 
 
 class PlaceBelief:
-    """Where a robot may be in one query."""
+    """Belief over the places of a robot in one query."""
 
     def __init__(self, graph: TopologicalGraph) -> None:
-        """Know nothing yet; `graph` may change later."""
+        """Start without hypotheses; `graph` may change later."""
         self._graph = graph
         self._layout, self._tree = _laid_out(graph)
         self._places = _NO_PLACES
@@ -180,14 +180,14 @@ class PlaceBelief:
         self._is_sure = self._is_recognised = False
 
     def forget(self) -> None:
-        """Begin anew, where what was believed has proved wrong."""
+        """Start over after the belief has proved wrong."""
         self._places = _NO_PLACES
         self._is_sure = self._is_recognised = False
 
     def nodes_to_ask(self, odometry: Pose) -> tuple[NodeId, ...]:
-        """Return the nodes that tell of an image taken at an odometry pose (3,) where it was taken.
+        """Return the nodes to compare with an image taken at an odometry pose (3,).
 
-        While the robot knows where it is these are the ones near the places that are followed, else all.
+        While the robot knows where it is these are the nodes near the hypotheses, else all.
         """
         if self._layout.nodes != tuple(self._graph.nodes):
             self._layout, self._tree = _laid_out(self._graph)
@@ -198,10 +198,10 @@ class PlaceBelief:
         return tuple(self._layout.nodes[row] for row in sorted({row for rows in found for row in rows}))
 
     def see(self, odometry: Pose, matches: Matches, near_enough: NDArray[np.bool_]) -> None:
-        """Weigh all places by an image taken at an odometry pose (3,), given its matches with `nodes_to_ask`.
+        """Weigh all hypotheses by an image taken at an odometry pose (3,), given its matches with `nodes_to_ask`.
 
-        The matches that are `near_enough` (N,) are places to follow from now on. Images taken at one place all say the
-        same, so give one of them.
+        Matches that are `near_enough` (N,) start new hypotheses. Images taken at one place are not independent, so give
+        only one of them.
         """
         self._move_to(odometry)
         begins = not len(self._places)
@@ -220,12 +220,12 @@ class PlaceBelief:
         return None
 
     def _move_to(self, odometry: Pose) -> None:
-        """Move all places by what the robot has moved."""
+        """Move all hypotheses by the motion of the robot."""
         step, self._odometry = relative(self._odometry, odometry), odometry.copy()
         self._places = _Places(compose(self._places.poses, step), self._places.log_weights)
 
     def _weigh(self, matches: Matches) -> NDArray[np.bool_]:
-        """Ask for each place whether a node is recognised where it should be; return (M,) for which one is."""
+        """Check for each hypothesis whether a node is recognised where expected; return (M,) the results."""
         poses = self._places.poses
         count = len(self._places)
         place, row = _pairs(self._tree.query_ball_point(poses[:, :2], _OVERLAP_M))
@@ -249,7 +249,7 @@ class PlaceBelief:
         return says == _AGREES
 
     def _begin_to_follow(self, matches: Matches) -> None:
-        """Follow the places of matches, unless they are followed already."""
+        """Start hypotheses at matches that have none."""
         rows = {node: row for row, node in enumerate(self._layout.nodes)}
         log_weight = self._places.log_weights.max() + _NEW if len(self._places) else 0.0
         poses = self._places.poses
@@ -262,7 +262,7 @@ class PlaceBelief:
         self._places = _Places(poses, np.concatenate([self._places.log_weights, new]))
 
     def _keep_likeliest(self, agrees: NDArray[np.bool_]) -> None:
-        """Keep the places that are worth following, the best first with weight 0, and one where some came together."""
+        """Keep the likeliest hypotheses, the best first with weight 0, and merge those that came together."""
         places = self._places
         kept = list[int]()
         best = places.log_weights.max(initial=-np.inf)
@@ -309,5 +309,5 @@ def _is_within(gap: FloatArray, limits: tuple[float, float]) -> NDArray[np.bool_
 
 
 def _apart(waypoint: FloatArray) -> FloatArray:
-    """Return how far poses are apart, (..., 3) to (...), in metres, of which some stand for the turn."""
+    """Return the distance between poses, (..., 3) to (...), in metres; turns are converted to metres."""
     return np.hypot(waypoint[..., 0], waypoint[..., 1]) + _M_PER_RAD * np.abs(wrap_angle(waypoint[..., 2]))

@@ -1,7 +1,6 @@
 """The cheapest path through the map (Dijkstra), on a mirror of the graph that is kept between plans.
 
-Owns the mirror, and the cost of an edge where a system does not bring its own. Does not decide what to do without a
-path.
+Owns the mirror, and the default cost of an edge. Does not decide what to do without a path.
 """
 
 import itertools
@@ -39,11 +38,11 @@ _LEAST_P = 1e-6
 """Where the belief is all that an edge costs."""
 
 EdgeWeight: TypeAlias = Callable[[Belief], float]
-"""What an edge costs, given what is believed of it; finite and not negative."""
+"""Returns the cost of an edge from its belief; finite and not negative."""
 
 
 class GraphPath(NamedTuple):
-    """A way from the first to the last of its nodes."""
+    """A path from the first to the last of its nodes."""
 
     nodes: tuple[NodeId, ...]
     """Empty when there is no path."""
@@ -70,7 +69,8 @@ def surprise_cost(belief: Belief) -> float:
 
 
 class Planner:
-    """Plans on one graph; deltas handed to `mirror_delta` keep the mirror fresh, anything missed is rebuilt at once."""
+    """Plans on one graph; deltas handed to `mirror_delta` keep the mirror current, and a missed one causes a
+    rebuild."""
 
     def __init__(self, graph: TopologicalGraph, config: PlanningConfig, *, weight: EdgeWeight | None = None) -> None:
         """Mirror `graph`, whose edges cost `weight` if that is given and else `edge_cost`."""
@@ -81,7 +81,7 @@ class Planner:
     def mirror_delta(self, delta: GraphDelta) -> None:
         """Mirror a delta that was just applied to the graph."""
         if self._version != self._graph.version - 1:
-            return  # Something was missed before; the next plan rebuilds.
+            return  # A delta was missed before; the next plan rebuilds.
         if self._try_mirror(delta):
             self._version = self._graph.version
 
@@ -129,11 +129,11 @@ class Planner:
             case EdgePruned():
                 self._mirror.remove_edge(self._index[delta.source], self._index[delta.target])
             case PresenceObserved():
-                pass  # What is present at the moment comes with the plan.
+                pass  # Presence is given with each plan.
             case ViewAdded() | ViewUsed() | ViewDropped():
-                pass  # What places look like leads nowhere.
+                pass  # Views do not change where edges lead.
             case NodeAdded() | NodeDropped():
-                return False  # It moves the rows, so the mirror is built anew.
+                return False  # It moves the rows, so the mirror is rebuilt.
             case EdgeProtected() | NodeNamed() | DriveBegun() | FramesReserved() | FramesReleased():
                 return False
         return True

@@ -1,8 +1,8 @@
-"""A robust pose graph in the plane: poses that a chain of odometry and uncertain loop closures agree on best.
+"""A robust pose graph in the plane: the poses that best agree with a chain of odometry and uncertain loop closures.
 
 Closures that contradict the rest lose all weight, by graduated non-convexity with truncated least squares (Yang,
 Antonante, Tzoumas and Carlone, Graduated Non-Convexity for Robust Spatial Perception, RA-L 2020, eq. 14 and remark 5).
-Owns the optimisation; where closures come from is `graph.drive_closures`.
+Owns the optimisation; closures come from `graph.drive_closures`.
 """
 
 from dataclasses import dataclass
@@ -24,9 +24,9 @@ _MOST_ROUNDS = 200
 _LAST_STEPS = 10
 _CONVERGED = 1e-4
 _EXACT, _MOST_ITERATIONS = 1e-8, 14
-"""Conjugate gradients end at this relative residual, or give up after so many iterations."""
+"""Relative residual at which conjugate gradients end, and the largest number of iterations."""
 _LONGEST_WAY = 1.5
-"""The wheels may have measured a way as so much shorter than it was."""
+"""Largest ratio of a true distance to the one that the wheels measured."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -34,30 +34,30 @@ class RelativePoses:
     """Measurements of how pairs of poses lie to each other."""
 
     first: NDArray[np.intp]
-    """(M,) rows of the poses measured from,"""
+    """(M,) rows of the reference poses."""
     second: NDArray[np.intp]
-    """(M,) and of those measured."""
+    """(M,) rows of the poses that are measured."""
     poses: Waypoint
     """(M, 3): the second, seen from the first."""
     deviations: NDArray[np.float64]
     """(M, 3): standard deviations in m, m and rad."""
     shares: NDArray[np.float64] | float = 1.0
-    """(M,): what each counts, below 1 where several say the same because they saw the same."""
+    """(M,) weight of each measurement, below 1 where several repeat the same evidence."""
 
     def among(self, rows: NDArray[np.bool_]) -> "RelativePoses":
-        """Return only those measurements of M that a mask (M,) chooses."""
+        """Return the measurements of M that a mask (M,) selects."""
         shares = np.broadcast_to(self.shares, len(rows))[rows]
         return RelativePoses(self.first[rows], self.second[rows], self.poses[rows], self.deviations[rows], shares)
 
     def errors(self, poses: Pose) -> NDArray[np.float64]:
-        """Return how far poses (N, 3) are off, (M, 3) in standard deviations."""
+        """Return the errors of poses (N, 3), (M, 3) in standard deviations."""
         gap = relative(poses[self.first], poses[self.second]) - self.poses
         gap[:, 2] = wrap_angle(gap[:, 2])
         return gap / self.deviations
 
 
 class OptimisedPoses(NamedTuple):
-    """What a pose graph agrees on."""
+    """The result of optimising a pose graph."""
 
     poses: Pose
     """(N, 3); the first stays where it was."""
@@ -79,7 +79,7 @@ def optimise(poses: Pose, odometry: RelativePoses, closures: RelativePoses) -> O
 
 
 def _within_the_way(odometry: RelativePoses, closures: RelativePoses) -> NDArray[np.bool_]:
-    """Return (K,) which closures say that two places are no farther apart than the way between them allows."""
+    """Return (K,) which closures join places no farther apart than the way between them allows."""
     driven_m = np.concatenate([[0.0], np.cumsum(np.hypot(odometry.poses[:, 0], odometry.poses[:, 1]))])
     way_m = np.abs(driven_m[closures.first] - driven_m[closures.second])
     apart_m = np.hypot(closures.poses[:, 0], closures.poses[:, 1])
@@ -120,7 +120,7 @@ def _least_squares(
     *,
     most_steps: int,
 ) -> Pose:
-    """Take up to so many steps of Gauss and Newton."""
+    """Take Gauss-Newton steps, limited in number."""
     closures, weights = closures.among(weights > 0), weights[weights > 0]
     for _ in range(most_steps):
         first = _linearised(poses, odometry, np.ones(len(odometry.first)))
@@ -135,9 +135,9 @@ def _least_squares(
 
 
 class _Solver:
-    """Solves one system after another, of which each is little different from the one before.
+    """Solves a sequence of similar linear systems.
 
-    Factors of an earlier system precondition the next ones, until these are no longer much like it.
+    The factors of an earlier system precondition the next ones, until the systems differ too much.
     """
 
     def __init__(self) -> None:

@@ -1,4 +1,4 @@
-"""Which images of a drive were taken near each other, and which places it passes more than once, by its odometry."""
+"""Which images of a drive were taken near each other, and which places it revisits, by its odometry."""
 
 import math
 
@@ -11,10 +11,10 @@ from ltvn_core.types import Pose
 
 NEAR_M = 0.6
 NEAR_RAD = math.radians(20)
-"""Two images that are nearer than both can be compared; a map has edges between such."""
+"""Two images within both limits can be compared; a map has edges between such."""
 _REVISIT_PATH_M = 3.0
 _REVISIT_S = 10.0
-"""A place is passed again after so long a way, or, turning on the spot, after so long a time."""
+"""Distance, or time while turning on the spot, after which a place counts as revisited."""
 
 
 def near_pairs(poses: Pose) -> NDArray[np.intp]:

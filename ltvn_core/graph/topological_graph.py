@@ -40,7 +40,8 @@ from ltvn_core.types import FrameId, NodeId
 
 
 def check_edge(edge: Edge) -> None:
-    """Raise MapError for an edge that cannot be; the words are only made then, for maps are folded from many edges."""
+    """Raise MapError for an invalid edge; the message is only formatted then, because maps are folded from many
+    edges."""
     belief: Belief = edge.belief
     counts = 0 <= edge.successes <= edge.attempts
     if counts and 0 <= belief.p <= 1 and 0 <= belief.mu < math.inf and 0 < belief.sigma2 < math.inf:
@@ -57,20 +58,20 @@ def edge_name(edge: Edge) -> str:
 
 
 def require(holds: bool, otherwise: str) -> None:
-    """Raise MapError with these words unless something holds."""
+    """Raise MapError with this message unless a condition holds."""
     if not holds:
         raise MapError(otherwise)
 
 
 EdgeKey: TypeAlias = tuple[NodeId, NodeId]
-"""An edge is named by its source and its target."""
+"""Source and target, which name an edge."""
 
 MOST_PRESENCE_OBSERVATIONS = 256
-"""So many observations of its presence are kept of an edge, the newest."""
+"""Number of latest observations of presence kept for an edge."""
 
 
 class TopologicalGraph:
-    """A directed graph of places that changes by deltas alone; two graphs are equal if they hold the same things."""
+    """A directed graph of places that only deltas change; two graphs are equal if their contents are."""
 
     def __init__(self, deltas: Iterable[GraphDelta] = ()) -> None:
         """Fold `deltas`, in order, into a graph; raise MapError at the first that does not fit."""
@@ -118,34 +119,34 @@ class TopologicalGraph:
         return MappingProxyType(self._drives)
 
     def drive_of(self, frame: FrameId) -> int:
-        """Return the number of the drive that an image is of, counted from 1; 0 before the first that has a name."""
+        """Return the number of the drive of an image, counted from 1; 0 before the first drive with a name."""
         return bisect_right(list(self._drives), frame)
 
     @property
     def reserve(self) -> KeysView[FrameId]:
-        """T': frames that are no nodes but may become some."""
+        """T': frames that are not nodes but may become nodes."""
         return self._reserve.keys()
 
     @property
     def names(self) -> Mapping[str, NodeId]:
-        """Nodes that a person named, by name; read only."""
+        """Nodes named by a person, by name; read only."""
         return MappingProxyType(self._names)
 
     @property
     def version(self) -> int:
-        """How many deltas were applied; a cache is stale when this differs."""
+        """Number of deltas applied; a cache is stale if this differs."""
         return self._version
 
     def successors(self, node: NodeId) -> KeysView[NodeId]:
-        """Nodes that an edge leads to from `node`; empty for a node that is not in the map."""
+        """Nodes that edges lead to from `node`; empty for a node that is not in the map."""
         return self._successors.get(node, {}).keys()
 
     def predecessors(self, node: NodeId) -> KeysView[NodeId]:
-        """Nodes from which an edge leads to `node`; empty for a node that is not in the map."""
+        """Nodes from which edges lead to `node`; empty for a node that is not in the map."""
         return self._predecessors.get(node, {}).keys()
 
     def apply(self, delta: GraphDelta) -> None:
-        """Change the map; raise MapError and leave it as it was if the delta does not fit."""
+        """Change the map; raise MapError and leave it unchanged if the delta does not fit."""
         match delta:
             case EdgeAdded():
                 self._add_edge(delta)
@@ -193,7 +194,7 @@ class TopologicalGraph:
     def copy(self) -> Self:
         """Return an independent graph with the same content and version; much faster than a fold."""
         clone = type(self)()
-        # Nodes and edges never change, so both graphs may hold the same ones.
+        # Nodes and edges are immutable, so both graphs may share them.
         clone._nodes = self._nodes.copy()
         clone._edges = self._edges.copy()
         clone._reserve = self._reserve.copy()
@@ -330,7 +331,7 @@ class TopologicalGraph:
 def presence_deltas(
     presence: Mapping[EdgeKey, tuple[PresenceObservation, ...]], cause: Cause
 ) -> list[PresenceObserved]:
-    """Return the deltas that bring in what was observed of edges."""
+    """Return the deltas that restore the observations of edges."""
     return [
         PresenceObserved(source, target, present=each.present, stamp=each.stamp_s, cause=cause)
         for (source, target), observations in presence.items()

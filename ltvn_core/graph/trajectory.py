@@ -1,6 +1,6 @@
 """The images that a map is built from: which of them a predictor can compare, and what is wrong with them.
 
-Owns these checks, which every builder makes first.
+Owns these checks, which every builder runs first.
 """
 
 import logging

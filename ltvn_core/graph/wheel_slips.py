@@ -1,11 +1,10 @@
-"""Wheel slips: odometry that jumps although the robot did not, found where two depth images in a row contradict it.
+"""Wheel slips: jumps of odometry without motion of the robot, found where two consecutive depth images contradict it.
 
-After a slip all that odometry placed earlier lies elsewhere: what stands around, the waypoint, the way here. The two
-images mostly show the same things, so the motion between them can be measured: among motions near the odometry's, the
-one that puts one scan best onto the other (correlative scan matching, Olson 2009). Wheels slip along the heading and in
-the heading, so only these two are searched. Where odometry agrees with the images it is left as it is (ours).
-
-Owns how a slip is told from a good odometry. Reads depth alone; without it no slip is found.
+After a slip everything that odometry placed earlier is displaced: obstacles, the waypoint, the path. The two images
+mostly show the same things, so the motion between them can be measured: among motions near the odometry's, the one that
+aligns the two scans best (correlative scan matching, Olson 2009). Wheels slip along the heading and in the heading, so
+only these two are searched. Where odometry agrees with the images it is not changed (ours). Owns how a slip is
+detected. Uses depth alone; without it no slip is found.
 """
 
 from collections.abc import Collection, Iterator, Sequence
@@ -23,49 +22,49 @@ from ltvn_core.types import FrameId, Observation, Pose
 _APART_M, _APART_RAD = 0.4, 0.5
 """Images taken farther apart than this share too little."""
 _LOOK_M, _LOOK_RAD = 0.2, 0.2
-"""So far a robot may move between two images, to have the next one in time."""
+"""Largest motion between two images of the tracker, in m and rad."""
 _AGREES_M = 0.045
-"""Scans that lie so near to each other on average agree with odometry."""
+"""Mean distance below which two scans agree with odometry, in metres."""
 _BETTER = 0.5
-"""Another motion must bring them nearer by this factor."""
+"""Factor by which another motion must reduce that distance."""
 _CAP_M = 0.25
-"""A thing without any counterpart counts as so far off."""
+"""Distance at which points without a counterpart are capped, in metres."""
 _LEAST_POINTS = 15
 _EDGE_RAD, _NEAR_M = 0.1, 0.35
-"""What is nearer than this to the edge of the earlier image, or to its camera, may have no counterpart there."""
+"""Points within this of the edge of the earlier image, or of its camera, may have no counterpart there."""
 _STEPS = ((0.05, 0.04), (0.0125, 0.01))
-"""Steps of the search in m and rad, coarse and fine,"""
+"""Step sizes of the search in m and rad: coarse, then fine."""
 _REACH = ((9, 9), (4, 4))
-"""and how many of them to each side."""
+"""Number of search steps to each side, in m and rad: coarse, then fine."""
 _COST_PER_M, _COST_PER_RAD = 0.02, 0.025
-"""Of motions that fit as well, the one nearest to the odometry is believed."""
+"""Cost of deviating from odometry, so that among equally good motions the nearest to it wins."""
 _SURFACE_GAP_M, _SURFACE_STEP_M = 0.8, 0.04
-"""Between points of a scan no farther apart there is a surface: along a corridor they lie far from each other, and two
-scans of bare points would agree best where the robot had not moved."""
+"""Largest gap between neighbouring scan points that belong to one surface, and the spacing of points on it, in metres.
+Along a corridor bare points lie far apart, and two scans would agree best without any motion."""
 
 
 class SlipTracker:
-    """Puts the odometry of images right, one after the other."""
+    """Corrects the odometry of images for slips, one after the other."""
 
     def __init__(self, camera: CameraModel) -> None:
         """Take images of this camera."""
         self._camera = camera
         self._last: tuple[Observation, DepthScan] | None = None
         self._frame: Pose | None = None
-        """(3,) where the odometry frame lies in the frame that it was in at first; None as long as nothing slipped."""
+        """(3,) pose of the current odometry frame in the original one; None as long as nothing slipped."""
 
     def see(self, seen: Observation) -> Observation:
-        """Return the next image with its odometry put right."""
+        """Return the next image with corrected odometry."""
         if self._last is None or seen.step != self._last[0].step:
             self._compare(seen)
         return seen if self._frame is None else replace(seen, odometry=self.mended(seen.odometry))
 
     def mended(self, odometry: Pose) -> Pose:
-        """Return odometry (3,) put right after the slips found so far."""
+        """Return odometry (3,) corrected for the slips found so far."""
         return odometry if self._frame is None else compose(self._frame, odometry)
 
     def needs_image(self, odometry: Pose) -> bool:
-        """Tell whether a robot at raw odometry (3,) has moved so far since the last image that it should look again."""
+        """Tell whether a robot at raw odometry (3,) has moved so far since the last image that it needs another."""
         if self._last is None:
             return False
         moved = relative(self._last[0].odometry, odometry)
@@ -83,16 +82,16 @@ class SlipTracker:
         truly = motion_after_slip(before, scan, moved)
         if truly is None:
             return
-        # From now on the frame lies so that the image was taken where the robot truly moved to.
+        # From now on the frame is shifted so that the image lies where the robot truly moved to.
         self._frame = compose(compose(self.mended(earlier.odometry), truly), invert(seen.odometry))
 
 
 def without_slips(
     observations: Sequence[Observation], camera: CameraModel, drive_starts: Collection[FrameId] = ()
 ) -> Iterator[Observation]:
-    """Yield images in their order, each with its odometry put right after the slips before it in its drive.
+    """Yield images in their order, each with odometry corrected for the slips before it in its drive.
 
-    Odometry begins anew at `drive_starts`.
+    Odometry starts anew at `drive_starts`.
     """
     tracker = SlipTracker(camera)
     for seen in observations:
@@ -102,9 +101,9 @@ def without_slips(
 
 
 def motion_after_slip(before: DepthScan, after: DepthScan, moved: Pose) -> Pose | None:
-    """Return how the robot truly moved (3,) between two scans in its own frame; None where odometry agrees with them.
+    """Return the true motion (3,) of the robot between two scans in its own frame; None if odometry agrees with them.
 
-    None as well where they share too little, or no motion fits them much better.
+    Also None if they share too little, or no motion fits them much better.
     """
     surface = _surface(before.solid_points())
     points = after.solid_points()
@@ -125,16 +124,16 @@ def motion_after_slip(before: DepthScan, after: DepthScan, moved: Pose) -> Pose 
 
 
 def _around(motion: Pose, steps: tuple[float, float], reach: tuple[int, int]) -> Pose:
-    """Return motions (C, 3) that end farther along the heading than one (3,), and turned."""
+    """Return candidate motions (C, 3) that vary the distance along the heading and the turn of one (3,)."""
     ahead, turn = np.meshgrid(*(step * np.arange(-n, n + 1) for step, n in zip(steps, reach, strict=True)))
     steps_there = np.stack([ahead.ravel(), np.zeros(ahead.size), turn.ravel()], axis=-1)
     return compose(motion, steps_there.astype(np.float64))
 
 
 def _gaps(tree: KDTree, before: DepthScan, points: NDArray[np.float64], motions: Pose) -> NDArray[np.float64]:
-    """Return (C,) how far a scan (M, 2) lies on average from an earlier one, if the robot moved so (C, 3) between them.
+    """Return (C,) the mean distance of a scan (M, 2) from an earlier one, for each motion (C, 3) between them.
 
-    Infinite where the earlier one shows too little of it.
+    Infinite where the earlier scan shows too little of it.
     """
     cos, sin = np.cos(motions[:, 2:]), np.sin(motions[:, 2:])
     x = motions[:, :1] + cos * points[:, 0] - sin * points[:, 1]

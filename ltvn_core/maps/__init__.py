@@ -1,1 +1,1 @@
-"""Maps with their images, and several drives in one map."""
+"""Maps with their images, and maps of several drives."""

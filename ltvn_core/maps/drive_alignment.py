@@ -1,8 +1,7 @@
-"""Drives in one picture: each is moved as a whole so that it lies where the images say, for drawing.
+"""Aligns drives for drawing: moves each as a whole to where the images place it.
 
-What odometry knows of two images of one drive stays the same, and of two drives it says no more than before. Drives
-that go on in one odometry are moved together, and one that was recognised nowhere is put beside the others. Owns how a
-drive is moved.
+Relations within a drive's odometry are unchanged. Drives with continued odometry are moved together, and a drive
+without recognised images is placed beside the others. Owns how a drive is moved.
 """
 
 from collections.abc import Callable, Sequence
@@ -21,13 +20,13 @@ from ltvn_core.types import FrameId, Observation, Pose, Predictor
 
 _APART_M = 2.0
 _OUTLIER = 3.0
-"""What is off by more than this d counts as this much."""
+"""d at which errors are capped as outliers."""
 
 Movements = dict[str, Callable[[Pose], Pose]]
 
 
 def drive_movements(graph: TopologicalGraph, drives: Sequence[JoinedDrive]) -> Movements:
-    """Return by the name of each drive what moves a pose (3,) of its odometry into the frame of the first.
+    """Return for the name of each drive the transform of its odometry poses (3,) into the frame of the first.
 
     Linear in edges, and quadratic in those that join drives.
     """
@@ -70,7 +69,7 @@ def _opinions(
     poses: dict[FrameId, Pose],
     offsets: dict[str, Pose],
 ) -> list[Pose]:
-    """Return where the zero of a group's odometry lies by each edge to a drive whose place is known."""
+    """Return the origin of a group's odometry according to each edge to a drive that is placed already."""
     placed = [other for other in drives if other.name in offsets]
     found = []
     for (source, target), edge in graph.edges.items():

@@ -1,7 +1,7 @@
-"""Recordings of several drives as the images of one map: numbered on, on one clock, for one camera.
+"""Recordings of several drives as the images of one map: with unique numbers, on one clock, for one camera.
 
-Owns what images of different drives must not share: numbers and times. Their odometry stays as it is; whether it goes
-on from one drive to the next is decided in `is_continued`.
+Owns what images of different drives must not share: numbers and times. Their odometry is not changed; `is_continued`
+decides whether it continues from one drive to the next.
 """
 
 import math
@@ -31,7 +31,7 @@ _STOOD_M, _STOOD_RAD = 0.5, math.radians(30)
 
 
 def is_continued(before: Recording, after: Recording) -> bool:
-    """Tell whether a drive goes on in the odometry of the one before it.
+    """Tell whether a drive continues the odometry of the one before it.
 
     Args:
         before: The drive that ended first.
@@ -54,8 +54,8 @@ def is_continued(before: Recording, after: Recording) -> bool:
 
 
 def may_be_one_place(one: RecordingMetadata, other: RecordingMetadata) -> bool:
-    """Tell whether two recordings may be of one place by what they call it."""
-    # What is imported is called after its file unless somebody named the place: two names may mean one.
+    """Tell by the names of their places whether two recordings may be of one place."""
+    # Imports are named after their files unless the place was named, so two names may mean one place.
     return one.scene == other.scene or (one.scene.startswith(SOURCE_SCENE) and other.scene.startswith(SOURCE_SCENE))
 
 
@@ -80,10 +80,10 @@ def _can_have_driven(step: Waypoint, pause_s: float) -> bool:
 
 
 def _may_be_restarted(before: Pose, pose: Pose) -> bool:
-    """Tell whether odometry may have begun anew at a pose (3,), rather than gone on from poses (N, 3) before.
+    """Tell whether odometry may have restarted at a pose (3,), rather than continued from poses (N, 3) before.
 
-    What is recorded is where the camera is, which at zero may be far from the middle of the robot and look aside; then
-    both drives begin there.
+    The recorded pose is the camera's, which at zero may be far from the middle of the robot and look aside; then both
+    drives start there.
     """
     is_nearer_to_zero = float(distance(pose)) <= float(distance(relative(before[-1], pose)))
     return is_nearer_to_zero or _is_standing(pose) or _is_standing(relative(before[0], pose))
@@ -94,7 +94,7 @@ def _is_standing(step: Waypoint) -> bool:
 
 
 _PAUSE_S = 60.0
-"""At least so long lies between two drives of which nobody knows more."""
+"""Least pause assumed between two drives if nothing more is known, in seconds."""
 _ROUND = 1000
 """Images of a later drive are counted on from a multiple of this, so that a person sees which number was which."""
 
@@ -105,13 +105,13 @@ class JoinedDrive:
 
     name: str
     first: FrameId
-    """Its first image,"""
+    """Frame id of its first image in the map."""
     last: FrameId
-    """and its last, as they are numbered in the map."""
+    """Frame id of its last image in the map."""
     added_steps: int = 0
-    """So much more than in its recording."""
+    """Offset of its steps against its recording."""
     continues: str = ""
-    """Name of the drive before it in whose odometry it goes on; empty where its odometry begins anew."""
+    """Name of the drive before it whose odometry it continues; empty if its odometry starts anew."""
     world_offset_s: float = 0.0
     """Added to a stamp in the map it gives the time of the world, where its recording tells that."""
 
@@ -190,9 +190,9 @@ def _moved(recording: Recording, frame: FrameId, first: Recording, added_steps: 
 
 
 def _added_seconds(recording: Recording, first: Recording, before: Sequence[Observation]) -> float:
-    """Return what to add to the clock of a drive so that it goes on after those before; mostly 0 for calendar time.
+    """Return the seconds to add to the clock of a drive so that it follows those before; mostly 0 for calendar time.
 
-    Where the clocks of both begin at nothing the calendar says how much later the second drive was.
+    Where the clocks of both start at zero, the calendar gives the time between the drives.
     """
     begins_s = float(recording.poses.stamps[0])
     if not before or begins_s > before[-1].stamp:
@@ -219,7 +219,7 @@ def _world_offset_s(recording: Recording) -> float:
 
 
 def _findings(recording: Recording, first: Recording) -> list[Finding]:
-    """Return what speaks against joining two drives at all."""
+    """Return reasons against joining two drives at all."""
     here = recording.meta
     there = first.meta
     if may_be_one_place(here, there):

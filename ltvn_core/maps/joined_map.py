@@ -1,9 +1,10 @@
-"""A map that was built from several drives, made whole: where drives begin, what they contradict, and where they lie.
+"""Completes a map that was built from several drives: where drives begin, what they contradict, and how they are
+aligned.
 
-Owns the order of these steps, what became of each drive, and what a later drive saw that speaks against the map of
-earlier ones: ways that are blocked now, or open again. What is new in a depth image lies where no image of the earlier
-drives shows anything solid; which edges it closes is `graph.presence.obstruction`. How drives are joined while the map
-is built is `graph.drive_links`.
+Owns the order of these steps, the report of each drive, and what a later drive contradicts in the map of earlier ones:
+ways that are blocked now, or open again. A point in a depth image is new if no image of the earlier drives shows a
+solid point there; which edges it closes is `graph.presence.obstruction`. `graph.drive_links` joins drives while the map
+is built.
 """
 
 from collections import Counter
@@ -36,21 +37,21 @@ _FEW_RECOGNISED = 0.1
 _RANGE_M = 2.5
 """Things farther away are not placed well enough."""
 _KNOWN_WITHIN_M = 0.18
-"""What is so near to something that an earlier image shows is held to be that."""
+"""Points within this of a point in an earlier image count as known."""
 _KNOWN_SHARE = 0.5
-"""Where less of what stands around is known, the image was probably taken elsewhere."""
+"""Share of known surroundings below which an image was probably taken elsewhere."""
 _LEAST_POINTS = 8
 _NODES, _IMAGES_AROUND = 12, 3
-"""The images of so many earlier nodes, and so many before and after each, tell what was there."""
+"""Number of earlier nodes, and of images before and after each, that show what was there."""
 _GRID_M = 0.05
 _ASK_EVERY = 0.35
 """Images of a drive that are nearer to each other than this d are asked once."""
 _DRIVEN_ON = 2.5
-"""So far, as d, odometry tells where an image was taken after another that was recognised."""
+"""Distance d over which odometry locates an image after another that was recognised."""
 _LEAST_LOOKS = 2
 """Images that must agree that an edge is blocked."""
 _ON_WAY_M = 0.25
-"""A robot that was so near to the middle of an edge drove there."""
+"""A robot within this of the middle of an edge drove along it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,22 +60,22 @@ class DriveReport:
 
     name: str
     first: int
-    """Its first image, as it is numbered in the map,"""
+    """Frame id of its first image in the map."""
     added_steps: int
-    """and so much more than in its recording."""
+    """Offset of its steps in the map against its recording."""
     nodes: int
     joined_by: int
     """Edges between its nodes and those of the drives before; 0 for the first."""
     joined_by_odometry: int
-    """Those among them that odometry alone speaks for."""
+    """Number of these edges that only odometry supports."""
     continues: str
-    """Name of the drive before it in whose odometry it goes on; empty where its odometry begins anew."""
+    """Name of the drive before it whose odometry it continues; empty if its odometry starts anew."""
     recognised: float | None
     """Share of its images whose place the drives before had seen; None for the first."""
     blocked: tuple[EdgeKey, ...]
-    """Edges of the drives before that it saw blocked,"""
+    """Edges of earlier drives that this drive saw blocked."""
     returned: tuple[EdgeKey, ...]
-    """and those that were seen blocked before and that it found open."""
+    """Edges of earlier drives that were blocked before and that this drive found open."""
 
     @property
     def is_piece_of_its_own(self) -> bool:
@@ -134,7 +135,7 @@ def join_map(
 
 
 def drive_findings(reports: Sequence[DriveReport]) -> Iterator[Finding]:
-    """Yield what a person must know of drives that hardly meet, with what to do."""
+    """Yield findings about drives that hardly meet, with advice."""
     for report in reports[1:]:
         if report.is_piece_of_its_own:
             yield Finding(
@@ -160,19 +161,19 @@ class _Place:
     """Where an image of a later drive was taken."""
 
     node: NodeId
-    """A node of an earlier drive,"""
+    """A node of an earlier drive."""
     pose: Pose
-    """and the robot (3,) in its frame."""
+    """The robot's pose (3,) in the node's frame."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Comparison:
-    """What a later drive says of the map of earlier ones."""
+    """Result of comparing a later drive with the map of earlier ones."""
 
     asked: int
-    """Images that were compared with it,"""
+    """Number of images that were compared with the map."""
     recognised: int
-    """and of them those whose place was known."""
+    """Number of compared images whose place was recognised."""
     observed: tuple[PresenceObserved, ...]
     """Edges that the drive saw blocked, or found open that had been blocked."""
 
@@ -254,7 +255,7 @@ class _Contradictions:
         return [key for key in edges_obstructed(self.graph, found) if max(key) < first]
 
     def _mapped(self, place: _Place, first: int, camera: CameraModel) -> NDArray[np.float64]:
-        """Return (M, 2) what images of earlier drives show to be solid, in the frame of the place's node."""
+        """Return (M, 2) solid points in images of earlier drives, in the frame of the place's node."""
         poses = {node: pose for node, pose in nearby_poses(self.graph, place.node).items() if node < first}
         nearest = sorted(poses, key=lambda node: float(np.hypot(*(poses[node] - place.pose)[:2])))[:_NODES]
         points = [
@@ -278,7 +279,7 @@ class _Contradictions:
 
 
 def _report(graph: TopologicalGraph, drive: JoinedDrive, comparison: _Comparison | None) -> DriveReport:
-    """Return what became of a drive; `comparison` with those before is None for the first. Linear in the map."""
+    """Return the report of a drive; `comparison` with those before is None for the first. Linear in the map."""
     crossing = [
         edge
         for key, edge in graph.edges.items()

@@ -1,4 +1,4 @@
-"""A map built from a recording: which predictor compares its images, and by which system and settings.
+"""Builds a map from a recording: chooses the predictor, the system and the settings.
 
 Owns nothing of the method; `topological_map` builds. The verb and the page share this, so that both make the same map.
 """
@@ -24,24 +24,24 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BuildOptions:
-    """What a person can ask of a map."""
+    """Options of a map."""
 
     preset: str = "robust"
     """Name of the method's settings."""
     system: str = DEFAULT_SYSTEM
     """Name of the navigation system that builds the map."""
     predictor: str = AUTO
-    """What compares images, by name."""
+    """Name of the predictor that compares images."""
     weights: Path | None = None
     """Weights instead of those that come with the system."""
     goals: tuple[FrameId, ...] = ()
-    """Images that must be nodes because somebody will want to go there."""
+    """Images that must become nodes because they are goals."""
     seed: int = 0
-    """Draws the order in which images are sampled."""
+    """Seed of the order in which images are sampled."""
 
 
 class RecordedMap(NamedTuple):
-    """A new map, and from what and by what it was built."""
+    """A new map, with the recording, predictor and settings that made it."""
 
     map: TopologicalMap
     choice: PredictorChoice

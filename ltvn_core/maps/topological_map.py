@@ -1,7 +1,7 @@
-"""A topological map together with the images of its nodes: built from observations, saved to a file, opened again.
+"""A topological map with the images of its nodes: built from observations, saved to a file, loaded again.
 
-Owns no step of the method: Algorithm 1 is `graph.builder`, the file format is `data.recording.map_file`.
-This is what a program holds that builds a map or drives by one.
+Owns no step of the method: Algorithm 1 is `graph.builder`, the file format is `data.recording.map_file`. Programs that
+build a map or drive by one hold this.
 """
 
 import logging
@@ -43,11 +43,11 @@ class TopologicalMap(WithDoubts):
     """Nodes, edges, and the images behind them."""
 
     graph: TopologicalGraph
-    """Nodes and directed edges with what is believed of them; driving changes it."""
+    """Nodes and directed edges with their beliefs; driving changes it."""
     keyframes: KeyframeStore
     """Images and features of all nodes and of the reserve."""
     predictor: Predictor
-    """What compared the images; no other predictor can read their features."""
+    """The predictor that compared the images; no other predictor can read their features."""
     system: NavigationSystem
     """The navigation system that built the map and drives by it."""
     scene: str = ""
@@ -55,17 +55,17 @@ class TopologicalMap(WithDoubts):
     camera: CameraModel | None = None
     """The camera of the images; None is the predictor's."""
     predictor_name: str = ""
-    """By what name `predictor` can be opened again; empty where it has none."""
+    """Name by which `predictor` can be opened again; empty if it has none."""
     scene_glb: bytes | None = None
-    """The scene as binary glTF, to be drawn with the map; None where nobody has a model of it."""
+    """The scene as binary glTF, to be drawn with the map; None without a model of it."""
     coverage: MapCoverage | None = None
-    """What the map knew of its drive when it was built; None for one that was loaded."""
+    """Coverage of the drive when the map was built; None for a map that was loaded."""
     drives: tuple[DriveReport, ...] = ()
-    """What became of each drive when the map was built from several; empty for a map of one, or one that was loaded."""
+    """Reports of the drives when the map was built from several; empty for a single drive, or a map that was loaded."""
     goals: tuple[GoalReport, ...] = ()
     """How each of the goals that were named stood to the map when it was built."""
     findings: tuple[Finding, ...] = ()
-    """What was doubtful of the drive and of the map when it was built, with likely causes and what to do."""
+    """What was doubtful about the drive and the map when it was built, with likely causes and advice."""
 
     @classmethod
     def of(
@@ -91,7 +91,7 @@ class TopologicalMap(WithDoubts):
         system: NavigationSystem | None = None,
         with_reserve: bool = True,
     ) -> Self:
-        """Open the map at the end of a map file, or of any recording in which one was built or used.
+        """Load the map at the end of a map file, or of any recording in which one was built or used.
 
         Args:
             path: The file.
@@ -162,7 +162,7 @@ class TopologicalMap(WithDoubts):
 
     @property
     def images(self) -> list[Observation]:
-        """All images at hand, in the order they were taken; after building, those too that the map did not keep."""
+        """All images in memory, in the order they were taken; after building, also those that the map did not keep."""
         return [self.keyframes.observation(frame) for frame in self.keyframes.frames]
 
     def build(
@@ -227,7 +227,7 @@ class TopologicalMap(WithDoubts):
         bystanders: Bystanders | None = None,
         world_time: Callable[[], float] | None = None,
     ) -> Navigator:
-        """Return a navigator that drives `robot` through the map; what it learns changes the map.
+        """Return a navigator that drives `robot` by the map; driving updates the map.
 
         Args:
             robot: The robot to drive.
@@ -299,7 +299,7 @@ def build_map(
     keyframes = built.keyframes
     keyframes.begin_drives([each.first for each in drives], resumed=[each.first for each in drives if each.continues])
     built.build(images, rng=np.random.default_rng(seed), goals=goals, progress=progress)
-    resumed = keyframes.resumed_starts  # Without the drives whose images contradicted that odometry goes on.
+    resumed = keyframes.resumed_starts  # Drives whose images contradict the continued odometry are left out.
     drives = [each if each.first in resumed else replace(each, continues="") for each in drives]
     reports: tuple[DriveReport, ...] = ()
     if drives:
@@ -340,7 +340,7 @@ def build_map(
 
 
 def _sequence_findings(in_order: Sequence[Observation], drives: Sequence[JoinedDrive]) -> Iterator[Finding]:
-    """Yield what is doubtful of the images of each drive; between two drives clock and odometry may jump."""
+    """Yield findings about the images of each drive; between two drives clock and odometry may jump."""
     if not drives:
         yield from sequence_findings(in_order)
     for drive in drives:

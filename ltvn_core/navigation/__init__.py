@@ -1,1 +1,1 @@
-"""Driving by the map."""
+"""Navigation: drives a robot to goals by a topological map."""

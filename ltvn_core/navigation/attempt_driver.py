@@ -1,6 +1,6 @@
-"""One attempt: drive to a waypoint, predict it anew on the way, and say why it ended.
+"""One attempt: drives to a waypoint, predicts it again on the way, and reports why it ended.
 
-Owns the loop between two control steps. Does not judge whether it reached its node.
+Owns the loop between two control steps. Does not judge whether the robot reached its node.
 """
 
 from collections.abc import Generator
@@ -31,16 +31,16 @@ from ltvn_core.types import CONTROL_STEP_S, NodeId, Pose, Twist, Waypoint
 
 _DETOUR_RANGES_M = np.array([0.1, 0.2, 0.3, 0.45, 0.6, 0.8])
 _DETOUR_BEARINGS_RAD = np.deg2rad(np.arange(-120.0, 121.0, 10.0))
-"""Relative to the waypoint's bearing; what lies behind has not been seen."""
+"""Bearings of detours relative to the waypoint's; what lies behind the robot has not been seen."""
 _GOAL_OFFSETS_M = np.array([0.0, 0.03, -0.03, 0.06, -0.06])
 """How far beside the waypoint the way may end, because the waypoint is predicted."""
 _SAMPLES = 24
 _FAR_M = 0.5
-"""What is farther from a way than this is not looked for."""
+"""Distance from a way beyond which obstacles are ignored, in metres."""
 _COMFORT_MARGIN_M = 0.06
-"""A detour is preferred that leaves so much beside the robot."""
+"""Clearance beside the robot that detours should have, in metres."""
 _CLEARANCE_COST = 20.0
-"""What a metre too little of comfort is worth in metres of way."""
+"""Cost of each metre of missing clearance, in metres of path."""
 
 
 def find_detour(
@@ -108,22 +108,23 @@ def _obstacle_distances_m(tree: KDTree, places: NDArray[np.float64]) -> NDArray[
 
 
 _MAX_WAYPOINT_M = 2.5
-"""No waypoint is believed beyond the range in which the network learned."""
+"""Longest waypoint that is believed: the range in which the network was trained, in metres."""
 _DETOUR_TOLERANCE_M = 0.04
 """Where a way is narrow enough to need a detour, the robot must pass its via point closely."""
 _FRAMES_AROUND_NODE = 8
-"""So many images of the drive before and after a node tell what stands around it."""
+"""Number of images of the drive before and after a node that show its surroundings."""
 _LOOK_AGAIN_STEPS = 3
-"""Who waits looks again after so many control steps."""
+"""Control steps after which a waiting robot looks again."""
 _WAITED_FOR_M = 1.5
-"""The robot waits for people in its way who are nearer than this."""
+"""The robot waits for people in its way who are nearer than this, in metres."""
 _CAREFUL_M, _SLOW_M_S, _SLOWER_1_S = 0.25, 0.15, 0.5
-"""So near to a person the robot drives at no more than the second; a metre farther away, by the third more."""
+"""Within the first distance of a person the robot drives at most at the second speed; the third is the additional speed
+per metre beyond it."""
 _TURNED_RAD, _SLOWEST_TURN_RAD_S = 0.05, 0.2
 _ARC_ROOM_M = 0.2
-"""A car's arc in a turn must be free so far ahead."""
+"""Free way that a car needs for one arc of a turn, in metres."""
 _FINAL_APPROACH_M = 0.3
-"""So near, the waypoint is not predicted anew."""
+"""Distance within which the waypoint is not predicted again, in metres."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -205,7 +206,8 @@ class AttemptDriver:
         return may_wait and self._obstacles.moves_ahead(self._motion.odometry)
 
     def _waits_for_somebody(self) -> bool:
-        """Tell whether to stand where no way is free, because of people who may go; then all ways are tried again."""
+        """Tell whether to wait where no way is free, because people may move out of it; all ways are tried again
+        afterwards."""
         if self._patience_steps <= 0:
             return False
         people = transform_points(self._obstacles.people(self._motion.stamp), invert(self._motion.odometry))
@@ -231,7 +233,7 @@ class AttemptDriver:
     def _reset(self, target: NodeId, waypoint: Waypoint) -> None:
         """Forget how the last attempt went."""
         behind = drives_backwards(waypoint)
-        # Who backs up sees nobody come, so with people about the robot turns round, too.
+        # A robot that backs up does not see approaching people, so with people nearby it turns round, too.
         about = self._obstacles.people_are_about(self._motion.stamp)
         self._turned_round = behind and (about or self._is_narrow(target, waypoint))
         self._backwards = behind and not self._turned_round
@@ -240,7 +242,8 @@ class AttemptDriver:
         self._patience_steps = round(self._config.patience_s / CONTROL_STEP_S)
 
     def _is_narrow(self, target: NodeId, waypoint: Waypoint) -> bool:
-        """Tell whether a way back is narrow; the mapping drive saw what is there, the robot's own camera cannot."""
+        """Tell whether a way back is narrow, by images of the mapping drive, because the robot's camera does not see
+        it."""
         if not self._config.back_up_clearance_m:
             return False
         spec = self._spec
@@ -312,7 +315,7 @@ class AttemptDriver:
             yield from motion.move(twist)
 
     def avoid_obstacles(self, twist: Twist, length_m: float) -> Twist | None:
-        """Return a command as near to `twist` as what stands around allows, None if nothing does."""
+        """Return the command nearest to `twist` that avoids obstacles; None if there is none."""
         if not self._config.depth_veto or not twist.linear_m_s:
             return twist
         odometry = self._motion.odometry
@@ -335,11 +338,11 @@ class AttemptDriver:
         return Twist(float(np.clip(twist.linear_m_s, -limit, limit)), twist.angular_rad_s)
 
     def solid_points(self) -> NDArray[np.float64]:
-        """Return (M, 2) what stands near the robot, in its frame, as far as images of the last moments showed."""
+        """Return (M, 2) solid points near the robot, in its frame, as images of the last moments showed them."""
         return self._obstacles.nearby_points(self._motion.odometry, keeping_from_people=False)
 
     def wander(self, length_m: float) -> Generator[Event | Tick, None, None]:
-        """Drive straight on at half speed, if nothing stands in the way; stop where somebody comes."""
+        """Drive straight on at half speed while nothing is in the way; stop when a person approaches."""
         ahead = Twist(self._config.speed_m_s / 2, 0.0)
         if self.avoid_obstacles(ahead, length_m) == ahead:
             yield from self._motion.drive_straight(length_m, ahead.linear_m_s, goes_on=self._nobody_comes)
@@ -351,12 +354,12 @@ class AttemptDriver:
         return self.avoid_obstacles(ahead, ahead.linear_m_s) == ahead
 
     def hit_points(self) -> NDArray[np.float64]:
-        """Return (M, 2) what the robot hit last, in its frame; none if that is long ago."""
+        """Return (M, 2) points of the last collision, in the robot's frame; none if it was long ago."""
         return self._obstacles.hit_points(self._motion.odometry)
 
     def _back_off(self, *, backwards: bool) -> Generator[Event | Tick, None, None]:
         if self._obstacles.people_are_about(self._motion.stamp):
-            return  # The camera looks the other way; a robot that is not driven on touches nobody.
+            return  # The camera looks the other way, so the robot stands still and touches nobody.
         length_m = self._config.back_off_m if backwards else -self._config.back_off_m
         yield from self._motion.drive_straight(length_m, self._config.speed_m_s / 2)
 

@@ -1,7 +1,8 @@
-"""The people around the robot: who was seen to move, and where they were last, also when the camera looks elsewhere.
+"""People around the robot: who moved, and where each was seen last, also while the camera looks elsewhere.
 
-Somebody is remembered until an image sees through the place, or for some seconds where none shows it. Told by movement
-alone (`navigation.obstacle_memory`); a person who never moved is an obstacle like others. Decides nothing.
+A person is remembered until an image shows the place to be free, or for some seconds while none shows it. People are
+detected by motion alone (`navigation.obstacle_memory`); a person who never moved counts as an obstacle. Decides
+nothing.
 """
 
 import math
@@ -16,25 +17,25 @@ from ltvn_core.cameras.depth_scan import DepthScan
 from ltvn_core.geometry import relative
 
 BODY_M = 0.25
-"""Radius of somebody seen from above."""
+"""Radius of a person seen from above, in metres."""
 _KEPT_S = 12.0
-"""So long somebody is remembered where no image shows the place."""
+"""Time for which a person is remembered while no image shows the place, in seconds."""
 _ABOUT_S = 1800.0
-"""Where anybody was seen moving, somebody may come from anywhere for so long."""
+"""Time after motion was seen during which a person may come from anywhere, in seconds."""
 _ONE_BODY_M = 0.3
 """Moving points nearer to each other than this belong to one body."""
 _POINTS = 8
-"""So many moving points are somebody."""
+"""Number of moving points that make a person."""
 _STEP_M = 0.7
-"""Who is seen moving so near to where somebody was is the same one."""
+"""Distance within which a moving person is the same as one seen before, in metres."""
 _MIDDLE_M = 0.1
-"""The middle of a body is looked at over so much to both sides."""
+"""Half width of the strip in which the middle of a body is looked for, in metres."""
 _THROUGH_M = 0.08
-"""An image sees through a place where it sees nothing until so far before the middle of the body."""
+"""A place is free if an image shows nothing there nearer than this before the middle of the body, in metres."""
 
 
 class Bystander(NamedTuple):
-    """Somebody who was seen to move."""
+    """A person who was seen to move."""
 
     place: NDArray[np.float64]
     """(2,) the middle of the body in the odometry frame."""
@@ -46,12 +47,12 @@ class Bystanders:
     """Remembers people for a navigator, through all its queries."""
 
     def __init__(self) -> None:
-        """Know nobody yet."""
+        """Start without people."""
         self._moved_s = -math.inf
         self._known: list[Bystander] = []
 
     def are_about(self, stamp: float) -> bool:
-        """Tell whether anybody was seen so lately before `stamp` seconds that they may be anywhere now."""
+        """Tell whether motion was seen so recently before `stamp` seconds that a person may be anywhere now."""
         return 0 <= stamp - self._moved_s < _ABOUT_S
 
     def near(self, stamp: float) -> NDArray[np.float64]:
@@ -60,7 +61,7 @@ class Bystanders:
         return np.array(kept, np.float64).reshape(-1, 2)
 
     def noticed(self, stamp: float) -> None:
-        """Remember that somebody moves, too far away to say where."""
+        """Remember that a person moves, but too far away to locate."""
         self._moved_s = stamp
 
     def look(self, scan: DepthScan, moving: NDArray[np.float64]) -> None:
@@ -90,7 +91,7 @@ def _bodies(moving: NDArray[np.float64]) -> list[NDArray[np.float64]]:
 
 
 def _middle(scan: DepthScan, body: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return (2,) the middle of a body of which an image shows the nearer side, (K, 2)."""
+    """Return (2,) the middle of a body whose nearer side an image shows, (K, 2)."""
     gaps = body - scan.pose[:2]
     away_m = np.hypot(*gaps.T)
     direction = (gaps / np.maximum(away_m, 1e-6)[:, None]).mean(axis=0)
@@ -99,7 +100,7 @@ def _middle(scan: DepthScan, body: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _looked_for(known: Bystander, scan: DepthScan) -> Bystander | None:
-    """Return somebody as an image shows them: still there, nearer or farther; out of view as before; None if gone."""
+    """Return a person as an image shows them: still there, moved, or unchanged if out of view; None if gone."""
     ahead, left, _ = relative(scan.pose, np.array([*known.place, 0.0]))
     away_m = math.hypot(ahead, left)
     half_rad = math.asin(min(1.0, _MIDDLE_M / max(away_m, _MIDDLE_M)))
@@ -118,7 +119,7 @@ def _looked_for(known: Bystander, scan: DepthScan) -> Bystander | None:
 
 
 def _centred(place: NDArray[np.float64], scan: DepthScan) -> NDArray[np.float64]:
-    """Return where the middle of a body near `place` (2,) is, if what the image shows there is as wide as a body."""
+    """Return the middle of a body near `place` (2,), if what the image shows there is as wide as a body."""
     bearings, ranges_m = scan.things()
     gap = place - scan.pose[:2]
     aside = np.stack([np.cos(bearings), np.sin(bearings)], axis=-1) * ranges_m[:, None] - gap

@@ -1,6 +1,6 @@
-"""What a navigator thinks with: the map, the images of its nodes, the network and the system, in one place.
+"""Context of a navigator: the map, the images of its nodes, the predictor and the system.
 
-Owns the one way in which the map changes while the robot navigates. Decides nothing.
+Owns the only way in which the map changes while the robot navigates. Decides nothing.
 """
 
 import itertools

@@ -1,7 +1,7 @@
-"""Where the robot is by odometry, where a change of the world keeps it from recognising the place.
+"""Dead reckoning: the robot's place by odometry, used where the world has changed so that the place looks different.
 
-Owns that guess, and telling by depth that a place cannot look as it did when the map was made. A robot that merely does
-not recognise where it is gets no answer. Decides nothing.
+Owns that estimate, and detects by depth that a place must look different from when the map was made. A robot that
+merely fails to recognise a place gets no estimate. Decides nothing.
 """
 
 from collections.abc import Callable, Collection, Sequence
@@ -24,17 +24,17 @@ from ltvn_core.types import NodeId, Pose, Waypoint
 _AT_NODE_DISTANCE = 0.35
 """The robot is at a node that is nearer than this d."""
 _RANGE_M = 4.0
-"""What is farther away counts as so far."""
+"""Range at which depth is capped, in metres."""
 _DIRECTIONS = 24
 _CHANGED_M, _CHANGED_PART = 0.25, 0.15
-"""A place has changed in a direction where it is so much nearer or farther to the next thing, and by such a part."""
+"""Difference of the distance to the nearest obstacle, in metres and as a share, that makes a direction changed."""
 _CHANGED_SHARE = 0.35
-"""It looks different where it has changed in so many directions."""
+"""Share of changed directions from which a place looks different."""
 _CERTAIN = 1.0
 
 
 class DeadReckoning:
-    """Goes on from where the robot was recognised last."""
+    """Dead reckoning from the last place where the robot was recognised."""
 
     def __init__(self, context: NavigationContext, motion: MotionExecutor, perception: Perception) -> None:
         """Know nothing yet."""
@@ -61,11 +61,11 @@ class DeadReckoning:
     def arrive(
         self, segment: Sequence[NodeId], *, is_recognised: bool, fits_depth: Callable[[NodeId, Waypoint], bool]
     ) -> bool:
-        """Tell whether the robot stands at the last node of a segment, and remember that.
+        """Tell whether the robot stands at the last node of a segment, and remember it.
 
-        It is there by odometry, and it is recognised or cannot look as it did. Edges that were never driven do not tell
-        where they lead: at the end of a false one, too, every place looks different. There `fits_depth` must say that
-        what stands around is what stood around the node, at a waypoint (3,).
+        It is there if odometry says so and the place is recognised or must look different. Edges that were never driven
+        may be false, and every place looks different from the node at the end of a false edge. There `fits_depth` must
+        confirm that the surroundings are those of the node, at a waypoint (3,).
         """
         graph = self._context.graph
         target = segment[-1]

@@ -1,7 +1,7 @@
-"""What an event or a change of the map says, in one line, and which edge or node it is about.
+"""Describes an event or a change of the map in one line, and names its edge or node.
 
 The only place where events are put into words: the Rerun log, marks on the slider, breakpoints and the debugger show
-these lines. The exact event stands beside each of them, so nothing parses the text. A new kind of event or change gets
+these lines. The exact event is stored beside each line, so nothing parses the text. A new kind of event or change gets
 its `case` here; pyright names this file until it has one.
 """
 

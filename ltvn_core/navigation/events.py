@@ -44,7 +44,7 @@ class AttemptEnd(StrEnum):
 
     @property
     def failure(self) -> str:
-        """What an attempt is called that ended so and was judged a failure."""
+        """Return the failure that an attempt with this ending had, if it was judged a failure."""
         return "failed, though it got there" if self is AttemptEnd.REACHED else f"failed ({self})"
 
 
@@ -97,7 +97,7 @@ class Localised:
     scope: str
     """Either "local", when a neighbour of the last plan matched, or "global"."""
     probability: float | None = None
-    """How probable this place is among all that fit to what was seen on the way; None where they are not followed."""
+    """Probability of this place among all hypotheses; None without hypotheses."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,7 +153,7 @@ class Collided:
 
     query: int
     count: int
-    """Collisions in this query so far."""
+    """Number of collisions in this query so far."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -214,7 +214,7 @@ class WorldChanged:
     at_s: float = 0.0
     """Time of the world in seconds from midnight of its first day; the robot's clock may stand still meanwhile."""
     outline: Outline | None = None
-    """Where the door, thing or person stands now, for those who have no model of the scene; None where nothing does."""
+    """Outline of the door, thing or person now, for viewers without a model of the scene; None if there is none."""
 
 
 Event: TypeAlias = (

@@ -1,7 +1,7 @@
-"""Did the attempt succeed, is this the goal: verdicts with their reasons.
+"""Verdicts with their reasons: whether an attempt succeeded, and whether the robot is at the goal.
 
-The network that made a false edge also says "arrived" at its end, so the robust method asks for evidence of another
-kind: the place belief, which has seen the whole way. Owns the rules.
+The network that made a false edge also accepts its end, so the robust method asks for independent evidence: the place
+belief, which uses all images on the way. Owns the rules.
 """
 
 from collections.abc import Callable

@@ -1,6 +1,6 @@
-"""What a query teaches the map: the end of an attempt, and what is seen ahead before one.
+"""What a query teaches the map: the end of an attempt, and obstacles seen ahead before one.
 
-Owns what evidence is handed to the system's maintenance and presence; what follows from it is theirs.
+Owns the evidence that is passed to the system's maintenance and presence, which decide what follows from it.
 """
 
 import itertools
@@ -23,13 +23,13 @@ from ltvn_core.navigation.query_memory import MOST_OBSTRUCTIONS, QueryMemory
 from ltvn_core.types import NodeId, Waypoint
 
 _STEPS_OF_A_WAY = 10
-"""Who drove less has hardly left where the last attempt ended."""
+"""Control steps below which the robot has hardly left the place of the last attempt."""
 _EDGES_IN_SIGHT = 4
 """Edges of a plan that a robot at its beginning may look along."""
 
 
 class MapLearner:
-    """Hands on what one query finds out."""
+    """Passes the evidence of one query to the map."""
 
     def __init__(
         self,
@@ -58,11 +58,11 @@ class MapLearner:
         self._obstructions.depart(localisation)
 
     def knows_surroundings(self, source: NodeId) -> bool:
-        """Tell whether most of what the robot sees is what images of the map show, if it has come from a node."""
+        """Tell whether images of the map show most of what the robot sees, if it set off from a node."""
         return self._obstructions.knows_surroundings(source)
 
     def fits_depth(self, node: NodeId, waypoint: Waypoint) -> bool:
-        """Tell whether what the robot sees is what images of a node show, were it at a waypoint (3,) from here."""
+        """Tell whether the robot sees what images of a node show, if the node is at a waypoint (3,) from here."""
         return self._obstructions.fits_depth(node, waypoint)
 
     def look(self, path: GraphPath) -> Generator[Event, None, bool]:
@@ -78,7 +78,7 @@ class MapLearner:
             return False
         self._memory.saw_change = True
         yield from context.apply_deltas(presence.observe(context.graph, obstruction, now_s), self._query)
-        # What stands beside a goal may seem to close the ways to it.
+        # Obstacles beside a goal may seem to close the ways to it.
         ahead = (edge for edge in itertools.pairwise(in_sight) if edge in across and edge[1] != self._goal)
         closed = [edge for edge in ahead if not is_open(context.graph, edge)]
         if not closed or self._memory.obstructions >= MOST_OBSTRUCTIONS:
@@ -104,7 +104,7 @@ class MapLearner:
         if not verdict.succeeded:
             memory.record_failures(segment)
             blocked = result.end in OBSTRUCTED_ENDS
-            # Who is stopped where it stands has not come there anew, and is kept by what stopped it before.
+            # A robot that is stopped before it moves is still stopped by the same obstacle as before.
             came = blocked and result.steps >= _STEPS_OF_A_WAY
             again = came and memory.record_stop((segment[0], segment[-1]))
             obstruction = self._obstructions.find(segment, blocked=blocked, again=again)

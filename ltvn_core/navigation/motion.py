@@ -1,6 +1,6 @@
-"""The robot during one query: moves a control step at a time, and counts.
+"""Motion of the robot during one query: one control step at a time, counted.
 
-Owns the counts and their limits. Every step hands control back to the caller with a `Tick`.
+Owns the counts and their limits. Every step returns control to the caller with a `Tick`.
 """
 
 from collections.abc import Callable, Generator, Iterator
@@ -31,7 +31,7 @@ class MotionExecutor:
     """Drives the robot for one query."""
 
     def __init__(self, robot: Robot, query: int, limits: RecoveryConfig, *, slips: SlipTracker | None = None) -> None:
-        """Count from zero; `slips` puts odometry right where images contradict it."""
+        """Start counting at zero; `slips` corrects odometry where images contradict it."""
         self._robot = robot
         self._query = query
         self._limits = limits
@@ -111,5 +111,5 @@ class MotionExecutor:
             self.observe()
 
     def _mended(self, state: RobotState) -> RobotState:
-        """Return a state of the robot with its odometry put right."""
+        """Return a state of the robot with corrected odometry."""
         return state if self._slips is None else state._replace(odometry=self._slips.mended(state.odometry))

@@ -1,8 +1,8 @@
 """The navigator: from a goal node to a stream of events and ticks.
 
-Owns the beginning and the end of a query, and that the robot stands still afterwards whatever happened. What comes in
-between is `navigation.query_runner`. A query is a generator: it yields events, and a `Tick` whenever the caller should
-let one control step of 0.1 s pass.
+Owns the start and the end of a query, and stops the robot afterwards whatever happened. The query itself is
+`navigation.query_runner`. A query is a generator: it yields events, and a `Tick` whenever the caller should let one
+control step of 0.1 s pass.
 """
 
 from collections.abc import Callable, Iterator
@@ -63,7 +63,7 @@ class Navigator:
         )
         self._motion: MotionExecutor | None = None
         self.view: Observation | None = None
-        """The observation it used last. Events name it by its step, so whoever records events records it too."""
+        """The last observation in use. Events name it by its step, so it must be recorded along with them."""
 
     def query(self, goal: NodeId, query: int) -> Iterator[Event | Tick]:
         """Drive to a node: yield events, and ticks at which the caller lets time pass.

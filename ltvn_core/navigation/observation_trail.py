@@ -24,7 +24,7 @@ class ObservationTrail:
         self.count = 0
         """How many were kept in all."""
         self.beginnings = 0
-        """How often it began anew."""
+        """Number of times that the trail was restarted."""
 
     def add(self, odometry: Pose, features: Features) -> None:
         """Keep features (1, F) taken at an odometry pose (3,), unless they were taken where the last ones were."""
@@ -37,6 +37,6 @@ class ObservationTrail:
         return list(self._observations)[-(self.count - count) :] if self.count > count else ()
 
     def clear(self) -> None:
-        """Begin anew, where the way here seems to have been misunderstood."""
+        """Restart the trail, because the way here was probably misjudged."""
         self._observations.clear()
         self.beginnings += 1

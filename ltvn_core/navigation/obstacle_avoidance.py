@@ -1,6 +1,6 @@
-"""Obstacle avoidance: a command that would end in contact is steered aside, or refused. Pure functions.
+"""Obstacle avoidance: steers a command aside that would end in contact, or refuses it. Pure functions.
 
-Owns the little arcs the robot could drive in the next moment. Plans nothing beyond that.
+Owns the short arcs that the robot can drive in the next moment. Plans nothing beyond that.
 """
 
 import numpy as np
@@ -14,10 +14,10 @@ _STEPS = 6
 _TURN_OFFSETS_RAD_S = (0.0, 0.3, -0.3, 0.6, -0.6, 0.9, -0.9)
 """How much an arc may be bent, the least first."""
 MAX_NOISE_POINTS = 2
-"""So many stray points are not believed."""
+"""Number of stray points that are ignored as noise."""
 CLEARANCE_TOLERANCE_M = 0.005
 _NARROW_SPEED_FACTOR, NARROW_MARGIN_M = 0.4, 0.02
-"""Where the way is too narrow for comfort the robot goes through slowly, with what depth may err left free."""
+"""Speed factor in narrow places, and the clearance kept there for errors of depth."""
 
 
 def collision_free_command(
@@ -33,7 +33,7 @@ def collision_free_command(
     now_m = float(_obstacle_distances_m(np.zeros((1, 2)), points)[0])
     for turn_offset in _TURN_OFFSETS_RAD_S if config.swerve else _TURN_OFFSETS_RAD_S[:1]:
         turn = float(np.clip(twist.angular_rad_s + turn_offset, -config.turn_rad_s, config.turn_rad_s))
-        # Steering aside costs speed, so that there is time to see what comes into view.
+        # Steering aside slows down, so that there is time to see what comes into view.
         adjusted = Twist(twist.linear_m_s * (1 - 0.5 * abs(turn_offset) / config.turn_rad_s), turn)
         if _is_free(adjusted, points, reach_m, _clear_m(radius_m + config.veto_margin_m, now_m)):
             return adjusted
@@ -42,7 +42,7 @@ def collision_free_command(
 
 
 def _clear_m(clear_m: float, now_m: float) -> float:
-    """Return how far the robot must stay away from everything, the nearest of which is `now_m` away now.
+    """Return the distance to keep from obstacles, the nearest of which is `now_m` away.
 
     A robot that is too near already may move away, but not nearer.
     """

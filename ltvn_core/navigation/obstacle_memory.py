@@ -1,7 +1,7 @@
-"""What stands in the robot's way, as far as its depth images showed it in the last moments.
+"""Obstacle memory: obstacles in the robot's way, as its depth images of the last moments showed them.
 
-Owns the points and for how long they are remembered: a door frame leaves the image before the robot has passed it.
-Sees nothing that no image showed, and nothing low close by. Decides nothing: `navigation.obstacle_avoidance` does.
+Owns the points and how long each is remembered: a door frame leaves the image before the robot has passed it. Contains
+nothing that no image showed, and nothing low and close. Decides nothing: `navigation.obstacle_avoidance` does.
 """
 
 from collections import deque
@@ -24,29 +24,29 @@ from ltvn_core.robots.robot_spec import RobotSpec
 from ltvn_core.types import FrameId, Observation, Pose
 
 _YOUNGEST_S, _OLDEST_S = 0.3, 3.0
-"""An image is compared with those taken so much earlier."""
+"""Age of the earlier images that an image is compared with, in seconds."""
 _SAME_PLACE_M = 0.2
-"""A thing that an earlier image saw so near stands still."""
+"""A point within this of one in an earlier image stands still, in metres."""
 MOVING_POINTS = 8
-"""So many moving points close by are somebody."""
+"""Number of moving points nearby that make a person."""
 _SOMEBODY_POINTS, _SOMEBODY_BEARINGS = 16, 4
-"""Farther away so many, in so many bearings, are somebody and no pole that fell between two pixels."""
+"""Number of moving points, and of bearings, that make a person farther away, rather than a pole between two pixels."""
 _PLACED_M = 2.5
-"""Who moves farther away is noticed, but not placed."""
+"""Distance beyond which a moving person is noticed but not located, in metres."""
 
 
 class MovingObstacles:
     """Remembers the depth images of the last seconds."""
 
     def __init__(self, bystanders: Bystanders) -> None:
-        """Remember nothing yet; `bystanders` are told who moves."""
+        """Start with an empty memory; moving people are reported to `bystanders`."""
         self._bystanders = bystanders
         self._scans: deque[DepthScan] = deque(maxlen=24)
 
     def moving(self, scan: DepthScan, things: NDArray[np.float64], nearby: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Return which of the solid points (M, 2) of an image, in the odometry frame, have moved (M,); remember it.
+        """Return (M,) which solid points (M, 2) of an image, in the odometry frame, have moved; remember the image.
 
-        Where nobody as large as a person moves, only points that are `nearby` (M,) can be somebody.
+        Where nothing as large as a person moves, only points that are `nearby` (M,) can be a person.
         """
         moved = self._moved(scan.stamp, things)
         if _are_somebody(things[moved], scan):
@@ -68,7 +68,7 @@ class MovingObstacles:
                 was_free, was_there = _votes(scan, points[asked])
                 free[asked] |= was_free
                 free[asked[was_there]] = False
-                asked = asked[~was_there]  # What stood still is not moving, whatever older images saw.
+                asked = asked[~was_there]  # A point that stood still is not moving, whatever older images show.
         return free
 
 
@@ -88,29 +88,31 @@ def _votes(scan: DepthScan, points: NDArray[np.float64]) -> tuple[NDArray[np.boo
 
 
 _REMEMBERED_IMAGES = 40
-"""So many cover what the robot passed in the last metres, and a whole turn."""
+"""Number of images that cover the last metres and a full turn."""
 _UPDATE_AFTER_M = 0.07
 _UPDATE_AFTER_RAD = 0.08
-"""An image shows what is ahead for longer than a control step; each costs as much as the rest of the step."""
+"""Turn after which the memory is updated; an image stays valid for longer than a control step, and each update costs as
+much as the rest of the step."""
 _COLLISION_MEMORY_STEPS = 100
-"""A collision is forgotten after so many control steps, because its place is a guess that may close a door."""
+"""Control steps after which a collision is forgotten, because its place is a guess that may close a door."""
 _BUMPER_MARGIN_M = 0.02
-"""What was hit is assumed this far outside the robot."""
+"""Distance outside the robot at which a collision is assumed, in metres."""
 _AHEAD_M, _ASIDE_M = 1.1, 0.5
-"""What moves within this rectangle before the robot is close ahead."""
+"""Rectangle before the robot in which moving things are close ahead."""
 _ATTENTIVE_S = 0.08
 """With people near, an image older than this is replaced, even if the robot has not moved."""
 _KEEP_M = 0.12
-"""The robot keeps so much more distance from people,"""
+"""Extra distance that the robot keeps from people, in metres."""
 _NEXT_TO_M = 0.1
-"""What is seen so near to a person is held to be the person."""
+"""Radius around a person within which points count as part of the person, in metres."""
 _AROUND = np.linspace(-np.pi, np.pi, 40, endpoint=False).repeat(3)
 _RING = (BODY_M + _KEEP_M) * np.stack([np.cos(_AROUND), np.sin(_AROUND)], axis=-1)
-"""as if they were so wide; each point counts three times, so that it is not taken for noise."""
+"""Points (N, 2) around a person, wider than the person by `_KEEP_M`. Each counts three times, so that none is filtered
+as noise."""
 _SIDES_M = 0.15 * np.array([(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)])
-"""From what moves the robot keeps so much more distance."""
+"""Extra distance that the robot keeps from moving things, in metres."""
 _HIT_WIDTH_M, _HIT_POINTS = 0.5, 11
-"""How wide what was hit is held to be, and by how many points that is shown."""
+"""Assumed width of an obstacle that was hit, and the number of points that represent it."""
 _COLLISION_BEARINGS_RAD = np.deg2rad(np.repeat([-12.0, 0.0, 12.0], 3))
 """Each point counts three times, so that it is not taken for noise."""
 
@@ -131,7 +133,7 @@ class ObstacleMemory:
     """Solid points of the last images, kept where odometry puts them."""
 
     def __init__(self, spec: RobotSpec, *, bystanders: Bystanders | None = None) -> None:
-        """Know nothing yet; one that is given `bystanders` keeps apart what moves, and tells them of it."""
+        """Start with an empty memory; with `bystanders`, moving points are kept apart and reported to them."""
         self._camera = spec.camera
         self._height_m = spec.height_m
         self._bumper_m = round(spec.clear_radius_m + _BUMPER_MARGIN_M, 3)
@@ -140,7 +142,7 @@ class ObstacleMemory:
         self._bystanders = bystanders
         self._movement = None if bystanders is None else MovingObstacles(bystanders)
         self._moving = np.empty((0, 2))
-        """(M, 2) what moves, where the newest image saw it, in the odometry frame."""
+        """(M, 2) moving points in the newest image, in the odometry frame."""
         self._last_step = -1
         self._last_stamp = -np.inf
         self._last_pose: Pose | None = None
@@ -158,7 +160,7 @@ class ObstacleMemory:
         return stamp - self._last_stamp > _ATTENTIVE_S and len(self.people(stamp)) > 0
 
     def add(self, observation: Observation) -> None:
-        """Remember what an image shows; the same image again changes nothing, and one without depth hides nothing."""
+        """Remember the obstacles in an image; a repeated image changes nothing, and one without depth hides nothing."""
         if observation.step == self._last_step:
             return
         while self._collisions and observation.step - self._collisions[0].step > _COLLISION_MEMORY_STEPS:
@@ -169,7 +171,7 @@ class ObstacleMemory:
         if not observation.has_depth:
             return
         scan, things, nearby = self._read(observation)
-        # What has gone, and what never was, hides nothing for longer than until it is looked at again.
+        # Points that are gone, or were never there, are dropped once an image shows their place again.
         for k, points in enumerate(self._seen):
             self._seen[k] = points[~scan.looks_past(points)]
         if self._movement is None:
@@ -210,8 +212,8 @@ class ObstacleMemory:
     def bump(self, odometry: Pose, *, backwards: bool) -> None:
         """Remember a collision before, or behind, a robot at `odometry` (3,).
 
-        No image need have shown it. Where on the bumper it was is unknown, so a narrow piece in the middle is believed;
-        what is wider is found collision by collision.
+        No image need show the obstacle. The place on the bumper is unknown, so a narrow piece in the middle is assumed;
+        a wider obstacle is found by further collisions.
         """
         yaw = float(odometry[2]) + (np.pi if backwards else 0.0)
         directions = yaw + _COLLISION_BEARINGS_RAD
@@ -219,9 +221,9 @@ class ObstacleMemory:
         self._collisions.append(_Collision(self._last_step, odometry[:2] + rim, backwards))
 
     def hit_points(self, odometry: Pose) -> NDArray[np.float64]:
-        """Return (M, 2) what was hit last and not long ago, in the frame of a robot at `odometry` (3,).
+        """Return (M, 2) points of a recent collision, in the frame of a robot at `odometry` (3,).
 
-        It is held to lie straight across the robot's way, about as wide as the robot.
+        The obstacle is assumed straight across the robot's way, about as wide as the robot.
         """
         if not self._collisions:
             return np.empty((0, 2))
@@ -233,10 +235,10 @@ class ObstacleMemory:
     def nearby_points(
         self, odometry: Pose, *, backwards: bool = False, keeping_from_people: bool = True
     ) -> NDArray[np.float64]:
-        """Return (M, 2) all remembered points in the frame of a robot at `odometry` (3,), those nearby.
+        """Return (M, 2) all remembered points near a robot at `odometry` (3,), in its frame.
 
-        What was hit while backing up counts only for backing up; for the way ahead the camera knows better.
-        Around people there are points at the distance to be kept, too, unless these are not wanted.
+        Collisions while backing up count only for backing up; ahead the camera knows better. Around people, points are
+        added at the distance to keep, unless these are not wanted.
         """
         collision_points = [bump.rim for bump in self._collisions if backwards or not bump.backwards]
         people = [place + _RING for place in self.people(self._last_stamp)] if keeping_from_people else []

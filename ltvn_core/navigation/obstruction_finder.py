@@ -1,7 +1,7 @@
-"""Sees what stands around the robot that was not there when the map was made.
+"""Finds obstacles around the robot that were not there when the map was made.
 
-Owns telling new things from those that the images of the map show, and things on the way from those beside it. What
-they close is `graph.presence.obstruction`. `FreeView` says how far the floor is free in each direction.
+Owns the distinction between new and known obstacles, and between those on the way and those beside it. Which edges they
+close is `graph.presence.obstruction`. `FreeView` says how far the floor is free in each direction.
 """
 
 import itertools
@@ -35,17 +35,17 @@ from ltvn_core.types import Depth, NodeId, Pose, Waypoint
 _BEARING_STEP_RAD = math.radians(2.2)
 """Wider than a pair of pixels, so that every direction has some."""
 _EDGE_RAD = math.radians(3.0)
-"""So near to the edge of an image nothing is known."""
+"""Margin at the edge of an image within which nothing is known, in radians."""
 _FREE_RANGE_M = 3.5
 """Farther away a leaf that is seen aslant may be taken for a gap."""
 _BEHIND_M = 0.15
-"""A place is free if nothing is seen until so far behind it."""
+"""A place is free if nothing is seen up to this distance behind it."""
 _BEYOND_M = 0.25
-"""So far before and behind a way must be free, too."""
+"""Length before and behind a way that must be free, too."""
 _UNDERFOOT_M = 0.3
-"""What is so near is where the robot stands."""
+"""Radius of the area that the robot itself covers."""
 _STEP_M = 0.08
-"""A way is looked at in places so far apart."""
+"""Spacing of the places at which a way is checked."""
 
 
 class FreeView:
@@ -66,7 +66,7 @@ class FreeView:
     def shows_free(self, way: NDArray[np.float64]) -> bool:
         """Tell whether all of a straight way (2, 2), start and end in the robot's frame, is seen to be free.
 
-        The robot has room at its ends, too: what closes a way may stand just behind them.
+        The robot must have room at its ends, too, because an obstacle may stand just behind them.
         """
         along = (way[1] - way[0]) / max(float(np.hypot(*(way[1] - way[0]))), 1e-9)
         start = way[0] - _BEYOND_M * along
@@ -90,32 +90,32 @@ class FreeView:
 _RANGE_M = 2.5
 """Things farther away are not placed well enough."""
 _KNOWN_WITHIN_M = 0.18
-"""What is so near to something that an image of the map shows is held to be that."""
+"""Points within this of a point in an image of the map count as known."""
 _NODES = 12
-"""The images of so many nodes, the nearest ones, tell what was there."""
+"""Number of nearest nodes whose images show what was there."""
 _IMAGES_AROUND = 3
-"""So many images of the mapping drive before and after each of them tell, too."""
+"""Number of images of the mapping drive before and after each of these nodes that are used, too."""
 _SURE_REACHABILITY = 0.8
 _KNOWN_SHARE, _KNOWN_SHARE_IF_UNSURE = 0.5, 0.75
-"""Where less of what stands around is known, the robot is probably not where it thinks it is. Of 62 looks in two
+"""Share of known surroundings below which the robot is probably not where it thinks it is. Of 62 checks in two
 apartments with closed doors these rules kept all 50 at the right place and none of 12 at a wrong one."""
 _LEAST_POINTS = 8
-"""Fewer new points are held to be noise, and of them"""
+"""Minimum number of new points that count as an obstruction."""
 _LEAST_ON_WAY = 4
-"""fewer on the way of the robot's body."""
+"""Minimum number of new points inside the robot's swept path."""
 _GRID_M = 0.05
 """Of points within such a cell one is kept."""
 _CELLS = 1 << 32
-"""More than there are in a row."""
+"""Stride of a row of cells, larger than any row."""
 
 
 class ObstructionFinder:
-    """Compares what stands around with the images of the map."""
+    """Compares the surroundings with the images of the map."""
 
     def __init__(
         self, context: NavigationContext, motion: MotionExecutor, perception: Perception, driver: AttemptDriver
     ) -> None:
-        """Look through `perception`; what was seen on the way is what `driver` remembers."""
+        """Look through `perception`; obstacles seen on the way are remembered by `driver`."""
         self._context = context
         self._motion = motion
         self._perception = perception
@@ -125,7 +125,7 @@ class ObstructionFinder:
         self._needed_share = _KNOWN_SHARE
 
     def depart(self, localisation: Localisation) -> None:
-        """Remember from where the robot sets off, if that is sure and what closes a way is of use to the system."""
+        """Remember where the robot sets off, if that is certain and the system uses observations of presence."""
         unsure = localisation.reachability < _SURE_REACHABILITY
         self._needed_share = _KNOWN_SHARE_IF_UNSURE if unsure else _KNOWN_SHARE
         believed = localisation.reachability > self._context.method.localising.reachability
@@ -148,7 +148,7 @@ class ObstructionFinder:
         return [key for key, way in ways.items() if view.shows_free(transform_points(way, back))]
 
     def look(self, segment: Sequence[NodeId]) -> Obstruction | None:
-        """Return the same as `find` if anything at all lies across the way of an edge nearby, which costs little."""
+        """Return the result of `find` if anything lies across the way of a nearby edge, which is cheap to check."""
         if self._departure is None or len(segment) < 2:
             return None
         solid = self._solid_points(self._here())
@@ -156,7 +156,7 @@ class ObstructionFinder:
         return self.find(segment) if edges_obstructed(self._context.graph, anything) else None
 
     def knows_surroundings(self, source: NodeId) -> bool:
-        """Tell whether enough of what stands around is known for a robot that set off from `source`."""
+        """Tell whether enough of the surroundings is known for a robot that set off from `source`."""
         if self._departure is None or self._node != source:
             return False
         here = self._here()
@@ -164,16 +164,16 @@ class ObstructionFinder:
         return bool(self._is_new(solid, source, here).sum() <= (1 - self._needed_share) * len(solid))
 
     def fits_depth(self, node: NodeId, waypoint: Waypoint) -> bool:
-        """Tell whether what stands around is what images of a node show, were it at a waypoint (3,) from here."""
+        """Tell whether the surroundings are those in the images of a node, if it is at a waypoint (3,) from here."""
         solid = self._solid_points(invert(waypoint))
         new = _is_new_to(solid, self._images_of([(node, np.zeros(3))]))
         return len(solid) >= _LEAST_POINTS and bool(new.mean() <= 1 - _KNOWN_SHARE_IF_UNSURE)
 
     def find(self, segment: Sequence[NodeId], *, blocked: bool = False, again: bool = False) -> Obstruction | None:
-        """Return what is new around the robot on its way along nodes, None if nothing is.
+        """Return the new obstacles around the robot on its way along nodes; None without any.
 
-        A robot that does not know well where it is says nothing. `blocked`: something made it stop; `again`: and not
-        for the first time, so that it is in the way, even if no image shows it there.
+        Nothing is reported while the robot's place is uncertain. `blocked`: an obstacle stopped the robot; `again`: for
+        a repeated time, so that it is in the way even if no image shows it there.
         """
         if self._departure is None or len(segment) < 2:
             return None
@@ -197,14 +197,15 @@ class ObstructionFinder:
         return compose(invert(node_seen), relative(odometry, self._motion.odometry))
 
     def _solid_points(self, here: Pose) -> NDArray[np.float64]:
-        """Return (M, 2) what a robot at a pose (3,) sees now, and saw near it in the last moments, thinned out."""
+        """Return (M, 2) points that a robot at a pose (3,) sees now, and saw near it in the last moments, thinned
+        out."""
         seen = obstacle_points(self._perception.observation.depth, self._context.spec.camera, _RANGE_M)
         return _thinned(transform_points(np.concatenate([seen, self._driver.solid_points()]), here))
 
     def _hit_unseen(self, node: NodeId, here: Pose) -> NDArray[np.float64]:
-        """Return (M, 2) what the robot hit, in the frame of a node: who backs up hits what no image shows.
+        """Return (M, 2) points of a collision that no image showed, as while backing up, in the frame of a node.
 
-        What was there always, or is beside that, tells nothing.
+        Collisions with known obstacles, or beside them, are left out.
         """
         hit = transform_points(self._driver.hit_points(), here)
         return hit if self._is_new(hit, node, here).all() else hit[:0]
@@ -216,7 +217,7 @@ class ObstructionFinder:
         return _is_new_to(points, self._images_of([(other, poses[other]) for other in nearest]))
 
     def _images_of(self, nodes: Sequence[tuple[NodeId, Pose]]) -> NDArray[np.float64]:
-        """Return (M, 2) what the images around nodes show, each node at a pose (3,)."""
+        """Return (M, 2) points in the images around nodes, each node at a pose (3,)."""
         camera = self._context.spec.camera
         return np.concatenate(
             [

@@ -1,4 +1,4 @@
-"""Where in a map the images of a drive were taken that somebody else steers, or that is over. Drives nothing."""
+"""Localises the images of a finished drive, or of one that somebody else steers, in a map. Drives nothing."""
 
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.localiser import Localisation, LocalisationPrior

@@ -108,7 +108,7 @@ class Perception:
         return self.node_match(node)._replace(reachability=float(supported.reachability[0]))
 
     def _match(self, node: NodeId) -> Matches:
-        image = self.features  # First, because a new observation clears what was compared with the last one.
+        image = self.features  # First, because a new observation clears the comparisons of the last one.
         if node not in self._matches:
             self._matches[node] = self._matcher.match(image, (node,))
         return self._matches[node]

@@ -1,6 +1,6 @@
-"""Where the robot probably is, by all the images on its way.
+"""Tracks the place of the robot over all images of a query.
 
-Owns which images the belief gets to see. The places and their weights are in `graph.place_belief`.
+Owns which images update the belief. The places and their weights are in `graph.place_belief`.
 """
 
 from collections.abc import Collection

@@ -1,7 +1,7 @@
-"""What the navigator remembers of one query and forgets afterwards: which edges it drove and which failed.
+"""Memory of one query: which edges were driven and which failed. It ends with the query.
 
-Owns the rules against running in circles: penalties, repeats, and the node it is held to be at after an attempt without
-a step. Beliefs that outlive the query are the map's.
+Owns the rules against driving in circles: penalties, repeats, and the node that the robot is assumed at after an
+attempt without a step. Beliefs that outlive the query belong to the map.
 """
 
 import itertools
@@ -14,11 +14,11 @@ from ltvn_core.navigation.events import Outcome
 from ltvn_core.types import NodeId
 
 MOST_OBSTRUCTIONS = 4
-"""A robot that has found its way closed so often in one query hopes no longer that what it sees there is wrong."""
+"""Number of obstructions in one query after which the robot no longer doubts them."""
 
 
 _MOST_FRESH_HOPES = 2
-"""So often it begins to hope anew, once it has looked all round."""
+"""Number of times that closed ways may be tried again, each after a full look around."""
 
 
 class QueryMemory:
@@ -34,15 +34,15 @@ class QueryMemory:
         self._searched: set[NodeId] = set()
         self._failed_from: Counter[NodeId] = Counter()
         self.penalties: dict[EdgeKey, float] = {}
-        """What edges cost more for the rest of the query."""
+        """Extra costs of edges for the rest of the query."""
         self.plan: tuple[NodeId, ...] = ()
         """The last plan; the robot is looked for around it first."""
         self.assumed_node: NodeId | None = None
-        """Where the robot is held to be, because an attempt to reach it took no step; used once."""
+        """Node that the robot is assumed at, because an attempt to reach it took no step; used once."""
         self.consecutive_failures = 0
-        """Observations in a row without a node or without a path."""
+        """Consecutive observations without a node or without a path."""
         self.give_up_outcome = Outcome.LOST
-        """What the query ends with if it is given up: no path counts for more than being lost on the way."""
+        """Outcome if the query is given up: no path takes precedence over being lost on the way."""
         self.approached: NodeId | None = None
         """The node that was approached last instead of its successor."""
         self.obstructions = 0
@@ -83,7 +83,7 @@ class QueryMemory:
         return again
 
     def record_failures(self, segment: Sequence[NodeId]) -> None:
-        """Remember that an attempt along a path of nodes failed; nobody knows which of its edges is to blame."""
+        """Remember that an attempt along a path of nodes failed; any of its edges may be the cause."""
         for edge in itertools.pairwise(segment):
             self.record_failure(edge)
 
@@ -94,7 +94,7 @@ class QueryMemory:
             self.doubted.add(node)
 
     def begin_anew(self) -> None:
-        """Believe every node once more, and a few times that ways may be open; what edges cost more is kept."""
+        """Trust every node again and, a few times, try closed ways again; extra costs of edges are kept."""
         self._fresh_hopes += 1
         if self._fresh_hopes <= _MOST_FRESH_HOPES:
             self.obstructions = 0
@@ -110,6 +110,6 @@ class QueryMemory:
         self.plan = ()
 
     def take_assumed_node(self) -> NodeId | None:
-        """Return where the robot is held to be, once."""
+        """Return the node that the robot is assumed at, once."""
         node, self.assumed_node = self.assumed_node, None
         return node

@@ -1,6 +1,6 @@
-"""One query under way: the loop of the paper, in the order in which it happens.
+"""Runs one query: the loop of the paper, step by step.
 
-Owns that order and the events that tell about it. The decisions are elsewhere: in the strategies of
+Owns the order of the steps and the events that report them. The decisions are elsewhere: in the strategies of
 `graph.navigation_system`, in `graph.planner`, `navigation.attempt_driver` and `navigation.judgement`.
 """
 
@@ -169,7 +169,7 @@ class QueryRunner:
             # From the same place it would be blocked again, so the robot looks for another way from aside.
             yield from self._recovery.turn()
             return False
-        # An attempt of no step would be planned again for ever, so the robot is held to have arrived.
+        # An attempt without a step would be planned again for ever, so the robot counts as arrived.
         self._memory.assumed_node = target
         return source is None and target == self._goal
 
@@ -228,13 +228,13 @@ class QueryRunner:
         yield self._ended(attempt, source, target, result.end, verdict)
         usable = yield from self._perception.can_compare()
         if verdict.succeeded and not result.steps and self._context.system.follows_presence:
-            return result  # Who has not moved has not found out what is open.
+            return result  # Without moving, the robot has learned nothing about what is open.
         if source is not None and usable:
             yield from self._map_learner.learn(attempt, segment, node_match, verdict, result)
         elif source is not None:
             self._memory.record_failures(segment)  # So that it is not driven for ever; the map learns nothing.
         elif self._context.system.follows_presence and result.end in OBSTRUCTED_ENDS:
-            self._memory.doubted.add(target)  # What it sees may be beyond something that was not there.
+            self._memory.doubted.add(target)  # The robot may see past a place that was wrongly taken for an obstacle.
         return result
 
     def _is_by_odometry(self, segment: Sequence[NodeId]) -> bool:
@@ -280,7 +280,7 @@ class QueryRunner:
         return self._places.place(self._perception.trail, self._motion.odometry, self._memory.doubted)
 
     def _known_waypoint(self, node: NodeId, probability: float) -> Waypoint | None:
-        """Return where a node is (3,) from here, if the robot is so probably where all that it saw puts it."""
+        """Return the waypoint (3,) of a node from here, if the place belief is certain enough."""
         place = self._place()
         return None if place is None or place.probability <= probability else place.nodes.get(node)
 

@@ -1,6 +1,6 @@
-"""What a robot does that does not know where it is, or sees no way: look around, move on a little, give up.
+"""Recovery of a robot that is lost or has no path: look around, move on a little, give up.
 
-Owns the order of these and when an image that nobody recognised is offered to the map.
+Owns the order of these steps and when an unrecognised image is offered to the map.
 """
 
 from collections.abc import Iterator
@@ -26,7 +26,7 @@ class Recovery:
         memory: QueryMemory,
         query: int,
     ) -> None:
-        """Recover with `driver`, by what `memory` knows of the query."""
+        """Recover with `driver`, given what `memory` holds of the query."""
         self._context = context
         self._config = context.method.recovering
         self._motion = motion
@@ -50,7 +50,7 @@ class Recovery:
             raise QueryAborted(memory.give_up_outcome)
         around = memory.consecutive_failures % self._config.looks_per_turn == 0
         if around:
-            # Perhaps it was wrong about the way here, about where it is not, and about what is closed.
+            # The robot may be wrong about the way here, the doubted nodes, and closed ways.
             self._perception.trail.clear()
             memory.begin_anew()
         if self._config.wander_m and around and usable:
@@ -60,7 +60,7 @@ class Recovery:
     def turn_to_see(self) -> EventGenerator[None]:
         """Turn as a lost robot does, but keep the plan, around which the robot is looked for first."""
         plan = self._memory.plan
-        self._memory.assumed_node = None  # From another heading it is no longer held to be there.
+        self._memory.assumed_node = None  # After a turn the assumed node no longer holds.
         yield from self.recover(Outcome.LOST)
         self._memory.plan = plan
 
@@ -69,7 +69,7 @@ class Recovery:
         yield from self._driver.turn(self._config.turn_rad)
 
     def _remember_novel(self) -> Iterator[Event]:
-        """Let the system make a node of what nobody recognised."""
+        """Let the system make a node of an unrecognised image."""
         context = self._context
         seen = self._perception.observation
         unrecognised = UnrecognisedObservation(seen, self._perception.features, self._memory.consecutive_failures)

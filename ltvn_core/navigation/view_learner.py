@@ -1,8 +1,8 @@
-"""How places come to have other views: what the robot sees where odometry puts it at a node that it does not recognise.
+"""Learns views: images taken where odometry puts the robot at a node that it does not recognise.
 
-Owns which image is offered as a view, and the proof that it was taken there: the robot must recognise nodes before it
-and on a stretch after it, or arrive, and odometry must agree with all of them. A robot that took one room for another
-agrees with itself for a while. How many views a node keeps is `graph.node_views`'s.
+Owns which image becomes a view, and the proof that it was taken there: the robot must recognise nodes before it and on
+a stretch after it, or arrive, and odometry must agree with all of them. A robot that mistakes one room for another also
+agrees with itself for a while. `graph.node_views` limits the number of views of a node.
 """
 
 from collections.abc import Iterator
@@ -23,11 +23,12 @@ from ltvn_core.navigation.perception import Perception
 from ltvn_core.types import Features, FrameId, NodeId, Observation, Pose, Waypoint
 
 _TRUSTED_M = 4.0
-"""So far odometry is believed after a node was recognised."""
+"""Distance over which odometry is trusted after a node was recognised, in metres."""
 _GAP_M, _GAP_RAD = 0.35, 0.35
-"""Where a node is recognised, and where odometry expects it, may be so far apart."""
+"""Largest difference between where a node is recognised and where odometry expects it, in m and rad."""
 _PROOF_M = 2.0
-"""So far the robot must drive on, without contradiction, before an image becomes a view; less where it arrives."""
+"""Distance that the robot must drive on without contradiction before an image becomes a view, in metres; less if it
+arrives."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,7 +61,7 @@ class ViewLearner:
         reckoning: DeadReckoning,
         query: int,
     ) -> None:
-        """Know of no candidate yet; `reckoning` knows where the robot is by odometry."""
+        """Start without candidates; `reckoning` knows the robot's place by odometry."""
         self._context = context
         self._config = context.system.views
         self._query = query

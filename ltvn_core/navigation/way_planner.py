@@ -1,4 +1,4 @@
-"""The plans of one query: by what exists, and by what is open at the moment.
+"""Plans of one query: over the edges that exist and are open now.
 
 Owns what a plan takes into account. Finds no path itself (`graph.planner`, `graph.presence.presence_plan`).
 """
@@ -20,15 +20,15 @@ class WayPlanner:
     """Plans for one query."""
 
     def __init__(self, context: NavigationContext, memory: QueryMemory, goal: NodeId) -> None:
-        """Plan ways to `goal` in the map of `context`, by what `memory` knows of the query."""
+        """Plan paths to `goal` in the map of `context`, given what `memory` holds of the query."""
         self._context = context
         self._memory = memory
         self._goal = goal
 
     def plan(self, start: NodeId, stamp: float) -> GraphPath:
-        """Return the way to take from a node at a moment on the robot's clock.
+        """Return the path to take from a node at a moment on the robot's clock.
 
-        A way that ends at the goal is never given up: what stands beside the goal may seem to close it.
+        A last edge to the goal is never given up, because obstacles beside the goal may seem to close it.
         """
         context = self._context
         penalties = self._memory.penalties
@@ -48,7 +48,8 @@ class WayPlanner:
         return path if path.nodes else self._hope(start, open_now)
 
     def _hope(self, start: NodeId, open_now: EdgeProbabilities) -> GraphPath:
-        """Return the way through what is most probably open after all, a few times a query; somebody may have erred."""
+        """Return the path through the edges that are most probably open after all, a few times a query, in case of
+        errors."""
         context = self._context
         memory = self._memory
         if memory.obstructions >= MOST_OBSTRUCTIONS:

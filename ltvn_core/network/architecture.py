@@ -68,13 +68,13 @@ class StackedArchitecture:
     stem: int = 32
     """Channels at half resolution."""
     quarter: int = 32
-    """Channels at a quarter of the resolution,"""
+    """Channels at 1/4 of the resolution."""
     eighth: int = 64
-    """at an eighth,"""
+    """Channels at 1/8 of the resolution."""
     sixteenth: int = 128
-    """at a sixteenth,"""
+    """Channels at 1/16 of the resolution."""
     last: int = 192
-    """and after the last halving."""
+    """Channels after the last halving."""
     hidden: int = 128
     """Width of the fully connected layer before the output."""
 

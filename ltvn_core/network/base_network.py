@@ -22,9 +22,9 @@ class ComparedBatch(NamedTuple, Generic[FeaturesT]):
     features: FeaturesT
     """Of the B images."""
     source_features: FeaturesT
-    """Of the P sources,"""
+    """Features of the P sources."""
     target_features: FeaturesT
-    """and of the P targets."""
+    """Features of the P targets."""
     output: PairOutput
     """Predictions of the network for the pairs."""
     waypoints: Tensor
@@ -78,7 +78,7 @@ class BaseNetwork(nn.Module, Generic[FeaturesT]):
         return None
 
     def auxiliary_losses(self, compared: ComparedBatch[FeaturesT]) -> dict[str, Tensor]:
-        """Return the terms that training adds to Eq. 1, by the name of their weight in `LearningPlan`."""
+        """Return the terms that training adds to Eq. 1, by the name of their weight in `Hyperparameters`."""
         return {}
 
     def reachability_loss(self, logit: Tensor, reachable: Tensor) -> Tensor:

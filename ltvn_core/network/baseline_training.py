@@ -93,9 +93,9 @@ class BaselineCard:
     commands: Sequence[str]
     """What makes these weights again, up to the time that training took elsewhere."""
     before: BaselineMetrics | None
-    """Of the weights that training started from, if there were any,"""
+    """Metrics of the weights that training started from; None if it started from none."""
     after: BaselineMetrics
-    """and of these."""
+    """Metrics of the new weights."""
 
 
 def evaluate_baseline(predictor: Predictor, scenes: Sequence[SceneExamples]) -> BaselineMetrics:

@@ -37,9 +37,9 @@ class DrivingMeasurements:
     success_if_not: SuccessRate
     """p(s given not r)."""
     arrival_if_reachable: SuccessRate
-    """How often the robot truly stood within 0.72 m and 0.4 rad of the edge's end,"""
+    """How often the robot truly stood within 0.72 m and 0.4 rad of the edge's end, for edges that exist."""
     arrival_if_not: SuccessRate
-    """and how often where the edge does not exist."""
+    """How often the robot truly stood within 0.72 m and 0.4 rad of the edge's end, for edges that do not exist."""
     connected_if_not: int
     """Driven edges that do not exist but that the method would put into a map; the others come next in r."""
     not_begun: int

@@ -56,9 +56,9 @@ class TokenCorrespondence(NamedTuple):
     """The tokens of P pairs that show the same surface, by the ground truth."""
 
     pair: Tensor
-    """(M,) rows of the matched token pairs,"""
+    """(M,) rows of the matched token pairs."""
     source: Tensor
-    """(M,) their source tokens,"""
+    """(M,) source tokens of the matches."""
     target: Tensor
     """(M,) and target tokens."""
     unmatched_source: Tensor

@@ -49,9 +49,9 @@ class DriveMetrics:
     far_fpr_at_tpr60: float
     """Share of the far pairs that exceed it: the rate of false long-range edges."""
     far_fpr_at_half: float
-    """Share of the far pairs with r above 0.5,"""
+    """Share of the far pairs with r above 0.5."""
     near_tpr_at_half: float
-    """and of the near pairs."""
+    """Share of the near pairs with r above 0.5."""
 
 
 def pair_metrics(

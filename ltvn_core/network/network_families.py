@@ -110,7 +110,7 @@ class StackedFeatures(NamedTuple):
     """B images without any encoding."""
 
     rgb: Tensor
-    """(B, 3, H, W) in [0, 1]"""
+    """(B, 3, H, W) in [0, 1]."""
     depth: Tensor
     """(B, H, W) metres; 0 where missing."""
 

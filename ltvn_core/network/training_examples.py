@@ -78,9 +78,9 @@ class FarCriterion:
     """Limits beyond which a pair is certainly a negative (ours; well beyond the limits of reachability)."""
 
     distance_m: float = 3.0
-    """Pairs with a larger distance are far,"""
+    """Pairs with a larger distance are far."""
     yaw_rad: float = radians(92)
-    """and so are pairs with a larger difference of heading."""
+    """Pairs with a larger difference of heading are far."""
 
     def pairs(self, sources: Pose, targets: Pose) -> NDArray[np.bool_]:
         """Return (S, T): which of sources (S, 3) and targets (T, 3) are far from each other."""

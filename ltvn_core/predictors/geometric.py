@@ -196,9 +196,9 @@ VERSION = 2
 SHORTLIST_FROM = 24
 """One image against at least so many others is compared in full with the most similar ones alone."""
 SIMILAR = 64
-"""Of the others so many are chosen by their place vectors,"""
+"""Number of other images chosen by their place vectors."""
 SHORTLIST = 12
-"""and of those so many by the votes of their key points."""
+"""Number of these that are kept, by the votes of their key points."""
 
 LEAST_WIDTH_PX = 160
 """In images 96 pixels wide it finds half as many near pairs as in those of 320."""

@@ -169,10 +169,10 @@ class OwnPairs:
     """P pairs of a drive of N images that were compared in full."""
 
     source: NDArray[np.intp]
-    """(P,) rows of the images,"""
+    """(P,) rows of the source images."""
     target: NDArray[np.intp]
     images: int
-    """N"""
+    """Number of images, N."""
     near: NDArray[np.bool_]
     """(P,): an edge between them would be right, and is wanted."""
     far: NDArray[np.bool_]
@@ -236,9 +236,10 @@ class Adaptation:
     calibration: Calibration
     """Without a card."""
     before: Acceptance
-    """By the parent,"""
+    """Acceptance by the parent's calibration."""
     after: Acceptance
-    """and by the adapted calibration, each stretch by a fit to the others; as before where the parent stays."""
+    """Acceptance by the adapted calibration, each stretch by a fit to the others; equal to `before` where the parent
+    stays."""
     ridge: float | None = None
     """Of the fit; None where the parent's weights stay, because no others are better."""
     caution: float = 0.0

@@ -134,9 +134,9 @@ INLIER_REACH = 0.009
 _CELLS = 4
 """The image has so many cells along each side when it is counted how far the agreeing key points are spread."""
 _RIVALS = 160
-"""So many of the strongest key points are asked for other matches,"""
+"""Number of the strongest key points that are searched for rival matches."""
 _RIVAL_MARGIN, _RIVAL_MIN = 0.05, 0.75
-"""whose cosines are hardly less than the best one's."""
+"""A rival match has a cosine at most this much below the best one's, and at least this high."""
 _RIVAL_REACH_M = 0.08
 _RIVAL_PAIRS = 300
 """More pairs would not say more."""
@@ -311,5 +311,5 @@ def _logistic(part: Mapping[str, Any]) -> Logistic:
 
 def _finite(number: object) -> float:
     if isinstance(number, bool) or not isinstance(number, int | float) or not math.isfinite(number):
-        raise ValueError(f"{number!r:.40} is no number")
+        raise ValueError(f"{number!r:.40} is not a number")
     return float(number)

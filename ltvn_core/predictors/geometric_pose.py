@@ -350,7 +350,7 @@ def _baseline_m(
     first: NDArray[np.float64],
     second: NDArray[np.float64],
 ) -> float:
-    """Return how far the camera went if what the rays (P, 2), (P, 2) show is at the usual depth."""
+    """Return the distance between the cameras, if the points of the rays (P, 2), (P, 2) have the usual depth."""
     turned = np.column_stack([first, np.ones(len(first))]) @ rotation.T
     ahead = np.maximum(turned[:, 2:], 0.1)
     parallax = np.linalg.norm(turned[:, :2] / ahead - second, axis=1)

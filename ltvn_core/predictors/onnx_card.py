@@ -52,9 +52,9 @@ class OnnxCard:
     size: tuple[int, int]
     """Width and height of the images."""
     mean: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Of colours from 0 to 1,"""
+    """Mean that is subtracted from each colour channel in [0, 1]."""
     std: tuple[float, float, float] = (1.0, 1.0, 1.0)
-    """and their spread."""
+    """Standard deviation that divides each colour channel."""
     source: str = ""
     """Name of an input, as are the next two."""
     target: str = ""
@@ -115,7 +115,7 @@ def _checked(tables: Mapping[str, Any], folder: Path) -> OnnxCard:
     for section, known in _SECTIONS.items():
         table = tables.get(section, {})
         if not isinstance(table, dict):
-            raise ValueError(f"[{section}] is no table")
+            raise ValueError(f"[{section}] is not a table")
         unknown += sorted(f"{section}.{name}" for name in table.keys() - known)
         given |= table
     if unknown:

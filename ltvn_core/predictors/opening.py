@@ -60,7 +60,7 @@ def open_plugin(plugin: Plugin, request: PredictorRequest) -> Predictor:
     """
     factory = plugin.load()
     if not callable(factory):
-        raise plugin.refusal("is no function from a PredictorRequest to a Predictor")
+        raise plugin.refusal("is not a function from a PredictorRequest to a Predictor")
     try:
         with naming_the_extra():
             made = cast(PredictorFactory, factory)(request)

@@ -145,7 +145,7 @@ class ObservationCheck:
             text = f"Step {now.step} came twice, and only its first image can be kept; count on."
             yield _Doubt.REPEATED_STEP, Finding(text)
         elif now.step < before.step:
-            text = f"Step {now.step} comes after step {before.step}; steps count on, also where a robot starts anew."
+            text = f"Step {now.step} comes after step {before.step}; steps count on, also when a robot restarts."
             yield _Doubt.BACKWARD_STEP, Finding(text)
         if now.stamp < before.stamp:
             text = f"At step {now.step} the clock goes back from {before.stamp:.3f} s to {now.stamp:.3f} s."

@@ -99,7 +99,7 @@ def _factory_in_file(wanted: str) -> Callable[[], Robot]:
         raise PluginError(f"{path} does not exist. {HOW_TO}.")
     spec = spec_from_file_location(f"ltvn_robot_{path.stem}", path)
     if spec is None or spec.loader is None:
-        raise PluginError(f"{path} is no Python file. {HOW_TO}.")
+        raise PluginError(f"{path} is not a Python file. {HOW_TO}.")
     module = module_from_spec(spec)
     sys.modules[spec.name] = module  # Dataclasses look their module up while it is run.
     try:

@@ -143,9 +143,9 @@ class RectifiedRobot(RobotView):
 
 
 IMAGE_EVERY_M = 0.12
-"""On a mapping drive an image is taken after this distance,"""
+"""On a mapping drive an image is taken after this distance (ours)."""
 IMAGE_EVERY_RAD = math.radians(10)
-"""or after this change of heading (both ours)."""
+"""On a mapping drive an image is taken after this change of heading (ours)."""
 
 
 def watch_drive(robot: Robot, is_over: Callable[[], bool]) -> Iterator[Observation]:

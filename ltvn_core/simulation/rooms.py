@@ -92,9 +92,9 @@ class FurniturePiece:
     width: float
     depth: float
     first_face: int
-    """Its faces are those of the scene's surfaces from this one on,"""
+    """Index of its first face in the scene's surfaces."""
     end_face: int
-    """and before this one."""
+    """Index after its last face in the scene's surfaces."""
 
     @property
     def yaw_rad(self) -> float:

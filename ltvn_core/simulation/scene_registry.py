@@ -127,7 +127,7 @@ def _foreign_scene(plugin: Plugin) -> Scene:
     """Make the scene of another package: a function without arguments that returns a Scene, or the path of a mesh."""
     make = plugin.load()
     if not callable(make):
-        raise plugin.refusal("is no function that returns a Scene or the path of a mesh")
+        raise plugin.refusal("is not a function that returns a Scene or the path of a mesh")
     try:
         made = make()
         scene = load_mesh_scene(Path(made)) if isinstance(made, str | Path) else made

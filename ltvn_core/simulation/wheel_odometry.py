@@ -80,11 +80,11 @@ OdometryNoise.NONE = OdometryNoise(0.0, 0.0, 0.0)
 
 
 SLIP_M = 0.15
-"""Standard deviation of a slip along the heading (ours): a threshold, the edge of a carpet,"""
+"""Standard deviation of a slip along the heading (ours), as at a threshold or the edge of a carpet, in metres."""
 
 
 SLIP_RAD = 0.12
-"""and of the heading."""
+"""Standard deviation of a slip of the heading (ours), in radians."""
 
 
 ERROR_SECTION_LENGTH = 1.0

@@ -78,9 +78,9 @@ IMAGES_AHEAD = 64
 _IMAGES_AT_ONCE = 16
 """So many images ahead are compared at once."""
 AT_NODE_REACHABILITY = 0.9
-"""The robot, or the goal, is at a node with such r,"""
+"""The robot, or the goal, is at a node with an r above this."""
 ON_PATH_REACHABILITY = 0.7
-"""and on the last path with such r already."""
+"""The robot is at a node of the last path with an r above this."""
 
 
 def meng_system(method: Method) -> NavigationSystem:

@@ -37,7 +37,7 @@ def own_systems() -> Iterator[SystemEntry]:
 
 
 def baseline_systems() -> Iterator[SystemEntry]:
-    """Yield the entries of this package that brought a network with labels of its own; others may share it."""
+    """Yield the entries of this package with their own network, trained on their own labels."""
     return (entry for entry in own_systems() if entry.weights == shipped_weights(entry.name) != SHIPPED_WEIGHTS)
 
 

@@ -37,18 +37,18 @@ from ltvn_core.training.drive_path import LIMITS, DrivePath, drive_path
 from ltvn_core.types import Observation
 
 MOST_CLOSE = 1000
-"""Pairs near each other that are compared at most,"""
+"""Largest number of near pairs that are compared."""
 MOST_LOOKING = 200
-"""and images that look for others among the far ones."""
+"""Largest number of images that are compared with far ones."""
 CLOSE_M = 2.0
 CLOSE_RAD = np.deg2rad(60)
 
 _SAME_WAY_RAD = np.deg2rad(25)
 _SAME_TURN_RAD = np.deg2rad(8)
 _LEAST_SHIFT_M = 0.08
-"""Shorter ways say nothing about the scale of distances,"""
+"""Shorter ways say nothing about the scale of distances."""
 _FEWEST_SHIFTS = 15
-"""nor do fewer pairs."""
+"""Fewer pairs say nothing about the scale of distances."""
 _ROOM_DEPTHS_M = (0.3, 20.0)
 
 
@@ -248,11 +248,11 @@ class TunedCalibration:
     """By which the pairs were labelled: truth or odometry."""
     images: int
     pairs: int
-    """Pairs that were compared,"""
+    """Number of pairs that were compared."""
     near_pairs: int
-    """the near ones of them,"""
+    """Number of near pairs among them."""
     far_pairs: int
-    """and all far pairs of the images that looked for others."""
+    """Number of all far pairs of the images that were compared with far ones."""
     room_depth_m: float
     """What distances are guessed by without depth."""
     before: dict[str, float]

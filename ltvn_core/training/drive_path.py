@@ -28,13 +28,13 @@ class TruthLimits:
     """Limits of near and far pairs; a pair between them has no label."""
 
     near_m: float = 0.6
-    """The target of a near pair lies nearer than this, in front of the source,"""
+    """The target of a near pair lies nearer than this, in front of the source."""
     near_rad: float = radians(20)
-    """and is turned by less than this."""
+    """The target of a near pair is turned by less than this."""
     far_m: float = 1.5
-    """The target of a far pair lies farther away than this,"""
+    """The target of a far pair lies farther away than this, or is turned by more than `far_rad`."""
     far_rad: float = radians(60)
-    """or is turned by more than this."""
+    """The target of a far pair is turned by more than this, or lies farther away than `far_m`."""
 
     def near(self, moves: Waypoint) -> NDArray[np.bool_]:
         """Tell which true moves (..., 3), see `TrueViews.moves_to`, lead to a near target."""
@@ -126,9 +126,9 @@ class DrivePath:
     piece: NDArray[np.intp]
     """(N,) number of the piece between jumps of the odometry."""
     travelled_m: NDArray[np.float64]
-    """(N,) metres driven so far,"""
+    """(N,) metres driven so far."""
     turned_rad: NDArray[np.float64]
-    """(N,) and radians turned, to either side."""
+    """(N,) radians turned so far, to either side."""
     rotations: NDArray[np.float64]
     """(N, 3, 3): from the camera's (forward, left, up) to the world's, its tilt included."""
 

@@ -28,9 +28,9 @@ if TYPE_CHECKING:
     from ltvn_core.network.training_data.trajectory_pairs import TrajectoryPairs
 
 _REHEARSAL_LOADED = 0.18
-"""Share of the work at which the rehearsal data are there,"""
+"""Progress, in [0, 1], when the rehearsal data are loaded."""
 _LEARNED = 0.92
-"""and at which learning ends; judging is the rest."""
+"""Progress, in [0, 1], when learning ends; the rest is validation."""
 
 
 _PAIR_METRICS = ("auc", "position_median_m", "position_p90_m", "yaw_median_deg", "ece")
@@ -73,9 +73,9 @@ class FineTuningCard:
     """What makes these weights again, up to the time that learning took elsewhere; None where no command line does."""
     seed: int
     images: int
-    """Images of the drive that were used,"""
+    """Number of images of the drive that were used."""
     pieces: int
-    """and the pieces between jumps of its odometry."""
+    """Number of pieces between jumps of the drive's odometry."""
     simulated_scenes: tuple[str, ...]
     """Simulated scenes in the batches, against forgetting."""
     validation_scenes: tuple[str, ...]

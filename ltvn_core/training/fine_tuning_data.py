@@ -26,9 +26,9 @@ ProgressReporter: TypeAlias = Callable[[float, str], None]
 """Takes the share that is done, in [0, 1], and what is being done, for a person."""
 
 REHEARSAL_SCENES = ("train-00", "train-07", "train-14", "train-21")
-"""Scenes that are shown in between where no dataset is named,"""
+"""Scenes for rehearsal where no dataset is named."""
 CALIBRATION_SCENES = ("tune-0", "tune-1")
-"""and those by which old knowledge and the calibration are checked."""
+"""Scenes that check old knowledge and the calibration."""
 _MOST_SCENES = 8
 """More scenes of a dataset would fill the memory and are not needed for a few minutes."""
 

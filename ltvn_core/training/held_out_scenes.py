@@ -41,9 +41,9 @@ class NetworkMetrics:
     fingerprint: str
     scenes: tuple[str, ...]
     far_fpr_at_tpr60: float
-    """Share of the far pairs of drives that pass where 60 % of the near ones do, each pair by itself,"""
+    """False positive rate of far pairs at the threshold that accepts 60 % of the near ones, each pair by itself."""
     far_pairs: int
-    """of so many."""
+    """Number of far pairs."""
     auc: float
     """On labelled pairs, as are the following."""
     position_median_m: float

@@ -29,9 +29,9 @@ class BaselineVerb(Verb):
     work: Path | None = None
     """Where checkpoints and curves go; a folder below the walks unless named."""
     minutes: float = 8.0
-    """How long to train, in one process,"""
+    """How long to train, in one process."""
     steps: int | None = None
-    """or for how many steps of about 200 pairs, which gives the same weights on a slower machine."""
+    """Train for this number of steps of about 200 pairs instead, which gives the same weights on a slower machine."""
     fresh: bool = False
     """Learn from nothing, as in the paper, instead of from the shipped weights; 1,500 steps are a good start."""
     processes: int = 2

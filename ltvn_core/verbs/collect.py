@@ -22,15 +22,15 @@ class CollectVerb(Verb):
     seed: int = 0
     """Draws the start, the order of rooms and the odometry noise."""
     distance_noise: float = 0.02
-    """Standard deviation of odometry's error in distance, as a share of it,"""
+    """Standard deviation of odometry's error in distance, as a share of the distance."""
     angle_noise: float = 0.01
-    """and in angle."""
+    """Standard deviation of odometry's error in angle, as a share of the angle."""
     body: BodyOption = "auto"
     robot: str | None = None
     """Record what a robot of your own sees while you drive it by its own controls: an installed robot's name,
     path/to/file.py:factory, or PROFILE@ADDRESS (ROS 2)."""
     seconds: float = 0.0
-    """With --robot: end after so long; 0 is until Ctrl-C."""
+    """With --robot: end after this number of seconds; 0 is until Ctrl-C."""
 
     def run(self) -> Summary:
         """Tour the scene, or watch a robot of one's own; raises OptionError, RobotError, SceneError, RecordingError."""

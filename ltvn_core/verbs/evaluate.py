@@ -75,4 +75,4 @@ class EvaluateVerb(ProtocolOptions):
     """What is wrong with the robot's camera in the episodes, all at once: one or several of blur, exposure, flare,
     depth-holes, lens, noise, white-balance, jpeg, dropped-frames, or all. The map is of a good camera."""
     record_failures: int = 0
-    """Run so many of the failed episodes of each scene and seed again and record them, for `ltvn replay`."""
+    """Number of failed episodes of each scene and seed to run again and record, for `ltvn replay`."""

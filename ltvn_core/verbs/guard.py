@@ -20,4 +20,5 @@ class GuardVerb(Verb):
     robot: Positional[str]
     """PROFILE@ADDRESS, as in turtlebot4@tcp/127.0.0.1:7447."""
     depth_stop: float | None = None
-    """Refuse to drive forward where the depth image shows something so many metres before the body, or nothing."""
+    """Refuse to drive forward where the depth image shows an obstacle within this many metres before the body, or
+    nothing."""

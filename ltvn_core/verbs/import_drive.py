@@ -22,13 +22,13 @@ class ImportVerb(Verb):
     format: str = "auto"
     """The reader to use; auto finds out, and a wrong name lists those there are."""
     rgb: str | None = None
-    """Which topic, key or list holds the colour images, where the reader finds the wrong one or several;"""
+    """Topic, key or list of the colour images, where the reader finds the wrong one or several."""
     depth: str | None = None
-    """the depth images, "none" leaves them out;"""
+    """Topic, key or list of the depth images; "none" leaves them out."""
     odometry: str | None = None
-    """the odometry, for a folder of pictures a CSV file with the columns file (or stamp), x, y, yaw;"""
+    """Topic or key of the odometry; for a folder of pictures a CSV file with the columns file (or stamp), x, y, yaw."""
     camera_info: str | None = None
-    """and the camera's description."""
+    """Topic, key or file of the camera's description."""
     camera: str | None = None
     """The lens: fx,fy,cx,cy,width,height and where it is distorted k1,k2,p1,p2,k3; or a camera.json, which
     may say "fisheye": true, and by depth_scale the unit of depth."""
@@ -41,9 +41,10 @@ class ImportVerb(Verb):
     odometry_from: Literal["auto", "source", "truth", "none"] = "auto"
     """What is recorded as odometry: the source's own, the true poses, or nothing; auto is the first that there is."""
     every_m: float = 0.1
-    """Keep an image after so many metres by odometry,"""
+    """Keep an image after this distance by odometry, in metres; with 0 for this and --every-deg, all are kept. Without
+    odometry an image is kept where the picture has changed."""
     every_deg: float = 8.0
-    """or degrees of turning; 0 and 0 keep all. Without odometry one is kept where the picture has changed."""
+    """Keep an image after this turn by odometry, in degrees."""
     rate: float | None = None
     """Images a second, for formats without stamps."""
     scene: str = ""

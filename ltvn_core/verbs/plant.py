@@ -32,7 +32,7 @@ class PlantVerb(Verb):
     """What to plant; may be given several times. There is a query for each in the same order, so what is given twice is
     met twice. If not given, all three are planted and the first is met twice."""
     edges: int = 1
-    """So many different spurious edges where they are planted, each with queries of its own."""
+    """Number of spurious edges to plant, each with its own queries."""
     rounds: int = 1
     """All queries are driven so often."""
     maintenance: MaintenanceName | None = None

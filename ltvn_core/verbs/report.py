@@ -21,7 +21,7 @@ class ReportVerb(Verb):
     failures: int = 12
     """Most failed episodes to show for each scene, method and stage."""
     page: Path | None = None
-    """A Markdown page whose tables and pictures are to be made anew, such as docs/results.md."""
+    """A Markdown page whose tables and pictures are to be updated, such as docs/results.md."""
     images: Path = Path("docs/images/results")
     """Where the pictures of that page go."""
     section: str = ""

@@ -27,9 +27,9 @@ class TrainVerb(Verb):
     work: Path = Path("data/training")
     """Where checkpoints, curves and validation figures go."""
     minutes: float = 45.0
-    """How long to train,"""
+    """How long to train, in minutes."""
     steps: int | None = None
-    """or for how many steps: takes longer on a slower machine, but gives the same weights."""
+    """Train for this number of steps instead: takes longer on a slower machine, but gives the same weights."""
     processes: int | None = None
     """Processes that train together: one for each graphics card, or without one, two of one thread each."""
     seed: int = 0
@@ -37,12 +37,12 @@ class TrainVerb(Verb):
     evaluate: bool = False
     """Train nothing: measure weights that are there."""
     weights: Path | None = None
-    """With --evaluate: the weights to measure instead of the shipped ones,"""
+    """With --evaluate: the weights to measure instead of the shipped ones."""
     stacked: Path | None = None
-    """and weights of a plain network to measure beside them, made with --architecture stacked."""
+    """With --evaluate: weights of a plain network to measure beside them, made with --architecture stacked."""
     scenes: tuple[str, ...] = TEST_SCENES
-    """The scenes to measure on, by name or by the path of a mesh,"""
+    """With --evaluate: the scenes to measure on, by name or by the path of a mesh."""
     clusters: int = CLUSTERS_PER_SCENE
-    """clusters of labelled pairs in each of them,"""
+    """With --evaluate: clusters of labelled pairs in each scene."""
     images: int = IMAGES_PER_DRIVE
-    """and images of the drive through each of them."""
+    """With --evaluate: images of the drive through each scene."""

@@ -1,5 +1,5 @@
-"""The debugger in the page: tools that answer "why", each a fold over what happened until now.
+"""The debugger in the page: tools that answer "why", each a fold over the events so far.
 
-Owns no analysis of its own: what is found out is found out in `ltvn_core.analysis`. A tool turns it into a few lines
-with links and into a drawing over the map, the same live and in replay.
+Owns no analysis: results come from `ltvn_core.analysis`. A tool turns them into a few lines with links and into a
+drawing over the map, the same live and in replay.
 """

@@ -1,7 +1,7 @@
-"""An answer as HTML, with its links numbered in the order in which they are read.
+"""Renders an answer as HTML, with its links numbered in reading order.
 
-Owns the markup of answers: whatever comes from elsewhere is escaped here and nowhere else. Images of the run become
-data URLs with a waypoint drawn into them; charts are `charts`.
+Owns the markup of answers: all text from outside is escaped here and nowhere else. Images of the run become data URLs
+with a waypoint drawn into them; charts are `charts`.
 """
 
 import base64

@@ -1,6 +1,6 @@
-"""Slow answers: computed once each in the worker's thread, while the page goes on.
+"""Background cache: computes each slow answer once, in the worker's thread, while the page stays responsive.
 
-Owns what is under way and what is known. What is computed must touch nothing that the session's thread changes.
+Owns the pending and the finished answers. A computation must touch nothing that the session's thread changes.
 """
 
 import logging
@@ -13,7 +13,7 @@ from ltvn_viz.session.worker import JobQueue
 
 _KEPT = 32
 _LEFT = object()
-"""Stands for the answer to a question that nobody waited for."""
+"""Stands for the answer to a question that was left before it was computed."""
 _LOG = logging.getLogger(__name__)
 
 
@@ -27,7 +27,7 @@ class BackgroundCache:
         self._known: OrderedDict[Hashable, Any] = OrderedDict()
         self._asked: set[Hashable] = set()
         self._left: set[Hashable] = set()
-        """Asked, and not waited for any more; what of it has not begun is not computed."""
+        """Questions that were left; those that have not started are not computed."""
 
     def __call__(self, question: Hashable, compute: Callable[[], Any]) -> Any | None:
         """Return the answer to a question, None as long as it is being computed; raises the LtvnError it ended with."""
@@ -53,7 +53,7 @@ class BackgroundCache:
         self._asked.discard(question)
         self._left.discard(question)
         if answer is _LEFT:
-            self._on_answer()  # Somebody may have come back to it meanwhile.
+            self._on_answer()  # The person may have come back to it meanwhile.
             return
         self._known[question] = answer
         while len(self._known) > _KEPT:

@@ -1,4 +1,4 @@
-"""Breakpoints: moments worth stopping at, live and in a recording, as a list to add to and to take from."""
+"""Breakpoints: moments at which to stop, live and in a recording, as an editable list."""
 
 from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
@@ -76,7 +76,7 @@ class BreakpointQuestion(Question[BreakpointRequest]):
         self._monitor = breakpoint_monitor
 
     def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
-        """Show the breakpoints, the neighbouring stops, and what else to stop at."""
+        """Show the breakpoints, the neighbouring stops, and what else can be a breakpoint."""
         builder = AnswerBuilder()
         self._breakpoints(builder)
         stops = self._stops(context)

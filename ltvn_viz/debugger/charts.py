@@ -1,6 +1,6 @@
-"""Small charts inside an answer, as SVG: axes with numbers and units, named limits, and a line at the moment on show.
+"""Small charts inside an answer, as SVG: axes with numbers and units, named limits, and a line at the current moment.
 
-Owns the drawing. What is drawn is a chart of `ltvn_core.analysis.answer`.
+Owns the drawing. The data are a chart of `ltvn_core.analysis.answer`.
 """
 
 from collections.abc import Sequence

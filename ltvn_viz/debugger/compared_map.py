@@ -1,6 +1,6 @@
-"""Two maps that are compared, each with what was known at its moment: another recording's, or this run's at a time.
+"""Two maps to compare, each with what was known at its moment: another recording's, or this run's at another time.
 
-Owns finding the other one. The differences are computed in `ltvn_core.analysis`.
+Owns finding the other map. The differences are computed in `ltvn_core.analysis`.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -32,7 +32,7 @@ BEFORE_FIRST_QUERY = "before its first query"
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ComparedMap:
-    """One of the two maps, and what happened to it."""
+    """One of the two maps, with the events before it."""
 
     name: str
     scene: str
@@ -44,7 +44,7 @@ class ComparedMap:
 
     @property
     def world(self) -> WorldState:
-        """In simulation, what the world was like; linear in the events."""
+        """Return, in simulation, the state of the world; linear in the events."""
         state = AS_MADE
         for stamped in self.events:
             if isinstance(stamped.event, WorldChanged):
@@ -62,9 +62,9 @@ class MapComparison:
     difference: MapDifference | None
     """None across scenes."""
     presence: tuple[PresenceChange, ...]
-    """Edges of both that are held for something else here than there."""
+    """Edges of both maps whose presence differs between them."""
     world: tuple[WorldChange, ...]
-    """In simulation, what made the world of there that of here; people come and go and are left out."""
+    """In simulation, the changes that turn this world into the other; people are left out."""
 
 
 def map_of_moment(context: DebugContext) -> ComparedMap:

@@ -1,6 +1,6 @@
-"""Compare: this map against another one, or against what it was before, with figures and in colours.
+"""Compare: this map against another one, or against its own past, with figures and in colours.
 
-What changed since yesterday is the same question: edges that are closed now, or open again, and what is new.
+What changed since yesterday is the same question: edges that are closed now, or open again, and new nodes and edges.
 """
 
 from collections.abc import Hashable, Mapping, Sequence
@@ -72,7 +72,7 @@ class CompareWithRecording(QuestionRequest):
 
 @dataclass(frozen=True, slots=True)
 class ChooseAnother(QuestionRequest):
-    """Go back to the list of what to compare with."""
+    """Go back to the list of maps to compare with."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +87,7 @@ _Other: TypeAlias = CompareWithStart | CompareWithRecording | CompareWithTime
 
 
 class ComparisonQuestion(Question[ComparisonRequest]):
-    """Shows what is different in another map."""
+    """Shows the differences to another map."""
 
     name = QuestionName.COMPARE
     word = QuestionName.COMPARE.word
@@ -101,7 +101,7 @@ class ComparisonQuestion(Question[ComparisonRequest]):
         self._earlier: tuple[Hashable, Timeline, ComparedMap] | None = None
 
     def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
-        """Offer recordings, or show what is different in the chosen one."""
+        """Offer recordings, or show the differences to the chosen one."""
         builder = AnswerBuilder()
         if self._other is None:
             return _offer(context, builder)
@@ -308,7 +308,7 @@ def add_presence_changes(found: MapComparison, builder: AnswerBuilder) -> None:
 
 
 def add_world_changes(found: MapComparison, builder: AnswerBuilder) -> None:
-    """In simulation, say what is different in the world itself."""
+    """Report, in simulation, the differences of the world itself."""
     texts = [change_text(each) for each in found.world if not isinstance(each, TimePassed)]
     if texts:
         more = f", and {len(texts) - _PRESENCE_ROWS} more" if len(texts) > _PRESENCE_ROWS else ""

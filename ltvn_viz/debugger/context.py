@@ -1,6 +1,6 @@
-"""What a tool may look at: everything that happened, with the images and the network.
+"""Context of a tool: all events so far, with the images and the predictor.
 
-Owns how the live run and an open recording are made to look the same. Computes nothing but what it keeps.
+Owns one view of the live run and of an open recording. Computes nothing but what it caches.
 """
 
 from collections.abc import Callable
@@ -52,29 +52,28 @@ class DebugContext:
     start_s: float
     """The stamp at which the run began; seconds on the page count from there."""
     moment: RunMoment
-    """What the page shows."""
+    """The moment that the page shows."""
     step: FrameId
     """The newest step that counts."""
     timeline: Timeline
     """All that happened, also after the moment; another thread must be given a copy."""
     known_events: int
-    """How many events an answer about all of them takes in; in a run that goes on it is counted once a second, because
-    such answers take time.
-    """
+    """Number of events that an answer about all of them includes; counted once a second during a run, because such
+    answers take time."""
     observation: Callable[[FrameId], Observation | None]
-    """An image by its frame; None when it is not at hand. Touch it in this thread alone."""
+    """Returns an image by its frame; None if it is not in memory. For the session's thread only."""
     camera: CameraModel
     """The camera of these images, which may be another than the predictor's."""
     method: Method
     """The thresholds in use."""
     predictor: Predictor
-    """What compares the images; a recording may have been made with another."""
+    """The predictor that compares the images; a recording may have been made with another."""
     weights: str
-    """Fingerprint of the network that the run was made with; empty where nobody knows."""
+    """Fingerprint of the network that the run was made with; empty if unknown."""
     system: str
     """Name of the system that planned, as the recording says; empty where it does not say."""
     presence_filter: PresenceFilter | None
-    """What judges which edges are open; None where plans take no account of it."""
+    """Filter that predicts which edges are open; None if plans ignore presence."""
     live_map: LiveMap | None
     """The live map and its images, to be touched within `in_background` alone; None in replay."""
     live: Timeline
@@ -107,7 +106,7 @@ class DebugContext:
 
     @property
     def known_filter(self) -> PresenceFilter:
-        """What judges which edges are open, in runs too whose plans take no account of it."""
+        """Return the filter that predicts which edges are open, even for runs whose plans ignore presence."""
         return self.presence_filter or PERSISTENT
 
     @cached_property
@@ -122,15 +121,15 @@ class DebugContext:
 
     @property
     def view(self) -> PredictorView:
-        """What turns an image of this run into one that the network in use can compare."""
+        """Return the converter from an image of this run to one for the predictor in use."""
         return PredictorView(self.camera, self.predictor)
 
     def pose(self, node: NodeId) -> Pose | None:
-        """Return where a node is drawn, (3,); None if nobody said."""
+        """Return where a node is drawn, (3,); None if unknown."""
         return self.timeline.frames.pose(node)
 
     def revision(self, *kinds: type) -> tuple[int, int]:
-        """Return how many changes of the map and how many events of these kinds there were so far.
+        """Return the number of map changes and of events of these kinds so far.
 
         An answer about both is out of date when this changes. Linear in the events.
         """
@@ -139,5 +138,5 @@ class DebugContext:
         return self.timeline.change_count_before(before), sum(isinstance(each.event, kinds) for each in events)
 
     def seconds(self, instant: Instant) -> float:
-        """Return a moment as the page counts it, a hair late so that whoever goes there is not just before it."""
+        """Return a moment in the page's time, rounded up so that seeking to it never ends just before it."""
         return max(0.0, instant.stamp - self.start_s + STAMP_EPSILON_S)

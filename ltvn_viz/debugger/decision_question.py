@@ -1,6 +1,6 @@
-"""What the robot decided in the query at the moment, with the rule and the number behind each decision.
+"""Decisions of the robot in the current query, with the rule and the number behind each.
 
-Owns the page of it; which rules stand behind an event is in `ltvn_core.analysis.decisions`.
+Owns the page; `ltvn_core.analysis.decisions` knows the rule behind each event.
 """
 
 from typing import Never

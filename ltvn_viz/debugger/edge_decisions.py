@@ -1,4 +1,5 @@
-"""Why the robot set off for an edge that was seen blocked, or went around it: what was expected of each way."""
+"""Explains why the robot took an edge that was seen blocked, or a detour around it, by the expected cost of each
+way."""
 
 import itertools
 from collections.abc import Sequence
@@ -26,13 +27,13 @@ from ltvn_viz.debugger.question import AnswerBuilder, edge_link, time_link
 from ltvn_viz.session.inspection import Stroke, stroke
 
 _PLANS = 40
-"""So many plans before the moment are looked through."""
+"""Number of plans before the moment that are searched."""
 _ROWS = 8
 _TITLE = "Why did it try it, or go around?"
 
 
 class EdgeDecisionsPart:
-    """Explains plans by what was open; remembers what was computed last."""
+    """Explains plans by p(open); caches the last result."""
 
     def __init__(self) -> None:
         """Begin with nothing computed."""
@@ -42,7 +43,7 @@ class EdgeDecisionsPart:
     def add(self, context: DebugContext, edge: EdgeKey | None, builder: AnswerBuilder) -> tuple[Stroke, ...]:
         """Explain the last such plan up to the moment, of an edge or of any, offer others, and return what to draw.
 
-        Says nothing where the edge was never looked at, or plans take no account of it.
+        Adds nothing if the edge was never observed, or plans ignore presence.
         """
         if context.presence_filter is None or not _was_seen(context, edge):
             return ()

@@ -1,6 +1,6 @@
-"""When an edge was open and when it was blocked, how probably it is open now, and what is expected of it next.
+"""Presence of an edge: when it was open and blocked, p(open) now, and the forecast.
 
-Owns the words. The numbers are those of `ltvn_core.analysis.edge_presence_history`.
+Owns the words. The numbers come from `ltvn_core.analysis.edge_presence_history`.
 """
 
 from collections.abc import Sequence
@@ -35,7 +35,7 @@ _TITLE = "When is it open?"
 _ROWS = 20
 _HOUR_S = 3600.0
 _SHORT_HISTORY_S = 6 * _HOUR_S
-"""Of what is known for a shorter time no day is foretold in the picture."""
+"""With a shorter history than this the chart has no forecast of a day, in seconds."""
 
 STATE_COLOURS: dict[PresenceState, Rgb8] = {
     PresenceState.OPEN: palette.EDGE_ADDED,
@@ -51,7 +51,7 @@ _AHEAD_S: tuple[tuple[str, float], ...] = (
 
 
 class _Forecast(NamedTuple):
-    """What the filter says of one edge."""
+    """What the filter predicts for one edge."""
 
     strip: PresenceStrip
     now_s: float
@@ -61,7 +61,7 @@ class _Forecast(NamedTuple):
 
 
 class EdgePresencePart:
-    """Tells of presence over time; remembers what was computed last."""
+    """Shows presence over time; caches the last result."""
 
     def __init__(self) -> None:
         """Begin with nothing computed."""

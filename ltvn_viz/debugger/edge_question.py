@@ -1,4 +1,4 @@
-"""The edge microscope: images, prediction, belief and attempts of an edge, then why it is so, and when it is open.
+"""The edge microscope: images, prediction, belief and attempts of an edge, then the reasons for them, and its presence.
 
 Owns the order of the parts, and the first of them; the others are `edge_reasons`, `edge_presence` and `edge_decisions`.
 """
@@ -46,7 +46,7 @@ from ltvn_viz.wishes.commands import PointAt
 
 
 def add_later_changes(context: DebugContext, story: EdgeHistory, builder: AnswerBuilder) -> None:
-    """Say when an edge, told up to the moment, leaves the map or comes in later; nothing where neither happens."""
+    """Say when an edge, described up to the moment, leaves the map or is added later; nothing if neither happens."""
     later = edge_history(context.timeline, story.source, story.target)
     if story.alive and later.lifetimes and (end := later.lifetimes[len(story.lifetimes) - 1].end) is not None:
         builder.add_line("Later it leaves the map, at ", time_link(context.seconds(end.instant)), ".")
@@ -60,7 +60,7 @@ _ATTEMPTS = 40
 
 
 class EdgeQuestion(Question[Never]):
-    """Shows one edge, or what there is at a node."""
+    """Shows one edge, or the edges of a node."""
 
     name = QuestionName.EDGE
     word = QuestionName.EDGE.word

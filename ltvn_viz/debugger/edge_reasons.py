@@ -1,6 +1,6 @@
-"""Why an edge is gone, weak, chosen or missing, and why a node is here, as sentences that lead into time.
+"""Why an edge is gone, weak, chosen or missing, and why a node exists, as sentences with links to the moments.
 
-Owns which of these are told of an edge. The sentences are made in `ltvn_core.analysis.edge_explanation`.
+Owns which of these are shown for an edge. `ltvn_core.analysis.edge_explanation` makes the sentences.
 """
 
 from collections.abc import Sequence
@@ -114,7 +114,7 @@ def _chain(context: DebugContext, title: str, reasons: Sequence[ExplanationStep]
             if number == 1:
                 builder.add_line(f"… {left_out} more like these …")
             continue
-        # What never happened has no moment of its own.
+        # An event that never happened has no moment.
         at = None if reason.kind is ExplanationKind.NEVER else reason.instant
         when: list[Inline] = [] if at is None else [time_link(context.seconds(at)), " "]
         builder.add_line(when, reason.text.replace("->", "→"))

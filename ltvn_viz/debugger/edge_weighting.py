@@ -1,4 +1,4 @@
-"""What edges cost in the run on show: as the system weighs them that planned in it. Owns what is said about it."""
+"""Costs of edges in the current run, by the weights of the system that planned in it. Owns the description of them."""
 
 from typing import NamedTuple
 
@@ -12,7 +12,7 @@ class EdgeWeighting(NamedTuple):
 
     edge_weight_of: EdgeWeightFactory
     note: str
-    """What a person should know about it; mostly nothing."""
+    """A note for the person; usually empty."""
 
 
 def edge_weighting(context: DebugContext) -> EdgeWeighting:

@@ -1,7 +1,7 @@
-"""What a person can take along from a recording: a moment with a test to begin with, and the map as page and figure.
+"""Exports from a recording: a moment with a test to begin with, and the map as page and figure.
 
-Owns the names of the files, which never are those of others. What is in them is `recording.excerpt`,
-`analysis.regression_test_source`, `scene_html` and `report.map_svg`. Slow; runs in the worker's thread.
+Owns the names of the files, which are always new. Their contents come from `ltvn_core.data.recording.excerpt`,
+`analysis.regression_test_source`, `scene_html` and `evaluation.reports.map_svg`. Slow; runs in the worker's thread.
 """
 
 import os
@@ -41,7 +41,7 @@ def save_map(library: RecordingLibrary, name: str, at_s: float) -> tuple[Path, P
 
 
 def write_excerpt_test(recording: Recording, excerpt: Path, test: Path, *, from_s: float, to_s: float) -> None:
-    """Write a pytest file that opens an excerpt of a recording and asserts what happened in it. Raises LtvnError."""
+    """Write a pytest file that opens an excerpt of a recording and asserts its events. Raises LtvnError."""
     found = event_window(recording.events, from_s, to_s)
     file = os.path.relpath(excerpt.absolute(), test.absolute().parent)
     about = f"{recording.path.name} from {from_s:.1f} s to {to_s:.1f} s"

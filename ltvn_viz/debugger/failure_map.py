@@ -1,6 +1,6 @@
-"""Where to look in the map that a query failed in: edges that odometry contradicts, and the gap before the goal.
+"""Faults of the map in which a query failed: edges that odometry contradicts, and the gap before the goal.
 
-Owns the page of it, a part of “What failed?”. They are found in `ltvn_core.analysis.map_faults`.
+Owns this part of the page “What failed?”. The faults are found in `ltvn_core.analysis.map_faults`.
 """
 
 from collections.abc import Callable, Sequence
@@ -18,7 +18,7 @@ _ROWS = 6
 
 @dataclass(frozen=True, slots=True)
 class MapFaults:
-    """What was found in a map."""
+    """The faults found in a map."""
 
     contradicted: tuple[ContradictedEdge, ...]
     gap: MapGap | None

@@ -1,7 +1,7 @@
-"""What failed up to the moment: queries by cause and place, the second before each went wrong, and success over life.
+"""What failed up to the moment: queries by cause and place, the second before each failure, and success over time.
 
-Owns the page of it, and the curves of success, nodes and edges over queries. Causes and places are found in
-`ltvn_core.analysis.failure_triage`, the numbers of the curves in `ltvn_core.analysis.lifelong_success`.
+Owns the page, and the curves of success, nodes and edges over queries. Causes and places come from
+`ltvn_core.analysis.failure_triage`, the numbers of the curves from `ltvn_core.analysis.lifelong_success`.
 """
 
 from collections import Counter
@@ -41,7 +41,7 @@ _NEXT = {
     FailureMode.FAILED_EDGE: (QuestionName.EDGE, QuestionName.DECISIONS),
     FailureMode.TOO_SLOW: (QuestionName.EDGE, QuestionName.DECISIONS),
 }
-"""What to ask next."""
+"""Follow-up questions."""
 WINDOW = 10
 """Queries over which success is counted."""
 _ROWS = 10
@@ -52,7 +52,7 @@ _EDGES = 5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FailureSummary:
-    """What there is to know about a run's queries."""
+    """A summary of the queries of a run."""
 
     failures: tuple[FailedQuery, ...]
     strip: LifelongSuccess
@@ -63,7 +63,7 @@ class FailureSummary:
         return cls(failed_queries(timeline), lifelong_success(timeline, WINDOW))
 
     def until(self, step: FrameId) -> "FailureSummary":
-        """Return what was known of it at a step."""
+        """Return the summary up to a step."""
         failures = tuple(each for each in self.failures if (each.query.end or each.query.begin).step <= step)
         return FailureSummary(failures, self.strip.until(step))
 
@@ -77,7 +77,7 @@ class ShowFailures(QuestionRequest):
 
 
 class FailureQuestion(Question[ShowFailures]):
-    """Tells what failed."""
+    """Shows what failed."""
 
     name = QuestionName.FAILURES
     word = QuestionName.FAILURES.word
@@ -95,7 +95,7 @@ class FailureQuestion(Question[ShowFailures]):
         return context.timeline.progress_before(len(context.timeline.events)).queries > 0
 
     def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
-        """Show what failed up to the moment, the last failure first; one line says whether more comes later."""
+        """Show what failed up to the moment, the last failure first; one line says whether more follows later."""
         builder = AnswerBuilder()
         findings = self._findings(context)
         if findings is None:
@@ -128,7 +128,7 @@ class FailureQuestion(Question[ShowFailures]):
         queries = context.timeline.queries
         timeline = context.timeline.copy()
         last = (queries[-1].ended, queries[-1].judged) if queries else None
-        # A run that goes on is looked through again when a query is over, not with every event.
+        # During a run, the failures are searched again after each query, not after each event.
         run = context.name, context.start_s
         answer = context.in_background(("failures", *run, len(queries), last), lambda: FailureSummary.of(timeline))
         if answer is not None:
@@ -165,7 +165,7 @@ def _row(context: DebugContext, failure: FailedQuery) -> tuple[Inline, ...]:
 
 
 def _detail(context: DebugContext, failure: FailedQuery, builder: AnswerBuilder) -> None:
-    """Say how the last query that failed went wrong, and what to ask about it."""
+    """Explain how the last failed query went wrong, and offer questions about it."""
     query = failure.query
     wrong = time_link(context.seconds(context.timeline.instant(failure.event)))
     began = time_link(context.seconds(query.begin))
@@ -177,7 +177,7 @@ def _detail(context: DebugContext, failure: FailedQuery, builder: AnswerBuilder)
 
 
 def _later(context: DebugContext, later: Sequence[FailedQuery], builder: AnswerBuilder) -> None:
-    """Say in one line apart what fails after the moment, with the way to the first of it."""
+    """Say in one separate line what fails after the moment, with a link to the first failure."""
     failure = later[0]
     run = "run" if context.is_live else "recording"
     named = f"query {failure.query.id} fails, {failure.failure_mode}, from "
@@ -248,7 +248,7 @@ def _chart(values: Sequence[float] | np.ndarray, label: str, colour: Rgb8) -> St
 
 
 def _dip(context: DebugContext, strip: LifelongSuccess, dip: SuccessDip, builder: AnswerBuilder) -> None:
-    """Say where success fell, and what happened to the map on the way down."""
+    """Say where success fell, and which map changes came with it."""
     first = strip.queries[dip.peak]
     last = strip.queries[dip.low]
     begin = time_link(context.seconds(dip.before), f"query {first}")

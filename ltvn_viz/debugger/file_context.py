@@ -1,7 +1,7 @@
-"""A recording or a map as the questions of the debugger look at it, with a page or without one.
+"""Opens a recording or a map for the questions of the debugger, with a page or without one.
 
-Owns how an open recording becomes a case for the questions, and how one is opened where there is no page, no session
-and no robot. Writes nothing.
+Owns how an open recording becomes a case for the questions, and how it is opened without page, session and robot.
+Writes nothing.
 """
 
 import math
@@ -44,7 +44,7 @@ def replay_context(
     offer_file: Callable[[Path], SavedFile] | None = None,
     viewpoint: Viewpoint | None = None,
 ) -> DebugContext:
-    """Return what questions may look at at a moment of an open recording, whose images `method` compares."""
+    """Return the context of questions at a moment of an open recording, whose images `method` compares."""
     run = replay.timeline
     return DebugContext(
         name=replay.name,
@@ -75,7 +75,7 @@ class JobsAtOnce:
     """Does each job at once, in the thread that hands it over. Implements `ltvn_viz.session.worker.JobQueue`."""
 
     def __init__(self, longest_s: float = math.inf) -> None:
-        """Begin no job any more after so many seconds."""
+        """Start no more jobs after this number of seconds."""
         self.done = 0
         self._longest_s = longest_s
         self._deadline = time.monotonic() + longest_s
@@ -87,7 +87,7 @@ class JobsAtOnce:
         *,
         otherwise: Callable[[], None] = lambda: None,
     ) -> None:
-        """Do a job, and what comes after it. Raises LtvnError when it is too late."""
+        """Run a job, then its follow-up. Raises LtvnError after the deadline."""
         if time.monotonic() > self._deadline:
             raise LtvnError(f"This takes longer than {self._longest_s:.0f} s; ask about a shorter run, or in the page.")
         self.done += 1
@@ -100,7 +100,7 @@ class JobsAtOnce:
 
 
 class FileCase:
-    """A recording or a map that is open to be asked about. For one thread at a time."""
+    """An open recording or map that can be asked about. For one thread at a time."""
 
     def __init__(self, path: Path, library: RecordingLibrary | None = None) -> None:
         """Open a file; questions may look at the other recordings of `library`, by default those of its folder.
@@ -124,7 +124,7 @@ class FileCase:
         return self._replay
 
     def context(self, at_s: float, jobs: JobsAtOnce) -> DebugContext:
-        """Return what questions may look at so many seconds after the beginning, with nothing known beforehand.
+        """Return the context of questions at a time in seconds after the beginning, without cached answers.
 
         Raises OptionError for a time outside the recording.
         """
@@ -150,7 +150,7 @@ _ROUNDING_S = 0.1
 
 
 def _file_method(meta: RecordingMetadata) -> ReplayMethod:
-    """Return what compares a recording's images; one that compares nothing and says why where it cannot be opened."""
+    """Return the method of a recording's images; if it cannot be opened, one that compares nothing and says why."""
     defaults = AppOptions(replay="")
     try:
         choice = ImageSource.of(meta).choose()

@@ -1,7 +1,7 @@
-"""Questions about a recording or a map, asked without a page: by words and numbers, and answered to the end.
+"""Questions about a recording or a map without a page: asked in words and numbers, and answered completely.
 
-Owns what a person or a program may ask, the check of it, how slow answers are waited for, and what to ask to follow a
-link. Each question is asked afresh: nothing is remembered from one to the next, and no file is written.
+Owns what a person or a program may ask, its validation, how slow answers are awaited, and the question behind a link.
+Each question starts fresh: nothing is cached between questions, and no file is written.
 """
 
 import math
@@ -34,7 +34,7 @@ LONGEST_TEXT = 200
 
 @dataclass(frozen=True, kw_only=True)
 class FileAsk:
-    """What is asked about a file. Without a question, what is pointed at says which."""
+    """A question about a file. Without the name of a question, the selection decides which."""
 
     question: str = ""
     """Its word."""
@@ -45,7 +45,7 @@ class FileAsk:
     query: int | None = None
     """A navigation task, by its number."""
     text: str = ""
-    """What a person would type into the question, such as `without 12->40`."""
+    """Text typed into the question, such as `without 12->40`."""
 
     @property
     def word(self) -> str:
@@ -58,22 +58,22 @@ class FileAsk:
 
     @property
     def about(self) -> dict[str, Any]:
-        """What is pointed at and typed, for a program."""
+        """The selection and the text, for a program."""
         about = {"edge": self.edge, "node": self.node, "query": self.query, "text": self.text or None}
         return {name: value for name, value in about.items() if value is not None}
 
     @property
     def selection(self) -> Selection:
-        """What is pointed at, as the page has it."""
+        """The selection, in the page's form."""
         return Selection(node=self.node, edge=self.edge)
 
     def arguments(self) -> dict[str, Any]:
-        """Return what is asked as names and values, without what is not given."""
+        """Return the question as names and values, without the empty ones."""
         at = {} if self.at_s is None else {"at_s": _milliseconds(self.at_s)}
         return {"question": self.word, **at, **self.about}
 
     def command_line(self, file: str) -> str:
-        """Return what a person types to ask this."""
+        """Return the command line that asks this."""
         words = ["ltvn", "why", file, "--ask", self.word]
         words += [] if self.at_s is None else ["--at", f"{_milliseconds(self.at_s):.10g}"]
         words += [] if self.edge is None else ["--edge", *map(str, self.edge)]
@@ -83,7 +83,7 @@ class FileAsk:
         return shlex.join(words)
 
     def following(self, command: object) -> Self | None:
-        """Return what to ask to follow a link; None where only the page can follow it."""
+        """Return the question to ask to follow a link; None if only the page can follow it."""
         match command:
             case Seek(time_s=time_s):
                 return replace(self, at_s=time_s, query=None)
@@ -109,20 +109,20 @@ class FileAnswer:
 
 
 def _milliseconds(seconds: float) -> float:
-    """Round up, so that what a link leads to has just happened."""
+    """Round up, so that the target of a link has just happened."""
     return math.ceil(seconds * 1000) / 1000
 
 
 def offered_questions(case: FileCase) -> dict[str, str]:
-    """Return the questions that can be answered in this file, by their words, each with what it shows."""
+    """Return the questions that can be answered for this file, by their words, each with its description."""
     context = case.context(case.replay.length_s, JobsAtOnce())
     return {word: question.about for word, question in _questions().items() if question.is_offered(context)}
 
 
 def ask_file(case: FileCase, asked: FileAsk, *, longest_s: float = LONGEST_S) -> FileAnswer:
-    """Answer a question about a file, and wait for what is slow, but not longer than that.
+    """Answer a question about a file, and wait for slow answers until a deadline.
 
-    Raises OptionError for what makes no sense, with what would, and what the question raises for what was typed.
+    Raises OptionError for invalid questions, with valid ones, and the errors of the question for invalid text.
     """
     questions = _questions()
     earlier = {word: each.word for each in questions.values() for word in each.earlier_words}
@@ -183,7 +183,7 @@ def _known_nodes(case: FileCase) -> str:
 
 
 def _time(case: FileCase, asked: FileAsk) -> float:
-    """Return so many seconds after the beginning: those that are named, the end of the query, or the end."""
+    """Return the time in seconds after the beginning: the given one, the end of the query, or the end."""
     query = None if asked.query is None else _query(case, asked.query)
     if asked.at_s is not None:
         return asked.at_s

@@ -1,4 +1,4 @@
-"""Truth: in simulation, which edges nobody can drive, which ones are missing, and whether p keeps its promise."""
+"""Truth: in simulation, which edges are false, which are missing, and whether p is calibrated."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -32,7 +32,7 @@ from ltvn_viz.session.inspection import Overlay, QuestionAnswer, QuestionName, S
 _SPURIOUS = 15
 _MISSING = 10
 _LOOKED_AT = 4
-"""So many nodes are asked whether anybody knows where they truly are."""
+"""Number of nodes that are checked for a known true pose."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +68,7 @@ class GroundTruthQuestion(Question[Never]):
         if self._offered[0] != run and nodes:
             seen = next((image for node in nodes if (image := context.observation(node)) is not None), None)
             if seen is None:
-                return True  # Nobody knows yet.
+                return True  # Unknown so far.
             self._offered = run, seen.exact_pose is not None
         return bool(nodes) and self._offered[1]
 
@@ -99,7 +99,7 @@ class GroundTruthQuestion(Question[Never]):
 
 
 def _unknown(context: DebugContext) -> str | None:
-    """Return why nobody knows the truth; None where it is known."""
+    """Return why the truth is unknown; None if it is known."""
     if not context.graph.nodes:
         return "There is no map yet whose edges could be true or false."
     nodes = list(context.graph.nodes)[:_LOOKED_AT]
@@ -162,7 +162,7 @@ def _show(builder: AnswerBuilder, judged: JudgedMap, selection: Selection) -> Qu
 
 
 def calibration_sentence(point: AttemptCalibration) -> str:
-    """Compare what p said before the attempts of a run with what came of them."""
+    """Compare p before the attempts of a run with their results."""
     count = "the one attempt" if point.attempts == 1 else f"the {point.attempts} attempts"
     judge = "the robot judged" if point.arrived is None else "it truly was"
     truly = "" if point.arrived is None else f", and in {point.arrived:.0%} it truly arrived"

@@ -1,7 +1,7 @@
-"""What happened when: counts and a strip of marks by kind, the way from each to the next, and traces of what changed.
+"""History: counts and a strip of marks by kind, links from each event to the next, and traces of recent changes.
 
-Owns the words, and what counts as lately: where edges were pruned and which nodes are new. What gets a mark is
-`ltvn_core.analysis.timeline_rows`; one moves through time by the page's timeline.
+Owns the words, and the period that counts as recent: where edges were pruned and which nodes are new.
+`ltvn_core.analysis.timeline_rows` decides which events get a mark; the page's timeline moves through time.
 """
 
 from collections.abc import Mapping, Sequence
@@ -103,7 +103,7 @@ def _mark_lanes(context: DebugContext) -> LaneChart:
 
 
 class RecentChanges:
-    """Remembers what was drawn last."""
+    """Caches the last drawing."""
 
     def __init__(self) -> None:
         """Begin with nothing drawn."""

@@ -1,6 +1,6 @@
-"""Which question is on show, what a person pointed at, and what there is to see.
+"""The inspector: the current question, the selection, and the answer to show.
 
-Owns that state, when a question looks again, and what it may look at: the live run or an open recording. Implements
+Owns that state, when a question is refreshed, and its context: the live run or an open recording. Implements
 `ltvn_viz.session.app_state.Debugger`; runs in the session's thread.
 """
 
@@ -37,7 +37,7 @@ from ltvn_viz.timeline.run_moment import RunMoment
 from ltvn_viz.wishes.commands import Command, QuestionRequest
 
 _COUNT_EVERY_S = 1.0
-"""The events of a run that goes on are counted once a second at most, because questions are answered anew each time."""
+"""Shortest time between counts of the events of a run, in seconds, because each count refreshes the answers."""
 
 
 class DebugContextBuilder:
@@ -52,7 +52,7 @@ class DebugContextBuilder:
         self._due = float("-inf")
 
     def build(self, state: AppState, moment: RunMoment) -> DebugContext:
-        """Return what questions may look at when the page shows `moment`."""
+        """Return the context of questions when the page shows `moment`."""
         viewpoint = state.viewpoint() if state.debugger.shown.question is QuestionName.SHARE else None
         if isinstance(state.activity, Playback):
             return self._of_replay(state, state.activity, moment, viewpoint)
@@ -100,7 +100,7 @@ class DebugContextBuilder:
         )
 
     def count_now(self) -> None:
-        """Take in all events at once, because a person waits to see what was just changed."""
+        """Count all events at once, because a person waits to see a change."""
         self._due = float("-inf")
 
     def _count(self, run: Timeline) -> int:
@@ -129,9 +129,8 @@ def _live_observation(state: AppState) -> Callable[[FrameId], Observation | None
 
 
 _REMEMBERED = 100
-"""So many views of the tool on show still answer to clicks on them, because a page may be behind, and answers that
-change with time are replaced while a person aims.
-"""
+"""Number of recent views whose links still work, because a page may lag behind, and answers that change with time are
+replaced while a person aims."""
 
 
 class Inspector:
@@ -188,12 +187,12 @@ class Inspector:
         self.shown = replace(self.shown, selection=selection)
 
     def handle_text(self, text: str) -> Command | None:
-        """Hand a person's words to the tool; returns what they ask for, if anything. Raises OptionError, MapError."""
+        """Pass typed text to the tool; return the request, if any. Raises OptionError, MapError."""
         question, context = self._asked()
         return question.handle_text(context, text)
 
     def handle_request(self, request: QuestionRequest) -> Command | None:
-        """Hand what a link asks for to its question; returns what that asks of the session. Raises LtvnError."""
+        """Pass the request of a link to its question; return what it asks of the session. Raises LtvnError."""
         question, context = self._asked()
         return question.handle_request(context, request)
 
@@ -205,7 +204,7 @@ class Inspector:
         return question, self._context
 
     def context(self, state: AppState, moment: RunMoment) -> DebugContext:
-        """Return what the questions may look at when the page shows `moment`."""
+        """Return the context of the questions when the page shows `moment`."""
         return self._contexts.build(state, moment)
 
     def refresh(self, state: AppState, moment: RunMoment) -> None:
@@ -228,7 +227,7 @@ class Inspector:
             self._remember()
 
     def _offer(self, context: DebugContext) -> None:
-        """Offer what can be answered in this run, and the question on show in any case."""
+        """Offer the questions that can be answered in this run, and always the current one."""
         questions = self._questions.values()
         names = [each.name for each in questions if each.is_offered(context) or each.name == self.shown.question]
         offered = (QuestionName.NONE, *names)
@@ -244,13 +243,11 @@ class Inspector:
         self._key = None
 
     def take_in_all_events(self) -> None:
-        """Let answers count what happened just now too, because a person waits to see what was changed."""
+        """Include the latest events in the answers, because a person waits to see a change."""
         self._contexts.count_now()
 
     def link(self, number: int) -> Command | None:
-        """Return what a link asks for, as it was when it was drawn; None if that was for another question, or too long
-        ago.
-        """
+        """Return the request of a link, as it was drawn; None if it belongs to another question, or is too old."""
         serial, place = divmod(number, LINKS_PER_VIEW)
         links = self._drawn.get(serial, ())
         return links[place] if place < len(links) else None

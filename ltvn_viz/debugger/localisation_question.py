@@ -1,6 +1,6 @@
-"""Where the robot might be: the view against every node, how sure that was over time, and perceptual aliases.
+"""Localisation: the view against every node, the margin over time, and perceptual aliases.
 
-The images of the nodes on show are those of the live map, or a recording's, which are read and encoded bit by bit.
+The images of the nodes are those of the live map, or a recording's, which are read and encoded step by step.
 """
 
 from collections.abc import Callable, Sequence
@@ -46,7 +46,7 @@ _SMALL = 0.3
 _AT_ONCE = 24
 """Images read between two pictures of the page."""
 MAX_NODES = 2000
-"""So many nodes of a recording are compared, so that a long one fits into memory."""
+"""Largest number of nodes of a recording that are compared, so that a long one fits into memory."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,7 +63,7 @@ class FindAliases(QuestionRequest):
 
 
 class LocalisationQuestion(Question[FindAliases]):
-    """Compares what is seen now with the whole map."""
+    """Compares the current image with the whole map."""
 
     name = QuestionName.WHERE
     word = QuestionName.WHERE.word
@@ -89,7 +89,7 @@ class LocalisationQuestion(Question[FindAliases]):
             builder.add_line("This was recorded with other weights; the colours show what the weights in use say.")
         try:
             shown = self._compared(context, builder)
-        except LtvnError as missing:  # Without a predictor, what the run itself found is shown all the same.
+        except LtvnError as missing:  # Without a predictor, the results of the run itself are still shown.
             builder.add_line(str(missing))
             shown = None
         self._past_margins(context, builder)
@@ -136,7 +136,7 @@ class LocalisationQuestion(Question[FindAliases]):
         return None
 
     def _past_margins(self, context: DebugContext, builder: AnswerBuilder) -> None:
-        """Show what the run itself found, look by look."""
+        """Show the results of the run itself, one localisation after the other."""
         run = context.timeline, context.known_events
         if self._margins[0] != run:
             self._margins = run, localisation_margins(context.timeline.events)
@@ -221,7 +221,7 @@ def _colours(found: LocalisationHeatMap, scale: float) -> dict[NodeId, Rgb8]:
 
 
 def _say(found: LocalisationHeatMap, count: int, builder: AnswerBuilder) -> None:
-    """Say which of the compared nodes are best; where the map has more, they are the best so far."""
+    """Say which of the compared nodes are best; while more are being compared, they are the best so far."""
     if len(found.nodes) < count:
         builder.add_line(f"So far, {len(found.nodes)} of {count} nodes are compared: the others have no image at hand.")
     best = [found.nodes.index(node) for node in found.best(2)]

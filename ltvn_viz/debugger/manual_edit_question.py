@@ -1,4 +1,4 @@
-"""Changes by hand: edges cut, held and added, nodes deleted and named, each with the way back."""
+"""Manual edits: edges pruned, protected and added, nodes deleted and named, each with its undo."""
 
 from collections.abc import Iterator, Sequence
 from itertools import groupby
@@ -42,7 +42,7 @@ _NOW_S = 1e9
 
 
 class ManualEdit(NamedTuple):
-    """What a person changed at once, and what takes it back."""
+    """A manual edit, and the deltas that undo it."""
 
     instant: Instant
     words: str
@@ -67,7 +67,7 @@ class ManualEditQuestion(Question[Never]):
         return context.is_live
 
     def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
-        """Offer what can be done with the selection, and what was done to be undone."""
+        """Offer the edits of the selection, and the undo of earlier ones."""
         self._selection = selection
         builder = AnswerBuilder()
         input_hint = ""
@@ -143,7 +143,7 @@ def _about_pair(
 
 def _about_node(graph: TopologicalGraph, node: NodeId) -> Iterator[Link]:
     goal = graph.nodes[node].goal
-    label = f"{node} is no goal" if goal else f"mark {node} as a goal"
+    label = f"unmark {node} as a goal" if goal else f"mark {node} as a goal"
     yield Link(label, EditMap((mark_goal(graph, node, goal=not goal),)))
     yield Link(f"delete {node}", EditMap((delete_node(graph, node),)))
 

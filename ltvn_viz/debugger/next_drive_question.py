@@ -1,4 +1,4 @@
-"""The collect coach: what the map lacks so far, and where to drive next."""
+"""Mapping advice: what the map lacks so far, and where to drive next."""
 
 from collections.abc import Callable
 from typing import Never
@@ -26,7 +26,7 @@ _COLOURED = 500
 
 
 class NextDriveQuestion(Question[Never]):
-    """Looks over the shoulder of whoever drives."""
+    """Advises the driver during mapping."""
 
     name = QuestionName.COACH
     word = QuestionName.COACH.word
@@ -38,7 +38,7 @@ class NextDriveQuestion(Question[Never]):
         self._advice = LatestAnswer()
 
     def is_offered(self, context: DebugContext) -> bool:
-        """Tell whether somebody can drive."""
+        """Tell whether a person can drive."""
         return context.is_live
 
     def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:

@@ -1,4 +1,4 @@
-"""The probability that an edge is open over the clock of the world, as an SVG with what was seen of the edge.
+"""Chart of p(open) of an edge over the clock of the world, as an SVG with the observations of the edge.
 
 Owns the drawing. The data are a `PresenceChart` of `ltvn_core.analysis.answer`.
 """
@@ -39,7 +39,7 @@ class _Frame(NamedTuple):
 
 
 def presence_svg(chart: PresenceChart) -> str:
-    """Return the probability over the clock of the world as an SVG; what is predicted after `now` is dashed."""
+    """Return p(open) over the clock of the world as an SVG; predictions after `now` are dashed."""
     frame = _Frame(chart.points[0][0], max(chart.points[-1][0], chart.points[0][0] + 1.0))
     past = [point for point in chart.points if point[0] <= chart.now]
     ahead = past[-1:] + [point for point in chart.points if point[0] > chart.now]

@@ -1,6 +1,6 @@
-"""What a tool of the debugger is: it looks at a case and says something, with links to follow.
+"""The interface of a tool of the debugger: it takes a case and returns an answer with links.
 
-Owns the interface. Tools live one to a module and know neither the page nor the session's thread.
+Owns the interface. Each tool is one module and knows neither the page nor the session's thread.
 """
 
 from abc import ABC, abstractmethod
@@ -22,7 +22,7 @@ class AnswerBuilder(answer.AnswerBuilder):
     """Collects the blocks of an answer for the page."""
 
     def add_pending(self, text: str, *, title: str = "") -> None:
-        """Say what is being computed in the background, after a title in bold if there is one."""
+        """Say what is being computed in the background, after a bold title if there is one."""
         self.blocks.append(Pending(text, title, Link("leave it", ChooseQuestion(QuestionName.NONE))))
 
     def add_behind(self, latest: LatestAnswer) -> None:
@@ -40,7 +40,7 @@ class AnswerBuilder(answer.AnswerBuilder):
         return {source: palette.SOURCE, target: palette.TARGET}
 
     def build(self, overlay: Overlay = EMPTY_OVERLAY, input_hint: str = "") -> QuestionAnswer:
-        """Return what was collected."""
+        """Return the collected answer."""
         return QuestionAnswer(Answer(tuple(self.blocks)), overlay, input_hint)
 
 
@@ -63,21 +63,21 @@ RequestT = TypeVar("RequestT", bound=QuestionRequest)
 
 
 class Question(ABC, Generic[RequestT]):
-    """Answers one kind of question; `RequestT` is what its links ask of it, Never where they only lead elsewhere.
+    """Answers one kind of question; `RequestT` is the type of its links' requests, Never if they only lead elsewhere.
 
     To add one: write a class like this and put it into `question_registry`.
     """
 
     name: ClassVar[str]
-    """What the page calls it, different from all others."""
+    """Its unique name in the page."""
     word: ClassVar[str]
     """The word for it in an address, such as what-if."""
     earlier_words: ClassVar[tuple[str, ...]] = ()
-    """Words by which addresses that were sent earlier may name it."""
+    """Former words for it in addresses, so that old links still work."""
     about: ClassVar[str]
     """What it shows, in one line."""
     verb: ClassVar[str] = "Ask"
-    """What handing over what was typed does, as the word on the button."""
+    """Label of the button that submits the typed text."""
     is_for_watchers: ClassVar[bool] = False
     """A page without the seat may ask it too: nothing that it does is noticed elsewhere, and it opens no file."""
 
@@ -87,17 +87,16 @@ class Question(ABC, Generic[RequestT]):
 
     @abstractmethod
     def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
-        """Return what there is to see now; called when case or selection changed, in the session's thread."""
+        """Return the answer for now; called when case or selection changed, in the session's thread."""
 
     def handle_text(self, context: DebugContext, text: str) -> Command | None:
-        """Take in what a person typed, and return what that asks for, if anything; raises OptionError or MapError,
-        whose words the page shows.
-        """
+        """Handle typed text and return the resulting request, if any; raises OptionError or MapError, whose message the
+        page shows."""
         raise OptionError("Nothing can be typed here; follow a link, or click a node in the scene.")
 
     def handle_request(self, context: DebugContext, request: RequestT) -> Command | None:
-        """Do what a link of this question asks for, and return what that asks of the session, if anything.
+        """Handle the request of a link, and return what it asks of the session, if anything.
 
-        Raises LtvnError, whose words the page shows.
+        Raises LtvnError, whose message the page shows.
         """
         raise OptionError(f"The question “{self.name}” cannot do this: {request}.")

@@ -27,7 +27,7 @@ from ltvn_viz.session.worker import JobQueue
 from ltvn_viz.timeline.breakpoint_monitor import BreakpointMonitor
 
 _SERIALS = 2**24
-"""So many views of a page can be counted before its links look like those of the next."""
+"""Offset between the view numbers of two pages; a page has fewer views than this, so links are unique."""
 
 _LOG = logging.getLogger(__name__)
 
@@ -72,7 +72,7 @@ def load_question(plugin: Plugin) -> Question[Any]:
     """Make a question of another package. Raises PluginError, and MissingLibraryError where an extra is missing."""
     make = plugin.load()
     if not (isinstance(make, type) and issubclass(make, Question)):
-        raise plugin.refusal("is no class below ltvn_viz.debugger.question.Question")
+        raise plugin.refusal("is not a class below ltvn_viz.debugger.question.Question")
     try:
         return make()
     except Exception as error:  # Another person's code may raise anything.

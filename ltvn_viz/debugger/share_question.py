@@ -1,4 +1,4 @@
-"""Share: a link to what is on show, the moment as a small recording with a test, the map as page and figure, Rerun."""
+"""Share: a link to the current view, the moment as a small recording with a test, the map as page and figure, Rerun."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ _AFTER_S = 2.0
 
 
 class ShareAction(StrEnum):
-    """What a person can take along, in the words of its link."""
+    """Exports, each with the words of its link."""
 
     SAVE_EXCERPT = "save this moment"
     SAVE_MAP = "save the map as a page and a figure"
@@ -36,7 +36,7 @@ class ShareRequest(QuestionRequest):
 
 
 class _ShareJob(NamedTuple):
-    """Something slow that a person asked for."""
+    """A slow export that a person requested."""
 
     words: str
     question: tuple[Any, ...]
@@ -44,7 +44,7 @@ class _ShareJob(NamedTuple):
 
 
 class ShareQuestion(Question[ShareRequest]):
-    """Hands out what is on show."""
+    """Offers the current view for sharing."""
 
     name = QuestionName.SHARE
     word = QuestionName.SHARE.word
@@ -60,7 +60,7 @@ class ShareQuestion(Question[ShareRequest]):
         return not context.is_live
 
     def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
-        """Offer the link and the files, and say what was written."""
+        """Offer the link and the files, and report what was written."""
         builder = AnswerBuilder()
         if context.is_live:
             builder.add_line(
@@ -78,7 +78,7 @@ class ShareQuestion(Question[ShareRequest]):
         return builder.build()
 
     def handle_request(self, context: DebugContext, request: ShareRequest) -> None:
-        """Begin what a link asks for. Raises OptionError."""
+        """Start the export of a link. Raises OptionError."""
         if context.is_live:
             raise OptionError("Open a recording under “Replay” first.")
         self._count += 1  # Asked twice is done twice, under another name.
@@ -125,7 +125,7 @@ def _download(saved: SavedFile) -> Inline:
 
 
 def _computation(context: DebugContext, action: ShareAction) -> Callable[[], Any]:
-    """Return what to do in the worker's thread, for the moment as it is now."""
+    """Return the computation for the worker's thread, for the current moment."""
     library = context.library
     name = context.name
     stamp = context.moment.stamp

@@ -1,6 +1,6 @@
-"""The slow part of imagining: planning both ways, and building both maps, in the worker's thread.
+"""The slow part of what-if questions: planning both paths, and building both maps, in the worker's thread.
 
-Owns which question is asked of `ltvn_core.analysis`, and which other times of day are offered.
+Owns which function of `ltvn_core.analysis` is called, and which other times of day are offered.
 """
 
 from collections.abc import Callable, Mapping
@@ -35,7 +35,7 @@ OFFERED_TIMES = (WithTime(TimeOfDay(18 * 3600.0)), WithTime(TimeAway(3600.0)), W
 
 
 class WhatIfResult(NamedTuple):
-    """What imagining came to."""
+    """Result of a what-if question."""
 
     plans: PlanDifference
     pruned: PruneCounts | None
@@ -97,7 +97,7 @@ def with_imagined_thresholds(method: Method, changes: tuple[WhatIfChange, ...]) 
 
 
 def count_rebuilt_nodes(context: DebugContext, changed: Method) -> Callable[[], str]:
-    """Return what counts the live map as built with both methods; it takes tens of seconds."""
+    """Return the computation that rebuilds the live map with both methods; it takes tens of seconds."""
     live_map = context.live_map
     method = context.method
     assert live_map is not None
@@ -115,7 +115,7 @@ def count_rebuilt_nodes(context: DebugContext, changed: Method) -> Callable[[], 
 
 
 def presence_moment(context: DebugContext) -> PresenceMoment | None:
-    """Return by what plans know which edges are open; None where they take no account of it."""
+    """Return the moment for which plans predict presence; None if they ignore it."""
     judge = context.presence_filter
     return None if judge is None or not context.graph.presence else PresenceMoment(judge, context.world_s)
 

@@ -1,4 +1,4 @@
-"""What would have been otherwise: old and new plan side by side, and what other thresholds would do to the map."""
+"""What if: old and new plan side by side, and the effect of other thresholds on the map."""
 
 from collections.abc import Hashable
 from dataclasses import dataclass
@@ -49,7 +49,7 @@ _ALL = "all"
 
 @dataclass(frozen=True, slots=True)
 class ImagineChange(QuestionRequest):
-    """Imagine this too, in place of what was imagined about the same thing."""
+    """Add a change to the scenario, in place of an earlier one about the same thing."""
 
     change: WhatIfChange
 
@@ -88,7 +88,7 @@ class WhatIfQuestion(Question[WhatIfRequest]):
         return len(context.timeline.changes) > 0
 
     def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
-        """Show what is imagined and what would come of it."""
+        """Show the scenario and its effects."""
         builder = AnswerBuilder()
         self._offers(context, selection, builder)
         if context.graph.presence:
@@ -150,7 +150,7 @@ class WhatIfQuestion(Question[WhatIfRequest]):
             context.timeline.change_count_before(context.timeline.count_until(context.instant)),
             situation.source,
             situation.goal,
-            # A second more or less makes no difference to what is open.
+            # One second more or less does not change what is open.
             round(context.world_s) if context.graph.presence else 0,
         )
         question = "what if", context.name, self._told, *known, *situation.failures.items()
@@ -198,7 +198,7 @@ def _typed_request(text: str) -> WhatIfRequest:
 
 
 def _about(change: WhatIfChange) -> Hashable:
-    """Return what a change is about; a later one about the same takes its place."""
+    """Return the subject of a change; a later change of the same subject replaces it."""
     match change:
         case WithEdge(source, target) | WithoutEdge(source, target):
             return "there", source, target

@@ -19,7 +19,7 @@ from ltvn_viz.session.snapshot import Snapshot
 MARGIN = 0.02
 """Share of the scene that stays empty on each side, at least."""
 USUAL_ASPECT = 1.35
-"""Width by height of a scene of which nothing is known yet, and of an exported map."""
+"""Width by height of an unknown scene, and of an exported map."""
 BACK = np.array([0.0, -0.35, 1.0]) / np.hypot(0.35, 1.0)
 """From the floor to the camera, a unit vector. Steep, so that walls hide little."""
 RIGHT = np.array([1.0, 0.0, 0.0])
@@ -27,7 +27,7 @@ UP = np.cross(BACK, RIGHT)
 _SAME_PLACE_M = 1e-3
 _REMEMBERED = 32
 _STORY_MARGIN_M = 1.8
-"""So much floor is seen on each side of the robot and the door of a story."""
+"""Margin of floor around the robot and the door of a story, in metres."""
 
 Corner = ArrayLike
 """(2,) x_m, y_m."""
@@ -71,7 +71,7 @@ class Floor:
 
 
 class FirstView:
-    """Fits the view of one page to its scene, again when the window changes, for as long as nobody moved it.
+    """Fits the view of one page to its scene, again when the window changes, until a person moves it.
 
     A view that came with a link stays as it is.
     """
@@ -86,7 +86,7 @@ class FirstView:
         """Where the story under way happens."""
 
     def show(self, snapshot: Snapshot) -> None:
-        """Fit the view: to where a story happens while one is told, else to all of the floor."""
+        """Fit the view: to the place of a running story, else to all of the floor."""
         camera = self._camera
         if snapshot.story_goes_on and self._story is None:
             self._ours.append(np.asarray(camera.position))  # Who began a story wants to see it.

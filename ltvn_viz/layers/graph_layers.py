@@ -97,7 +97,7 @@ class BlockedEdgesLayer:
         self._drawn: frozenset[EdgeKey] = frozenset()
 
     def show(self, snapshot: Snapshot) -> None:
-        """Draw them anew when there are others."""
+        """Draw them again when they have changed."""
         blocked = snapshot.moment.progress.blocked
         graph = snapshot.moment.graph
         if blocked == self._drawn:

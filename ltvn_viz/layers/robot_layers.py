@@ -18,11 +18,11 @@ from ltvn_viz.session.snapshot import Snapshot
 FORWARD_CAMERA_WXYZ = (0.5, -0.5, 0.5, -0.5)
 """Turns a camera that looks along z, with y down, into one that looks along the robot's x."""
 MAST_X_M = 0.06
-"""The camera stands so far before the robot's middle."""
+"""Distance of the camera before the robot's middle, in metres."""
 
 
 class RobotLayer:
-    """The robot where it really is, or where its odometry says where nobody knows better."""
+    """The robot at its true pose, or at its odometry pose if the true one is unknown."""
 
     def __init__(self, scene: viser.SceneApi, spec: RobotSpec, glb: bytes | None) -> None:
         """Add the robot's body and camera, hidden until there is a pose.
@@ -51,7 +51,7 @@ class RobotLayer:
         )
 
     def show(self, snapshot: Snapshot) -> None:
-        """Move the robot to its pose; where nobody knows what carried the camera, draw the camera alone."""
+        """Move the robot to its pose; for an unknown robot, draw the camera alone."""
         pose = snapshot.moment.robot
         lone = snapshot.lone_camera
         self._show_camera(self._own_camera if lone is None else lone, is_alone=lone is not None)

@@ -1,7 +1,7 @@
 """A map in its scene as one HTML file that asks nothing of any other machine: viser's own client with all it shows.
 
-Owns what is put into that file: walls, nodes, edges, a legend, and a policy that lets no request out. Where things lie
-is `evaluate.scene_plan`; the flat figure, with the numbers of every node and edge, is `report.scene_svg`.
+Owns what is put into that file: walls, nodes, edges, a legend, and a policy that lets no request out. The flat
+figure, with the numbers of every node and edge, is `evaluation.reports.map_svg`.
 """
 
 from html import escape
@@ -29,10 +29,10 @@ POLICY = (
     "default-src 'none'; script-src 'unsafe-inline' 'wasm-unsafe-eval'; worker-src blob:; style-src 'unsafe-inline'; "
     "img-src blob: data:; font-src data:; connect-src blob: data:; base-uri 'none'; form-action 'none'"
 )
-"""Everything is in the file, and the browser is told so."""
+"""Content security policy: everything is in the file, so the browser loads nothing else."""
 
 BAR_BEFORE_M, BAR_TICK_M = 0.4, 0.12
-"""The scale bar lies so far before the floor, with ticks of so much to each side at its ends."""
+"""Distance of the scale bar before the floor, and half the length of its ticks, in metres."""
 
 
 def scene_html(recording: Recording, drawn: MapLayout) -> str:
@@ -40,7 +40,7 @@ def scene_html(recording: Recording, drawn: MapLayout) -> str:
 
     A scene that is neither at hand nor in the recording is left out.
     """
-    # Only a server can write down what viser would show. Nobody is told its key, so nobody else sees it.
+    # Only a server can export viser's scene. Its key stays here, so nobody else can connect.
     with GuardedServer(drives=False) as server:
         walls = _walls(recording)
         if walls is not None:
@@ -65,7 +65,7 @@ def _walls(recording: Recording) -> bytes | None:
 
 
 def _draw(scene: viser.SceneApi, drawn: MapLayout, poses: NDArray[np.float64]) -> None:
-    """Draw nodes at poses (N, 3), edges by their belief, and those that nobody can drive."""
+    """Draw nodes at poses (N, 3), edges by their belief, and false edges."""
     rows = {row[0]: number for number, row in enumerate(drawn.plan.nodes)}
     nodes = Dots(scene, "/graph/nodes")
     nodes.place(poses, NODE_Z)

@@ -12,7 +12,7 @@ from ltvn_viz.layers.scene_assets import FloorPicture
 from ltvn_viz.session.snapshot import Snapshot
 
 LINGER_S = 1.5
-"""A scene that was changed stays under the new one for so long, because a page takes a while to unpack that."""
+"""Time for which the old scene stays under the new one, in seconds, because a page takes a while to unpack it."""
 NAMES = ("/apartment", "/apartment-again")
 PICTURE_NAME = "/picture"
 """The scene from above; `static/drawing.js` hides the scene itself where a page draws slowly."""

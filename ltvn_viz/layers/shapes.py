@@ -54,7 +54,7 @@ def disc_mesh(radius_m: float, corners: int = 8) -> Mesh:
 
 _RIM_PX = 1.0
 _RIM_BELOW_M = 0.01
-"""A dark rim of so many pixels, drawn by so much below, tells pale lines from pale floors."""
+"""Depth below a line at which a dark rim is drawn, which separates pale lines from pale floors."""
 
 
 class LineSegments:
@@ -92,7 +92,7 @@ def _line_batch(scene: viser.SceneApi, name: str, thickness_px: float) -> viser.
 
 
 _RIM_M = 0.02
-"""Dots on a floor of their own colour are told from it by a dark rim of this width."""
+"""Width of the dark rim that separates dots from a floor of their own colour."""
 _DOT_M = 0.045
 """Radius of a dot."""
 _DROP_THICK_M = 0.03

@@ -58,9 +58,9 @@ class ShownPair:
     count: int
     """Length of the list."""
     reachability: float = 0.0
-    """What the network says of the pair: r,"""
+    """r that the network predicts for the pair."""
     waypoint: Waypoint = field(default_factory=lambda: np.zeros(3))
-    """(3,) and where it takes the target to be."""
+    """(3,) waypoint that the network predicts."""
     reasons: tuple[FailureExplanation, ...] = ()
     """Why the pair is not reachable."""
 

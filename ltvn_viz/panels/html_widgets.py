@@ -15,7 +15,7 @@ from ltvn_viz.server.keymap import key_label
 from ltvn_viz.wishes.wish_table import WISHES, Action
 
 REACHED_BY_TAB = 'role="button" tabindex="0"'
-"""Makes an element with an action a control for whoever has no mouse, as a button is; Enter presses it."""
+"""Makes an element with an action reachable by keyboard, as a button is; Enter presses it."""
 
 STYLE = f"""<style>
 .lt {{ padding: .3em .75em; font-size: .8125rem; line-height: 1.45; }}
@@ -124,7 +124,7 @@ class ActionButton:
     """The button one most likely wants now."""
     is_enabled: bool = True
     target: int | str | None = None
-    """What the action is about, where it needs to be told."""
+    """Subject of the action, if it needs one."""
 
     def html(self) -> str:
         """Return the button."""
@@ -150,7 +150,7 @@ def button_row(*presses: ActionButton) -> str:
 
 
 def grey_for_watchers(elements: Iterable[str]) -> str:
-    """Return a style by which these controls of viser are grey on a page without the seat."""
+    """Return a style that greys out these controls of viser on a page without the seat."""
     selectors = ", ".join(f'[data-ltvn-watching] [id="{escape(element)}"]' for element in elements)
     return f"<style>{selectors} {{ opacity: .38; filter: grayscale(1); cursor: not-allowed; }}</style>"
 

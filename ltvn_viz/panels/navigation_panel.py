@@ -147,7 +147,7 @@ def _task(snapshot: Snapshot) -> str:
 
 
 def _keep_going(is_on: bool | None) -> str:
-    """Return the switch for runs that nobody watches; a real robot has none."""
+    """Return the switch for queries that continue without a page; a real robot has none."""
     if is_on is None:
         return ""
     return toggle(Action.KEEP_GOING, is_on=is_on)
@@ -195,7 +195,7 @@ def _decoded(name: str, content: bytes) -> Rgb:
             _check_size(name, image)
             return np.asarray(ImageOps.exif_transpose(_smaller(image)).convert("RGB"))
     except (UnidentifiedImageError, OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
-        raise ImageError(f"{name}: this is no whole image. Upload a JPEG, PNG, WebP or BMP file.") from error
+        raise ImageError(f"{name}: this is not a whole image. Upload a JPEG, PNG, WebP or BMP file.") from error
 
 
 def _check_size(name: str, image: Image.Image) -> None:

@@ -90,7 +90,7 @@ def _about(snapshot: Snapshot, chosen: str) -> str:
 
 
 TELL_EVERY_S = 0.1
-"""Time that only goes on is told so often; whatever else is new is told at once."""
+"""Interval of updates while only the time changes, in seconds; other changes are sent at once."""
 
 
 class TimelinePanel:

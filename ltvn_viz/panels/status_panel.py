@@ -32,7 +32,7 @@ class Notifications:
     """Tells each message once, as soon as a page is open."""
 
     def __init__(self, clients: Callable[[], Iterable[viser.ClientHandle]]) -> None:
-        """Tell whoever `clients` returns at that time."""
+        """Notify the pages that `clients` returns at that time."""
         self._clients = clients
         self._shown_number = 0
 
@@ -55,7 +55,7 @@ class Notifications:
 
 
 AFTERWARDS_S = 20.0
-"""So long the last caption of a story stays."""
+"""Time for which the last caption of a story stays, in seconds."""
 
 
 class StoryBar:
@@ -69,7 +69,7 @@ class StoryBar:
         self._told: tuple[str, ...] = ()
 
     def show(self, snapshot: Snapshot) -> None:
-        """Show what the story told last, and for a while after its end."""
+        """Show the story's last caption, and for a while after its end."""
         if snapshot.story != self._told:
             self._told = snapshot.story
             self._told_at = self._clock()
@@ -159,7 +159,7 @@ class StatusPanel:
         if message != self._latest:
             self._latest = message
             self._since = self._clock()
-        # The notification says it first; what it leaves behind is a problem that nobody has dealt with.
+        # The notification comes first; afterwards it is listed as an open problem.
         if message is None or message.severity is not Severity.ERROR:
             return ""
         return _message(message) if self._clock() > self._since + SECONDS[Severity.ERROR] else ""
@@ -175,7 +175,7 @@ def first_tab(snapshot: Snapshot) -> str:
     named = _NAMED_TAB.search(snapshot.hint)
     tab = "Drive" if named is None else named[1]
     if snapshot.mode is Mode.REPLAY and snapshot.inspection.question != QuestionName.NONE:
-        tab = "Why"  # Whoever opens a recording with a question wants the answer.
+        tab = "Why"  # A recording opened with a question should show the answer.
     return f' data-ltvn-tab="{tab}"'
 
 

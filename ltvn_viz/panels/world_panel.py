@@ -25,7 +25,7 @@ class WorldPanel:
         self.undo = HtmlBlock(gui)
 
     def show(self, snapshot: Snapshot) -> None:
-        """Show what there is to change."""
+        """Show the possible changes of the world."""
         world = snapshot.world
         enabled = snapshot.mode in LIVE
         if world is None:

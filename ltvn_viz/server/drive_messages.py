@@ -20,7 +20,7 @@ class MessageError(ValueError):
     """A message from a page is not what the protocol knows."""
 
     told = "invalid message"
-    """What the page is told when its socket is closed."""
+    """Text for the page when its socket is closed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +30,7 @@ class DriveMessage:
     held: HeldInput
     epoch: int
     age_s: float
-    """So long ago the page itself, which may be busy drawing, last knew this."""
+    """Time since the page itself, which may be busy drawing, knew this, in seconds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,4 +156,4 @@ def _action(name: str) -> Action:
 
 
 def _refuse_constant(name: str) -> float:
-    raise MessageError(f"{name} is no number here")
+    raise MessageError(f"{name} is not a number here")

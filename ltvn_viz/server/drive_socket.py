@@ -1,7 +1,7 @@
 """The `/drive` socket: carries held inputs and presses to the app, and seat and camera pictures back to the pages.
 
-Owns the connections and the watchdog thread. The rules of driving are in `driving.py`, the words in
-`drive_messages.py`. Nothing is awaited between the arrival of a message and the listener's call.
+Owns the connections and the watchdog thread. The rules of driving are in `driver_seat.py`, the messages
+in `drive_messages.py`. Nothing is awaited between the arrival of a message and the listener's call.
 """
 
 import asyncio
@@ -74,7 +74,7 @@ class Newest(Enum):
 
 
 class _Page:
-    """One open page: its connection and what is still to be told to it."""
+    """One open page: its connection and the messages waiting for it."""
 
     def __init__(self, client: ClientId, connection: GuardedConnection) -> None:
         self.client = client
@@ -288,7 +288,7 @@ class DriveSocket:
             logger.exception("the app failed to take what a page asked for")
 
     def _watch_presence(self, loop: asyncio.AbstractEventLoop) -> None:
-        """Look for silent pages in the thread that hears them, so that its own stalls silence nobody."""
+        """Check for silent pages in the thread that hears them, so that its own stalls count against no page."""
         if self.presence.tick():
             self._tell_absence()
         if not self._closing:

@@ -138,7 +138,7 @@ class DriverSeat:
             return self._driver
 
     def current_twist(self, now: float | None = None) -> Twist | None:
-        """Return the velocity that holds at `now` (seconds of the clock, default: now), None when nobody drives."""
+        """Return the velocity that holds at `now` (seconds of the clock, default: now), None without a driver."""
         with self._lock:
             self._expire(now)
             return self._twist
@@ -152,7 +152,7 @@ class DriverSeat:
             elif epoch == self._epoch and client in self._armed and self.try_sit(client):
                 self._drive(client, held.twist(), age_s)
             else:
-                # A watcher's held key must not start the robot when the seat becomes free: it has to be pressed anew.
+                # A watcher's held key must not start the robot when the seat becomes free: it has to be pressed again.
                 self._armed.discard(client)
 
     def keep(self, *, kept: bool) -> None:
@@ -173,7 +173,7 @@ class DriverSeat:
             return self._driver == client
 
     def stop(self, client: ClientId | None = None) -> None:
-        """Stop whoever drives; None says that the app itself asks."""
+        """Stop the robot for a page; None means that the app itself stops it."""
         with self._lock:
             self._expire()
             self._begin_epoch(client, StopReason.STOPPED)
@@ -281,7 +281,7 @@ class Loss(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Absence:
-    """Nobody is there."""
+    """A time without any open page."""
 
     loss: Loss
     since: datetime
@@ -306,7 +306,7 @@ class Presence:
         self._counted_s = 0.0
         self._ticked = clock()
         self.absence: Absence | None = None
-        """Set while no page is there; None before the first one came, for nobody can be missed then."""
+        """Set while no page is open; None before the first one was."""
 
     def hear(self, client: ClientId) -> None:
         """Note that a page is there."""

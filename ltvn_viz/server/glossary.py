@@ -59,7 +59,7 @@ _BY_SYMBOL = {term.symbol: term for term in TERMS if term.symbol} | {term.name: 
 
 
 def explained(word: str, words: str = "") -> str:
-    """Return a word, or `words` in its place, as markup that explains itself on hover; plain if nobody explains it."""
+    """Return a word, or `words` in its place, with an explanation on hover; plain text if the glossary lacks it."""
     term = _BY_SYMBOL.get(word)
     shown = escape(words or word)
     return shown if term is None else f'<abbr class="lt-term" title="{escape(term.text)}">{shown}</abbr>'

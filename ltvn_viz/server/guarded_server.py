@@ -4,7 +4,7 @@ Owns how viser is started, what is served beside it (`/drive`, numbered files) a
 another port, open a public tunnel). viser has no hook for any of this, so its one call of `websockets` is wrapped while
 it starts; the version is pinned and the tests hold it to that.
 
-Uploads need no route: `gui.add_upload_button` travels over viser's own socket, which passes the same guard.
+Uploads need no route: `viser.GuiApi.add_upload_button` travels over viser's own socket, which passes the same guard.
 """
 
 import asyncio
@@ -75,7 +75,7 @@ class Asker:
 
 
 class GuardedServer:
-    """Serve the page to whoever has the token, and to nobody else."""
+    """Serves the page to holders of the token only."""
 
     def __init__(
         self,
@@ -139,7 +139,7 @@ class GuardedServer:
         return self.viser.gui
 
     def listen(self, listener: DriveListener) -> None:
-        """Name who is told of driving, stops and actions."""
+        """Set the listener for driving, stops and actions."""
         self._drive.listener = listener
 
     def asker(self, viser_client: int) -> Asker:
@@ -267,7 +267,7 @@ class GuardedServer:
 
 
 def _page_key(query: str) -> str | None:
-    """Return the secret by which a page's two sockets know each other; None for a page without one."""
+    """Return the secret that connects a page's two sockets; None for a page without one."""
     given = parse_qs(query).get("page", [""])[-1]
     return given if _PAGE_KEY.fullmatch(given) else None
 

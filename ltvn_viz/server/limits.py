@@ -120,7 +120,7 @@ class PageBudget:
     """Counts what comes on one socket."""
 
     def __init__(self, pace: Pace, clock: Callable[[], float] = time.monotonic) -> None:
-        """Allow so much."""
+        """Set the limit."""
         self._pace = pace
         self._messages = Allowance(pace.messages_per_s, pace.messages_at_once, clock)
         self._bytes = Allowance(pace.bytes_per_s, pace.bytes_at_once, clock)
@@ -143,14 +143,14 @@ MAX_STRANGERS = 100
 READ_BYTES = 8 * 1024
 """Hundreds of the smallest messages, which take some milliseconds."""
 FAREWELL_S = 0.5
-"""So long the reason of a closing may take to reach the page."""
+"""Time for the reason of a closing to reach the page, in seconds."""
 
 
 class Strangers:
     """The connections without a token, the oldest first."""
 
     def __init__(self, most: int = MAX_STRANGERS) -> None:
-        """Keep at most so many."""
+        """Set the largest number of entries."""
         self._most = most
         self._waiting: dict[GuardedConnection, None] = {}
         self._log = LimitedLog(logger)

@@ -20,7 +20,7 @@ MAX_NAME = 300
 """Characters of a name."""
 MAX_UPLOAD_BYTES = 32 * 2**20
 PART_BYTES = 512 * 1024
-"""viser's page sends a file in pieces of so many bytes."""
+"""Size of the pieces in which viser's page sends a file, in bytes."""
 MAX_IMAGE_BYTES = 16 * 2**20
 """Of what a page draws when the app asks it to."""
 MAX_MESSAGE_BYTES = MAX_IMAGE_BYTES + 1024
@@ -160,7 +160,7 @@ def takes(handle: GuiInputHandle[Any], value: Value) -> bool:
                 and all(_is_between(each, handle.min, handle.max) for each in value)
             )
         case _:
-            return False  # No panel of ours has another kind; whoever adds one adds its range here.
+            return False  # Our panels have no other kind; a new kind adds its range here.
 
 
 def shared_elements(gui: viser.GuiApi) -> list[str]:

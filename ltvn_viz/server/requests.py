@@ -73,7 +73,7 @@ def refuse(status: HTTPStatus, text: str) -> Response:
 
 
 def refusal(request: Request) -> Response | None:
-    """Return None for a request that comes from this machine's own page or from nowhere, else the answer."""
+    """Return the refusal of a request from another machine or site; None for a request to accept."""
     headers = request.headers
     if not _names_this_machine(headers):
         return refuse(HTTPStatus.FORBIDDEN, "This server answers to localhost and 127.0.0.1 only.")
@@ -177,7 +177,7 @@ class Routes:
         self._handlers[prefix, ending] = handler
 
     def find(self, path: str) -> RouteMatch | None:
-        """Return who answers for `path` (no query), None when nobody does."""
+        """Return the handler of `path` (no query), None without one."""
         if (found := _ADDRESS.fullmatch(path)) is None:
             return None
         handler = self._handlers.get((found["prefix"], found["ending"]))
@@ -214,7 +214,7 @@ class Proof:
     """Knows the token, and the key of pictures, of one start."""
 
     def __init__(self, token: str, *, within_s: float = PROOF_WITHIN_S) -> None:
-        """Wait so many seconds for the token on a socket."""
+        """Wait this number of seconds for the token on a socket."""
         self._token = token
         self._within_s = within_s
         self._file_key = secrets.token_urlsafe(24)

@@ -32,7 +32,7 @@ class StripKind(IntEnum):
     QUERY_BEGAN = 10
     """Of a query, with its number and its goal."""
     QUERY_ENDED = 11
-    """Of a query, with its number and how it ended, a place in `QUERY_ENDS`."""
+    """Of a query, with its number and its `QueryEnd`."""
 
 
 class Lane(IntEnum):

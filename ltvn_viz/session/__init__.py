@@ -1,1 +1,1 @@
-"""The running app without its page: commands in, snapshots out."""
+"""The session: the running app without its page, with commands as input and snapshots as output."""

@@ -1,7 +1,7 @@
-"""Everything the session's thread owns, in one place: the live run, the map's keeper, and the mode of the moment.
+"""State owned by the session thread: the live run, the map, and the current activity.
 
-Owns no rule of its own beyond how an activity is left; commands are carried out by `command_handlers`, shown by
-`snapshot_builder`.
+Owns no rule except how an activity is left; `command_handlers` runs commands, `snapshot_builder` makes the state
+visible.
 """
 
 from collections import OrderedDict
@@ -43,7 +43,7 @@ Activity: TypeAlias = Teleop | Navigation | MapBuilding | Playback
 
 
 class Debugger(Protocol):
-    """What the session needs of the debugger, which looks at the whole state and is built above it."""
+    """The debugger as the session needs it; it reads the whole state and is built on top of it."""
 
     @property
     def is_on(self) -> bool:
@@ -52,7 +52,7 @@ class Debugger(Protocol):
 
     @property
     def shown(self) -> Inspection:
-        """What the page shows of it."""
+        """The debugger's state for the page."""
         ...
 
     @property
@@ -78,15 +78,15 @@ class Debugger(Protocol):
         ...
 
     def handle_text(self, text: str) -> Command | None:
-        """Hand a person's words to the question; returns what they ask for. Raises OptionError, MapError."""
+        """Pass typed text to the question; return the request, if any. Raises OptionError, MapError."""
         ...
 
     def handle_request(self, request: QuestionRequest) -> Command | None:
-        """Hand what a link asks for to the question; returns what that asks of the session. Raises LtvnError."""
+        """Pass the request of a link to the question; return what it asks of the session. Raises LtvnError."""
         ...
 
     def link(self, number: int) -> Command | None:
-        """Return what a link asks for; None if it was drawn for another question, or too long ago."""
+        """Return the request of a link; None if it was drawn for another question, or is too old."""
         ...
 
     def refresh(self, state: "AppState", moment: RunMoment) -> None:
@@ -98,13 +98,13 @@ class Debugger(Protocol):
         ...
 
     def take_in_all_events(self) -> None:
-        """Let answers count what happened just now too, because a person waits to see what was changed."""
+        """Include the latest events in the answers, because a person waits to see a change."""
         ...
 
 
 @dataclass
 class AppState:
-    """What plays now and with whom."""
+    """State of the app."""
 
     scene: str
     live: LiveRun
@@ -114,14 +114,14 @@ class AppState:
     open_replay: Callable[[str], Playback]
     """Reads a recording by its name in the library; runs in the worker's thread."""
     feed: ImageFeed
-    """What the method sees."""
+    """Source of the images that the method sees."""
     goals: Goals
     teleop: Teleop
     fine_tuning: FineTuning
     predictor_for: Callable[[Path], tuple[Predictor, NavigationSystem]]
     """Opens weights and the navigation system with the constants measured for them; runs in the worker's thread."""
     debugger: Debugger
-    """What every page shows under “Why” that does not ask something itself."""
+    """The question under “Why” on every page that has none of its own."""
     new_own_debugger: Callable[[ClientId], Debugger]
     """Makes the debugger of a page that only watches; it changes nothing."""
     patient_worker: PatientWorker
@@ -129,25 +129,25 @@ class AppState:
     build_options: BuildOptions = BuildOptions()  # noqa: RUF009
     """How maps are built from recordings."""
     maker: RecordingMaker = field(default_factory=RecordingMaker)
-    """Makes new recordings of what lies in the folder."""
+    """Makes new recordings from files in the folder."""
     places: PlaceLookup = field(default_factory=PlaceLookup)
     """Looks for images in the maps of recordings; for the worker's thread alone."""
     last_recording: str | None = None
     """The recording that was kept last."""
     message: Message | None = None
     work: JobProgress | None = None
-    """A job that the page should wait for, beside what an activity says itself."""
+    """A job for which the page shows progress, beside the activity's own."""
     queries: int = 0
     larger_feed: ImageFeed | None = None
-    """Draws a larger picture for people; None where nobody can."""
+    """Renders a larger picture for people; None if it cannot be rendered."""
     shows_larger: bool = False
     """The page shows that picture."""
     keeps_going: bool = False
-    """A query goes on when the last page closes."""
+    """Whether a query continues when the last page closes."""
     rerun: Callable[[Path], str] = rerun_unavailable
     """Serves a recording in Rerun's web viewer and returns its address; runs in the worker's thread."""
     saved_files: SavedFiles = field(default_factory=SavedFiles)
-    """What was written for somebody, and the page hands out."""
+    """Files written for download from the page."""
     viewpoint: Callable[[], Viewpoint | None] = lambda: None
     """From where the person looks at the scene; None where there is no page."""
     world: ChangeableWorld | None = None
@@ -157,13 +157,13 @@ class AppState:
     open_loop: str = ""
     """Why the robot obeys no command; empty where it does."""
     story: StoryTeller | None = None
-    """The story that is told, or was told last."""
+    """The current story, or the last one."""
     shown_stamp: float | None = None
     """A stamp of the live run that the page shows instead of now."""
     plays_past: bool = False
-    """That stamp goes on by itself, until it is now."""
+    """Whether a look back plays until it reaches now."""
     play_speed: float = 1.0
-    """The recording or the past on show plays so many times as fast as it happened."""
+    """Playback speed of a recording or a look back, as a factor of real time."""
     strips: StripLibrary = field(default_factory=StripLibrary)
     """The marks of the runs on show, for the pages' timelines."""
     own_debuggers: OrderedDict[ClientId, Debugger] = field(default_factory=OrderedDict)

@@ -1,9 +1,9 @@
-"""What the session drives: a robot, and what a simulator knows beside it; or what is missing.
+"""The session's robot, with the simulator's extras if there are any; or what is missing.
 
-Owns where a simulated robot starts. A robot of one's own has no renderer, no scene and no ground truth; where one only
-watches a recording there may be no robot either.
+Owns where a simulated robot starts. A user's own robot has no renderer, no scene and no ground truth; for watching
+recordings there may be no robot.
 
-Stand-ins take the place of a simulator or network that is not there; they only say what is missing.
+Stand-ins replace a simulator or network that is not installed; they only say what is missing.
 """
 
 import logging
@@ -75,7 +75,7 @@ class AbsentPredictor:
     camera = LOCOBOT.camera
 
     def __init__(self, why: LtvnError, likelihoods: Likelihoods | None = None) -> None:
-        """Remember why there is no network, and what was measured of it."""
+        """Keep the reason why there is no network, and its measurements."""
         self._why = why
         self.likelihoods = likelihoods
 
@@ -100,7 +100,7 @@ START_CANDIDATES = 16
 
 @dataclass(frozen=True, kw_only=True)
 class Backend:
-    """The robot, and what is known of where it is."""
+    """The robot, with what is known about its place."""
 
     robot: Robot | None
     """None where one only watches recordings."""
@@ -185,9 +185,9 @@ def _open_simulator(options: AppOptions, known: LoadedMap | None, stack: ExitSta
 
 
 def live_robot(backend: Backend, predictor: Predictor, known: LoadedMap | None) -> LiveRobot:
-    """Return the robot for the session, seen through the predictor's camera; a stand-in where there is none.
+    """Return the robot for the session, seen through the predictor's camera; a stand-in if there is none.
 
-    Its images and stamps go on from those of a `known` map.
+    Its images and stamps continue those of a `known` map.
     """
     if backend.robot is None:
         return LiveRobot(AbsentRobot(backend.missing or SceneError("None was opened.")))
@@ -204,7 +204,7 @@ def live_robot(backend: Backend, predictor: Predictor, known: LoadedMap | None) 
 
 
 def open_larger_feed(backend: Backend, stack: ExitStack) -> LargerFeed | None:
-    """Open the larger picture for people, to be closed by `stack`; None where nobody can draw it."""
+    """Open the larger picture for people, to be closed by `stack`; None if it cannot be rendered."""
     renderer = backend.renderer
     if backend.robot is None or renderer is None:
         return None
@@ -216,7 +216,7 @@ def open_larger_feed(backend: Backend, stack: ExitStack) -> LargerFeed | None:
 
 
 def _start(scene: Scene, renderer: EmbreeRenderer, known: LoadedMap | None, rng: np.random.Generator) -> Pose:
-    """Draw a place, on the map if there is one, from which there is something to see: nobody likes to face a wall."""
+    """Draw a start, on the map if there is one, from which the camera sees more than a wall."""
     candidates = scene.clearance.sample_poses(rng, START_CANDIDATES, min_clearance_m=START_CLEARANCE_M)
     if known is not None:
         poses = [known.observations[node].exact_pose for node in known.graph.nodes]

@@ -1,7 +1,7 @@
-"""The live camera for the person: the image that the method works with, or a larger picture where somebody asks for it.
+"""The live camera picture: the image of the method, or a larger one on request.
 
-A larger picture is drawn in a thread of its own, and the newest pose wins: while one is drawn, older wishes are dropped
-and counted. So showing never holds up driving, and while nobody asks, nothing is drawn.
+A larger picture is rendered in a separate thread, for the newest pose: requests that arrive during rendering replace
+each other and are counted. So the picture never delays driving, and without requests nothing is rendered.
 """
 
 import logging
@@ -42,7 +42,7 @@ class ObservationFeed:
     """The robot's own images, as the method works with them."""
 
     def __init__(self, newest: Callable[[], Observation | None], clock: Clock) -> None:
-        """Show what `newest` returns; `clock` is the robot's."""
+        """Show the image that `newest` returns; `clock` is the robot's."""
         self._newest = newest
         self._clock = clock
         self._shown: tuple[Observation, CameraImage] | None = None
@@ -63,7 +63,7 @@ class _RenderRequest(NamedTuple):
     pose: Pose
     when: float
     look: object = None
-    """What the world is like; another object means that the same pose sees something else."""
+    """State of the world; another object means that the same pose shows another picture."""
 
     def sees_as(self, other: "_RenderRequest") -> bool:
         """Tell whether both see the same."""
@@ -71,7 +71,7 @@ class _RenderRequest(NamedTuple):
 
 
 class LargerFeed:
-    """Draws a larger picture of what is seen from the newest pose, some times a second."""
+    """Renders a larger picture from the newest pose, several times a second."""
 
     def __init__(
         self,

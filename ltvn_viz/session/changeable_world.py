@@ -1,7 +1,7 @@
-"""The simulated world as a person changes it from the page: what was asked waits until the navigator does not think.
+"""Changes of the simulated world from the page: queued until the navigator is not computing.
 
-Owns the undoing, and that every change of the world, whoever made it, gets into timeline and recording. What can be is
-decided by `ltvn_core.simulation.changes`. For the session's thread alone.
+Owns undo, and records every change of the world, by anyone, in timeline and recording. `ltvn_core.simulation.changes`
+decides which changes are valid. For the session's thread only.
 """
 
 from collections import deque
@@ -43,7 +43,8 @@ class ChangeableWorld:
         self.world = world
         self._live = live
         self.carry = carry
-        """Puts the robot at a pose (3,); raises SceneError where something stands. Nobody may drive it meanwhile."""
+        """Moves the robot to a pose (3,); raises SceneError if it is occupied. Nothing else may drive the robot
+        meanwhile."""
         self._doors = doors_of(world.base)
         self._floor = floor_of(world.base)
         self._aimed: int | None = None
@@ -56,7 +57,7 @@ class ChangeableWorld:
 
     @property
     def view(self) -> WorldView:
-        """What can be changed now; the same object while nothing did."""
+        """Return the changes that are possible now; the same object until they differ."""
         state = self.world.state
         doors = tuple(replace(each, is_open=each.door not in state.closed_doors) for each in self._doors)
         undo = self._undo[-1].text if self._undo else ""
@@ -98,14 +99,14 @@ class ChangeableWorld:
         self._asked.append(self._take_back)
 
     def carry_out(self) -> Sequence[str]:
-        """Do what was asked since; returns what was done in words. Raises WorldError for what cannot be."""
+        """Apply the queued changes; returns a description. Raises WorldError for an invalid change."""
         done: list[str] = []
         while self._asked:
             done.append(self._asked.popleft()())
         return done
 
     def record(self) -> None:
-        """Tell a recording that has just begun what the world is like."""
+        """Write the state of the world into a new recording."""
         now = self._live.robot.state()
         for event in self.world.events():
             self._live.recorder.write_event(StampedEvent(now.step, now.stamp, event))

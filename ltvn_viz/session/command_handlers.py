@@ -1,7 +1,7 @@
-"""Carries out what a person asked for.
+"""Runs the commands of the page.
 
-Owns the meaning of each command, and what new recordings are made of; the maker makes them in a thread of its own.
-Whether it is legal now, `wishes` says; runs in the session's thread alone.
+Owns the meaning of each command, and the content of new recordings; the maker writes them in a separate thread.
+`wishes` says which commands are legal now; runs in the session's thread only.
 """
 
 from collections.abc import Callable, Sequence
@@ -102,7 +102,7 @@ def _carry_out_other(state: AppState, command: c.OtherCommand) -> None:
             else:
                 find_and_go(state, rgb, original)
         case c.ReportError(text):
-            # What a person brought is at fault; the app itself keeps up.
+            # The user's file is at fault; the app itself continues.
             state.say(text, Severity.WARN, title="Problem")
         case _:
             assert_never(command)
@@ -150,7 +150,7 @@ def _change_of(before: tuple[int, int], graph: TopologicalGraph) -> str:
 
 
 def take_made_recording(state: AppState) -> None:
-    """Open a recording that was just made, and say what is doubtful of it, or why it was not made."""
+    """Open a new recording and report what is doubtful about it, or why it was not made."""
     match state.maker.collect():
         case None:
             pass
@@ -305,7 +305,7 @@ def build_from_replay(state: AppState, replay: Playback) -> None:
 
 
 MAP_IMAGES = "images-at-hand"
-"""What the card of weights calls a drive that is no recording."""
+"""Name, in the card of weights, of a drive that is not a recording."""
 
 
 def drive_name(state: AppState) -> str:
@@ -327,14 +327,14 @@ def start_fine_tuning(state: AppState, minutes: float) -> None:
     def begin(observations: Sequence[Observation]) -> None:
         try:
             state.fine_tuning.begin(DriveSource(MAP_IMAGES, observations), output, minutes)
-        except OptionError as error:  # Somebody pressed twice.
+        except OptionError as error:  # The button was pressed twice.
             state.say(str(error), Severity.WARN)
 
     state.worker.submit(state.live_map.observations, begin)
 
 
 def use_weights(state: AppState) -> None:
-    """Build the map anew with the new weights and use them from then on; raises OptionError and RecordingError."""
+    """Rebuild the map with the new weights and use them from now on; raises OptionError and RecordingError."""
     weights = state.fine_tuning.offer
     if state.live.recorder.is_on:
         raise RecordingError(
@@ -348,7 +348,7 @@ def use_weights(state: AppState) -> None:
     def then() -> None:
         state.fine_tuning.adopt(weights)
         state.say(
-            f"The map was built anew with the weights {state.live_map.fingerprint}. Start the app with --weights "
+            f"The map was rebuilt with the weights {state.live_map.fingerprint}. Start the app with --weights "
             f"{weights} to use them another time."
         )
 

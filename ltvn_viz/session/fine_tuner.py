@@ -1,7 +1,6 @@
-"""Fine-tuning as a person asks for it in the page: a drive, and minutes.
+"""Fine-tuning from the page, by a drive and a duration.
 
-Owns what of it becomes which argument of `ltvn_core.training.fine_tuning.fine_tune`, and that the progress begins with
-labelling the drive.
+Owns the arguments of `ltvn_core.training.fine_tuning.fine_tune`, and the progress of labelling the drive before it.
 """
 
 from dataclasses import dataclass
@@ -28,7 +27,7 @@ class FineTuningRequest:
     start: Path | None
     """Weights to start from, which stay as they are; None takes those that come with the system."""
     output: Path
-    """The weights to write, with a card beside them; nothing lies there yet."""
+    """New file for the weights, with a card beside it."""
     minutes: float
 
 
@@ -41,7 +40,7 @@ class FineTuner:
     plan: "FineTuningPlan | None" = None
     """How to learn, whatever time is asked for; None follows the default plan for the time asked for."""
     rehearsal: RehearsalData | None = None
-    """What is shown beside the drive; None takes what the system rehearses."""
+    """Data for rehearsal; None takes the system's default."""
 
     def __call__(
         self, request: FineTuningRequest, on_progress: ProgressReporter, cancelled: Event

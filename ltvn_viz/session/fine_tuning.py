@@ -1,12 +1,11 @@
-"""The network gets to know the place: at most one fine-tuning at a time, in a thread of its own.
+"""Fine-tuning of the network to the place: at most one at a time, in a separate thread.
 
-Learning takes minutes, and map and navigation go on meanwhile, so it does not share their thread; it starts from a
-file of weights and ends with a file. Owns its life: begun, cancelled, failed, done, and whether the result is offered.
-Which drive is learned from and how weights come into use is `command_handlers`.
+Training takes minutes, and map and navigation continue meanwhile, so it does not share their thread; it reads and
+writes files of weights. Owns its state: started, cancelled, failed, done, and whether the result is offered.
+`command_handlers` chooses the drive and puts the weights into use.
 
-How long a lesson still takes is judged by what its parts took on this computer so far: learning itself takes the time
-that was asked for; what comes before and after it is known only by measuring. Judging after takes about as long as
-judging before, and calibrating comes in between.
+The remaining time is estimated from measurements on this computer: training takes the requested time; the parts before
+and after it are measured. The final validation takes about as long as the first one, with calibration in between.
 """
 
 import logging
@@ -27,23 +26,23 @@ from ltvn_viz.session.snapshot import FineTuningPhase, FineTuningStatus
 from ltvn_viz.session.worker import Worker
 
 JUDGING, LEARNING, CALIBRATING = "judging the weights before", "learning", "calibrating"
-"""What `ltvn_core.network.optimization.fine_tuning_loop` says that it is doing."""
+"""Names of the stages in `ltvn_core.network.optimization.fine_tuning_loop`."""
 _MOST = 2.0
-"""Calibrating and judging after take at most so many times what judging before took."""
+"""Largest ratio of the time for calibration and final validation to the time for the first validation."""
 
 
 class LearningTime:
-    """The parts of one lesson and when they began."""
+    """The stages of one fine-tuning and when they began."""
 
     def __init__(self, minutes: float, clock: Callable[[], float] = time.monotonic) -> None:
-        """Begin a lesson that was asked to learn for `minutes`; `clock` counts seconds."""
+        """Begin a fine-tuning that trains for `minutes`; `clock` counts seconds."""
         self._learning_s = 60 * minutes
         self._clock = clock
         self._began = clock()
         self._parts: dict[str, float] = {}
 
     def hear(self, doing: str) -> None:
-        """Take what is being done now."""
+        """Take note of the current stage."""
         self._parts.setdefault(doing, self._clock())
 
     @property
@@ -91,12 +90,12 @@ Tune: TypeAlias = Callable[[FineTuningRequest, ProgressReporter, threading.Event
 FAR_FALSE_POSITIVE_RATE = "far_fpr_at_half"
 WAYPOINT_ERROR = "position_median_m"
 MAX_GROWTH, CHANCE_PAIRS = 1.25, 2.5
-"""False links have grown if they are more than this many times as many and so many pairs on top; less is chance."""
+"""False links have grown if their number exceeds this factor plus this number of pairs; less is chance."""
 EVALUATION_SETS = {"own": "Here", "simulated": "Simulated"}
 
 
 class FineTuning:
-    """What becomes of the weights in use."""
+    """State of the fine-tuning of the weights in use."""
 
     def __init__(self, tune: Tune | None, weights: Path | None, executor: Executor) -> None:
         """Teach `weights`, None being the shipped ones; where `tune` is None there is no network to teach."""
@@ -114,7 +113,7 @@ class FineTuning:
 
     @property
     def status(self) -> FineTuningStatus:
-        """What the page shows of it."""
+        """The state for the page."""
         status = replace(self._status, besides_s=self._besides_s)
         if status.phase is not FineTuningPhase.LEARNING:
             return status
@@ -158,7 +157,7 @@ class FineTuning:
         self._cancelled.set()
 
     def dismiss(self) -> None:
-        """Go on with the weights in use; new ones stay on disk."""
+        """Keep the weights in use; the new ones stay on disk."""
         self._offer = None
         self._status = FineTuningStatus()
 
@@ -181,7 +180,7 @@ class FineTuning:
         self._time.hear(doing)
 
     def _run(self, tune: Callable[[], FineTunedWeights | None]) -> FineTunedWeights | str | None:
-        """Return a failure as a sentence: the robot and its query have nothing to do with it and go on."""
+        """Run the fine-tuning and return a failure as a sentence, so that the robot and its query continue."""
         try:
             return tune()
         except LtvnError as error:
@@ -215,7 +214,7 @@ def far_false_positives_grew(learned: FineTunedWeights) -> bool:
 
 
 def result_lines(learned: FineTunedWeights) -> tuple[str, ...]:
-    """Return one line for each place: what it was before and what it is now."""
+    """Return one line for each place: the figures before and after."""
     return tuple(_line(label, place, learned) for place, label in EVALUATION_SETS.items())
 
 

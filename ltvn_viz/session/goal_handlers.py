@@ -1,6 +1,6 @@
-"""Carries out what a person asked for about goals: going to a node, or to what looks like a picture.
+"""Runs the commands about goals: navigating to a node, or to the place of a picture.
 
-What the map does not hold is said before the robot drives. Runs in the session's thread alone.
+A goal that the map does not hold is reported before the robot drives. Runs in the session's thread only.
 """
 
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ from ltvn_viz.session.goals import SIMILAR_NODE_COUNT, FoundPlace, picture_addre
 from ltvn_viz.session.snapshot import JobProgress, LikePlace, UploadMatch
 
 NOT_FOUND = "Image not found in the map"
-"""Title of what is said then."""
+"""Title of the message for a picture that was not found."""
 
 
 class _Resembling(NamedTuple):

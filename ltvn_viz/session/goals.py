@@ -1,8 +1,8 @@
-"""The goals a person can choose from by picture, and where in a map a single picture was taken.
+"""Goals with pictures, and the place of a single picture in a map.
 
-Owns which goals are offered and their thumbnails, and the sentence that says where a picture was taken. Pictures come
-from the map in the worker's thread. Comparing is the predictor's, judging the localiser's thresholds; one picture has
-no way behind it, so nothing supports it over time.
+Owns which goals are offered, their thumbnails, and the sentence about the place of a picture. Pictures come from the
+map in the worker's thread. The predictor compares and the localiser's thresholds decide; a single picture has no
+temporal support.
 """
 
 import threading
@@ -63,13 +63,13 @@ class ThumbnailStore:
 GALLERY_SIZE = 12
 SIMILAR_NODE_COUNT = 4
 GROWTH = 1.15
-"""The gallery is chosen anew when the map has grown by this factor, so that it does not flicker while one drives."""
+"""Factor of growth of the map after which the gallery is chosen again, so that it does not flicker during driving."""
 RADIAN_IN_M = 0.5
 """A turn by a radian makes two views as different as this many metres."""
 
 
 class Goals:
-    """What is offered and what is chosen."""
+    """The offered goals and the chosen one."""
 
     def __init__(self, live_map: LiveMap, worker: Worker, thumbnails: ThumbnailStore) -> None:
         """Offer places of the live map."""
@@ -101,7 +101,7 @@ class Goals:
             self.offer([int(graph.ids[row]) for row in farthest_points(graph.poses, GALLERY_SIZE)])
 
     def follow(self, way: WayNodes | None) -> None:
-        """Show the nodes of a query under way as soon as their pictures are at hand; None ends that."""
+        """Show the nodes of a running query once their pictures are in memory; None ends that."""
         if way is None or way == self._followed:
             self.way = None if way is None else self.way
             self._followed = way
@@ -117,7 +117,7 @@ class Goals:
         self._worker.submit(lambda: self._live_map.node_images(nodes), show)
 
     def offer(self, nodes: Sequence[NodeId]) -> None:
-        """Offer these nodes as soon as their pictures are at hand."""
+        """Offer these nodes once their pictures are in memory."""
 
         def show(node_images: Sequence[tuple[FrameId, Rgb]]) -> None:
             self._keep(node_images)
@@ -140,7 +140,7 @@ OWN_WIDTH = 240
 
 
 def picture_address(rgb: Rgb) -> str:
-    """Return an address that holds a small copy of a picture (H, W, 3) itself, so that nobody need keep it."""
+    """Return a data URL with a small copy of a picture (H, W, 3), so that no file is needed."""
     rows, columns = rgb.shape[:2]
     width = min(OWN_WIDTH, columns)
     small = cv2.resize(rgb, (width, max(1, round(rows * width / columns))), interpolation=cv2.INTER_AREA)
@@ -171,7 +171,7 @@ _NO_STEP = -1
 
 
 class FoundPlace(NamedTuple):
-    """What a map says of a picture."""
+    """Result of looking up a picture in a map."""
 
     node: NodeId | None
     """Where it was taken; None where that is nowhere in the map."""
@@ -184,7 +184,7 @@ class FoundPlace(NamedTuple):
 
     @property
     def text(self) -> str:
-        """What was found, in words."""
+        """The result in words."""
         if self.node is None:
             return (
                 f"The picture was taken nowhere in this map: node {self.best} is most like it, with r = "
@@ -208,7 +208,7 @@ class PlaceLookup:
     def find(self, path: Path, rgb: Rgb, in_use: Predictor) -> FoundPlace:
         """Look for a picture (H, W, 3) of any size in the map at the end of a recording.
 
-        `in_use` is the predictor at hand, which spares opening the map's own where that is the same. Raises
+        `in_use` is the open predictor, which is used instead of opening the map's own if both are the same. Raises
         RecordingError, MapError, OptionError and WeightsError.
         """
         known = self._map(path, in_use)

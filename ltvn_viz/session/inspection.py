@@ -1,4 +1,4 @@
-"""What the page shows of the debugger, as plain data: the question, what is selected, the answer and what it draws.
+"""The debugger's state for the page, as plain data: the question, the selection, the answer and its drawing.
 
 Owns no answer; the questions are in `ltvn_viz.debugger`, and the page draws what they return.
 """
@@ -59,19 +59,19 @@ def stroke(start: Pose | NDArray[np.float64], end: Pose | NDArray[np.float64], c
 
 
 LINKS_PER_VIEW = 1000
-"""A link is asked for by its number plus so many times the number of the view it was drawn in."""
+"""Offset between the links of two views: a link's number is its index plus this times the view's number."""
 _LINK_ID = re.compile(r'data-id="link-(\d+)"')
 
 
 class QuestionName(StrEnum):
-    """What the page calls the questions to which others lead, each with its word in an address.
+    """Questions that others link to, each with its word in an address.
 
-    A question that nothing else leads to has a name and a word of its own, and needs no member here.
+    A question without links to it defines its own name and word, and needs no member here.
     """
 
     word: str
     earlier_words: tuple[str, ...]
-    """Words by which addresses that were sent earlier may name it."""
+    """Former words for it in addresses, so that old links still work."""
 
     def __new__(cls, name: str, word: str, *earlier_words: str) -> Self:
         """Make a member whose value is `name`."""
@@ -98,7 +98,7 @@ class QuestionName(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Selection:
-    """What a person pointed at."""
+    """The selection of a person."""
 
     node: NodeId | None = None
     edge: EdgeKey | None = None
@@ -115,17 +115,17 @@ class Selection:
 
 @dataclass(frozen=True, slots=True)
 class QuestionAnswer:
-    """What a question shows."""
+    """The answer to a question."""
 
     answer: Answer = EMPTY_ANSWER
     """The links in it ask for commands."""
     overlay: Overlay = EMPTY_OVERLAY
     input_hint: str = ""
-    """What a person may type, as a hint in the empty field; empty hides the field."""
+    """Hint in the empty text field; empty hides the field."""
 
     @property
     def links(self) -> tuple[Command, ...]:
-        """What the links ask for, in the order in which they are read."""
+        """Return the requests of the links, in reading order."""
         return tuple(cast(Command, link.to) for link in self.answer.links())
 
     @property
@@ -140,20 +140,20 @@ NO_ANSWER = QuestionAnswer()
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Inspection:
-    """What the page shows of the debugger."""
+    """The debugger's state for the page."""
 
     question: str = QuestionName.NONE
     """Its name, as the page calls it."""
     about: str = ""
     verb: str = ""
-    """What handing over what was typed does, for the button."""
+    """Label of the button that submits the typed text."""
     answer: QuestionAnswer = NO_ANSWER
     serial: int = 0
     """Counts views; part of every link."""
     selection: Selection = NOTHING_SELECTED
     offered: tuple[str, ...] = (QuestionName.NONE,)
     notice: str = ""
-    """What the page that asks is to be told, and no other."""
+    """Message for the page that asks, and no other."""
     notice_number: int = 0
     """Counts notices, so that the same words twice are two."""
 

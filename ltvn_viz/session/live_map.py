@@ -1,6 +1,6 @@
 """The live map with its pictures and the network that reads them; everything here runs in the worker's thread.
 
-Owns when the map is replaced as a whole. The decisions are `ltvn_core.graph`'s.
+Owns when the whole map is replaced. The decisions are in `ltvn_core.graph`.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -40,7 +40,7 @@ class LiveMap:
         self._map = known
         self._rng = rng
         self.findings: Sequence[Finding] = ()
-        """What is doubtful of the map that was built last."""
+        """What is doubtful about the last map that was built."""
         self._rebuilt_from: TopologicalMap | None = None
         self._online = self._new_online()
         self._navigator: Navigator | None = None
@@ -54,7 +54,7 @@ class LiveMap:
 
     @property
     def keyframes(self) -> KeyframeStore:
-        """The pictures at hand and their features."""
+        """Return the pictures in memory with their features."""
         return self._map.keyframes
 
     @property
@@ -91,7 +91,7 @@ class LiveMap:
         """Take a map in place of the present one and return the deltas that make it up."""
         self._replace(known)
         if frames := known.keyframes.frames:
-            # The odometry of whoever drives on is another, whether or not anybody does.
+            # Further driving has another odometry, whether or not anyone drives.
             self._next_drive = frames[-1] + 1
             self.keyframes.begin_drives([self._next_drive])
         return known.graph.deltas(Cause.LOAD)
@@ -107,10 +107,10 @@ class LiveMap:
         return self.change([DriveBegun(frame, f"live, image {observation.step} on", Cause.ONLINE)])
 
     def offer(self, observation: Observation) -> Sequence[GraphDelta]:
-        """Let the map grow by one image; returns what changed.
+        """Add an image to the map; returns the changes.
 
-        Where the navigation system only builds whole maps, the image is kept for the next `rebuild`. An image without
-        the depth that the network needs changes nothing.
+        If the navigation system only builds whole maps, the image is kept for the next `rebuild`. An image without the
+        depth that the network needs changes nothing.
         """
         if not is_usable(observation, self.predictor):
             return ()
@@ -124,7 +124,8 @@ class LiveMap:
         return [*begun, *deltas]
 
     def rebuild(self, progress: Callable[[int, int], None]) -> Sequence[GraphDelta]:
-        """Build anew from all pictures at hand; returns every change from the old map. Raises MapError for none."""
+        """Rebuild from all pictures in memory; returns every change from the old map. Raises MapError if there are
+        none."""
         seen = self._map.images
         if not seen:
             raise MapError("There are no pictures to build a map from; hold W A S D and drive a little first.")
@@ -152,9 +153,10 @@ class LiveMap:
     def rebuild_with(
         self, predictor: Predictor, system: NavigationSystem, progress: Callable[[int, int], None]
     ) -> Sequence[GraphDelta]:
-        """Build anew from all pictures at hand with another network, which is used from then on.
+        """Rebuild from all pictures in memory with another network, and use it from then on.
 
-        Until the new map is whole nothing changes. Without pictures there is no map either, and only the network does.
+        Nothing changes until the new map is complete. Without pictures there is no map either, and only the network
+        changes.
         """
         seen = [each for each in self._map.images if is_usable(each, predictor)]
         fresh = TopologicalMap.of(predictor, system)
@@ -166,7 +168,7 @@ class LiveMap:
         return self._replaced(fresh, built, seen)
 
     def observations(self) -> Sequence[Observation]:
-        """Return all pictures at hand in the order they were taken."""
+        """Return all pictures in memory in the order they were taken."""
         return self._map.images
 
     def _replaced(
@@ -181,12 +183,12 @@ class LiveMap:
         return [*cleared, *built, *drives]
 
     def _cleared(self) -> list[GraphDelta]:
-        """Return what takes everything out of the present map."""
+        """Return the deltas that empty the present map."""
         released = [FramesReleased(tuple(self.graph.reserve), Cause.BUILD)] if self.graph.reserve else []
         return [*(NodeDropped(node, Cause.BUILD) for node in self.graph.nodes), *released]
 
     def _diagnosed(self, seen: Sequence[Observation]) -> Sequence[Finding]:
-        """Return what is doubtful of the map that was built from images in order, with likely causes."""
+        """Return what is doubtful about the map that was built from images in order, with likely causes."""
         drive = MappedDrive(
             observations=seen,
             camera=None,
@@ -211,7 +213,7 @@ class LiveMap:
             self._navigator.cancel()
 
     def _verdict(self, robot: LiveRobot, goal: NodeId, query: int) -> Judged | None:
-        """Judge the robot where it stands; None where nobody knows the exact poses."""
+        """Check the robot's localisation at its present place; None if the true poses are unknown."""
         truth = self.keyframes.observation(goal).exact_pose
         exact = robot.exact_pose
         return None if truth is None or exact is None else judge_goal_reached(query, exact, truth)
@@ -221,11 +223,11 @@ class LiveMap:
         return self._map.observations
 
     def node_images(self, frames: Sequence[FrameId]) -> Sequence[tuple[FrameId, Rgb]]:
-        """Return the pictures of those of `frames` that are still at hand."""
+        """Return the pictures of those of `frames` that are still in memory."""
         return [(frame, self.keyframes.observation(frame).rgb) for frame in frames if frame in self.keyframes]
 
     def goal_report(self, goal: NodeId) -> GoalReport:
-        """Return what the map says of a goal before any drive."""
+        """Return the map's report of a goal before any drive."""
         (report,) = self._map.goal_reports([goal])
         return report
 

@@ -1,8 +1,9 @@
-"""The live run: the robot, its timeline and its recording, kept in step.
+"""The live run: keeps the robot, its timeline and its recording in step.
 
-The robot numbers its images after those of the map that the app began with, hands every image over once, and remembers
-the last command, so that the session can renew it while the robot moves and hold it while the navigator thinks. Owns
-the rule that every image and event goes to timeline and recording together. Decides nothing, and knows no simulator.
+Images are numbered after those of the map that the app started with, and each is handed over once. The last command is
+remembered, so that the session can renew it while the robot moves and stop it while the navigator computes. Owns the
+rule that every image and event goes to timeline and recording together. Decides nothing, and is independent of the
+simulator.
 """
 
 import math
@@ -30,9 +31,9 @@ class LiveRobot(ContinuedRobot):
         last_stamp_s: float = -math.inf,
         ground_truth: Callable[[], Pose] | None = None,
     ) -> None:
-        """Drive `robot`, whose steps and stamps go on after a map's last image, see `ContinuedRobot`.
+        """Drive `robot`, whose steps and stamps continue those of a map, see `ContinuedRobot`.
 
-        `ground_truth` returns its true pose (3,) where a simulator knows it.
+        `ground_truth` returns its true pose (3,) in simulation.
         """
         super().__init__(robot, last_step=last_step, last_stamp_s=last_stamp_s)
         self._ground_truth = ground_truth
@@ -83,7 +84,7 @@ class LiveRobot(ContinuedRobot):
         self._robot.stop()
 
     def renew(self) -> None:
-        """Command the last velocity for another lease, where time passes by itself and nobody stopped the robot."""
+        """Renew the last velocity command for another lease, if time is real and the robot was not stopped."""
         if self._command is not None and not self._clock.is_simulated:
             self._robot.drive(self._command)
 
@@ -94,11 +95,11 @@ class LiveRobot(ContinuedRobot):
 
 
 TICK_S = 1 / 30
-"""Robot time between two pictures of the page, where it goes as fast as that of the person who watches."""
+"""Robot time between two updates of the page at real-time speed, in seconds."""
 
 
 class LiveRun:
-    """What is going on now."""
+    """The live run."""
 
     def __init__(self, robot: LiveRobot, recorder: Recorder, timeline: Timeline) -> None:
         """Watch `robot`."""
@@ -106,9 +107,9 @@ class LiveRun:
         self.recorder = recorder
         self.timeline = timeline
         self.breakpoint_monitor = BreakpointMonitor()
-        """What a person wants to stop at."""
+        """Breakpoints of the person."""
         self.pace = 1
-        """So many times as fast a simulator's time goes, as far as the computer can follow."""
+        """Target speed of a simulator's time as a factor of real time."""
         self._images = ImageRecorder(self._write_frame, self._append)
         self.observation: Observation | None = None
         """The newest image of timeline and recording."""
@@ -141,7 +142,7 @@ class LiveRun:
         self.view = self.robot.glance()
 
     def begin_recording(self) -> None:
-        """Begin a recording with a picture of now; raises RecordingError. Nobody else may use the robot meanwhile."""
+        """Begin a recording with the current image; raises RecordingError. Nothing else may use the robot meanwhile."""
         self.recorder.start()
         before = self.observation
         if self.capture() is before and before is not None:

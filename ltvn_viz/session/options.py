@@ -1,4 +1,4 @@
-"""What the command line may ask of the app."""
+"""Options of the app from the command line."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -16,7 +16,7 @@ DEMO_SCENE = "demo"
 
 @dataclass(frozen=True)
 class AppOptions:
-    """What the app is to open."""
+    """Options of the app."""
 
     port: int = 8080
     """Port on 127.0.0.1; 0 takes any free one."""
@@ -29,7 +29,7 @@ class AppOptions:
     recordings: Path = Path("recordings")
     """Folder for recordings."""
     predictor: str = AUTO
-    """What compares images, by name; `auto` takes the one that made the map, else the better one for the camera."""
+    """Name of the predictor; `auto` takes the one that made the map, else the better one for the camera."""
     weights: Path | None = None
     """Weights instead of those that come with the system."""
     system: str = DEFAULT_SYSTEM
@@ -37,17 +37,17 @@ class AppOptions:
     preset: str = "robust"
     """Name of the method's settings."""
     maintenance: str | None = None
-    """What driving teaches the map, by name; None is what the system does."""
+    """Name of the maintenance; None is the system's own."""
     world: str | None = None
-    """What changes in the scene by itself: a script's name or file; None is nothing."""
+    """Name or file of a script that changes the scene; None is none."""
     seed: int = 0
     """Draws the robot's start and its odometry noise."""
     body: BodyName = "auto"
-    """What moves the simulated robot."""
+    """Body that moves the simulated robot."""
     tuner: FineTuner = field(default_factory=FineTuner)
     """Fine-tunes the network from the page, by the labels of `system`."""
     stream: int | None = None
-    """Port on 127.0.0.1 at which Rerun viewers can watch what is recorded."""
+    """Port on 127.0.0.1 at which Rerun viewers can watch the recording."""
     replay: str | None = None
     """Name of a recording in the folder to open at once; then simulator and network may be missing."""
     replay_at_s: float = 0.0

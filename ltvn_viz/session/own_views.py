@@ -1,8 +1,8 @@
-"""The Why tab of a page that only watches: its own question, its own selection, its own answers.
+"""The Why tab of a page that only watches: its own question, selection and answers.
 
-Such a page sees what the driver asks until it asks something itself; then it has a copy of its own until it chooses no
-question, or drives. Owns what it may ask: whatever would be noticed by anybody else is refused here, and only the page
-that asked is told why. Runs in the session's thread.
+Such a page sees the driver's question until it asks one itself; then it has its own copy until it chooses no question,
+or drives. Owns what it may ask: anything that others would notice is refused here, and only the asking page is told
+why. Runs in the session's thread.
 """
 
 from collections.abc import Set
@@ -22,7 +22,7 @@ TAKE_OVER_FIRST = "Another page drives. Take over to do this."
 
 
 def handle_own(state: AppState, page: ClientId, command: c.Command, moment: RunMoment) -> None:
-    """Carry out what a page without the seat asks for, in its own view, while the pages show `moment`."""
+    """Run a command of a page without the seat, in its own view, while the pages show `moment`."""
     view = state.own_debuggers.get(page) or _copy_of_shared(state, page, moment)
     try:
         _carry_out(state, view, command)
@@ -40,7 +40,7 @@ def retain_own_views(state: AppState, watchers: Set[ClientId]) -> None:
 
 
 def refresh_next_own_view(state: AppState, moment: RunMoment) -> None:
-    """Let one own view look again; those who watch take turns, so that many of them slow nobody down."""
+    """Refresh one own view; they take turns, so that many watchers do not slow down the loop."""
     if not isinstance(state.activity, Navigation | MapBuilding):
         state.patient_worker.go_on()
     if state.own_debuggers:
@@ -50,7 +50,7 @@ def refresh_next_own_view(state: AppState, moment: RunMoment) -> None:
 
 
 def _copy_of_shared(state: AppState, page: ClientId, moment: RunMoment) -> Debugger:
-    """Begin an own view with what the page shows already."""
+    """Start an own view as a copy of the shared one."""
     view = state.new_own_debugger(page)
     shared = state.debugger.shown
     if shared.question in view.names:

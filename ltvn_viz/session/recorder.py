@@ -1,7 +1,7 @@
-"""Records the live run into a file of the library, whatever happens.
+"""Records the live run into a file of the library, and survives failures of the disk.
 
-Owns the life of one recording: start, keep, discard, and what becomes of it when writing fails. Files are opened and
-closed in a thread of its own, so that the session never waits for a disk. Nothing that was recorded is ever deleted.
+Owns the life of one recording: start, keep, discard, and the handling of write errors. Files are opened and closed in a
+separate thread, so that the session never waits for a disk. Recorded data are never deleted.
 """
 
 import logging
@@ -29,13 +29,13 @@ T = TypeVar("T")
 logger = logging.getLogger(__name__)
 
 _OPEN_S = 10.0
-"""A folder that takes no file for so long does not answer."""
+"""Time after which a folder that opens no file counts as unresponsive, in seconds."""
 _CLOSE_S = 45.0
 """Longer than this the end of the app does not wait for a disk."""
 
 
 WholeMap: TypeAlias = tuple[TopologicalGraph, Sequence[Observation]]
-"""A map that nobody changes any more, with its images."""
+"""A complete map, which no longer changes, with its images."""
 
 
 class RecordingSink(Protocol):
@@ -80,7 +80,7 @@ class _RecordingUnderWay:
     """Known once the file exists."""
     writer: RecordingSink | None = None
     has_map: bool = False
-    """The map was taken; what it learns from now on is for the recording to tell."""
+    """Whether the map was copied; later changes go into the recording as events."""
     ready: bool = False
     """The map is in the file, so that rows may follow."""
     finished: Callable[[Path], None] | None = None
@@ -122,7 +122,7 @@ class Recorder:
 
     @property
     def status(self) -> RecordingStatus:
-        """What is being recorded now; nothing before its file exists."""
+        """State of the recording; empty before its file exists."""
         current = self._current
         if current is None or current.path is None:
             return RecordingStatus()
@@ -134,9 +134,9 @@ class Recorder:
         return self._current is not None
 
     def start(self) -> None:
-        """Begin a recording; raises RecordingError when one is under way. `tick` does the rest.
+        """Begin a recording; raises RecordingError if one is running. `tick` does the rest.
 
-        What happens until the file is ready waits and goes in first.
+        Rows that arrive before the file is ready are queued and written first.
         """
         if (before := self._current) is not None:
             name = "A recording" if before.path is None else before.path.name
@@ -161,11 +161,11 @@ class Recorder:
         """Append an event, if a recording is under way; a failure ends the recording, see `take_failure`."""
         current = self._current
         if current is None or (isinstance(stamped.event, GraphChanged) and not current.has_map):
-            return  # What the map learned before it was taken is in it.
+            return  # Changes before the copy are part of the map.
         self._write(current, lambda writer: writer.write_event(stamped))
 
     def draw_graph(self, graph: TopologicalGraph, step: FrameId, stamp: float) -> None:
-        """Draw the map for the viewer, if a recording is under way; nobody may change the map meanwhile."""
+        """Draw the map for the viewer, if a recording is running; the map must not change meanwhile."""
         if self._current is not None and self._current.ready:
             self._write(self._current, lambda writer: writer.draw_graph(graph, step, stamp))
 
@@ -185,7 +185,8 @@ class Recorder:
         self.keep(lambda path: self._files.submit(lambda: _tried(lambda: self._library.discard(path)), moved))
 
     def tick(self, *, map_is_still: bool) -> None:
-        """Go on with what is to do; `map_is_still` says that nobody changes the map and all its changes were told.
+        """Continue with pending work; `map_is_still` says that the map does not change and all its changes were
+        reported.
 
         Raises RecordingError when a recording could not be started, finished or set aside.
         """
@@ -208,9 +209,9 @@ class Recorder:
         return failure
 
     def close(self) -> Path | None:
-        """End the recording under way, wait for its file and return it; nobody may change the map meanwhile.
+        """End the running recording, wait for its file and return it; the map must not change meanwhile.
 
-        Waits for a disk only so long. Raises RecordingError as `tick` does, and when there is no answer.
+        The wait for a disk is limited. Raises RecordingError as `tick` does, and after the time limit.
         """
         kept = list[Path]()
         if self._current is not None:
@@ -298,7 +299,7 @@ class Recorder:
         current.finished(current.path)
 
     def _broken(self, current: _RecordingUnderWay, why: str) -> None:
-        """End a recording that cannot go on; its file is finished as well as it can be."""
+        """End a recording after a write error; its file is finished as far as possible."""
         if current is not self._current:
             return
         self._current = None
@@ -308,7 +309,7 @@ class Recorder:
 
 
 def _tried(job: Callable[[], T]) -> T | Exception:
-    """Return what a job returns, or what went wrong with it."""
+    """Return the result of a job, or its error."""
     try:
         return job()
     except (OSError, LtvnError) as error:

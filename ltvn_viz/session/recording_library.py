@@ -1,6 +1,6 @@
-"""The folder of recordings: what is in it, and names that never overwrite.
+"""The folder of recordings: its content, and file names that never overwrite.
 
-Owns every path the page may touch. A name from a browser is only ever looked up in the list of what is there.
+Owns every path the page may touch. A name from a browser is only ever looked up in the list of existing files.
 Recordings that the page opens in Rerun are served until the app ends.
 """
 
@@ -16,7 +16,7 @@ from ltvn_core.errors import RecordingError, ServerError
 SUFFIX = ".rrd"
 DISCARDED = "discarded"
 OTHER_SUFFIXES = (".safetensors", ".json")
-"""What the toolkit itself puts beside recordings."""
+"""Endings of other files that the toolkit writes beside recordings."""
 
 
 class RecordingLibrary:
@@ -103,7 +103,7 @@ def _may_be_drive(entry: os.DirEntry[str]) -> bool:
 
 def _free(folder: Path, stem: str, suffix: str = SUFFIX) -> Path:
     try:
-        # A recording shows the inside of somebody's rooms: other users of the machine get to it by the owner's will.
+        # A recording shows private rooms, so other users of the machine have no access by default.
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     except OSError as error:
         raise RecordingError(
@@ -137,5 +137,5 @@ class RerunViewers:
 
 
 def rerun_unavailable(recording: Path) -> str:
-    """Refuse, where nobody could close the viewer again."""
+    """Refuse to open Rerun where the viewer could not be closed again."""
     raise ServerError(f"This page cannot open Rerun; run `ltvn view {recording}`.")

@@ -1,7 +1,7 @@
-"""New recordings made of what lies in the folder: at most one at a time, in a thread of its own.
+"""Makes new recordings from files in the folder: at most one at a time, in a separate thread.
 
-Neither robot nor map has anything to do with it, and both go on meanwhile. Owns the life of such a job: begun,
-cancelled, failed, done. What is made is `command_handlers`.
+Robot and map are not involved and continue meanwhile. Owns the state of such a job: started, cancelled, failed, done.
+`command_handlers` defines the content.
 """
 
 import logging
@@ -23,9 +23,9 @@ class MadeRecording(NamedTuple):
 
     name: str
     text: str
-    """What it holds, in words."""
+    """Its content, in words."""
     findings: tuple[Finding, ...] = ()
-    """What is doubtful of it."""
+    """What is doubtful about it."""
 
 
 class FailedRecording(NamedTuple):
@@ -76,7 +76,7 @@ class RecordingMaker:
         self._cancelled.set()
 
     def collect(self) -> MadeRecording | FailedRecording | None:
-        """Return, once, what came of a job that is over."""
+        """Return, once, the result of a finished job."""
         self._worker.collect()
         result, self._result = self._result, None
         return result

@@ -1,6 +1,6 @@
-"""Watches the link to a robot that is not simulated, and says in plain words when it breaks and comes back.
+"""Watches the link to a real robot, and reports in plain words when it breaks and is restored.
 
-Owns these words. Stops nobody: the robot does that by itself.
+Owns these words. Stops nothing: the robot stops by itself.
 """
 
 from collections.abc import Callable
@@ -12,7 +12,7 @@ from ltvn_core.robots.link_report import LinkQuality, LinkReport
 
 
 class LinkNews(NamedTuple):
-    """What a person must read about the link."""
+    """A message about the link that a person must read."""
 
     text: str
     severity: Severity
@@ -23,24 +23,24 @@ class _Phase(Enum):
     FINE = auto()
     LOST = auto()
     HELD = auto()
-    """It is there again, but whoever drove before has not let go yet."""
+    """The link is restored, but the driver's input is still held down."""
 
 
 class RobotLink:
     """The link of one robot."""
 
     def __init__(self, name: str, ask: Callable[[], LinkReport]) -> None:
-        """Watch the robot called `name`; `ask` returns what is known of its link now."""
+        """Watch the robot called `name`; `ask` returns the present state of its link."""
         self._name = name
         self._ask = ask
         self._phase = _Phase.FINE
         self.report = ask()
-        """What was known at the last look."""
+        """The state of the link at the last look."""
         self.news: LinkNews | None = None
-        """What there is to say while the robot is not driven; None while all is well."""
+        """The message to show while the robot is not driven; None while the link works."""
 
     def look(self) -> LinkNews | None:
-        """Look again, and return what is new."""
+        """Check the link, and return news."""
         self.report = self._ask()
         before, self._phase = self._phase, self._phase_of(self.report)
         if self._phase is before:

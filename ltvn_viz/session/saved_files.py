@@ -1,6 +1,6 @@
-"""Files that were just written for somebody, so that the page can hand them out as long as the app runs.
+"""Files written for download, which the page can hand out as long as the app runs.
 
-Owns under which addresses: numbers that nobody can guess, drawn anew for each file. No other file can be asked for.
+Owns their addresses: random numbers that nobody can guess, a new one for each file. No other file can be requested.
 """
 
 import secrets
@@ -14,7 +14,7 @@ SAVED_ENDING = "bin"
 _NUMBERS = 10**12
 """An address has no more digits."""
 _OFFERED = 32
-"""So many files are handed out, the latest; the others lie in the folder all the same."""
+"""Number of latest files that can be downloaded; older ones stay in the folder."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +33,7 @@ class SavedFile:
 
 
 class SavedFiles:
-    """What is handed out; safe from any thread."""
+    """The files for download; safe from any thread."""
 
     def __init__(self) -> None:
         """Offer nothing yet."""
@@ -50,7 +50,7 @@ class SavedFiles:
         return SavedFile(path=path, address=f"{SAVED_PREFIX}{number}.{SAVED_ENDING}", size=path.stat().st_size)
 
     def read(self, number: int) -> bytes | None:
-        """Return what is in a file by the number of its address; None where there is none, or none any more."""
+        """Return the content of the file with this number; None if there is none, or it is no longer offered."""
         with self._lock:
             path = self._paths.get(number)
         try:

@@ -1,7 +1,6 @@
-"""Moves the time on show: of a recording, or of the live run so far, and lets either play.
+"""Seeking and playing: moves the current time of a recording, or of the live run so far.
 
-Owns the way from event to event, and the look back at a run that goes on. Where the events are is
-`ltvn_core.analysis.timeline`.
+Owns stepping from event to event, and looking back during a run. `ltvn_core.analysis.timeline` knows the events.
 """
 
 from typing import assert_never
@@ -15,7 +14,7 @@ from ltvn_viz.wishes import commands as c
 
 
 def go_through_time(state: AppState, command: c.TimeCommand) -> None:
-    """Carry out what moves the time on show."""
+    """Run a command that moves the current time."""
     match command:
         case c.Seek(time_s):
             seek(state, time_s)
@@ -34,7 +33,7 @@ def go_through_time(state: AppState, command: c.TimeCommand) -> None:
 
 
 def seek(state: AppState, time_s: float) -> None:
-    """Show the world so many seconds after the beginning; live, the end means now."""
+    """Show the state at a time in seconds after the beginning; live, the end means now."""
     if isinstance(state.activity, Playback):
         state.activity.seek(time_s)
         return
@@ -51,7 +50,7 @@ def show_now(state: AppState) -> None:
 
 
 def play_or_hold(state: AppState) -> None:
-    """Let the recording or the past on show go on, or hold it."""
+    """Play or pause the recording or the look back."""
     if isinstance(state.activity, Playback):
         state.activity.play(playing=not state.activity.playing)
     elif state.shown_stamp is None:
@@ -61,9 +60,9 @@ def play_or_hold(state: AppState) -> None:
 
 
 def let_time_pass(state: AppState, tick_s: float) -> None:
-    """Let a tick of the time on show pass: a recording plays as fast as was asked for, a look back comes nearer to now.
+    """Advance the current time by a tick: a recording at its playback speed, a look back towards now.
 
-    The recording itself goes on as the session's activity.
+    Playback of the recording itself is the session's activity.
     """
     if isinstance(state.activity, Playback):
         state.activity.speed = state.play_speed

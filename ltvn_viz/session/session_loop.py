@@ -1,8 +1,7 @@
-"""The one loop: takes commands, moves the robot's time, and shows what comes of it.
+"""The session loop: runs commands, advances the robot's time, and publishes the result.
 
-Owns the pace, and what happens when something goes wrong. A single thread runs `run`; every other thread may only
-`send`, `wake` and `stop`. What a mode does is in `teleop`, `navigation`, `building` and `replay`; what a command means
-is in `command_handlers`.
+Owns the pace, and the handling of errors. A single thread runs `run`; every other thread may only `send`, `wake` and
+`stop`. Activities are in `ltvn_viz.session.activities`, the meaning of commands in `command_handlers`.
 """
 
 import logging
@@ -34,23 +33,23 @@ from ltvn_viz.wishes.commands import Mode
 logger = logging.getLogger(__name__)
 
 QUEUE_LIMIT = 256
-"""More commands than this wait only if somebody floods the app; the rest is refused."""
+"""Largest number of waiting commands; more arrive only if the app is flooded, and are refused."""
 WISHES = 64
-"""So many commands of watching pages may wait; the oldest is forgotten for the newest."""
+"""Largest number of waiting commands of watching pages; the oldest is dropped for the newest."""
 WISHES_PER_TICK = 4
 STALL_S = 0.5
-"""After a stall longer than this, the robot's time goes on from where it stood instead of catching up."""
+"""After a stall longer than this, the robot's time continues from where it stood instead of catching up."""
 
 
 class TwistSource(Protocol):
-    """The seat of whoever drives by hand."""
+    """The seat of the driver."""
 
     def current_twist(self) -> Twist | None:
-        """Return the velocity asked for now, None when nobody drives."""
+        """Return the velocity asked for now; None without a driver."""
         ...
 
     def keep(self, *, kept: bool) -> None:
-        """Keep the seat for whoever has it, also without input."""
+        """Keep the seat for its driver, also without input."""
         ...
 
 
@@ -86,21 +85,21 @@ class Session:
 
     @property
     def mode(self) -> Mode:
-        """What the app is doing."""
+        """The current mode of the app."""
         return self._state.activity.mode
 
     @property
     def state(self) -> AppState:
-        """What the session runs; its own thread alone may change it."""
+        """The state of the session; only its own thread may change it."""
         return self._state
 
     def send(self, command: c.Command, watcher: ClientId | None = None) -> None:
-        """Ask for something, from any thread; never blocks.
+        """Send a command, from any thread; never blocks.
 
-        What a `watcher` asks for, a page without the seat, is done in that page's own view.
+        The command of a `watcher`, a page without the seat, is run in that page's own view.
         """
         if watcher is not None:
-            # A few of each are enough, and none of them can keep out what the driver asks for.
+            # A few commands of each watcher are enough, and they cannot block the driver's.
             self._wishes.append((watcher, command))
         elif len(self._commands) < QUEUE_LIMIT or self._is_fresh_stop(command):
             self._commands.append(command)
@@ -123,7 +122,7 @@ class Session:
         self.wake()
 
     def run(self, max_ticks: int | None = None) -> None:
-        """Run in real time until `stop`, or for so many ticks; then the robot stands and the recording is kept."""
+        """Run in real time until `stop`, or for a number of ticks; then stop the robot and keep the recording."""
         ticks = 0
         due = self._clock()
         try:
@@ -141,7 +140,7 @@ class Session:
             self.close()
 
     def tick(self) -> None:
-        """React, let one tick of robot time pass, and publish; what `run` does, without waiting."""
+        """Run commands, advance robot time by one tick, and publish: one round of `run`, without waiting."""
         self._guarded(self._react)
         self._guarded(self._advance)
         self._guarded(self._show)
@@ -163,7 +162,7 @@ class Session:
             logger.info("kept the recording %s", kept)
 
     def _react(self) -> None:
-        """Let commands and held keys reach the robot."""
+        """Run the waiting commands and pass held keys to the robot."""
         state = self._state
         while self._commands:
             handle(state, self._commands.popleft())
@@ -173,7 +172,7 @@ class Session:
         if twist is not None and isinstance(state.activity, Navigation) and not state.activity.is_stopping:
             handle(state, c.TakeOver())
         if twist is not None and not isinstance(state.activity, Playback):
-            show_now(state)  # Nobody drives by a picture of the past.
+            show_now(state)  # A robot must not be driven by a picture of the past.
         if twist is not None and state.open_loop:
             state.say(state.open_loop, Severity.WARN)
         state.teleop.handle(twist if state.activity is state.teleop else None)
@@ -196,12 +195,12 @@ class Session:
         if isinstance(state.activity, Navigation | MapBuilding) and state.activity.over:
             state.activity = state.teleop
         if state.worker.pending == 0:
-            # Nobody changes the map now, so the recording may draw it.
+            # The map does not change now, so the recording may draw it.
             now = state.live.robot.state()
             state.live.recorder.draw_graph(state.live_map.graph, now.step, now.stamp)
 
     def _record(self) -> None:
-        """Let the recorder go on; what goes wrong with a file keeps nobody from driving."""
+        """Let the recorder continue; file errors do not stop the driving."""
         state = self._state
         try:
             state.live.recorder.tick(map_is_still=state.worker.pending == 0)
@@ -209,7 +208,7 @@ class Session:
             state.say(str(error), Severity.ERROR)
 
     def _serve_watchers(self) -> None:
-        """Do a little of what the pages without the seat ask for in their own views."""
+        """Run a few commands of pages without the seat in their own views."""
         watchers = self._watchers()
         retain_own_views(self._state, watchers)
         for _ in range(min(len(self._wishes), WISHES_PER_TICK)):
@@ -224,13 +223,13 @@ class Session:
         self._publish(self._snapshot_builder.build(self._state))
 
     def _guarded(self, part: Callable[[], None]) -> None:
-        """Run a part of the loop; whatever goes wrong there, the robot stands, the page says so, the loop goes on."""
+        """Run a part of the loop; after any error the robot stands, the page reports it, and the loop continues."""
         try:
             part()
         except LtvnError as error:
             link = self._state.link
             if link is not None and link.news is not None and isinstance(error, RobotError):
-                self._state.drop()  # What there is to say of it was said.
+                self._state.drop()  # The error was reported before.
             else:
                 self._state.fail(str(error))
         except Exception as error:
@@ -252,7 +251,7 @@ def _watch_link(state: AppState) -> None:
 
 
 def _hold_without_pages(state: AppState, absence: Absence | None) -> None:
-    """Hold a query that nobody watches, unless a person wanted it to go on."""
+    """Pause a query that nobody watches, unless a person wanted it to continue."""
     query = state.activity
     if absence is None or state.keeps_going or not isinstance(query, Navigation):
         return

@@ -1,10 +1,10 @@
-"""A link that shows somebody the same thing: recording, time, question, what is pointed at, and from where one looks.
+"""Links that show another person the same view: recording, time, question, selection and camera.
 
 Owns the words of the address, written and read. Nothing in it is trusted: names are looked up in lists, numbers are
-checked, and whatever else stands in an address is left alone.
+checked, and everything else in an address is ignored.
 
-A view is nine numbers. `static/links.js` asks the same of a link before it hands the numbers to viser, whose page puts
-the camera there.
+A camera view is nine numbers. `static/links.js` checks them too before it hands the numbers to viser, whose page moves
+the camera.
 """
 
 import math
@@ -96,7 +96,7 @@ def link(
     selection: Selection | None = None,
     view: Viewpoint | None = None,
 ) -> str:
-    """Return the address, without host and without key, of a recording at so many seconds after its beginning."""
+    """Return the address, without host and key, of a recording at a time in seconds after its beginning."""
     words = {"replay": replay, "at": f"{at_s:.2f}".rstrip("0").rstrip(".")}
     if selection is not None and selection.edge is not None:
         words["edge"] = f"{selection.edge[0]}-{selection.edge[1]}"
@@ -110,10 +110,10 @@ def link(
 
 
 def commands_from_link(query: str, questions: Mapping[str, str] = QUESTION_WORDS) -> tuple[Command, ...]:
-    """Return what the query of an address asks for, nothing where it asks for nothing. Raises OptionError.
+    """Return the commands in the query of an address, none if it has none. Raises OptionError.
 
-    `questions` has the names of the questions by their words.
-    The page itself puts the camera where a link says; one that makes no sense is reported, and the rest is done.
+    `questions` has the names of the questions by their words. The page itself moves the camera; an invalid camera is
+    reported, and the rest is done.
     """
     try:
         fields = parse_qs(query.removeprefix("?"), max_num_fields=_MAX_FIELDS)
@@ -136,7 +136,7 @@ def _complaint(camera: str | None) -> tuple[Command, ...]:
 
 
 def question_commands(word: str | None, known: Mapping[str, str]) -> tuple[Command, ...]:
-    """Return what opens the debugger with the question of a word, nothing for none. Raises OptionError.
+    """Return the commands that open the debugger with the question of a word, none for no word. Raises OptionError.
 
     `known` has the names of the questions by their words.
     """
@@ -150,7 +150,7 @@ def question_commands(word: str | None, known: Mapping[str, str]) -> tuple[Comma
 def _pointed(words: dict[str, str]) -> tuple[Command, ...]:
     ends = words["edge"].split("-") if "edge" in words else [words["node"]] if "node" in words else []
     if not all(_NODE.fullmatch(end) for end in ends) or len(ends) != ("edge" in words) + bool(ends):
-        raise OptionError("This link points at something that is no node and no edge; want edge=12-40 or node=12.")
+        raise OptionError("This link selects neither a node nor an edge; it needs edge=12-40 or node=12.")
     return (PointAt(*map(int, ends)),) if ends else ()
 
 

@@ -1,7 +1,7 @@
-"""What the page shows, as one frozen value.
+"""The page's content as one frozen value.
 
-Live and replay make the same `Snapshot`; a layer or panel cannot tell which one it draws. Arrays are shared from one
-snapshot to the next while nothing changed, so comparing by identity tells what to redraw.
+Live and replay make the same `Snapshot`; a layer or panel cannot tell which one it draws. Arrays are shared between
+snapshots while they do not change, so comparing by identity tells what to redraw.
 """
 
 from collections.abc import Mapping
@@ -66,7 +66,7 @@ class FloorView(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class WorldView:
-    """What of a world can be changed now."""
+    """The changes of a world that are possible now."""
 
     floor: FloorView
     doors: tuple[DoorView, ...]
@@ -76,7 +76,7 @@ class WorldView:
     light: float
     """Brightness; 1 is the scene as it was made."""
     undo: str
-    """What would be undone, in words; empty where nothing would."""
+    """Description of the change that undo would revert; empty without one."""
 
 
 def doors_of(scene: Scene) -> tuple[DoorView, ...]:
@@ -116,7 +116,7 @@ class ImageSource(StrEnum):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CameraImage:
-    """What the camera sees: for the person, of any size."""
+    """The camera's picture for people, of any size."""
 
     rgb: Rgb
     """(H, W, 3)."""
@@ -183,7 +183,7 @@ class Message:
     number: int
     """Counts messages, so that the same words twice are two messages."""
     title: str = ""
-    """What it is about, in a few words; empty for the title of its severity."""
+    """Title in a few words; empty for the title of its severity."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,13 +192,13 @@ class JobProgress:
 
     label: str
     images: int = 0
-    """How many are done,"""
+    """Number of images that are done."""
     of_images: int | None = None
-    """and how many there are; None when nobody knows."""
+    """Number of all images; None where it is unknown."""
 
     @property
     def share(self) -> float | None:
-        """How much is done in [0, 1]; None when nobody knows."""
+        """Return the share that is done, in [0, 1]; None if unknown."""
         return min(1.0, self.images / self.of_images) if self.of_images else None
 
 
@@ -216,11 +216,11 @@ class FineTuningPhase(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class FineTuningStatus:
-    """What becomes of the network."""
+    """State of the fine-tuning for the page."""
 
     phase: FineTuningPhase = FineTuningPhase.IDLE
     drive: str = ""
-    """What is, or would be, learned from."""
+    """The drive to learn from."""
     share: float = 0.0
     """How much is done in [0, 1]."""
     doing: str = ""
@@ -229,11 +229,11 @@ class FineTuningStatus:
     besides_s: float | None = None
     """Seconds that the last lesson took on top of the time asked for; None before there was one."""
     lines: tuple[str, ...] = ()
-    """What came of the last lesson."""
+    """Results of the last fine-tuning."""
     path: str = ""
     """Where the new weights lie."""
     is_possible: bool = True
-    """False where what compares images has no weights to teach."""
+    """False if the predictor has no weights to train."""
 
 
 class LikePlace(NamedTuple):
@@ -245,7 +245,7 @@ class LikePlace(NamedTuple):
 
 
 class WayNodes(NamedTuple):
-    """The nodes by which a query under way is told."""
+    """Pictures of the nodes along a running query."""
 
     at: NodeId | None
     """Where the robot thinks it is; None while it is lost."""
@@ -256,7 +256,7 @@ class WayNodes(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class UploadMatch:
-    """An uploaded image and what looks like it."""
+    """An uploaded image and the nodes that look like it."""
 
     picture: str
     """Address of a small copy, which holds the copy itself."""
@@ -286,13 +286,13 @@ class Snapshot:
     replay: PlaybackStatus | None = None
     timeline: TimelineStatus = TimelineStatus()
     course: NDArray[np.float64] = field(default_factory=lambda: NO_TRAJECTORY, repr=False)
-    """(T, 3) all poses of the open recording, thinned; of the live run none, since nobody knows what is to come."""
+    """(T, 3) all poses of the open recording, thinned; empty for the live run, whose future is unknown."""
     lone_camera: CameraModel | None = None
-    """The camera that took the images where nobody knows what carried it; None where the robot did."""
+    """The camera that took the images if the robot is unknown; None for a known robot."""
     pause_notice: str = ""
     """Why the app itself paused a query; empty when it did not."""
     keeps_going: bool | None = None
-    """A query goes on when the last page closes; None where that is not on offer."""
+    """Whether a query continues when the last page closes; None if that is not offered."""
     is_open_loop: bool = False
     """A recorded drive plays the robot, so that nothing can be driven."""
     destination: NodeId | None = None
@@ -302,9 +302,9 @@ class Snapshot:
     gallery: tuple[NodeId, ...] = ()
     """Nodes offered as goals by their pictures."""
     way: WayNodes | None = None
-    """Nodes of the query under way whose pictures are at hand; None without a query."""
+    """Nodes of the running query whose pictures are in memory; None without a query."""
     upload: UploadMatch | None = None
-    """What was found for the image that was uploaded last; None where nothing was."""
+    """Matches of the last uploaded image; None without any."""
     message: Message | None = None
     work: JobProgress | None = None
     can_undo_build: bool = False
@@ -313,11 +313,11 @@ class Snapshot:
     weights: str = ""
     """Fingerprint of the weights in use."""
     world: WorldView | None = None
-    """What can be changed in the simulated world; None in a replay, and for a robot in a real one."""
+    """Possible changes of the simulated world; None in a replay, and for a real robot."""
     link: LinkReport | None = None
     """How well the robot is heard; None in simulation, and in a replay."""
     story: tuple[str, ...] = ()
-    """What “Watch it learn” told so far."""
+    """Captions of “Watch it learn” so far."""
     story_goes_on: bool = False
     """More of it is to come."""
     story_door: int | None = None
@@ -325,8 +325,8 @@ class Snapshot:
     story_query: int | None = None
     """The query that it began last; None before it began one."""
     inspection: Inspection = NO_INSPECTION
-    """What the debugger shows."""
+    """The debugger's state."""
     own_inspections: Mapping[ClientId, Inspection] = field(default_factory=dict)
-    """What it shows instead on pages that only watch and ask something themselves."""
+    """The debugger's state on pages that only watch and have a question of their own."""
     hint: str = ""
     """What to do next."""

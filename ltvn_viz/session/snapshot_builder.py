@@ -1,4 +1,4 @@
-"""Makes the snapshot of a stage: what the page shows of it now, and what to do next in one sentence."""
+"""Builds the snapshot of the app's state, with a hint about what to do next."""
 
 import time
 from collections import deque
@@ -26,10 +26,10 @@ OWN_VIEW_EVERY_S = 0.1
 """How often one of the pages that only watch may look again."""
 
 WINDOW_S = 1.0
-"""Rates are counted over so much of the past."""
+"""Time over which rates are averaged, in seconds."""
 FEW_NODES = 8
 FEW_IMAGES = 5
-"""Fewer than this, and nobody has driven yet."""
+"""Number of images below which nobody has driven yet."""
 
 
 class RateMeter:
@@ -59,7 +59,7 @@ class RateMeter:
 
 
 class SnapshotBuilder:
-    """Takes snapshots, and remembers what need not be looked up each time."""
+    """Builds snapshots, and caches what need not be looked up each time."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         """Measure rates by `clock`."""
@@ -73,7 +73,7 @@ class SnapshotBuilder:
         """The moment that was shown last."""
 
     def build(self, state: AppState) -> Snapshot:
-        """Return what the page should show now."""
+        """Return the snapshot for now."""
         self._meter.count()
         activity = state.activity
         making = state.maker.work
@@ -188,7 +188,7 @@ def _replayed(replay: Playback) -> Snapshot:
 
 
 def hint(snapshot: Snapshot) -> str:
-    """Return what a person could do next."""
+    """Return a hint about what to do next."""
     if not snapshot.timeline.is_now and not snapshot.timeline.is_replay:
         return "The scene shows the past, the camera what is now. “Live” below it returns, and so does driving."
     if snapshot.story_goes_on and snapshot.mode in (Mode.TELEOP, Mode.NAVIGATING):

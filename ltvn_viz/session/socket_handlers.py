@@ -1,6 +1,6 @@
-"""What pages ask for, brought to the session: on their drive sockets, and in viser's panels and scene.
+"""Connects the pages to the session: their drive sockets, and viser's panels and scene.
 
-Both ask by an action of the table of wishes. Driving and stopping go through the seat.
+Both send an action of the table of wishes. Driving and stopping go through the seat.
 """
 
 from ltvn_core.errors import OptionError
@@ -16,7 +16,7 @@ from ltvn_viz.wishes.wish_table import Action, Value, command_for
 
 
 def drive_listener(session: Session) -> DriveListener:
-    """Return whom the drive socket should tell, so that the session hears at once."""
+    """Return the listener of the drive socket, through which the session reacts at once."""
 
     def on_drive(_client: ClientId, _twist: Twist) -> None:
         session.wake()
@@ -56,16 +56,16 @@ class SessionPages:
     """The pages of a server and the session they ask. Implements `ltvn_viz.page_layout.Pages`."""
 
     def __init__(self, server: GuardedServer, session: Session) -> None:
-        """Bring what the pages of `server` ask for to `session`."""
+        """Forward the requests of the pages of `server` to `session`."""
         self._server = server
         self._session = session
 
     def send_upload(self, command: Command) -> None:
-        """Bring what came of an uploaded file; the guard let nobody but the driver through."""
+        """Send the command of an uploaded file; the guard accepts uploads of the driver only."""
         self._session.send(command)
 
     def ask(self, action: Action, value: Value = None) -> None:
-        """Ask for something from the driver's seat; the guard let nobody else through."""
+        """Send a command from the driver's seat; the guard accepts no others."""
         if (command := command_for(action, value)) is not None:
             self._session.send(command)
 
@@ -84,7 +84,7 @@ class SessionPages:
         return self._server.file_address(address)
 
     def show_picture(self, jpeg: bytes) -> None:
-        """Show all pages what the robot sees."""
+        """Show the robot's camera picture on all pages."""
         self._server.show_picture(jpeg)
 
     def tell_moment(self, message: str) -> None:
@@ -92,5 +92,5 @@ class SessionPages:
         self._server.tell_moment(message)
 
     def tell_activity(self, message: str) -> None:
-        """Tell all pages what the robot does by itself."""
+        """Tell all pages about autonomous driving."""
         self._server.tell_activity(message)

@@ -1,7 +1,7 @@
-"""“Watch it learn” in the page: plays the story of a door that closes and opens again, and tells it in captions.
+"""“Watch it learn” in the page: plays the story of a door that closes and opens again, with captions.
 
-Owns how the story's steps become commands, and which maintenance and pace the app has meanwhile. The story itself is
-`ltvn_core.evaluation.door_story`. For the session's thread alone.
+Owns how the story's steps become commands, and the app's maintenance and pace during the story. The story itself is
+`ltvn_core.evaluation.door_story`. For the session's thread only.
 """
 
 from collections.abc import Sequence
@@ -30,14 +30,14 @@ from ltvn_viz.wishes import commands as c
 
 ENDED_EARLY = "The story ends here, because somebody took the robot."
 PACE = 3
-"""The robot's time goes up to so many times as fast as the spectator's."""
+"""Largest speed of the robot's time as a factor of real time."""
 
 
 class StoryTeller:
     """One story in the page."""
 
     def __init__(self, live: LiveRun, live_map: LiveMap, world: ChangeableWorld) -> None:
-        """Begin a story; until it is over the map is maintained by what was seen open and closed."""
+        """Begin a story; until it ends the map is maintained with presence."""
         self._live = live
         self._live_map = live_map
         self._world = world
@@ -70,11 +70,11 @@ class StoryTeller:
 
     @property
     def captions(self) -> Sequence[str]:
-        """What was told so far."""
+        """Return the captions so far."""
         return tuple(self.story.captions)
 
     def lead(self, *, is_free: bool) -> bool:
-        """Drive on where the robot is led; returns whether it is.
+        """Drive the robot where the story leads it; returns whether it does.
 
         `is_free` says that nobody else drives it; otherwise the story ends.
         """
@@ -95,7 +95,7 @@ class StoryTeller:
         return False
 
     def tick(self, *, is_idle: bool) -> c.Command | None:
-        """Go on; returns what to do. Nobody may change the map meanwhile."""
+        """Continue; returns the next commands. The map must not change meanwhile."""
         self._read_events()
         command = None
         try:
@@ -160,7 +160,7 @@ class StoryTeller:
         self._read = len(events)
 
     def _tell(self) -> None:
-        """Keep what was told with the run; the page shows it below the scene, and nowhere else."""
+        """Store a caption with the run; the page shows it below the scene, and nowhere else."""
         for text in self.captions[self._told :]:
             self._told += 1
             self._live.emit(Note(text))

@@ -1,6 +1,6 @@
-"""Hands long jobs to one thread and brings their results back to the session's.
+"""Runs long jobs in one thread and returns their results to the session's thread.
 
-The worker's thread owns map and model, so jobs run strictly one after another; what they return is dealt with in the
+The worker's thread owns map and model, so jobs run strictly one after another; their results are handled in the
 session's thread, in the same order.
 """
 
@@ -48,7 +48,7 @@ class Worker:
         self._jobs.append(_Job(self._executor.submit(job), then, otherwise))
 
     def collect(self) -> None:
-        """Deal with all jobs that are done; raises what a job raised, once."""
+        """Handle the results of all finished jobs; raises the error of a job, once."""
         while self._jobs and self._jobs[0].future.done():
             job = self._jobs.popleft()
             if job.future.exception() is not None:
@@ -56,7 +56,7 @@ class Worker:
             job.then(job.future.result())
 
     def settle(self) -> None:
-        """Wait for all jobs and deal with them; raises what a job raised."""
+        """Wait for all jobs and handle their results; raises the error of a job."""
         while self._jobs:
             wait([self._jobs[0].future])
             self.collect()

@@ -1,4 +1,4 @@
-"""Carries out what a person changes in the simulated world, and says what came of it. In the session's thread alone."""
+"""Changes the simulated world on command, and reports the result. In the session's thread only."""
 
 from typing import assert_never
 
@@ -38,7 +38,7 @@ def change_world(state: AppState, command: c.WorldCommand) -> None:
 
 
 def carry_out_changes(state: AppState) -> None:
-    """Do what was asked, unless the navigator looks at the world just now: then at a later tick."""
+    """Apply the queued changes, unless the navigator is looking at the world; then at a later tick."""
     if state.world is None or (isinstance(state.activity, Navigation) and state.activity.is_thinking):
         return
     try:
@@ -58,7 +58,7 @@ def interrupt_story(state: AppState) -> None:
 
 
 def go_on_with_story(state: AppState) -> c.Command | None:
-    """Let the story under way go on, and return what it asks for."""
+    """Continue the running story, and return its commands."""
     story = state.story
     if story is None or story.is_over:
         return None
@@ -70,6 +70,6 @@ def go_on_with_story(state: AppState) -> c.Command | None:
         return None
     asked = story.tick(is_idle=state.activity is state.teleop)
     if isinstance(asked, c.Cancel) and isinstance(state.activity, Navigation):
-        state.activity.cancel()  # The story tells why; nobody cancelled anything.
+        state.activity.cancel()  # The story gives the reason, so nothing is reported as cancelled.
         return None
     return asked

@@ -16,7 +16,7 @@ from ltvn_core.analysis.timeline import Timeline
 STAMP_EPSILON_S = 1e-6
 """More than is lost when a stamp is taken apart and put together again."""
 _KEPT = 1000
-"""A live run remembers so many of its latest hits."""
+"""Number of latest hits that a live run remembers."""
 
 
 class BreakpointStop(NamedTuple):
@@ -60,7 +60,7 @@ class BreakpointMonitor:
         self._news = stop
 
     def take_latest(self) -> BreakpointStop | None:
-        """Return the latest stop that nobody asked for yet."""
+        """Return the latest stop that was not returned before."""
         news, self._news = self._news, None
         return news
 

@@ -24,7 +24,7 @@ from ltvn_viz.server.strip_kinds import QueryEnd, StripKind
 STRIP_NUMBERS = 10**8
 """A page asks for the rows of a run from one on by a single number: the run's, times this, plus the row's."""
 _KEPT = 4
-"""The rows of so many runs can be asked for; a page that is late asks again for the run on show."""
+"""Number of runs whose rows are kept; a page that lags behind asks again for the current run."""
 _NOBODY = -1
 _KINDS: Mapping[MarkKind, StripKind] = {
     MarkKind.ADD: StripKind.ADDED,
@@ -46,7 +46,7 @@ class StripRow(NamedTuple):
     """A mark."""
 
     time_ms: int
-    """After the beginning of the run; rounded up, so that whoever goes there sees it."""
+    """Time after the beginning of the run, rounded up, so that seeking to it shows the event."""
     kind: StripKind
     first: int = _NOBODY
     """What it is about: source and target of an edge, a node, a door, a query and its goal; -1 for nothing."""

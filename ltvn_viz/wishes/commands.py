@@ -106,7 +106,8 @@ class DiscardRecording(BaseCommand, modes=LIVE):
 
 @dataclass(frozen=True, eq=False)
 class BuildMap(BaseCommand, modes=STANDING):
-    """Build a map anew from all images driven so far, or of the open recording into a new file, Algorithm 1."""
+    """Rebuild the map from all images driven so far, or build one of the open recording into a new file, Algorithm
+    1."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +125,7 @@ class ImportDrive(BaseCommand, modes=STANDING):
 
 LEAST_MINUTES = 1
 MOST_MINUTES = 60
-"""Fine-tuning takes at least and at most so many minutes."""
+"""Shortest and longest fine-tuning, in minutes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,7 +142,7 @@ class StopFineTuning(BaseCommand, modes=ANYWHERE):
 
 @dataclass(frozen=True, eq=False)
 class UseWeights(BaseCommand, modes=DRIVING):
-    """Take the weights that fine-tuning made into use and build the map anew with them."""
+    """Use the weights that fine-tuning made and rebuild the map with them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,7 +240,7 @@ class CloseRecording(BaseCommand, modes=frozenset({Mode.REPLAY})):
 
 @dataclass(frozen=True, eq=False)
 class Seek(BaseCommand, modes=LIVE | {Mode.REPLAY}):
-    """Show the recording, or the live run, as it was so many seconds after its beginning."""
+    """Show the recording, or the live run, at a time in seconds after its beginning."""
 
     time_s: float
 
@@ -262,7 +263,7 @@ class SeekMark(BaseCommand, modes=LIVE | {Mode.REPLAY}):
 
 @dataclass(frozen=True, eq=False)
 class SeekBy(BaseCommand, modes=LIVE | {Mode.REPLAY}):
-    """Show the replay so many seconds later, or earlier."""
+    """Show the replay a number of seconds later, or earlier."""
 
     seconds: float
 
@@ -274,7 +275,7 @@ class PlayTime(BaseCommand, modes=LIVE | {Mode.REPLAY}):
 
 @dataclass(frozen=True, eq=False)
 class SetPlaySpeed(BaseCommand, modes=ANYWHERE):
-    """Play so many times as fast as it happened."""
+    """Set the playback speed as a factor of real time."""
 
     speed: float
 

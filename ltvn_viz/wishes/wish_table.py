@@ -1,8 +1,8 @@
 """What a person can wish for on the page, each wish written once: its command, words, keys, value, and who may.
 
 Keys, buttons, viser's controls, the palette, the help, and the sentence for what makes no sense now are all made from
-`WISHES`. In which modes a wish makes sense, its command says; what is done then, `session.command_handlers`. Keys are
-named by `KeyboardEvent.code`, the place on the keyboard, so that they lie under the same fingers on every layout.
+`WISHES`. The command of a wish says in which modes it makes sense, `session.command_handlers` what it does. Keys are
+named by the browser's KeyboardEvent.code, the place on the keyboard, so that they are the same on every layout.
 """
 
 import math
@@ -274,7 +274,7 @@ WISHES: Mapping[Action, Wish] = {
 UNASKED: Mapping[type[Command], str] = {
     c.TakeOver: "take over",  # The session sees held keys.
     c.NavigateToImage: "upload an image",  # A file comes in pieces that the drive socket does not carry.
-    c.EditMap: "change the map by hand",  # A question makes it of a link or of what it is told.
+    c.EditMap: "change the map by hand",  # A question builds it from a link or from typed text.
     c.AskQuestion: "",  # Behind a link of an answer.
     c.PointAt: "",  # In an address, or behind a link of an answer.
     c.ReportError: "",  # The app itself has something to say.

@@ -1,7 +1,7 @@
-"""A drive as it is handed to other programs: the frames of a recording with what each of them says, still compressed.
+"""A drive for export: the frames of a recording with their data, still compressed.
 
-Owns the choice of frames and where the camera was in space, in the conventions of other programs. Images are passed on
-as they lie in the recording, because they lose a little each time they are compressed.
+Owns the choice of frames and the camera's pose in space, in the conventions of other programs. Images are copied from
+the recording unchanged, because each compression loses a little.
 """
 
 import json
@@ -82,9 +82,9 @@ class ExportedDrive:
         self._offset = min(0.0, float(stamps[inside].min()))
 
     def write_camera(self, folder: Path, *, units_per_metre: float | None = None) -> None:
-        """Write the `camera.json` of a folder, with the units of a metre in its depth images. Raises OSError.
+        """Write the `camera.json` of a folder, with the units per metre of its depth images. Raises OSError.
 
-        Of a lens that was only assumed the focal lengths are null, so that nobody takes it for known.
+        The focal lengths of an assumed lens are null, so that nobody takes it for calibrated.
         """
         camera = {**self.camera.to_json(), "depth_scale": units_per_metre}
         if not is_lens_known(self._recording.meta):

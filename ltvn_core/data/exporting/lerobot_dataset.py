@@ -1,7 +1,7 @@
 """Writes a drive as a LeRobotDataset of version 3 with one episode: images beside the rows, x, y, yaw, and speeds.
 
 LeRobot counts rows at one rate, so `timestamp` is the row's number over the rate; the robot's own clock is in
-`observation.time`. `camera.json` says what the lens is, as our own reader takes it.
+`observation.time`. `camera.json` describes the lens for our own reader.
 """
 
 import json

@@ -1,7 +1,7 @@
 """Writes a map for other programs: GraphML, GeoJSON, and the graph of Nav2's Route Server.
 
-Nodes lie where they are drawn: at their true poses where there are such, else at those of odometry, which drifts; or
-in another frame, such as that of a floor plan. All lengths are metres in a plane and no degrees on the globe.
+Nodes are at their true poses if these are known, else at those of odometry, which drifts; or in another frame, such as
+that of a floor plan. All lengths are metres in a plane, not degrees on the globe.
 """
 
 import json
@@ -100,7 +100,7 @@ def write_nav2_route(placed: PlacedMap, path: Path) -> None:
 
 
 def _add_data(root: ElementTree.Element, element: ElementTree.Element, values: Mapping[str, Any]) -> None:
-    """Write the attributes of a node or an edge, and say of each once what kind it is."""
+    """Write the attributes of a node or an edge, and declare the type of each attribute once."""
     for name, value in values.items():
         key = f"{element.tag}_{name}"
         if root.find(f"key[@id='{key}']") is None:

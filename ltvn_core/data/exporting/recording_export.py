@@ -71,7 +71,7 @@ def write_vint_folder(drive: ExportedDrive, folder: Path) -> None:
 
 
 class ExportFormat(Enum):
-    """What a recording can be written as: its drive by the first four, its map by the others."""
+    """Formats of an export: the first four for a drive, the others for a map."""
 
     MCAP = "mcap"
     TUM = "tum"
@@ -88,12 +88,12 @@ class ExportFormat(Enum):
 
 
 class Exported(NamedTuple):
-    """What was written."""
+    """Counts of an export."""
 
     frames: int | None
-    """Of a drive,"""
+    """Number of frames written; None for a map."""
     nodes: int | None
-    """and of a map."""
+    """Number of nodes written; None for a drive."""
     edges: int | None
 
 

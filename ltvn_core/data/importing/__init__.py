@@ -1,4 +1,4 @@
-"""Importing: other people's drives, whatever their format, become recordings.
+"""Importing: drives of other programs, in any known format, become recordings.
 
-A reader turns one format into raw frames (`raw_frame.DriveReader`); what follows is the same for all of them.
+A reader turns one format into raw frames (`raw_frame.DriveReader`); all further steps are common to all formats.
 """

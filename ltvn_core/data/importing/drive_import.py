@@ -1,7 +1,7 @@
-"""Importing a drive: raw frames are checked, chosen, prepared and written as a recording, and what happened is told.
+"""Imports a drive: raw frames are checked, selected, prepared and written as a recording, with a summary.
 
-Owns the order of these steps, the count of what was left out, and which images are kept: a map needs images that
-differ, so one whenever the robot has moved on, by its odometry or by what it sees. Knows no format.
+Owns the order of these steps, the count of left-out images, and the selection: a map needs images that differ, so one
+is kept whenever the robot has moved on, by its odometry or by its images. Independent of the format.
 """
 
 from collections import Counter
@@ -32,9 +32,9 @@ from ltvn_core.robots.robot_check import ObservationCheck
 from ltvn_core.types import Depth, Observation, Pose, Rgb, Tilt
 
 MOVED_SHARE = 0.04
-"""An image is kept when half of what is followed moved by this share of the image's width,"""
+"""Motion that keeps an image: the median shift of the tracked points, as a share of the image's width."""
 LOST_SHARE = 0.5
-"""or when more than this share of it is no longer to be found."""
+"""Share of tracked points whose loss keeps an image."""
 _WIDTH_PX = 160
 _POINTS = 120
 _FEWEST_POINTS = 8
@@ -43,7 +43,7 @@ _ROUNDING = 1e-4
 _NOISE = 2.0
 """Images that differ by less, in grey levels of 255 on average, show the same."""
 _DECIDING_FRAMES = 100
-"""The camera's usual tilt is the median of so many images, which are held until the recording begins."""
+"""Number of images whose median is the camera's usual tilt; they are held back until the recording begins."""
 _EVERY_PIXEL = 4
 """Of these the median of depth is taken."""
 Progress = Callable[[int, int | None], None]
@@ -51,7 +51,7 @@ Progress = Callable[[int, int | None], None]
 
 
 class FrameSelection(Protocol):
-    """Says of each image in turn whether to keep it; it is kept then."""
+    """Decides for each image in turn whether to keep it, and updates its state if so."""
 
     def may_keep(self, pose: Pose, tilt: Tilt | None) -> bool:
         """Tell whether an image that was taken there could be kept, before anybody decodes it."""
@@ -63,7 +63,7 @@ class FrameSelection(Protocol):
 
 
 class MotionSelection:
-    """Keeps an image after so many metres or radians, of heading, pitch or roll."""
+    """Keeps an image after a distance, or after a change of heading, pitch or roll."""
 
     def __init__(self, every_m: float, every_rad: float) -> None:
         """Keep everything where both are 0."""
@@ -78,7 +78,7 @@ class MotionSelection:
         gap = _pose_and_tilt(pose, tilt) - self._last
         moved_m = np.hypot(*gap[:2])
         turned_rad = np.abs(wrap_angle(gap[2:])).max()
-        # What is no number has not stood still: it is kept here, and refused with its reason where it is checked.
+        # A pose that is not a number is kept here, and refused with its reason where it is checked.
         return not (moved_m < self._every_m - _ROUNDING and turned_rad < self._every_rad - _ROUNDING)
 
     def keeps(self, rgb: Rgb, pose: Pose, tilt: Tilt | None) -> bool:
@@ -184,7 +184,7 @@ class _DriveImport:
         return summary
 
     def _observations(self) -> Iterator[Observation]:
-        """Yield what is kept; everything else is counted."""
+        """Yield the kept images; all others are counted."""
         for raw in self._wanted_frames():
             try:
                 observation = self._observation(raw)
@@ -210,7 +210,7 @@ class _DriveImport:
         return reason is None
 
     def _observation(self, raw: RawFrame) -> Observation | None:
-        """Return what a recording holds of a wanted frame, None where it is left out; the reason is counted."""
+        """Return the observation of a wanted frame; None if it is left out, whose reason is counted."""
         pose = self._odometry.pose(FrameMoment.of(raw))
         assert pose is not None  # Else it was not wanted.
         if not self._selection.keeps(raw.rgb, pose, raw.tilt):

@@ -1,6 +1,6 @@
-"""What is known of a drive once it was read, in numbers: frames, poses, tilts, gaps, and what a map would be like.
+"""Statistics of a drive after reading: frames, poses, tilts, gaps, and the expected map.
 
-Owns the arithmetic on poses and stamps. What is doubtful of the numbers is told by `import_summary`.
+Owns the arithmetic on poses and stamps. `import_summary` reports which numbers are doubtful.
 """
 
 import math
@@ -57,7 +57,7 @@ class TiltRange:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Coverage:
-    """What a map of the drive would be like at best: all near images joined, and by odometry those in a row."""
+    """The best possible map of a drive: all near images joined, and consecutive ones by odometry."""
 
     pieces: int
     """Parts that no chain of such images joins."""
@@ -90,7 +90,7 @@ class KeptFrame:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class DriveStatistics:
-    """What is known of a drive once it was read."""
+    """Statistics of a drive after reading."""
 
     frames: int
     dropped_as_wrong: int
@@ -98,7 +98,7 @@ class DriveStatistics:
     thinned: int
     """Images that were left out for too little motion."""
     is_spacing_ignored: bool
-    """Somebody said after how many metres or degrees to keep an image, and there is no odometry to measure them by."""
+    """Whether a spacing of images was given although there is no odometry to measure it."""
     with_depth: int
     depth_median_m: float | None
     """Half of the depth is nearer, half is farther; None without any."""
@@ -133,7 +133,7 @@ def drive_statistics(
     preparation: FramePreparation,
     camera: CameraModel,
 ) -> DriveStatistics:
-    """Return what is known of a drive from its kept frames and the stamps of all its images in order."""
+    """Return the statistics of a drive from its kept frames and the stamps of all its images in order."""
     poses = np.array([frame.pose for frame in frames])
     has_poses = odometry is not OdometrySource.NONE
     return DriveStatistics(
@@ -178,7 +178,7 @@ def path_m(poses: Pose) -> float:
 
 
 def coverage(poses: Pose, stamps: NDArray[np.float64]) -> Coverage:
-    """Return what a map of N images with these poses (N, 3) and stamps (N,) would be like."""
+    """Return the expected map of N images with these poses (N, 3) and stamps (N,)."""
     near = near_pairs(poses)
     joined = np.concatenate([near, _bridged_pairs(poses, stamps)])
     graph = coo_array((np.ones(len(joined)), (joined[:, 0], joined[:, 1])), shape=(len(poses), len(poses)))

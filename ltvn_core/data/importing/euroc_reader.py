@@ -34,7 +34,7 @@ _DISTORTIONS = ("radial-tangential", "radtan", "plumb_bob", "none", "")
 
 
 class EurocReader(ImageFilesReader):
-    """A sequence in the ASL layout that is open for reading."""
+    """A sequence in the ASL layout, open for reading."""
 
     def __init__(self, path: Path, options: ReadOptions) -> None:
         """Read the lists, and no image yet. Raises DriveError."""
@@ -101,7 +101,7 @@ class EurocReader(ImageFilesReader):
         except (ValueError, CameraError) as error:
             raise DriveError(
                 f"{self._folder / _SENSOR} describes no camera ({error!s:.120}); it needs intrinsics fx, fy, cx, cy "
-                "and resolution in pixels. Mend it, or take it away and use --camera."
+                "and resolution in pixels. Correct it, or remove it and use --camera."
             ) from error
 
     def _read_truth(self, camera_on_body: Transform) -> tuple[PoseTrack | None, str]:

@@ -45,7 +45,7 @@ ODOMETRY_FILES = ("odometry.csv", "poses.csv")
 CONFIDENCE_FOLDER = "confidence"
 """Beside depth of phones: pictures of the same names, see `importing.image_files`."""
 RATE_HZ = 10.0
-"""Pictures without any stamps are taken to be so many a second."""
+"""Assumed number of pictures per second if there are no stamps."""
 _FOCAL_35MM_TAG = 0xA405
 _EXIF_FOLDER_TAG = 0x8769
 _DIAGONAL_35MM = 43.267
@@ -78,7 +78,7 @@ class FolderPictures:
 def colour_pictures(folder: Path, wanted: str | None) -> FolderPictures:
     """Return the pictures of a folder or of the folder in it that holds them. Raises DriveError without colours."""
     if not folder.is_dir():
-        raise DriveError(f"{folder} is no folder; name the folder that the pictures lie in.")
+        raise DriveError(f"{folder} is not a folder; name the folder that the pictures lie in.")
     found: list[FolderPictures] = []
     for name in IMAGE_FOLDERS if wanted is None else (wanted,):
         found.append(_sorted_out(folder / name))
@@ -166,7 +166,7 @@ def _is_deep(path: Path) -> bool:
     try:
         with path.open("rb") as file, Image.open(file, formats=("PNG", "TIFF")) as header:
             return header.mode in _DEEP_MODES
-    except Exception:  # Pillow's readers raise many kinds; of what is damaged is said where it is decoded.
+    except Exception:  # Pillow raises many kinds of errors; damaged images are reported where they are decoded.
         return False
 
 
@@ -239,7 +239,7 @@ class FolderReader(ImageFilesReader):
         return self._without_unsure(self._depth_m(name, unit), path)
 
     def _without_unsure(self, depth_m: Depth, path: Path) -> Depth:
-        """Return depth (H, W) without the pixels of which a phone was least sure."""
+        """Return depth (H, W) without the pixels of lowest confidence."""
         beside = Path(CONFIDENCE_FOLDER) / path.name
         if not (self._folder / beside).is_file():
             return depth_m

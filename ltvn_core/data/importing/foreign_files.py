@@ -1,4 +1,4 @@
-"""Files that somebody else made: read whole, if they are plain files, not too long, and where they should be.
+"""Files from other people: read completely if they are plain files, not too long, and in the expected place.
 
 A pipe or a device in an unpacked folder would never end, and a link could name any file of this machine.
 """
@@ -10,7 +10,7 @@ from pathlib import Path
 from ltvn_core.errors import DriveError
 
 MOST_IMAGE_BYTES = 200_000_000
-"""No single image is so large."""
+"""Largest size of a single image, in bytes."""
 
 _POINTER = b"version https://git-lfs"
 """So a file begins that Git LFS wrote in place of one that was not fetched."""
@@ -50,10 +50,10 @@ def require_plain(path: Path) -> None:
 
 
 def require_own_files(folder: Path) -> None:
-    """Raise DriveError where a link in a folder leads to something outside of it.
+    """Raise DriveError for a link in a folder that leads outside of it.
 
-    Who packed the folder could have any file of this machine read by it, and shown in a message. Readers look into
-    `_READ_LEVELS` levels of folders; only names in lists can lead deeper, and those are held by `require_within`.
+    Otherwise the author of the folder could have any file of this machine read, and shown in a message. Readers look
+    into `_READ_LEVELS` levels of folders; only names in lists can lead deeper, and `require_within` checks those.
     """
     if not folder.is_dir():
         return

@@ -1,9 +1,9 @@
-"""From a raw frame to an observation of the recorded camera: upright, scaled, depth laid over the colours.
+"""Turns a raw frame into an observation of the recorded camera: upright, scaled, depth aligned with the colours.
 
-Owns the choice of that camera, the maps from the source's cameras to it, and what is done about a lens that nobody
-knows. The recorded camera has the source's own lens, upright, and at most 320 x 240 pixels. Its distortion stays,
-because an image without is stretched at the rim and cut off, and key points are found best in what the lens saw; who
-measures asks the camera for rays. `ltvn_core.cameras.rectification` makes its images. Chooses no frames.
+Owns the choice of that camera, the maps from the source's cameras to it, and the treatment of an unknown lens. The
+recorded camera has the source's own lens, upright, and at most 320 x 240 pixels. Its distortion is kept, because
+undistorted images are stretched at the rim and cropped, and key points are found best in the original; measurements use
+the camera's rays. `ltvn_core.cameras.rectification` makes its images. Selects no frames.
 """
 
 from dataclasses import replace
@@ -74,7 +74,7 @@ class FramePreparation:
     """Prepares the frames of one drive; its first frame decides on the camera."""
 
     def __init__(self, first: RawFrame, *, fov_deg: float | None = None) -> None:
-        """Decide on the camera. Raises DriveError where images with depth come from a lens that nobody knows."""
+        """Decide on the camera. Raises DriveError for images with depth from an unknown lens."""
         height, width = first.rgb.shape[:2]
         self.is_lens_known = first.camera is not None or fov_deg is not None
         """Whether the source or a person said what the lens is."""
@@ -120,7 +120,8 @@ class FramePreparation:
         return camera if raw.tilt is None else replace(camera, pitch_rad=0.0, roll_rad=0.0)
 
     def _depth(self, depth_m: Depth, raw: RawFrame, source: CameraModel, target: CameraModel) -> Depth:
-        """Return depth (H, W) as the recorded camera sees it; what is not finite or negative becomes no return."""
+        """Return depth (H, W) as the recorded camera sees it; values that are not finite or negative become no
+        return."""
         height, width = depth_m.shape
         if raw.depth_camera is not None:
             lens = replace(

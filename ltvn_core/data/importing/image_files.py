@@ -1,6 +1,6 @@
-"""What the readers of drives share whose images lie in files of a folder: how each is read, and what of damaged ones.
+"""Common part of readers whose images are files in a folder, including the treatment of damaged images.
 
-Owns the way from a list of images to raw frames, and how little a phone may trust its own depth for it to be used.
+Owns the conversion of a list of images to raw frames, and the least confidence of a phone's depth.
 """
 
 from abc import ABC, abstractmethod
@@ -30,20 +30,20 @@ class ImageFilesReader(ABC):
     """A drive that is open for reading and whose images lie in files; a `DriveReader`."""
 
     facts: DriveFacts
-    """What was found."""
+    """The facts of the drive."""
     DAMAGED = "damaged or missing image"
     """Why an image was left out that cannot be read."""
     MOST_AT_FIRST: float = 1000
-    """Where so many are damaged before one is not, the images are elsewhere; looking for a million takes minutes."""
+    """Number of damaged images at the start after which reading ends, because opening a million takes minutes."""
 
     def __init__(self, folder: Path, options: ReadOptions) -> None:
-        """Take the folder in which all images lie, and what a person says of the drive."""
+        """Take the folder of all images, and the user's options for the drive."""
         self._folder = folder
         self._options = options
         self.dropped: Counter[str] = Counter()
         """How many images were left out, by reason."""
         self.doubts: list[str] = []
-        """What is doubtful of the drive."""
+        """What is doubtful about the drive."""
 
     @classmethod
     def open(cls, path: Path, options: ReadOptions) -> Self:
@@ -78,7 +78,7 @@ class ImageFilesReader(ABC):
 
     @abstractmethod
     def _images(self) -> Iterable[tuple[FrameMoment, Any]]:
-        """Return the moments of the drive, each with what `_frame` needs to know of its image."""
+        """Return the moments of the drive, each with the data that `_frame` needs for its image."""
 
     @abstractmethod
     def _frame(self, moment: FrameMoment, image: Any) -> RawFrame:

@@ -1,4 +1,4 @@
-"""What a person can ask of an import, and where the odometry of a drive then comes from."""
+"""Options of an import, and the resulting source of a drive's odometry."""
 
 import math
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from ltvn_core.errors import DriveError, OptionError
 from ltvn_core.types import Pose
 
 EVERY_M, EVERY_DEG = 0.1, 8.0
-"""Metres and degrees after which an image is kept, unless somebody says others."""
+"""Default spacing of kept images, in metres and degrees."""
 
 
 class OdometrySource(StrEnum):
@@ -55,11 +55,11 @@ class ImportOptions:
 
     odometry: OdometrySource = OdometrySource.AUTO
     every_m: float = EVERY_M
-    """An image is kept after so many metres,"""
+    """Distance after which an image is kept, in metres; with 0 for both limits, all images are kept."""
     every_deg: float = EVERY_DEG
-    """or degrees of heading or tilt; 0 and 0 keep all."""
+    """Change of heading or tilt after which an image is kept, in degrees."""
     fov_deg: float | None = None
-    """Horizontal field of view of a camera of which nothing else is known."""
+    """Horizontal field of view of an otherwise unknown camera, in degrees."""
     height_m: float | None = None
     """Height of the camera above the floor, where the source does not say."""
     pitch_deg: float | None = None
@@ -78,5 +78,5 @@ class ImportOptions:
 
     @property
     def has_own_spacing(self) -> bool:
-        """Whether somebody said after how many metres or degrees to keep an image."""
+        """Whether the spacing of kept images was given."""
         return (self.every_m, self.every_deg) != (EVERY_M, EVERY_DEG)

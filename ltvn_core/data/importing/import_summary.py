@@ -1,6 +1,6 @@
-"""What an import brings home, as people and programs read it: its summary, and what is doubtful of the drive.
+"""The summary of an import, for people and programs, and its findings about the drive.
 
-Owns the limits of what is doubtful, the likely cause, and what to do about it. Refuses nothing.
+Owns the limits above which something is doubtful, the likely cause, and the advice. Refuses nothing.
 """
 
 import math
@@ -28,7 +28,7 @@ NARROW_PX = 160
 """In narrower images the geometric predictor, which real ones are compared by, finds too little."""
 NEAREST_MEDIAN_M = 0.1
 FARTHEST_MEDIAN_M = 10.0
-"""Half of what a depth camera sees from a robot is farther than the first and nearer than the second."""
+"""The median depth of a robot's camera plausibly lies between `NEAREST_MEDIAN_M` and this, in metres."""
 MUCH_DRIFT = 0.15
 FEW_FRAMES = 20
 MANY_GAPS = 3
@@ -51,7 +51,7 @@ class ImportedCamera:
     horizontal_fov_deg: float
     vertical_fov_deg: float
     height_m: float
-    """Above the floor; 0 where nobody says."""
+    """Height above the floor in metres; 0 if unknown."""
     pitch_deg: float
     is_lens_known: bool
     """False where the field of view was assumed."""
@@ -99,21 +99,20 @@ class ImportSummary(WithDoubts):
     path_m: float | None
     """Length of the way by odometry; None where there is none."""
     pieces_expected: int | None
-    """Parts that a map would fall into at best: near images joined, and by odometry those in a row; None without
-    poses."""
+    """Least number of pieces of a map: near images joined, and consecutive ones by odometry; None without poses."""
     largest_piece_expected: float | None
     """Share of the images in the largest of them."""
     revisited_share: float | None
     """Share of the images that show a place where the drive had been before: loops."""
     gaps: int
-    """Pauses between images that are much longer than usual,"""
+    """Number of pauses between images that are much longer than usual."""
     longest_gap_s: float
     tilt: TiltRange | None
     """How the camera was tilted, where that changes."""
     drift: Drift | None
     """How odometry strays from the true poses, where the source has both."""
     findings: tuple[Finding, ...]
-    """What is doubtful, with the likely cause and what to do; nothing where all is well."""
+    """What is doubtful, with the likely cause and advice; empty if nothing is."""
     next_step: str
     """What to do now, and what that will tell."""
 
@@ -129,7 +128,7 @@ def import_summary(
     seconds: float,
     told: tuple[Finding, ...],
 ) -> ImportSummary:
-    """Put a summary together, with what was `told` before and what is doubtful of the numbers."""
+    """Build a summary from the earlier findings `told` and the statistics."""
     rates = {stream.role: stream.rate_hz for stream in facts.streams if stream.role and stream.rate_hz}
     return ImportSummary(
         recording=recording,
@@ -159,7 +158,7 @@ def import_summary(
 
 
 def _drive_findings(drive: DriveStatistics) -> Iterator[Finding]:
-    """Yield what is doubtful of a drive, with the likely cause and what to do."""
+    """Yield what is doubtful about a drive, with the likely cause and advice."""
     for check in (_camera, _depth, _tilt, _odometry, _frames, _overlap, _dropped):
         yield from check(drive)
 
@@ -242,8 +241,8 @@ def _odometry(drive: DriveStatistics) -> Iterator[Finding]:
         )
     if drive.odometry is OdometrySource.TRUTH:
         yield Finding(
-            "There is no odometry of its own; the true poses stand in for it, so a map of this drive is better than "
-            "wheels would make it."
+            "The source has no odometry; the true poses replace it, so a map of this drive is better than one by wheel "
+            "odometry."
         )
     if drive.drift is not None and drive.drift.per_metre > MUCH_DRIFT:
         yield Finding(

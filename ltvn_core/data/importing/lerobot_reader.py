@@ -114,7 +114,7 @@ class LerobotReader:
         )
 
     def _blob(self, row: Mapping[str, Any], feature: Feature) -> bytes:
-        """Return a compressed image, which lies in the row, or in a file that the row names."""
+        """Return a compressed image, from the row or from a file that the row names."""
         cell = row[feature.key]
         blob, path = (cell.get("bytes"), cell.get("path")) if isinstance(cell, dict) else (cell, None)
         if isinstance(blob, bytes):
@@ -131,7 +131,7 @@ class LerobotReader:
         numbers = row[self._state.key]
         try:
             pose = np.array([numbers[place] for place in self._columns], np.float64)
-        except (TypeError, ValueError, IndexError):  # The table need not hold what the data set says of it.
+        except (TypeError, ValueError, IndexError):  # The table may lack columns that the description names.
             return None
         return pose if np.isfinite(pose).all() else None
 

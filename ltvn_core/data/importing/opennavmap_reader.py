@@ -1,8 +1,8 @@
-"""Reads the maps of OpenNavMap: lists that name images, and give for each a time, a pose and a lens.
+"""Reads the maps of OpenNavMap: lists of images with a time, a pose and a lens for each.
 
 `poses.txt` holds world-to-camera poses of the optical frame with the quaternion's w first, `timestamps.txt` seconds,
 `intrinsics.txt` fx fy cx cy width height. Depth is beside each image, `*.depth.png` in millimetres. Its edges are not
-read: a map is built anew.
+read, because the map is rebuilt.
 """
 
 from collections.abc import Iterator, Mapping

@@ -1,9 +1,9 @@
-"""A recorded drive that plays a robot: its images come as they were taken, whatever anybody commands (open loop).
+"""Plays a recorded drive as a robot: its images arrive as they were taken, regardless of commands (open loop).
 
 Any format that can be imported can be played. Owns the names of such drives, which are their paths, or PROFILE@PATH
 where a profile knows the robot's topics, its camera's mounting and its size; the pace; opening a robot by a name that
-may be a drive's; and the look over a drive's beginning, as a robot is looked over before anybody drives it. Reading is
-the reader's, and fitting the camera that of `frame_preparation`.
+may be a drive's; and the check of a drive's beginning, like the check of a robot before driving. Readers read, and
+`frame_preparation` fits the camera.
 """
 
 import logging
@@ -37,7 +37,7 @@ _LOG = logging.getLogger(__name__)
 
 
 class NamedDrive(NamedTuple):
-    """A drive on disk, and what is known of the robot that recorded it."""
+    """A drive on disk, with what is known about the robot that recorded it."""
 
     path: Path
     profile: RobotProfile | None = None
@@ -104,8 +104,8 @@ def play_drive(drive: NamedDrive, clock: WallClock | None = None) -> "PlayedDriv
 class PlayedDrive:
     """A drive as a robot. Implements `ltvn_core.robots.robot.Robot`.
 
-    Its time begins at the second look: who opens a robot looks once, and may take long to open the rest. At its end the
-    last image stays.
+    Its time starts with the second observation: opening a robot takes one, and the rest of the program may take long to
+    open. At the end the last image stays.
     """
 
     def __init__(self, drive: NamedDrive, clock: WallClock) -> None:
@@ -129,7 +129,7 @@ class PlayedDrive:
         self._told = False
         self._observation, self._seen_s = self._first(self._frames)
         self._raw: RawFrame | None = None
-        """The newest frame, until somebody looks at it."""
+        """The newest frame, until it is observed."""
         self._pose = self._observation.odometry
         self._next = next(self._frames, None)
 

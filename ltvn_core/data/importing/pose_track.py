@@ -26,10 +26,10 @@ _COLUMNS = 8
 _UPRIGHT = 0.25
 """Where the camera's up is within 75 degrees of z on average, z is up, as nearly always; it may look down steeply."""
 _CLEARLY_UP = 0.8
-"""Else the axis is up that is so near to the camera's up on average, as the cosine."""
+"""Least mean cosine between an axis and the camera's up direction for the axis to count as up."""
 _UNIT_TOLERANCE = 0.1
 _BESIDE_S = 0.025
-"""A sample so near in time is the pose, where there is none on the other side."""
+"""Largest time between a pose and a sample on only one side of it, in seconds."""
 _AXES = {"z": (0, 0, 1), "-y": (0, -1, 0), "y": (0, 1, 0), "-z": (0, 0, -1)}
 """What programs take for up: z in robotics, -y where the world is the first camera, y in graphics."""
 POSE_FOLDERS = ("pose", "poses")
@@ -50,7 +50,7 @@ class StampedPoses(NamedTuple):
     rotations: Rotation
     """N of them, from the frame whose pose it is to the world."""
     doubt: str | None
-    """What is doubtful of the stamps."""
+    """What is doubtful about the stamps."""
 
 
 class PoseTrack:
@@ -71,7 +71,7 @@ class PoseTrack:
         """
         self.stamps = stamps
         self.doubt = doubt
-        """What is doubtful of its stamps."""
+        """What is doubtful about its stamps."""
         self.up_axis = up_axis or _up_axis(rotations)
         """Which axis of the source's world is up; positions and rotations are turned so that it is z."""
         turn = Rotation.align_vectors([[0, 0, 1]], [_AXES[self.up_axis]])[0] if self.up_axis != "z" else None

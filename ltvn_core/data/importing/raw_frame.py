@@ -1,4 +1,4 @@
-"""What a reader of a foreign format delivers: raw frames, what it found, and what it left out.
+"""Output of the readers of foreign formats: raw frames, and what was found and left out.
 
 Owns the contract between readers and the rest of importing, and no format. A reader is one module; its class is found
 by the entry-point group `ltvn.readers`, where an entry is `name = "package.module:ReaderClass"`.
@@ -16,7 +16,7 @@ from ltvn_core.types import Depth, Pose, Rgb, Tilt
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class RawFrame:
-    """One image as the source has it, of any size, with all that the source knows of the same instant."""
+    """One image of the source, of any size, with all data of the same instant."""
 
     stamp: float
     """Seconds on the source's clock."""
@@ -62,7 +62,7 @@ class FrameMoment(NamedTuple):
 
 
 NOTHING = "none"
-"""What an option says for leaving a stream out."""
+"""Value of an option that leaves a stream out."""
 FrameFilter: TypeAlias = Callable[[FrameMoment], bool]
 """Tells whether the image of a moment is wanted; asked once for each image, in their order."""
 
@@ -85,7 +85,7 @@ class SourceFact:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriveFacts:
-    """What a reader knows of a drive before it reads the images."""
+    """Facts about a drive that are known before the images are read."""
 
     format: str
     """Name of the reader."""
@@ -96,21 +96,21 @@ class DriveFacts:
     place: str = ""
     """What the drive may be called: the name of the file or folder."""
     odometry_frame: str = ""
-    """The frame in which the source gives its odometry, such as `odom`; empty where it names none."""
+    """Name of the odometry frame in the source, such as `odom`; empty if it has none."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReadOptions:
-    """What a person says of a drive; None leaves it to the reader to find out."""
+    """The user's options for a drive; None lets the reader find out."""
 
     rgb: str | None = None
-    """Topic, key or folder of the colour images,"""
+    """Topic, key or folder of the colour images."""
     depth: str | None = None
-    """of the depth images; "none" leaves depth out,"""
+    """Topic, key or folder of the depth images; "none" leaves depth out."""
     odometry: str | None = None
-    """of the odometry, a CSV file for a folder of pictures,"""
+    """Topic or key of the odometry; a CSV file for a folder of pictures."""
     camera_info: str | None = None
-    """and of the camera's description."""
+    """Topic, key or file of the camera's description."""
     camera: CameraModel | None = None
     """The camera of the colour images; wins over what the source says. Readers scale it to the images they find where
     the aspect agrees (`source_camera.fitted`)."""
@@ -125,17 +125,17 @@ class DriveReader(Protocol):
 
     @property
     def facts(self) -> DriveFacts:
-        """What was found, known before the first frame is read."""
+        """Return the facts, known before the first frame is read."""
         ...
 
     @property
     def dropped(self) -> Mapping[str, int]:
-        """How many images were left out so far, by the reason in a few words; grows while frames are read."""
+        """Return the number of images left out so far by reason, in a few words; grows while frames are read."""
         ...
 
     @property
     def doubts(self) -> Sequence[str]:
-        """What is doubtful, in whole sentences with what to do; complete once all frames are read."""
+        """Return what is doubtful, in whole sentences with advice; complete once all frames are read."""
         ...
 
     def frames(self) -> Iterator[RawFrame]:
@@ -156,7 +156,7 @@ class SelectiveReader(Protocol):
 
 
 class ReaderClass(Protocol):
-    """What an entry of `ltvn.readers` names: a class that knows its format and opens it."""
+    """The class that an entry of `ltvn.readers` names: it recognises its format and opens it."""
 
     @classmethod
     def recognises(cls, path: Path) -> bool:
@@ -165,5 +165,5 @@ class ReaderClass(Protocol):
 
     @classmethod
     def open(cls, path: Path, options: ReadOptions) -> DriveReader:
-        """Open a drive. Raises DriveError that says what is wrong, and what option or file would help."""
+        """Open a drive. Raises DriveError that says what is wrong, and which option or file would help."""
         ...

@@ -1,7 +1,7 @@
-"""Which formats can be read: the readers that installed packages offer in the entry-point group `ltvn.readers`.
+"""Registry of the formats that can be read: readers of installed packages in the entry-point group `ltvn.readers`.
 
-Owns the choice of a reader for a path. Ours are found as other people's are, and a reader's module is imported only
-when its turn comes.
+Owns the choice of a reader for a path. Built-in readers are found in the same way as other people's, and a reader's
+module is imported only when its turn comes.
 """
 
 import logging
@@ -19,15 +19,15 @@ log = logging.getLogger(__name__)
 
 AUTO = "auto"
 _MOST_ENTRIES = 100
-"""Of a folder that no reader knows, so many entries are looked at."""
+"""Number of entries that are checked in a folder that no reader knows."""
 _SCENES = (".glb", ".gltf", ".obj", ".ply")
-"""What `--scene` takes (`mesh_file.FORMATS`; a reader knows nothing of simulation)."""
+"""File endings that `--scene` takes, as in `simulation.meshes.mesh_file.FORMATS`, which no reader imports."""
 LAST = "folder"
 """Folders of every format look like a folder of pictures as well, so this reader is asked last."""
 
 
 def reader_names() -> tuple[str, ...]:
-    """Return the names of all readers, in the order in which they are asked."""
+    """Return the names of all readers, in the order in which they are tried."""
     return tuple(_readers())
 
 
@@ -80,7 +80,7 @@ def _recognised(path: Path) -> ReaderClass:
         )
     if path.suffix.lower() in _SCENES:
         raise DriveError(f"{path} is a scene and no drive: `ltvn app --scene {path}` opens it, to drive in.")
-    require_plain(path)  # A pointer of Git LFS is not recognised as what it stands for.
+    require_plain(path)  # A pointer of Git LFS must not be recognised as the file that it stands for.
     raise DriveError(
         f"{path} is in no format that can be read ({', '.join(reader_names())}); name the file or folder of one drive, "
         "and the format by --format where it was not recognised."
@@ -104,7 +104,7 @@ def _named(name: str) -> ReaderClass:
 def _load(plugin: Plugin) -> ReaderClass:
     reader = plugin.load()
     if not (callable(getattr(reader, "recognises", None)) and callable(getattr(reader, "open", None))):
-        raise plugin.refusal("is no reader: it lacks the class methods recognises and open")
+        raise plugin.refusal("is not a reader: it lacks the class methods recognises and open")
     return cast(ReaderClass, reader)
 
 

@@ -68,7 +68,7 @@ class _Depths:
         self._memory: dict[int, _Value] = {}
 
     def follow(self, step: pickletools.OpcodeInfo, argument: Any) -> None:
-        """Do what a step does. Raises ValueError where that is too deep or impossible."""
+        """Run one step. Raises ValueError if the result is too deep or the step impossible."""
         if step.name == "MARK":
             self._stack.append(_MARK)
         elif step.name in _READ:
@@ -101,7 +101,7 @@ class _Depths:
             self._stack.append(_Value(_around(within)))
 
     def _taken(self, wanted: Sequence[pickletools.StackObject]) -> list[_Value]:
-        """Take from the stack what a step uses: as many values as it names, or all down to the last mark."""
+        """Take the operands of a step from the stack: a fixed number, or all down to the last mark."""
         taken: list[_Value] = []
         if pickletools.markobject in wanted:
             while (value := self._pop()) is not _MARK:
@@ -128,7 +128,7 @@ def _around(within: Sequence[_Value]) -> int:
 
 
 def load_pickle(path: Path) -> Any:
-    """Return what a pickle holds. Raises DriveError where it is damaged, or wants to do anything else."""
+    """Return the content of a pickle. Raises DriveError if it is damaged, or calls anything not allowed."""
     try:
         data = read_foreign(path, most_bytes=MOST_BYTES, what="trajectory")
         check_program(data)
@@ -136,14 +136,14 @@ def load_pickle(path: Path) -> Any:
     except DriveError:
         raise
     except Exception as error:  # A damaged program fails in as many ways as there are steps.
-        raise DriveError(f"{path} is no pickle of a trajectory ({' '.join(str(error).split())!s:.120}).") from error
+        raise DriveError(f"{path} is not a pickle of a trajectory ({' '.join(str(error).split())!s:.120}).") from error
 
 
 class _ArrayUnpickler(pickle.Unpickler):
     """Finds what puts arrays together, and nothing else."""
 
     def find_class(self, module: str, name: str) -> Any:
-        """Return our own form of what a pickle calls."""
+        """Return the safe replacement of a callable in a pickle."""
         module = module.replace("numpy.core.", "numpy._core.")
         found = _ALLOWED.get(f"{module}.{name}")
         if found is None:
@@ -153,7 +153,7 @@ class _ArrayUnpickler(pickle.Unpickler):
         return found
 
     def persistent_load(self, pid: Any) -> NoReturn:
-        """Refuse what lies outside of the file."""
+        """Refuse references to objects outside of the file."""
         raise pickle.UnpicklingError("it refers to something outside of the file")
 
 
@@ -172,7 +172,7 @@ def _array(buffer: bytes, dtype: np.dtype, shape: tuple[int, ...], order: str) -
 
 def _dtype(text: object, *_: object) -> np.dtype:
     if not isinstance(text, str) or not _NUMPY_TYPE.fullmatch(text):
-        raise pickle.UnpicklingError(f"{text!r:.20} is no type of numbers")
+        raise pickle.UnpicklingError(f"{text!r:.20} is not a type of numbers")
     return np.dtype(text, copy=True)  # What the state then changes must not be numpy's own.
 
 

@@ -1,6 +1,6 @@
-"""The reader of ROS bags as the entry-point group knows it; the library `rosbags` is imported when a bag is opened.
+"""The reader of ROS bags for the entry-point group; the library `rosbags` is imported when a bag is opened.
 
-Owns how the files of bags are called, and their order.
+Owns the names of bag files, and their order.
 """
 
 import re
@@ -46,7 +46,7 @@ def _plain_suffix(file: Path) -> str:
 
 
 def _bag_files(path: Path) -> list[Path]:
-    """Return the files of a bag in the order in which they were written. Raises DriveError where there are none."""
+    """Return the files of a bag in the order in which they were written. Raises DriveError if there are none."""
     try:
         found = sorted(_named_as_bag(path), key=_natural_order)
     except OSError as error:

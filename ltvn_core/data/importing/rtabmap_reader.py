@@ -22,7 +22,7 @@ from ltvn_core.types import Depth
 
 _RVL = b"DEPTHRVL"
 _COVERED = 0.95
-"""The optimised map is taken for the truth where it holds at least so many of the nodes."""
+"""Least share of the nodes in the optimised map for it to count as ground truth."""
 
 DAMAGED = "damaged image"
 OTHER_SESSION = "of another drive"
@@ -152,7 +152,7 @@ class RtabmapReader:
         if len(sessions) > 1:
             self.dropped[OTHER_SESSION] = len(nodes) - sessions[longest]
             self.doubts.append(
-                f"The database holds {len(sessions)} drives, and odometry begins anew in each; the longest was read."
+                f"The database holds {len(sessions)} drives, and odometry starts over in each; the longest was read."
             )
         chosen = [node for node in nodes if node.session == longest]
         if all(node.stamp > 0 for node in chosen):
@@ -160,7 +160,7 @@ class RtabmapReader:
         return [replace(node, stamp=float(count)) for count, node in enumerate(chosen)]
 
     def _true_poses(self) -> dict[int, Transform]:
-        """Return ground truth where RTAB-Map was told, else its optimised map where it closed loops."""
+        """Return RTAB-Map's ground truth, else its optimised map if it closed loops."""
         told = {node.id: node.truth for node in self._nodes if node.truth is not None}
         if told:
             return told
@@ -200,5 +200,5 @@ def _one_camera(image: np.ndarray, cameras: int, number: int, name: str) -> np.n
         return image
     width, rest = divmod(image.shape[1], cameras)
     if rest or not width:
-        raise DriveError(f"{name}: an image {image.shape[1]} wide is no row of {cameras} cameras.")
+        raise DriveError(f"{name}: an image {image.shape[1]} wide is not a row of {cameras} cameras.")
     return np.ascontiguousarray(image[:, number * width : (number + 1) * width])

@@ -27,12 +27,12 @@ HOW_TO = (
     "say it by --camera fx,fy,cx,cy,width,height (in pixels, then the distortion k1,k2,p1,p2,k3 where there is one), "
     "or roughly by --fov DEGREES, the horizontal field of view"
 )
-"""What a message advises where the lens is not known."""
+"""Advice for a message about an unknown lens."""
 HOW_TO_SCALE = (
     'write {"depth_scale": N} into a camera.json, where N is how many units a metre has (1000 for millimetres), and '
     "name the file by --camera"
 )
-"""What a message advises where depth is in another unit."""
+"""Advice for a message about depth in another unit."""
 
 _SIX = 6
 _ASPECT_TOLERANCE = 0.02
@@ -46,7 +46,7 @@ _ITEM = re.compile(r"^[ \t]*-[ \t]+(\S+)[ \t]*$", re.MULTILINE)
 
 
 class CameraFile(NamedTuple):
-    """What a `camera.json` says; None for what it leaves open."""
+    """Content of a `camera.json`; None for missing fields."""
 
     camera: CameraModel | None
     """Of the colour images."""
@@ -96,7 +96,7 @@ def read_camera_file(path: Path) -> CameraFile:
     except (OSError, ValueError, TypeError, KeyError, OverflowError, CameraError) as error:
         raise DriveError(
             f"{path} describes no camera ({type(error).__name__}: {error!s:.160}); it needs width, height, fx, fy, cx "
-            "and cy in pixels. Mend it, or take it away and use --camera."
+            "and cy in pixels. Correct it, or remove it and use --camera."
         ) from error
 
 
@@ -118,7 +118,7 @@ def _replica_camera(path: Path) -> CameraFile:
     except (OSError, ValueError, TypeError, KeyError, OverflowError, CameraError) as error:
         raise DriveError(
             f"{path} describes no camera ({type(error).__name__}: {error!s:.160}); it needs w, h, fx, fy, cx, cy and "
-            "scale under camera. Mend it, or take it away and use --camera."
+            "scale under camera. Correct it, or remove it and use --camera."
         ) from error
 
 
@@ -205,7 +205,7 @@ def _positive(fields: dict[str, Any], name: str) -> float | None:
 
 
 class CalibrationYaml:
-    """What a file says, by the names that stand at the beginning of a line."""
+    """Content of a file, by the names at the beginning of its lines."""
 
     def __init__(self, path: Path, *, what: str = "calibration") -> None:
         """Read a file, which messages call `what`. Raises DriveError where it is no text or too long."""
@@ -218,7 +218,7 @@ class CalibrationYaml:
         self._values = dict(zip(parts[1::2], parts[2::2], strict=True))
 
     def word(self, name: str) -> str:
-        """Return what stands behind a name on its line, empty where the file has no such name."""
+        """Return the text after a name on its line, empty if the file has no such name."""
         return (self._values.get(name, "").strip().splitlines() or [""])[0].strip().strip("\"'")
 
     def numbers(self, name: str) -> Sequence[float]:
@@ -229,7 +229,7 @@ class CalibrationYaml:
             words = found.group(1).split(",") if found else _ITEM.findall(value)
             numbers = [float(word) for word in words if word.strip()]
         except ValueError as error:
-            raise DriveError(f"{self._path}: {name} is no list of numbers ({error!s:.80}).") from error
+            raise DriveError(f"{self._path}: {name} is not a list of numbers ({error!s:.80}).") from error
         if not np.isfinite(numbers).all():
             raise DriveError(f"{self._path}: {name} holds numbers that are not finite.")
         return numbers
@@ -243,5 +243,5 @@ class CalibrationYaml:
         if len(numbers) in (12, 16):
             matrix[:3] = np.reshape(numbers[:12], (3, 4))
         if len(numbers) not in (12, 16) or not is_rigid(matrix):
-            raise DriveError(f"{self._path}: {name} is no pose; it needs 3 or 4 rows of 4 numbers, a rotation first.")
+            raise DriveError(f"{self._path}: {name} is not a pose; write 3 or 4 rows of 4 numbers, rotation first.")
         return matrix

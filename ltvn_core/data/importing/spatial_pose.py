@@ -25,7 +25,7 @@ Transform = NDArray[np.float64]
 _RIGID_TOLERANCE = 0.02
 """Files round their numbers."""
 LOWEST_M = 0.02
-"""A camera lower than this stands at the origin of its frames, and nobody said how high that is."""
+"""A camera lower than this is at the origin of its frames, so its height is unknown."""
 _SAME_TILT_RAD = np.radians(0.5)
 
 
@@ -124,7 +124,7 @@ class CameraMounting:
 
     @classmethod
     def unknown(cls) -> Self:
-        """Return the mounting of a camera of which nothing is said."""
+        """Return the mounting of an unknown camera."""
         camera_on_robot = np.eye(4)
         camera_on_robot[:3, :3] = BODY_FROM_OPTICAL
         return cls(camera_on_robot=camera_on_robot)

@@ -39,7 +39,7 @@ _BENCHMARK_NAME = re.compile(r"(?:freiburg|fr)([123])(?![0-9])")
 
 
 class TumReader(ImageFilesReader):
-    """A folder in TUM's layout that is open for reading."""
+    """A folder in TUM's layout, open for reading."""
 
     def __init__(self, folder: Path, options: ReadOptions) -> None:
         """Read the lists, and no image yet. Raises DriveError."""
@@ -82,7 +82,7 @@ class TumReader(ImageFilesReader):
         return self._image_list(wanted or "depth.txt")
 
     def _odometry_track(self, wanted: str | None) -> PoseTrack | None:
-        """Return the odometry that a person named, or else the one that lies there, where it can be read."""
+        """Return the odometry that the user named, or else the one in the folder, if it can be read."""
         if wanted is not None:
             return PoseTrack.read(self._folder / wanted)
         try:

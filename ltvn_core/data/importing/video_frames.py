@@ -39,14 +39,14 @@ class VideoImage(NamedTuple):
 
 
 class VideoFacts(NamedTuple):
-    """What a video says of itself before it is decoded; None for what it leaves open."""
+    """Facts about a video before decoding; None for missing ones."""
 
     images: int | None
     rate_hz: float | None
 
 
 def video_facts(path: Path, container_format: str) -> VideoFacts:
-    """Return what a video says of itself. Raises DriveError like `video_images`."""
+    """Return the facts about a video. Raises DriveError like `video_images`."""
     try:
         with path.open("rb") as file, av.open(file, mode="r", format=container_format) as container:
             if not container.streams.video:
@@ -83,7 +83,7 @@ def video_images(part: VideoPart, period_s: float, *, container_format: str = "m
 
 
 def _unreadable(path: Path, error: Exception) -> DriveError:
-    return DriveError(f"{path} is no video that can be read ({' '.join(str(error).split())!s:.120}).")
+    return DriveError(f"{path} is not a video that can be read ({' '.join(str(error).split())!s:.120}).")
 
 
 def colours(frame: Any) -> Rgb:

@@ -1,7 +1,7 @@
-"""One new file that grows at its end, batch by batch, written by a thread of its own.
+"""A new file that is only appended to, batch by batch, in a separate thread.
 
-Owns the disk: whoever hands in blocks never waits for it, and what goes wrong with file, folder or disk is noticed
-within a second. Whatever goes wrong, the file ends with a whole batch of blocks. Knows nothing of what is in a block.
+Owns the disk: callers never wait for it, and errors of file, folder or disk are noticed within a second. After any
+error the file still ends with a complete batch of blocks. The content of blocks is unknown here.
 """
 
 import logging
@@ -19,14 +19,14 @@ from ltvn_core.errors import RecordingError
 
 _LOG = logging.getLogger(__name__)
 WAITING_BYTES = 64 << 20
-"""When the disk is so far behind, the file is given up, so that memory does not fill instead."""
+"""Number of waiting bytes at which the file is given up, so that memory does not fill."""
 _CHECK_S = 0.5
 _SYNC_S = 5.0
-"""How often data is brought onto the disk itself, which is what is lost when the power goes."""
+"""Interval between syncs to the disk, in seconds: the data that a power failure loses."""
 _STALL_S = 5.0
-"""A disk that takes nothing for so long does not answer."""
+"""Time after which a disk that accepts nothing counts as unresponsive, in seconds."""
 _CLOSE_S = 30.0
-"""Longer than this nobody waits for the end of a file."""
+"""Longest wait for the end of a file, in seconds."""
 
 
 class FilePlace:
@@ -92,9 +92,9 @@ class FileEnding(Protocol):
         ...
 
     def encoded(self, *, complete: bool, is_short: bool = False) -> bytes:
-        """Return what to write behind the last block; `complete` when all blocks are in the file.
+        """Return the bytes to write behind the last block; `complete` if all blocks are in the file.
 
-        A short ending leaves out what a file can do without.
+        A short ending leaves out optional parts.
         """
         ...
 
@@ -132,9 +132,9 @@ class AppendedFile:
         return self._handed_in - self._dealt_with
 
     def append(self, blocks: Sequence[bytes]) -> None:
-        """Hand in blocks that belong together, from one thread at a time; never waits.
+        """Append blocks that belong together, from one thread at a time; never waits.
 
-        They come into the file all or none, and are dropped once there is a failure.
+        They are written all or none, and are dropped after a failure.
         """
         if not blocks or self.failure is not None:
             return
@@ -150,7 +150,7 @@ class AppendedFile:
     def wait_until_written(self, *, at_most_s: float, waiting_bytes: int = 0) -> bool:
         """Wait until no more than `waiting_bytes` wait, or there is a failure; tell whether the disk was in time.
 
-        Ends early when the disk takes nothing for a while.
+        Ends early when the disk accepts nothing for a while.
         """
         until = time.monotonic() + at_most_s
         with self._progress:
@@ -184,7 +184,7 @@ class AppendedFile:
             self._end()
             self._check()
             self._bring_to_disk()
-        except Exception as error:  # The person is told, and nobody waits for a thread that is gone.
+        except Exception as error:  # The person is informed, and nobody waits for a thread that has ended.
             _LOG.exception("%s was given up", self.path)
             self._fail(_broken(self.path, f"{type(error).__name__}: {error}"))
         finally:
@@ -229,7 +229,7 @@ class AppendedFile:
         return problem is None
 
     def _put(self, data: bytes) -> str | None:
-        """Write all of the bytes or nothing of them; return what was in the way."""
+        """Write all of the bytes or none; return the error."""
         left = memoryview(data)
         try:
             while left:

@@ -29,7 +29,7 @@ _MARGIN_M = 0.5
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Layout:
-    """What a recording holds, as far as its layout depends on it."""
+    """The content of a recording on which its layout depends."""
 
     floor: FloorExtent | None = None
     """The floor to look at from above; None leaves the first view to the viewer."""

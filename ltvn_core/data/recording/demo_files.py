@@ -1,6 +1,6 @@
-"""The demo map and the demo recording that come with the toolkit: in a wheel inside the package, else in the checkout.
+"""The demo map and the demo recording of the toolkit: inside the package in a wheel, else in the checkout.
 
-Owns where they lie. Opens nothing.
+Owns their location. Opens nothing.
 """
 
 from pathlib import Path
@@ -15,5 +15,5 @@ _PLACES = (Path(__file__).parent / "demo", Path(__file__).parents[3] / "recordin
 
 
 def demo_file(name: str) -> Path | None:
-    """Return where a demo file of that name lies; None where there is none."""
+    """Return the path of a demo file; None if it is missing."""
     return next((place / name for place in _PLACES if (place / name).is_file()), None)

@@ -1,4 +1,4 @@
-"""A part of a drive by its images, for instance the first half, so that one part can teach and another judge."""
+"""A part of a drive by its images, for instance the first half, so that one part trains and another validates."""
 
 import re
 from collections.abc import Sequence

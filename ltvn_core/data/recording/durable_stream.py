@@ -33,12 +33,12 @@ _ENCODING_S = 10.0
 """Rerun needs milliseconds; a machine that is short of memory may need longer."""
 _LOG = logging.getLogger(__name__)
 _TICK_S = 0.25
-"""Longest time a row waits in memory: what a killed process loses."""
+"""Longest time a row waits in memory, in seconds; a killed process loses this much."""
 _BY_TICK_ALONE = rr.ChunkBatcherConfig(flush_tick=3600, flush_num_bytes=1 << 40, flush_num_rows=1 << 40)
 """Rerun gathers rows until they are taken."""
 _FLUSH_S = 60.0
 PATIENCE_S = 60.0
-"""So long may the disk keep a run waiting that has time, before the recording is given up."""
+"""Longest time for which the disk may delay a run before the recording is given up, in seconds."""
 MIN_FREE_DISK_BYTES = 16 << 20
 """Recording stops, with a whole file, when the disk has less than this left."""
 
@@ -55,9 +55,9 @@ _TIMES = _Times()
 
 @contextmanager
 def interrupts_deferred() -> Iterator[None]:
-    """Let Ctrl-C and SIGTERM do what they do only after the block.
+    """Postpone Ctrl-C and SIGTERM until after the block.
 
-    Python runs their handlers in the main thread, between any two of its steps; in other threads nothing can fall.
+    Python runs their handlers in the main thread, between any two of its steps; other threads are not interrupted.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -121,7 +121,7 @@ class MessageStream:
         return messages
 
     def _is_new(self, message: bytes) -> bool:
-        """Tell whether a message belongs into the file; Rerun says more than once to which store rows belong."""
+        """Tell whether a message belongs into the file; Rerun repeats which store rows belong to."""
         if MESSAGE_HEADER.unpack_from(message)[0] != _STORE_KIND:
             return True
         known = message in self._stores
@@ -157,7 +157,7 @@ class DurableStream:
         self._layout: Layout | None = None
         self._description: rr.AsComponents | None = None
         self._lock = threading.RLock()
-        """Guards what is logged; nobody waits for the disk while holding it."""
+        """Guards the logged rows; never held while waiting for the disk."""
         self._ending = RecordingEnding()
         self._live = None if live_port is None else LiveServer(live_port, path)
         try:
@@ -185,20 +185,20 @@ class DurableStream:
         return self._closed
 
     def begin(self, name: str, description: rr.AsComponents, layout: Layout) -> None:
-        """Write what the recording says of itself, and for those who watch it live the layout in which it opens."""
+        """Write the recording's description, and for live viewers the layout in which it opens."""
         self._description = description
         self._rerun.send_property(schema.PROPERTIES, description)
-        self._pass_on()  # First in the file, so that every cut file can still say what it is.
+        self._pass_on()  # First in the file, so that every truncated file still has its description.
         self._rerun.send_recording_name(name)
         self._layout = layout
         if self._live is not None:
-            # A layout takes 150 kB in the finished file, so only one that somebody may watch has two of them.
+            # A layout takes 150 kB in the finished file, so only a recording with a live viewer has two of them.
             self._rerun.send_blueprint(blueprint(layout))
             self._live.start()
 
     @contextmanager
     def together(self) -> Iterator[None]:
-        """Let what is logged in the block come into the file all or not at all; first waits for a disk far behind."""
+        """Write the rows logged in the block all or not at all; first waits for a disk far behind."""
         if self._patience_s and self._file.waiting_bytes > WAITING_BYTES // 2:
             self._file.wait_until_written(at_most_s=self._patience_s, waiting_bytes=WAITING_BYTES // 2)
         with interrupts_deferred(), self._lock:
@@ -227,7 +227,7 @@ class DurableStream:
                 self._ending.static_rows[entity] += 1
 
     def arrange(self, layout: Layout) -> None:
-        """Let the finished file open in this layout instead of the one that it began with."""
+        """Let the finished file open in this layout instead of its first one."""
         self._layout = layout
 
     def flush(self) -> None:
@@ -269,7 +269,7 @@ class DurableStream:
             self._live.close()
 
     def _pass_on(self) -> None:
-        """Hand to the file what was logged since the last time."""
+        """Pass on to the file what was logged since the last time."""
         with self._lock:
             try:
                 self._file.append(self._messages.take())

@@ -28,7 +28,7 @@ def _plain_float(value: float) -> float | str:
 
 
 def _converter() -> cattrs.Converter:
-    # What is wrong is said by the whole text, so nobody needs the place inside; reading is a third faster this way.
+    # Errors quote the whole text, so the place inside is not needed; reading is a third faster this way.
     converter = cattrs.Converter(detailed_validation=False)
     # Numbers may arrive as numpy scalars, which JSON does not know.
     converter.register_unstructure_hook(float, _plain_float)
@@ -43,7 +43,7 @@ def _converter() -> cattrs.Converter:
 _CONVERTER = _converter()
 
 _KINDS_BEFORE = {"LegStarted": "AttemptStarted", "LegEnded": "AttemptEnded"}
-"""What event kinds were called in older recordings, and what they are called now."""
+"""Former names of event kinds in older recordings, with their present names."""
 
 
 def encode_event(event: Event) -> str:
@@ -60,7 +60,7 @@ def decode_event(text: str) -> Event:
         data = parse_json(text)
         return _CONVERTER.structure(data | {"kind": current_kind(data["kind"])}, Event)  # pyright: ignore[reportArgumentType]
     except (ValueError, KeyError, TypeError, cattrs.BaseValidationError) as error:
-        raise RecordingError(f"This is no event of the present schema: {text[:120]}") from error
+        raise RecordingError(f"This is not an event of the present schema: {text[:120]}") from error
 
 
 def current_kind(kind: str) -> str:
@@ -70,7 +70,7 @@ def current_kind(kind: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class EncodedEvent:
-    """One event as it lies in a recording."""
+    """One event as stored in a recording."""
 
     sequence: int
     """Counts the events of a recording from 0: their order."""

@@ -1,8 +1,8 @@
-"""What events look like in the Rerun viewer: plan, goal, subgoal, pruned edges, a changed world, state, log, beliefs.
+"""Draws events for the Rerun viewer: plan, goal, subgoal, pruned edges, a changed world, state, log, beliefs.
 
-Every edge that is planned, driven or pruned gets a curve of its own, which begins with the belief that the edge was
-made with. A table names the edges of the current plan and those that changed last. Owns shapes and which edges these
-are; takes colours from `ltvn_core.palette`.
+Every edge that is planned, driven or pruned gets its own curve, which begins with the edge's first belief. A table
+lists the edges of the current plan and the latest changes. Owns shapes and the choice of these edges; takes colours
+from `ltvn_core.palette`.
 """
 
 import math
@@ -80,7 +80,7 @@ def draw_event(event: ev.Event, drawn_poses: DrawnPoses) -> list[DrawnEntity]:
 
 def _log_line(event: ev.Event) -> list[DrawnEntity]:
     if isinstance(event, ev.WorldChanged) and isinstance(event.change, PersonMoved):
-        return []  # Somebody who walks would fill the log.
+        return []  # A walking person would fill the log.
     if isinstance(event, ev.StateChanged) or (
         isinstance(event, ev.GraphChanged) and event.delta.cause in _QUIET_CAUSES
     ):
@@ -176,11 +176,11 @@ class BeliefDrawing:
 
     @property
     def shown_edges(self) -> Sequence[EdgeKey]:
-        """The edges of the current plan and those that changed last, each once: what a glance should find."""
+        """The edges of the current plan and those that changed last, each once."""
         return list(dict.fromkeys((*self._plan[:PLANNED_EDGES], *reversed(self._changed))))
 
     def draw(self, event: ev.Event, time: RowTime) -> Iterator[TimedDrawing]:
-        """Yield what an event adds to curves and table."""
+        """Yield the additions of an event to curves and table."""
         match event:
             case ev.QueryStarted():
                 self._plan = ()

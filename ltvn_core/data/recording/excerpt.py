@@ -1,7 +1,7 @@
-"""A moment cut out of a recording, as a small recording of its own.
+"""Cuts a moment out of a recording, as a small recording of its own.
 
-Owns what a moment needs to stand alone: the map at its start, the images, and what the robot was about. Changes nothing
-in the recording that it is cut from.
+Owns the data that a moment needs: the map at its start, the images, and the running query. Changes nothing in the
+original recording.
 """
 
 import math
@@ -43,7 +43,7 @@ class Excerpt:
     """A moment that was cut out."""
 
     recording: Path
-    """What it was cut from."""
+    """The original recording."""
     output: Path
     from_s: float
     """On the robot's clock."""
@@ -65,7 +65,7 @@ class EventWindow:
     ongoing: tuple[StampedEvent, ...]
     """Of the query and the leg that ran at its start: how they began, and the last fix and plan."""
     events: tuple[StampedEvent, ...]
-    """In the order in which they were written."""
+    """Events in the order in which they were written."""
 
 
 def event_window(events: Sequence[StampedEvent], from_s: float, to_s: float) -> EventWindow:
@@ -115,13 +115,13 @@ def write_excerpt(
 
 
 def _world_at_end(events: Sequence[StampedEvent]) -> tuple[WorldChanged, ...]:
-    """Return what was done to a world last, to each thing."""
+    """Return the last change of each thing in a world."""
     changes = (stamped.event for stamped in events if isinstance(stamped.event, WorldChanged))
     return tuple({subject(event.change): event for event in changes}.values())
 
 
 def _ongoing_at_start(events: Sequence[StampedEvent]) -> tuple[StampedEvent, ...]:
-    """Return what an unfinished query needs to be understood, oldest first."""
+    """Return the earlier events that an unfinished query needs, oldest first."""
     kept: dict[type, StampedEvent] = {}
     for stamped in events:
         event = stamped.event

@@ -1,4 +1,4 @@
-"""What a recording holds, in a few numbers; of a damaged one, what can be saved of it."""
+"""Summary of a recording in a few numbers; of a damaged one, what can be saved of it."""
 
 import tempfile
 from collections import Counter
@@ -51,7 +51,7 @@ def read_info(path: Path | str) -> RecordingInfo:
     try:
         return _summary(Recording.open(path), path, whole=True)
     except RecordingError:
-        pass  # What can be saved of it is told instead, or why nothing can.
+        pass  # The summary says instead what can be saved of it, or why nothing can.
     with tempfile.TemporaryDirectory(prefix="ltvn-") as folder:
         repaired = Path(folder) / "repaired.rrd"
         repair(path, repaired)

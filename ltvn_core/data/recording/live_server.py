@@ -1,7 +1,7 @@
-"""A recording that can be watched while it is written: the file itself, served as it grows, to who knows the address.
+"""Live viewing: serves the file of a recording while it is written, to viewers that know the address.
 
-Listens on 127.0.0.1, answers under a secret path and for its own Host alone, as Rerun's own server would not: a page of
-another site could read that one under a name that leads here. Owns port and address. The file never waits for a viewer.
+Listens on 127.0.0.1, and answers only under a secret path and for its own Host, unlike Rerun's own server, which a page
+of another site could read by DNS rebinding. Owns port and address. The file never waits for a viewer.
 """
 
 import http.server
@@ -24,11 +24,12 @@ _BLOCK_BYTES = 1 << 16
 _LOOK_S = 0.1
 """How often a watched file is looked at for more."""
 _IDLE_S = 30.0
-"""Who says nothing or takes nothing for so long is hung up on."""
+"""Time after which a silent or blocked connection is closed, in seconds."""
 
 
 def live_address(port: int) -> str:
-    """Return what a Rerun viewer opens to watch this process record, for `rerun ADDRESS` and `ltvn view ADDRESS`."""
+    """Return the address at which a Rerun viewer can watch this recording, for `rerun ADDRESS` and `ltvn view
+    ADDRESS`."""
     return f"http://127.0.0.1:{port}/{_SECRET}/live.rrd"
 
 
@@ -64,7 +65,7 @@ class LiveServer:
         self._thread.start()
 
     def close(self) -> None:
-        """Let the port go; whoever watches still gets the rest of the file."""
+        """Release the port; current viewers still get the rest of the file."""
         self._finished.set()
         if self._thread.is_alive():
             self._server.shutdown()
@@ -90,7 +91,7 @@ class _Handler(http.server.BaseHTTPRequestHandler):
         super().__init__(*args)  # pyright: ignore[reportArgumentType]
 
     def do_GET(self) -> None:
-        """Send the file, and go on as it grows."""
+        """Send the file, and continue as it grows."""
         self.close_connection = True
         if not is_own_host(self):
             self.send_error(HTTPStatus.FORBIDDEN, "This server answers only on this machine.")

@@ -92,9 +92,10 @@ class MapDrawing:
     def draw(
         self, nodes: Sequence[Node], edges: Sequence[Edge], blocked: Sequence[EdgeKey], drawn_poses: DrawnPoses
     ) -> list[DrawnEntity]:
-        """Draw the map, and once more those of its edges that were seen blocked when they were seen last.
+        """Draw the map, and edges that were blocked when last seen once more on top.
 
-        `drawn_poses` must know every node. The viewer shows the newest of each column, so what is left out stays.
+        `drawn_poses` must contain every node. The viewer shows the newest of each column, so columns left out do not
+        change.
         """
         ids = [node.id for node in nodes]
         keys = [(edge.source, edge.target) for edge in edges]

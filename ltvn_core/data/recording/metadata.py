@@ -1,4 +1,4 @@
-"""What a recording says of itself, and how that lies in the file."""
+"""Metadata of a recording, and their form in the file."""
 
 import json
 from collections.abc import Mapping
@@ -14,14 +14,14 @@ from ltvn_core.errors import RecordingError
 from ltvn_core.structured_text import parse_json
 
 SOURCE_SCENE = "real:"
-"""What was imported is recorded in a scene of this and the name of its source, unless somebody named the place."""
+"""Prefix of the scene of imported drives, before the name of the source, unless the place was named."""
 METADATA_ARCHETYPE = "ltvn.Recording"
 _PACKAGES = ("ltvn", "rerun-sdk", "numpy", "torch", "opencv-python-headless")
 
 
 @dataclass(frozen=True, slots=True)
 class RecordingMetadata:
-    """What a recording says of itself."""
+    """Metadata of a recording."""
 
     scene: str
     """Name of the scene it was made in."""
@@ -42,12 +42,12 @@ class RecordingMetadata:
 
 
 def is_lens_known(meta: RecordingMetadata) -> bool:
-    """Tell whether somebody said what the lens of the camera is; for some imported drives it was assumed."""
+    """Tell whether the camera's lens was given; for some imported drives it was assumed."""
     return bool(meta.config.get("import", {}).get("is_lens_known", True))
 
 
 def metadata_row(meta: RecordingMetadata) -> ArchetypeColumns:
-    """Lay a recording's description out as one row. Raises RecordingError when the configuration is no JSON."""
+    """Encode the metadata of a recording as one row. Raises RecordingError when the configuration is not JSON."""
     return ArchetypeColumns(
         METADATA_ARCHETYPE,
         {
@@ -86,7 +86,7 @@ def read_schema_version(row: pa.RecordBatch) -> int:
 
 
 def package_versions() -> dict[str, str]:
-    """Return the versions of the packages that decide what a recording holds, where they are installed."""
+    """Return the versions of the packages that determine a recording's content, if they are installed."""
     found = {}
     for package in _PACKAGES:
         try:

@@ -1,6 +1,6 @@
-"""Reads a recording back: frames on demand, events in order, and the map at any step.
+"""Reads a recording: frames on demand, events in order, and the map at any step.
 
-Owns nothing on disk and changes nothing. Pictures stay compressed until somebody asks for one.
+Owns nothing on disk and changes nothing. Images stay compressed until they are requested.
 """
 
 import gc
@@ -57,7 +57,7 @@ class StoredFrame(NamedTuple):
 
 
 class Recording:
-    """A recording that lies on disk, opened for reading."""
+    """A recording on disk, opened for reading."""
 
     def __init__(self, path: Path, contents: RrdContents) -> None:
         """Index the contents of a file; `Recording.open` is the way in."""
@@ -88,7 +88,7 @@ class Recording:
 
     @property
     def half_frames(self) -> Sequence[FrameId]:
-        """Ids of frames of which only the picture or only the depth row is in the file; they cannot be read."""
+        """Return ids of frames of which only the image or only the depth row is in the file; they cannot be read."""
         return self._halves
 
     def observation(self, frame: FrameId) -> Observation:
@@ -207,9 +207,9 @@ def _event_columns(batch: pa.RecordBatch) -> tuple[list[int], list[int], list[fl
 
 @contextmanager
 def garbage_collection_paused() -> Iterator[None]:
-    """Hold Python's search for cycles off within the block, unless somebody else holds it off already.
+    """Pause garbage collection within the block, unless it is paused already.
 
-    Where very many objects are made that all stay, as those of a long recording, reading takes half the time so.
+    While many long-lived objects are created, as when reading a long recording, this halves the time.
     """
     if not gc.isenabled():
         yield

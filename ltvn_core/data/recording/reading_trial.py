@@ -1,6 +1,6 @@
-"""Tries whether Rerun can read a file, in a process of its own: a damaged one can make Rerun's reader end the process.
+"""Tries in a separate process whether Rerun can read a file, because a damaged one can crash Rerun's reader.
 
-Run as a program it is that process. It imports nothing of ours, so that it starts quickly.
+As a program it is that process. It imports nothing of ours, so that it starts quickly.
 """
 
 import os
@@ -14,7 +14,7 @@ from typing import BinaryIO
 
 _SECONDS = 60
 _BYTES_PER_SECOND = 2 << 20
-"""A file gets a second more for so many bytes: a tenth of what a busy machine reads."""
+"""Bytes of a file per second of the time limit: a tenth of the speed of a busy machine."""
 _MESSAGE_SECONDS = 20
 _MEMORY_BYTES = 8 << 30
 _HEADER_BYTES = 12

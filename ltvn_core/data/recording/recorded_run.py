@@ -1,6 +1,6 @@
-"""What is recorded of a run: what it says of itself in its files, and what its robot sees.
+"""Recording of a run: its metadata, and the images of its robot.
 
-A note stands where an image cannot be right, or has no depth.
+Notes are added for images that are implausible, or have no depth.
 """
 
 import logging
@@ -35,7 +35,7 @@ class RunDescription:
     camera: CameraModel | None = None
     """Of its images; None is the simulated robot's."""
     scene_glb: bytes | None = None
-    """The scene as binary glTF, z up, to be drawn; None where nobody has a model of it."""
+    """The scene as binary glTF, z up, for drawing; None without a model."""
 
     def open_writer(self, path: Path, *, live_port: int | None = None) -> RecordingWriter:
         """Begin a recording of the run; raises RecordingError, and ServerError where `live_port` is taken."""
@@ -67,7 +67,7 @@ class RunDescription:
 
 
 class ImageRecorder:
-    """Writes the images of one robot or drive, each with what is doubtful of it."""
+    """Writes the images of one robot or drive, with notes about doubtful ones."""
 
     def __init__(self, write_frame: Callable[[Observation], None], write_event: Callable[[StampedEvent], None]) -> None:
         """Write images and events by these two."""
@@ -88,11 +88,11 @@ class DepthWatch:
     """Tells where images begin for which a robot's depth camera returned nothing at all."""
 
     def __init__(self) -> None:
-        """Every image had depth so far."""
+        """Start as if all images so far had depth."""
         self._is_lost = False
 
     def note(self, observation: Observation) -> Note | None:
-        """Return what the log says of the first of some images without depth; None of any other image."""
+        """Return the note about the first of several images without depth; None for any other image."""
         was_lost = self._is_lost
         self._is_lost = observation.depth is not None and not observation.has_depth
         if was_lost or not self._is_lost:
@@ -103,9 +103,9 @@ class DepthWatch:
 
 
 def record_images(images: Iterable[Observation], writer: RecordingWriter) -> Iterator[Observation]:
-    """Write each image as it comes and pass it on, for drives that yield their images.
+    """Write each image and pass it on, for drives that yield their images.
 
-    Where images without depth begin, a note says so, and where they cannot be right.
+    Notes are written where images without depth begin, and for implausible images.
     """
     recorder = ImageRecorder(writer.write_frame, writer.write_event)
     depth_watch = DepthWatch()
@@ -117,7 +117,7 @@ def record_images(images: Iterable[Observation], writer: RecordingWriter) -> Ite
 
 
 class RecordedRobot(RobotView):
-    """A robot that records what it sees."""
+    """A robot that records its observations."""
 
     def __init__(self, robot: Robot, writer: RecordingWriter) -> None:
         super().__init__(robot)

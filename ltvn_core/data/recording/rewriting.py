@@ -1,4 +1,4 @@
-"""Writes a part of a recording to a new file. Owns what the new file takes over from the old one."""
+"""Writes a part of a recording to a new file. Owns what the new file copies from the old one."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -19,9 +19,9 @@ def rewrite(
     *,
     scene_glb: bytes | None = None,
 ) -> None:
-    """Write frames, events and a user's own rows of a recording to a new file, and draw them anew.
+    """Write frames, events and a user's own rows of a recording to a new file, and draw them again.
 
-    `scene_glb` is drawn where the recording has no scene. Raises RecordingError.
+    `scene_glb` is drawn if the recording has no scene. Raises RecordingError.
     """
     graph = TopologicalGraph()
     left = list(reversed(frames))
@@ -44,9 +44,9 @@ def open_rewriter(
     config: Mapping[str, Any] | None = None,
     scene_glb: bytes | None = None,
 ) -> RecordingWriter:
-    """Begin a new file that says of itself what a recording says, with another `config` where one is given.
+    """Open a new file with the metadata of a recording, with another `config` if one is given.
 
-    `scene_glb` is drawn where the recording has no scene. Rerun shows two files with one `recording_id` as one. Raises
+    `scene_glb` is drawn if the recording has no scene. Rerun shows two files with one `recording_id` as one. Raises
     RecordingError.
     """
     meta = recording.meta

@@ -85,13 +85,13 @@ class StoreRows(NamedTuple):
 
 
 class RrdContents(NamedTuple):
-    """What is read back from a recording."""
+    """The rows of a recording."""
 
     meta: RecordingMetadata
     rows: Mapping[str, Sequence[pa.RecordBatch]]
     """Entity path with a leading slash -> batches in the order of the file."""
     record: ClosingRecord | None = None
-    """What the file says of its own bytes and rows; an older one and one that Rerun's tools rewrote have none."""
+    """The closing record; None for older files and those that Rerun's tools rewrote."""
 
     def batches_of(self, entity: str) -> Sequence[pa.RecordBatch]:
         """Return the batches of one entity."""
@@ -113,7 +113,7 @@ def require_rrd(path: Path) -> None:
         raise unreadable(path, error) from error
     if not genuine:
         size = path.stat().st_size
-        what = "is empty" if size == 0 else f"is no Rerun recording ({size} bytes of another format)"
+        what = "is empty" if size == 0 else f"is not a Rerun recording ({size} bytes of another format)"
         raise RecordingError(f"{path} {what}; name a .rrd file written by ltvn.")
 
 
@@ -167,13 +167,13 @@ def open_contents(path: Path) -> RrdContents:
         if entity in store.without_steps:
             raise RecordingError(
                 f"{path} has lost the timeline `{schema.STEP}` of {entity}, which says what belongs to which moment. "
-                "Take the recording that it was made from, and keep that timeline."
+                "Use the original recording, and keep that timeline."
             )
     return RrdContents(meta, store.rows, found.record)
 
 
 def several_recordings(path: Path, ids: Sequence[str]) -> RecordingError:
-    """Return what to say of a file into which `rerun rrd merge` put more than one recording."""
+    """Return the message about a file into which `rerun rrd merge` put more than one recording."""
     return RecordingError(
         f"{path} holds {len(ids)} recordings: {' and '.join(ids)}. Take one out with `ltvn repair {path} "
         f"--recording-id {ids[0]} --output NEW.rrd`, and open that."
@@ -259,7 +259,7 @@ def _has_no_step(entity: str, batch: pa.RecordBatch) -> bool:
 
 
 def read_description(path: Path, store: StoreRows) -> RecordingMetadata:
-    """Read what a recording says of itself. Raises RecordingError when it does not, or has another schema."""
+    """Read the metadata of a recording. Raises RecordingError if there are none, or of another schema."""
     try:
         row = store.rows[DESCRIPTION][-1]
         version = read_schema_version(row)

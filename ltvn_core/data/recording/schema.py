@@ -39,7 +39,7 @@ class RowTime(NamedTuple):
 
 
 PROPERTIES = "ltvn"
-"""Name of the recording property that holds `meta.Meta`; Rerun keeps it at /__properties/ltvn."""
+"""Name of the recording property that holds `metadata.RecordingMetadata`; Rerun keeps it at /__properties/ltvn."""
 
 WORLD = "world"
 SCENE = "world/scene"
@@ -61,7 +61,7 @@ GOAL = "world/goal"
 LOCALISED = "world/localised"
 WAYPOINT = "world/waypoint"
 CHANGES = "world/changes"
-"""What stands in the way for now: door leaves, things, people."""
+"""Present obstacles: door leaves, things, people."""
 EVENTS = "events"
 LOG = "log"
 STATE = "navigator"

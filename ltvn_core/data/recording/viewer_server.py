@@ -128,8 +128,8 @@ _POLICY = (
 def open_here(address: str, timeout_s: float) -> HTTPResponse:
     """Open an address on this machine; raises OSError.
 
-    A proxy of the environment, such as `http_proxy`, is not asked: the address often holds a secret, and a proxy on
-    another machine has another 127.0.0.1.
+    Proxies from the environment are bypassed: the address often holds a secret, and 127.0.0.1 of another machine is
+    not this one.
     """
     return urllib.request.build_opener(urllib.request.ProxyHandler({})).open(address, timeout=timeout_s)
 
@@ -218,15 +218,15 @@ def _free_port() -> int:
 
 
 class RecordingContents(NamedTuple):
-    """What is said of a recording while it is read."""
+    """Description of a recording while it is read."""
 
     text: str
     last_step: int | None = None
-    """At which it ends; None where nobody knows."""
+    """Its last step; None if unknown."""
 
 
 def contents_of(path: Path) -> RecordingContents:
-    """Read what a recording holds; of one that is damaged or of another program there is only its name to tell."""
+    """Read the description of a recording; only its name if it is damaged or of another program."""
     try:
         recording = Recording.open(path)
     except RecordingError:
@@ -270,7 +270,7 @@ class ServedViewer(NamedTuple):
     ended: threading.Event
 
     def wait(self) -> None:
-        """Wait until somebody interrupts the program."""
+        """Wait until the program is interrupted."""
         self.ended.wait()
 
 
@@ -364,7 +364,7 @@ class _Handler(http.server.BaseHTTPRequestHandler):
         """Stay quiet; paths hold the secret."""
 
     def _pass_on(self, kind: str, address: str) -> None:
-        """Send what a live recording sends, for as long as it goes on."""
+        """Forward a live recording for as long as it grows."""
         try:
             # The address was checked: it leads to this machine.
             live = open_here(address, _LIVE_TIMEOUT_S)

@@ -1,6 +1,6 @@
-"""Writes a recording: frames, events and snapshots of the map, exact columns beside what the viewer draws.
+"""Writes a recording: frames, events and snapshots of the map, exact columns beside the viewer's drawing.
 
-Owns which row goes where and how often the map is drawn. The file and its safety are `durable_stream`; shapes are
+Owns the entity of each row and how often the map is drawn. The file and its safety are `durable_stream`; shapes are
 `map_drawing` and `event_drawing`.
 """
 
@@ -116,7 +116,7 @@ class RecordingWriter:
         return self._stream.failure
 
     def draw_scene(self, glb: bytes) -> None:
-        """Draw the scene; makes the file larger by its size. Any thread may call it, whoever else writes meanwhile."""
+        """Draw the scene; adds its size to the file. Any thread may call this while others write."""
         self._scene_extent = FloorExtent.of_glb(glb)
         part = map_drawing.draw_scene(glb)
         self._stream.log_static(part.entity, *part.values)

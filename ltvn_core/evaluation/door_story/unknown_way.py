@@ -26,9 +26,9 @@ _POINTS_IN_DOOR = 20
 _LEAST_UNKNOWN_M, _MOST_UNKNOWN_M = 0.8, 6.0
 """So long is the part of a way that is not in the map."""
 _BEFORE_M, _BEYOND_M = 0.9, 1.6
-"""The robot is led from so far before what is new to so far beyond it,"""
+"""The drive begins this far before the unknown floor and ends this far beyond it, in metres."""
 _DOOR_NEAR_M = 1.5
-"""and if a door is as near before it as this, from before that door."""
+"""Where a door is this near before the unknown floor, the drive begins on the other side of that door."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

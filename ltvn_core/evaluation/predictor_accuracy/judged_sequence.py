@@ -30,11 +30,11 @@ class JudgedSequence:
     views: TrueViews | None
     """Where they were truly taken; None where truth was not asked for."""
     without_truth: int
-    """Images that were left out because nobody knows where they were taken,"""
+    """Images left out because their true pose is unknown."""
     without_depth: int
-    """because they have no depth and the predictor needs it,"""
+    """Images left out because they have no depth and the predictor needs it."""
     skipped: int
-    """and because there are too many."""
+    """Images left out because the sequence has more than are judged."""
     camera: CameraModel | None = None
     """The camera that took them; None where it is the predictor's."""
     is_lens_known: bool = True

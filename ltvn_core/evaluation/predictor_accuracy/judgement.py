@@ -102,9 +102,9 @@ class Judgement:
 
 class _Rows(NamedTuple):
     looks: NDArray[np.intp]
-    """Images that are looked for in the map,"""
+    """Rows of the images that are localised in the map."""
     mapped: NDArray[np.intp]
-    """and those that it is built from."""
+    """Rows of the images that the map is built from."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -305,7 +305,7 @@ def _pair_findings(judgement: Judgement) -> Iterator[Finding]:
         elif count < _FEW_PAIRS:
             yield Finding(f"There are only {count} {kind} pairs, so the share of them that is accepted is uncertain.")
     if not pairs.near_pairs:
-        yield Finding("Are the true poses in metres, and, of two recordings, in one frame?")
+        yield Finding("Are the true poses in metres and, for two recordings, in one frame?")
 
 
 def _odometry_findings(sequence: JudgedSequence) -> Iterator[Finding]:

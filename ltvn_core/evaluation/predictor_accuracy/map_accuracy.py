@@ -42,9 +42,9 @@ class MapAccuracy:
     nodes: int
     edges: int
     pieces: int
-    """Strongly connected components of the map,"""
+    """Number of strongly connected components of the map."""
     true_pieces: int | None
-    """and the number of parts that the drive itself falls into: groups of images within D_c of each other."""
+    """Number of parts of the drive itself: groups of images within D_c of each other."""
     largest_piece_share: float
     """Share of the images, those of the largest part of the drive, that are in the map's largest piece or recognised
     as one of its nodes."""
@@ -188,9 +188,9 @@ class LocalisationAccuracy:
     """How images are found in a map. The four shares add up to 1; None without images."""
 
     looks: int
-    """Images that were looked for,"""
+    """Number of images that were localised in the map."""
     looks_elsewhere: int
-    """and those that were not, because the map has no image within D_l of them."""
+    """Number of images left out because the map has no image within D_l of them."""
     localised_share: float | None
     """Within 0.5 m and 20 degrees of the truth."""
     wrong_place_share: float | None

@@ -47,9 +47,9 @@ class PairSample:
     waypoints: Waypoint
     """(P, 3): the true ones."""
     near_pairs: int
-    """Near pairs that there are,"""
+    """Number of near pairs."""
     far_pairs: int
-    """and far ones."""
+    """Number of far pairs."""
 
     def thinned(self, most: PairCounts, rng: np.random.Generator) -> "PairSample":
         """Return at most so many pairs of it."""
@@ -143,41 +143,41 @@ class PairAccuracy:
     """Figures of one predictor on near and far pairs; None where there are no such pairs."""
 
     near_pairs: int
-    """Near pairs of the recording,"""
+    """Number of near pairs in the recording."""
     near_compared: int
-    """and those that were compared."""
+    """Number of near pairs that were compared."""
     far_pairs: int
     far_compared: int
     auc: float | None
     near_recall: float | None
-    """Share of the near pairs that is accepted,"""
+    """Share of the near pairs that is accepted."""
     near_recall_low: float | None
-    """with its 95 % interval."""
+    """Lower end of the 95 % interval of `near_recall`."""
     near_recall_high: float | None
     far_fpr: float | None
-    """Share of the far pairs that is accepted,"""
+    """Share of the far pairs that is accepted."""
     far_fpr_low: float | None
-    """with its 95 % interval."""
+    """Lower end of the 95 % interval of `far_fpr`."""
     far_fpr_high: float | None
     recall_at_far_fpr_1e3: float | None
     """Recall where at most one far pair in 1,000 is accepted; None with fewer far pairs."""
     recall_at_far_fpr_1e4: float | None
     """The same, one in 10,000."""
     waypoint_median_m: float | None
-    """Position error of accepted near pairs,"""
+    """Median position error of accepted near pairs, in metres."""
     waypoint_p90_m: float | None
-    """its 90th percentile,"""
+    """90th percentile of the position error of accepted near pairs, in metres."""
     moved_median_m: float | None
-    """and what that median would be for a predictor that always says "here"."""
+    """Median position error of a predictor that always answers "no motion", in metres."""
     yaw_median_deg: float | None
     ece: float | None
     """Expected calibration error in ten bins; near and far pairs weigh the same."""
     auc_of_r: float | None
     """AUC of r alone."""
     near_recall_of_r: float | None
-    """Share of the near pairs with r > R_c,"""
+    """Share of the near pairs with r > R_c."""
     far_fpr_of_r: float | None
-    """and of the far pairs."""
+    """Share of the far pairs with r > R_c."""
     near_by_distance: tuple[DistanceBin, ...]
     calibration: tuple[CalibrationBin, ...]
     """Of as many near as far pairs."""

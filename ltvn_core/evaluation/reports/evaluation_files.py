@@ -81,9 +81,9 @@ class FoundResults:
     """The results in a folder."""
 
     results: EvaluationResults
-    """As the files hold them,"""
+    """The results as the files hold them."""
     drawn: EvaluationResults
-    """and with the drawings of their maps that lie beside them."""
+    """The same results with the drawings of their maps, read from the files beside them."""
     failures: tuple[FailureRow, ...]
     """All failed episodes of the trials, with their recordings, still without images."""
     worlds: tuple[WorldResult, ...] = ()

@@ -33,9 +33,9 @@ class FailureRow:
     drive: Path | None = None
     """The mapping drive, which holds both images."""
     recording: Path | None = None
-    """The episode's recording,"""
+    """Recording of the episode."""
     time_s: float | None = None
-    """and the moment of the failure in it, in seconds after its beginning."""
+    """Moment of the failure in the recording, in seconds after its beginning."""
 
     @property
     def scene(self) -> str:

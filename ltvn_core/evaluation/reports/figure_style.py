@@ -144,7 +144,7 @@ class ReportFigure:
     caption: str
     """Description in short sentences."""
     draw: Callable[[], Figure]
-    """Call it inside `style.drawing`."""
+    """Call it inside `drawing`."""
 
 
 def method_colours(methods: Sequence[str], palette: FigurePalette) -> dict[str, Colour]:

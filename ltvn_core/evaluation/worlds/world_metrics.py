@@ -28,15 +28,15 @@ class WorldMetrics:
     """95 % interval."""
     spl_high: float
     detours: int
-    """Queries whose usual way was closed, so that the shortest one was longer by `LEAST_DETOUR_M` or more,"""
+    """Queries whose usual way was closed, so that the shortest one was longer by `LEAST_DETOUR_M` or more."""
     success_on_detours: float | None
-    """and the share of them whose goals were reached; None if there were none."""
+    """Share of the detours whose goals were reached; None if there were none."""
     cut_off: int
     """Failures at whose end there was no way to the goal any more."""
     blocked_tries_per_100: float
-    """Attempts along closed edges in 100 queries,"""
+    """Attempts along closed edges in 100 queries."""
     door_tries_per_100: float
-    """and those of them through closed doors."""
+    """Attempts along edges through closed doors in 100 queries."""
     reopened_after_queries: float | None
     """Queries from the first that would want a reopened door to the one that uses it, at least 1; mean over the doors
     that the robot had met closed. A door that closes again unused counts one more than wanted it; None if there were
@@ -44,20 +44,20 @@ class WorldMetrics:
     reopened: int
     """So many times that happened."""
     brier: float
-    """Mean squared error of predicted presence when queries begin, over all edges that the world ever closes,"""
+    """Mean squared error of p(open) when queries begin, over all edges that the world ever closes."""
     brier_later: float
-    """and of that an hour later."""
+    """Mean squared error of p(open) one hour after queries begin."""
     calibration: float
-    """Mean distance of predicted presence from the share that is open, in ten bins,"""
+    """Mean difference between p(open) and the share of edges that are open, in ten bins."""
     calibration_later: float
-    """and an hour later."""
+    """Calibration error of p(open) one hour after queries begin."""
     lost_edges_share: float
     """True edges of the first map that are gone for ever."""
     nodes: float
-    """Mean over the maps after all queries, as are the edges,"""
+    """Mean number of nodes of the maps after all queries."""
     edges: float
     nodes_before: float
-    """and before them."""
+    """Mean number of nodes of the maps before the queries."""
     edges_before: float
     collisions_per_episode: float
     people: EncounterCounts

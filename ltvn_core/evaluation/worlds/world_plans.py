@@ -126,9 +126,9 @@ class ScheduledQuery:
     shortest_m: float
     """Length of the shortest way at that moment."""
     closed: tuple[EdgeKey, ...]
-    """Edges of the first map that are closed at that moment,"""
+    """Edges of the first map that are closed when the query begins."""
     closed_later: tuple[EdgeKey, ...]
-    """and an hour later."""
+    """Edges of the first map that are closed an hour later."""
     detour_m: float = 0.0
     """How much longer the shortest way is than in the scene as it was made."""
 

@@ -75,9 +75,9 @@ class DoorWatch:
         self.door_tries = 0
         """Those of them through closed doors, which no detour leads round."""
         self.met_closed: set[int] = set()
-        """Closed doors of these, or of edges that the map learned are closed,"""
+        """Closed doors on edges that were attempted, or that the map learned are closed."""
         self.used: set[int] = set()
-        """and doors on edges that were driven with success."""
+        """Doors on edges that were driven with success."""
 
     def consume(self, event: Event) -> None:
         """Take in the next event while the world is as it was then."""

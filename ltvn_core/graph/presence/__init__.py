@@ -1,1 +1,1 @@
-"""When an edge can be driven, as a matter of time: filters over observations that something was there or was not."""
+"""Presence: when an edge is open, by filters over observations of obstacles."""

@@ -14,7 +14,7 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DurationMixture:
-    """How long a thing stays: K kinds of stays, the same for all things (K,) or of each of N things (N, K)."""
+    """How long a state lasts: K kinds of stays, the same for all things (K,) or for each of N things (N, K)."""
 
     scales_s: FloatArray
     """Seconds after which 1 - 1/e of the stays of a kind are over; positive."""
@@ -24,7 +24,7 @@ class DurationMixture:
     """Share of the kinds; sums to 1 over the last axis."""
 
     def __post_init__(self) -> None:
-        """Raise ValueError for what is no mixture."""
+        """Raise ValueError for an invalid mixture."""
         sizes = {self.scales_s.shape, self.shapes.shape, self.weights.shape}
         positive = np.all(self.scales_s > 0) and np.all(self.shapes > 0) and np.all(self.weights >= 0)
         if len(sizes) > 1 or not positive or not np.allclose(self.weights.sum(axis=-1), 1):
@@ -40,7 +40,7 @@ class DurationMixture:
         return cls(scales_s=scales, shapes=np.ones_like(scales), weights=np.asarray(weights, np.float64))
 
     def for_things(self, count: int) -> "DurationMixture":
-        """Return the same mixture of each of `count` things, (N, K)."""
+        """Return the same mixture for each of `count` things, (N, K)."""
         size = (count, self.scales_s.shape[-1])
         return DurationMixture(
             scales_s=np.broadcast_to(self.scales_s, size),

@@ -1,6 +1,6 @@
-"""Which edges may not be open at a moment, and how probably each of them is.
+"""Which edges may be closed at a moment, and p(open) of each.
 
-Owns folding what a map knows of its edges. What is done with the answer is `graph.presence.presence_plan`.
+Owns folding the observations that a map holds. The planner that uses them is `graph.presence.presence_plan`.
 """
 
 from collections.abc import Callable, Collection, Mapping
@@ -18,24 +18,24 @@ from ltvn_core.graph.presence.presence_observations import obstructed_deltas, se
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 
 EdgeProbabilities: TypeAlias = Mapping[EdgeKey, float]
-"""How probably edges are open now; all edges that are not in it are."""
+"""p(open) now of each edge that may be closed; edges that are not in it are open."""
 
 
 class EdgePresence(Protocol):
-    """Tells how probably edges are open."""
+    """Predicts p(open) of edges."""
 
     def probabilities(self, graph: TopologicalGraph, now_s: float) -> EdgeProbabilities:
         """Return the edges that may not be open at a moment on the clock of the world."""
         ...
 
     def observe(self, graph: TopologicalGraph, obstruction: Obstruction, stamp: float) -> tuple[PresenceObserved, ...]:
-        """Return what the map learns of something new that was seen from afar."""
+        """Return the deltas for an obstacle that was seen from afar."""
         ...
 
     def observe_open(
         self, graph: TopologicalGraph, seen: Collection[EdgeKey], stamp: float
     ) -> tuple[PresenceObserved, ...]:
-        """Return what the map learns of ways that were seen to be free."""
+        """Return the deltas for ways that were seen to be free."""
         ...
 
 
@@ -61,39 +61,40 @@ ALWAYS_OPEN = AlwaysOpen()
 
 
 class FilteredPresence:
-    """What a filter makes of the observations that a map holds; an edge that was never seen blocked is open."""
+    """Presence by a filter over the observations that a map holds; an edge never seen blocked is open."""
 
     def __init__(self, presence_filter: PresenceFilter) -> None:
-        """Know nothing of any map yet."""
+        """Start without a map."""
         self.presence_filter = presence_filter
         self._known: dict[EdgeKey, tuple[PresenceObservation, ...]] = {}
         self._tracks: PresenceTracks = presence_filter.follow(0)
 
     def probabilities(self, graph: TopologicalGraph, now_s: float) -> EdgeProbabilities:
-        """Return the edges that were ever seen blocked; linear in their number if none was seen since the last call."""
+        """Return the edges ever seen blocked; linear in their number if there was no new observation since the last
+        call."""
         if not graph.presence:
             return {}
         if graph.presence != self._known:
             self._known = dict(graph.presence)
             self._tracks = follow_histories(self.presence_filter, list(self._known.values()))
-        # Where a recording goes on in another session its clock may begin anew.
+        # Where a recording continues in another session its clock may start anew.
         latest_s = max(seen[-1].stamp_s for seen in self._known.values())
         found = self._tracks.probability(max(now_s, latest_s))
         return dict(zip(self._known, map(float, found), strict=True))
 
     def observe(self, graph: TopologicalGraph, obstruction: Obstruction, stamp: float) -> tuple[PresenceObserved, ...]:
-        """Return that the edges are blocked whose ways it closes."""
+        """Return that the edges whose ways it closes are blocked."""
         return obstructed_deltas(graph, obstruction, stamp)
 
     def observe_open(
         self, graph: TopologicalGraph, seen: Collection[EdgeKey], stamp: float
     ) -> tuple[PresenceObserved, ...]:
-        """Return that these edges are open, and others that the same things closed."""
+        """Return that these edges are open, and the others that the same obstacle closed."""
         return seen_open_deltas(graph, seen, stamp)
 
 
 class KnownPresence:
-    """The truth of the moment, where somebody can tell: in simulation."""
+    """The true presence, as only simulation knows it."""
 
     def __init__(self, closed_edges: Callable[[TopologicalGraph], Collection[EdgeKey]]) -> None:
         """Ask `closed_edges` which edges of a map are closed now."""

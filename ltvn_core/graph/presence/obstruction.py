@@ -1,7 +1,7 @@
-"""What stands in the way of an edge, and which other edges it stands in the way of.
+"""An obstruction, and the edges whose ways it closes.
 
-Owns the geometry: ways of edges as lines in the frame of one node, put together from waypoints nearby, so that drift of
-odometry does not matter. Sees nothing and decides nothing.
+Owns the geometry: ways of edges as lines in the frame of one node, composed from nearby waypoints so that drift of
+odometry does not matter. Detects nothing and decides nothing.
 """
 
 import heapq
@@ -22,38 +22,39 @@ from ltvn_core.types import NodeId, Pose
 FloatArray = NDArray[np.float64]
 
 BODY_M = 0.2
-"""What is farther than this from the line of an edge stands beside the way of the robot's body."""
+"""Points farther than this from the line of an edge stand beside the robot's path."""
 _MIDDLE_M = 0.07
-"""What is nearer than this to the line stands in the middle of the way."""
+"""Points nearer than this to the line stand in the middle of the way."""
 _LEAST_IN_MIDDLE = 2
-"""Fewer points there are held to be noise."""
+"""Minimum number of points in the middle of the way; fewer count as noise."""
 _BARRIER_M = 0.35
-"""What stands so little before or behind something is part of the same barrier."""
+"""Points within this distance before or behind an obstacle belong to the same barrier."""
 _END_M = 0.2
-"""What stands so little behind the end of a way leaves the robot no room to stand there, as a door behind its sill."""
+"""An obstacle within this distance behind the end of a way leaves the robot no room to stand there, as a door behind
+its sill."""
 _SAME_THING_M = 0.3
-"""Points that are so near to each other are of one thing."""
+"""Largest distance between points of one thing."""
 _SHORTEST_M = 0.05
 """Shorter ways are turns on the spot."""
 _NEARBY_D = 4.0
-"""Nodes farther along the map than this d are not asked about."""
+"""Nodes farther along the map than this d are ignored."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Obstruction:
-    """Something solid that was not there when the map was made."""
+    """A solid obstacle that was not there when the map was made."""
 
     node: NodeId
     """The node in whose frame the points are."""
     points: FloatArray
-    """(M, 2) where it is, metres, x forward and y left of the node."""
+    """(M, 2) points of the obstacle in metres, x forward and y left of the node."""
     known: FloatArray
-    """(M', 2) what else is solid around, and always was."""
+    """(M', 2) other solid points around, which were always there."""
     stopped: bool
-    """They stopped the robot on the edge that it drove, of which the node is the source."""
+    """Whether it stopped the robot on the edge that it drove, whose source is the node."""
 
     def things(self) -> Iterator["Obstruction"]:
-        """Yield each thing by itself; what else is new is then beside it."""
+        """Yield each thing separately; the other new points then count as its surroundings."""
         if not len(self.points):
             return
         pairs = KDTree(self.points).query_pairs(_SAME_THING_M, output_type="ndarray")
@@ -88,9 +89,9 @@ def ways_nearby(graph: TopologicalGraph, node: NodeId) -> dict[EdgeKey, FloatArr
 
 
 def closes_way(obstruction: Obstruction, start: FloatArray, end: FloatArray) -> bool:
-    """Tell whether something leaves the robot no room on the straight way from `start` (2,) to `end` (2,).
+    """Tell whether obstacles leave the robot no room on the straight way from `start` (2,) to `end` (2,).
 
-    It stands in the middle of the way, and to both sides of it is no room either, as by a door between its jambs.
+    One stands in the middle of the way with no room on either side, such as a door between its jambs.
     """
     way = end - start
     length = float(np.hypot(way[0], way[1]))
@@ -147,7 +148,7 @@ def _edges_at(graph: TopologicalGraph, node: NodeId) -> list[Edge]:
 
 
 def _beyond(pose: Pose, edges: Sequence[Edge], here: NodeId) -> list[list[float]]:
-    """Return where (3,) the other ends of edges are, seen from where the pose (3,) of one end, `here`, is known."""
+    """Return the poses (3,) of the other ends of edges, given the pose `here` (3,) of one end."""
     if not edges:
         return []
     steps = np.array([edge.waypoint for edge in edges])

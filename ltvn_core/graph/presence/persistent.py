@@ -54,7 +54,7 @@ class _StepEnds:
     def __init__(self, half_steps: FloatArray) -> None:
         """Take (2 I - 1, N) survival at every half step."""
         self.survival = half_steps[::2]
-        """(I, N) at whole steps."""
+        """(I, N) survival at whole steps."""
         middles = half_steps[1::2]
         self.first = 1 - middles[0] if len(middles) else np.zeros_like(half_steps[0])
         """(N,) stays that end within half a step."""
@@ -74,12 +74,12 @@ _STEPS_AHEAD = 32
 
 @dataclass(frozen=True, slots=True)
 class SightErrors:
-    """How often looking is wrong."""
+    """Error rates of observations."""
 
     miss: float
-    """P_M: share of looks at a thing that is there which do not find it; between 0 and 1."""
+    """P_M: share of looks at a thing that is there which miss it; between 0 and 1."""
     false_alarm: float
-    """P_F: share of looks where nothing is which find it; between 0 and 1."""
+    """P_F: share of looks at nothing which find a thing; between 0 and 1."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -92,14 +92,14 @@ class PersistentFilter:
     """How long it stays away."""
     errors: SightErrors
     present_at_first: float = 0.9
-    """How probably a thing is there before it was ever looked for."""
+    """Probability that a thing is there before the first look."""
     switch_below: float = 0.05
-    """A state that is less probable than this is over."""
+    """A state whose probability falls below this is over."""
     prior_stays: float = 2.0
-    """The weights of the kinds of stays count as much as so many stays that were watched."""
+    """Number of observed stays that the prior weights of the kinds of stays count as."""
 
     def follow(self, count: int) -> "PersistentTracks":
-        """Begin to follow things."""
+        """Start filters for several things."""
         return PersistentTracks(self, count)
 
 
@@ -111,7 +111,7 @@ class PersistentTracks:
     """
 
     def __init__(self, config: PersistentFilter, count: int) -> None:
-        """Know nothing of `count` things."""
+        """Start without knowledge of `count` things."""
         kinds = max(config.present.scales_s.shape[-1], config.absent.scales_s.shape[-1])
         mixtures = [_padded(each.for_things(count), kinds) for each in (config.absent, config.present)]
         self._config = config
@@ -129,7 +129,7 @@ class PersistentTracks:
         self._left = np.full((count, kinds), np.log1p(-config.present_at_first))
 
     def observe(self, rows: Rows, present: NDArray[np.bool_], stamps_s: FloatArray) -> None:
-        """Take in one observation of each of M different things, see `PresenceTracks`."""
+        """Update with one observation of each of M different things, see `PresenceTracks`."""
         self._begin(rows, stamps_s)
         self._cross_silence(rows, present, stamps_s)
         state = self._state[rows]
@@ -146,7 +146,7 @@ class PersistentTracks:
         self._switch(rows)
 
     def probability(self, at_s: float) -> FloatArray:
-        """Return (N,) how probably each thing is there at a moment; of what was never looked for, as before."""
+        """Return (N,) the probability that each thing is there at a moment; the prior for a thing never looked for."""
         everything = np.arange(len(self._state))
         same = np.full(len(everything), self._config.present_at_first)
         looked_for = everything[~np.isnan(self._last)]
@@ -158,7 +158,7 @@ class PersistentTracks:
         self._since[rows[fresh]] = self._last[rows[fresh]] = stamps_s[fresh]
 
     def _cross_silence(self, rows: Rows, present: NDArray[np.bool_], stamps_s: FloatArray) -> None:
-        """Begin a new stay of those things that have most probably gone and come back since they were looked for."""
+        """Start a new stay for things that have most probably gone and come back since the last look."""
         lasting = self._still(rows, stamps_s)
         silent = lasting < self._still(rows, self._last[rows]) - self._config.switch_below
         if not silent.any():
@@ -171,7 +171,7 @@ class PersistentTracks:
         self._restart(rows[again], stamps_s[again], same[again])
 
     def _switch(self, rows: Rows) -> None:
-        """Go over to the other state where this one is hardly possible any more."""
+        """Switch to the other state where this one is hardly possible any more."""
         still = self._still(rows, self._last[rows])
         over = still <= self._config.switch_below
         if not over.any():
@@ -182,7 +182,7 @@ class PersistentTracks:
         self._restart(rows, self._last[rows], 1 - still)
 
     def _learn(self, rows: Rows, stamps_s: FloatArray) -> None:
-        """Weigh the kinds of stays by one that has ended before a moment (M,)."""
+        """Update the weights of the kinds of stays with one that ended before a moment (M,)."""
         state = self._state[rows]
         prior_stays = self._config.prior_stays
         survival = self._log_survival(rows, self._last[rows])
@@ -194,7 +194,7 @@ class PersistentTracks:
         self._weights[state, rows] = (prior_stays * self._prior[state, rows] + self._counts[state, rows]) / total
 
     def _restart(self, rows: Rows, stamps_s: FloatArray, probability: FloatArray) -> None:
-        """Let the state begin at a moment, with the probability that it is this one."""
+        """Let the state begin at a moment, with the probability that it is the current one."""
         self._since[rows] = self._last[rows] = stamps_s
         self._stay[rows] = np.log(probability)
         self._left[rows] = np.log(np.maximum(1 - probability, 1e-12))[:, None]
@@ -215,7 +215,8 @@ class PersistentTracks:
         return (weights * lasting).sum(axis=-1) / evidence
 
     def _same_state(self, rows: Rows, stamps_s: FloatArray) -> FloatArray:
-        """Return (M,) the probability that things are in the same state at moments (M,), with all goings between."""
+        """Return (M,) the probability that things are in the same state at moments (M,), including absences in
+        between."""
         last = self._last[rows]
         ahead = np.maximum(stamps_s - last, 0.0)
         shares = np.linspace(0.0, 1.0, 2 * _STEPS_AHEAD + 1)[:, None]
@@ -234,7 +235,7 @@ class PersistentTracks:
 
 
 def _padded(durations: DurationMixture, kinds: int) -> DurationMixture:
-    """Return the same mixture with kinds of no weight, so that there are `kinds`."""
+    """Return the same mixture padded to `kinds` with kinds of zero weight."""
     missing = ((0, 0), (0, kinds - durations.scales_s.shape[-1]))
     return DurationMixture(
         scales_s=np.pad(durations.scales_s, missing, constant_values=1.0),
@@ -248,15 +249,15 @@ _HOUR_S = 3600.0
 _DAY_S = 86400.0
 
 EDGE_ERRORS = SightErrors(miss=0.005, false_alarm=0.005)
-"""An obstruction is believed only where it lies across the way, and a success only at its end, so both rarely err."""
+"""An obstruction counts only if it lies across the way, and a success only at its end, so both rarely err."""
 
 USUALLY_PRESENT = 0.9
-"""Share of the time that an edge, of which nothing is known, can be driven."""
+"""Share of the time that an edge without observations is open."""
 
 PERSISTENT = PersistentFilter(
-    # What is seen to be closed once is mostly a door, which somebody opens and closes many times a day.
+    # A first observation of closed is mostly a door, which is opened and closed many times a day.
     present=DurationMixture.exponential([30 * _MINUTE_S, 6 * _HOUR_S, 7 * _DAY_S], [0.4, 0.3, 0.3]),
-    # Somebody passes, a door is closed for a while, something is put down for long.
+    # A person passes, a door is closed for a while, or something is put down for long.
     absent=DurationMixture.exponential([15.0, 10 * _MINUTE_S, 5 * _HOUR_S], [0.25, 0.4, 0.35]),
     errors=EDGE_ERRORS,
     present_at_first=USUALLY_PRESENT,

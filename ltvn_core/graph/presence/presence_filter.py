@@ -1,6 +1,6 @@
-"""What a filter of presence is: a fold over observations that tells how probably a thing is there at a later moment.
+"""Presence filters: fold observations into the probability that a thing is there at a later moment.
 
-Owns the interface, and folding whole histories. The filter that is used is `graph.presence.persistent`.
+Owns the interface, and folding whole histories. The filter in use is `graph.presence.persistent`.
 """
 
 from collections.abc import Sequence
@@ -22,11 +22,11 @@ class PresenceObservation(NamedTuple):
 
 
 Rows = NDArray[np.intp]
-"""(M,) numbers of different things."""
+"""(M,) rows of different things."""
 
 
 class PresenceTracks(Protocol):
-    """What a filter knows of N things so far."""
+    """State of a filter over N things."""
 
     def observe(self, rows: Rows, present: NDArray[np.bool_], stamps_s: FloatArray) -> None:
         """Take in one observation of each of M different things, (M,) each; those of one thing come in order of time.
@@ -44,24 +44,25 @@ class PresenceTracks(Protocol):
 
 
 class PresenceFilter(Protocol):
-    """How observations become a probability."""
+    """Turns observations into a probability."""
 
     def follow(self, count: int) -> PresenceTracks:
-        """Begin to follow a number of things of which nothing is known yet."""
+        """Start filters for a number of things without observations."""
         ...
 
 
 def presence_probability(
     presence_filter: PresenceFilter, observations: Sequence[PresenceObservation], now_s: float
 ) -> float:
-    """Return how probably a thing is there at a moment, by what was seen of it up to then."""
+    """Return the probability that a thing is there at a moment, given its observations up to then."""
     return float(presence_probabilities(presence_filter, [observations], now_s)[0])
 
 
 def presence_probabilities(
     presence_filter: PresenceFilter, histories: Sequence[Sequence[PresenceObservation]], now_s: float
 ) -> FloatArray:
-    """Return (N,) how probably N things are there at a moment, by what was seen of each up to then, in order of time.
+    """Return (N,) probabilities that things are there at a moment, given each one's observations up to then, in order
+    of time.
 
     Linear in the longest history, with vectors over the things.
     """
@@ -72,7 +73,7 @@ def presence_probabilities(
 def follow_histories(
     presence_filter: PresenceFilter, histories: Sequence[Sequence[PresenceObservation]]
 ) -> PresenceTracks:
-    """Return what a filter knows of N things after all that was seen of each, in order of time."""
+    """Return the state of a filter after the histories of N things, each in order of time."""
     tracks = presence_filter.follow(len(histories))
     for seen in zip_longest(*histories):
         rows = np.array([row for row, each in enumerate(seen) if each is not None], np.intp)

@@ -1,6 +1,6 @@
-"""Maintenance that keeps apart whether an edge exists and whether it is open: pure functions as in `graph.maintenance`.
+"""Maintenance that separates the existence of an edge from its presence: pure functions as in `graph.maintenance`.
 
-Owns when an attempt says something of presence, and that only what never existed is pruned for ever.
+Owns when an attempt is an observation of presence, and prunes for ever only edges that never existed.
 """
 
 from dataclasses import dataclass, replace
@@ -19,14 +19,14 @@ from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.types import NodeId
 
 _SAME_PLACE_M, _SAME_YAW_RAD = 0.4, 0.4
-"""An edge that agrees so well with odometry from one image to the next was driven when the map was made."""
+"""Error against odometry within which an edge between consecutive images counts as driven when the map was made."""
 _LEAST_FAILURES = 3
-"""Queries in which an edge must have failed before it may leave for ever."""
+"""Queries in which an edge must have failed before it may be pruned for ever."""
 
 
 @dataclass(frozen=True, slots=True)
 class PresenceMaintenance:
-    """The paper's maintenance, in which what stands in the way says nothing about existence."""
+    """The paper's maintenance, except that obstacles say nothing about existence."""
 
     method: Method
 
@@ -36,7 +36,7 @@ class PresenceMaintenance:
             blocked = obstructed_deltas(graph, attempt.obstruction, attempt.stamp, driven=_driven(attempt))
             if any((each.source, each.target) == _driven(attempt) for each in blocked):
                 return blocked
-            # New things in view make a place hard to recognise, and say little of the edge.
+            # New things in view make a place hard to recognise, and say little about the edge.
             return (*blocked, *self._believe(graph, replace(attempt, hindered=True)))
         opened = open_deltas(graph, _driven(attempt), attempt.stamp) if attempt.succeeded else ()
         return (*opened, *self._believe(graph, attempt))
@@ -73,7 +73,7 @@ def never_existed(graph: TopologicalGraph, pruned: EdgePruned) -> bool:
 def was_driven(graph: TopologicalGraph, edge: Edge) -> bool:
     """Tell whether an edge was driven with success, or when the map was made.
 
-    That is where it joins two images that followed each other, and agrees with odometry between them.
+    The latter holds if it joins two consecutive images and agrees with odometry between them.
     """
     if edge.successes:
         return True

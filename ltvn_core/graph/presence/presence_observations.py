@@ -1,6 +1,6 @@
-"""What is observed of the presence of edges, as changes of the map: pure functions.
+"""Observations of presence as changes of the map: pure functions.
 
-Owns which edges one obstruction closes and one success opens, and that a jam is one observation.
+Owns which edges one obstruction closes and one success opens, and counts a jam as one observation.
 """
 
 import itertools
@@ -11,17 +11,17 @@ from ltvn_core.graph.presence.obstruction import Obstruction, edges_obstructed
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 
 _SAME_S = 20.0
-"""What is seen again within this time is the same observation: many tries in one jam are one."""
+"""Observations within this time are the same one, so that many attempts in one jam count once."""
 _SEEN_SHARE = 0.3
-"""A thing is gone where so great a share of the ways that it closed is seen to be free."""
+"""Share of the ways it closed that must be seen free before a thing counts as gone."""
 _ONE_THING_S = 1e-3
-"""Several things that are seen at once are told apart by so much time, so that the map knows what closed which edge."""
+"""Offset between the stamps of things seen at once, so that the map knows which one closed which edge."""
 
 
 def obstructed_deltas(
     graph: TopologicalGraph, obstruction: Obstruction, stamp: float, *, driven: EdgeKey | None = None
 ) -> tuple[PresenceObserved, ...]:
-    """Return that all edges are blocked whose ways are closed, and the driven one if it stopped the robot on it."""
+    """Return that all edges whose ways are closed are blocked, and the driven one if it stopped the robot there."""
     stopped = [driven] if obstruction.stopped and driven in graph.edges and driven is not None else []
     closed: dict[EdgeKey, float] = dict.fromkeys(stopped, stamp)
     for number, thing in enumerate(obstruction.things()):
@@ -32,7 +32,7 @@ def obstructed_deltas(
 
 
 def _moment(graph: TopologicalGraph, keys: Collection[EdgeKey], stamp: float) -> float:
-    """Return when one thing was seen: at the moment of the same observation if this is not the first look."""
+    """Return when one thing was seen: the time of the first of several looks in one observation."""
     last = [graph.presence[key][-1] for key in keys if key in graph.presence]
     return max(
         (seen.stamp_s for seen in last if not seen.present and 0 <= stamp - seen.stamp_s < _SAME_S), default=stamp
@@ -40,7 +40,7 @@ def _moment(graph: TopologicalGraph, keys: Collection[EdgeKey], stamp: float) ->
 
 
 def open_deltas(graph: TopologicalGraph, driven: EdgeKey, stamp: float) -> tuple[PresenceObserved, ...]:
-    """Return that a driven edge is open, and all edges that the same thing closed; none if never."""
+    """Return that a driven edge is open, and all edges that the same thing closed; none if it was never blocked."""
     if driven not in graph.presence:
         return ()
     together = itertools.chain.from_iterable(_closed_together(graph, {driven}))
@@ -48,9 +48,9 @@ def open_deltas(graph: TopologicalGraph, driven: EdgeKey, stamp: float) -> tuple
 
 
 def seen_open_deltas(graph: TopologicalGraph, seen: Collection[EdgeKey], stamp: float) -> tuple[PresenceObserved, ...]:
-    """Return that edges are open whose ways were seen to be free, and what the same thing closed.
+    """Return that edges are open whose ways were seen free, and the others that the same thing closed.
 
-    Of what it closed enough must be seen to be free: the way of a single edge may only touch it.
+    A large enough share of what it closed must be seen free, because a single way may only be touched by it.
     """
     known = [key for key in seen if key in graph.presence]
     groups = _closed_together(graph, known)
@@ -73,14 +73,14 @@ def _closed_together(graph: TopologicalGraph, keys: Collection[EdgeKey]) -> list
 
 
 def is_open(graph: TopologicalGraph, edge: EdgeKey) -> bool:
-    """Tell whether an edge was open when it was last looked at; one that was never seen blocked is."""
+    """Tell whether an edge was open at the last look; one never seen blocked is."""
     return edge not in graph.presence or graph.presence[edge][-1].present
 
 
 def _observed(
     graph: TopologicalGraph, stamps: Mapping[EdgeKey, float], *, present: bool, driven: EdgeKey | None
 ) -> tuple[PresenceObserved, ...]:
-    """Return one observation of each edge, but not the same one twice within a short time."""
+    """Return one observation of each edge, unless the same was observed a short time before."""
     deltas = []
     for key, stamp in stamps.items():
         last = graph.presence[key][-1] if key in graph.presence else None

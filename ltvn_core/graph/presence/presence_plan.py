@@ -1,4 +1,4 @@
-"""The way to take where some edges may not be open: round about, or by a closed one to see whether it is open again.
+"""Plans a detour, or a route through a closed edge when the expected cost is lower.
 
 Owns that choice, as a pure function of a planner. Observes and drives nothing.
 """
@@ -13,9 +13,9 @@ from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.types import NodeId
 
 OPEN_ABOVE = 0.5
-"""An edge that is less probably open than this is held to be closed."""
+"""p(open) below which an edge counts as closed."""
 HOPELESS_BELOW = 0.2
-"""Where no other way is, a closed edge is tried once more only if it is so probably open."""
+"""p(open) below which a closed edge is not tried again, even if there is no other way."""
 
 
 def plan_by_presence(

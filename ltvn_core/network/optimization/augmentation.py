@@ -25,9 +25,9 @@ class Augmentation:
     noise: float = 0.02
     """Standard deviation of pixel noise."""
     depth_scale: float = 0.01
-    """Depth is scaled by up to this share, per image,"""
+    """Largest change of scale of the depth, per image, as a share."""
     depth_noise: float = 0.01
-    """and noisy with this standard deviation as a share of it."""
+    """Standard deviation of the noise of the depth, as a share of the depth."""
     holes: float = 0.5
     """Share of images whose depth loses a few patches."""
 

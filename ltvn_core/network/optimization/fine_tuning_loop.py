@@ -105,9 +105,9 @@ class FineTuningPlan:
     minings: int = 6
     """Number of searches for hard negatives, the first one at the start."""
     validation_pairs: int = 1000
-    """Labelled pairs of each simulated validation scene to judge by, and twice as many of the drive,"""
+    """Labelled pairs per simulated validation scene; twice as many are taken from the drive."""
     validation_far: int = 5000
-    """and far pairs of each drive, the own one too."""
+    """Far pairs per validation drive, including the user's own."""
     judge: bool = True
     """Evaluate the weights before and after; False saves that time where the metrics are not needed."""
 
@@ -304,7 +304,7 @@ def _require_same_run(path: Path, run: dict[str, str]) -> None:
         found = parse_json(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise WeightsError(
-            f"{path}: cannot be read or written ({error}); free some space, or delete {path.parent} to begin anew."
+            f"{path}: cannot be read or written ({error}); free some space, or delete {path.parent} to start over."
         ) from error
     if found != run:
         raise WeightsError(

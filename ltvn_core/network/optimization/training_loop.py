@@ -73,9 +73,9 @@ class TrainingPlan:
     patience: int = 4
     """Stop after this many validations in a row without a better one."""
     validation_pairs: int = 2500
-    """Labelled pairs of each validation scene that are compared during training,"""
+    """Labelled pairs per validation scene that are compared during training."""
     validation_far: int = 12000
-    """and far pairs of each drive."""
+    """Far pairs per validation drive that are compared during training."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -70,9 +70,9 @@ class PairFilter:
     criterion: FailedCriteria = FailedCriteria.NOTHING
     """Only pairs that fail this criterion; NOTHING for all pairs."""
     min_distance_m: float = 0.0
-    """Least distance,"""
+    """Least distance between source and target, in metres."""
     max_distance_m: float = float("inf")
-    """and greatest distance between source and target."""
+    """Greatest distance between source and target, in metres."""
     only_disagreements: bool = False
     """Only pairs for which the network contradicts the label."""
 

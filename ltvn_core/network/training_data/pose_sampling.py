@@ -141,11 +141,11 @@ class CameraVariation:
     share: float = 0.3
     """Share of the clusters with a camera other than the nominal one."""
     height_m: float = 0.08
-    """Its height differs by up to this from the nominal one,"""
+    """Largest difference of the camera's height from the nominal one, in metres."""
     pitch_rad: float = radians(4)
-    """its pitch by up to this,"""
+    """Largest difference of the camera's pitch from the nominal one, in radians."""
     fov: float = 0.05
-    """and its field of view by up to this share."""
+    """Largest difference of the field of view from the nominal one, as a share."""
 
     def draw(self, rng: np.random.Generator, count: int) -> list[CameraModel]:
         """Return a camera for each of `count` clusters."""
@@ -300,9 +300,9 @@ class NearFarLimits:
     around_m: float = 3.0
     """Pairs with a blocked straight line are far if the shortest path is longer than this (behind a wall)."""
     near_m: float = 1.2
-    """Near pairs have a smaller distance than this,"""
+    """Near pairs have a smaller distance than this, in metres."""
     near_rad: float = radians(34)
-    """a smaller difference of heading than this, the target in the field of view, and a free straight line."""
+    """Near pairs differ in heading by less than this; the target is in the field of view on a free straight line."""
 
 
 def sample_drive_poses(floor: FreeSpace, rng: np.random.Generator, count: int) -> Pose:

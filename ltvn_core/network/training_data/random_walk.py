@@ -25,17 +25,17 @@ class RandomPolicy:
     """The random policy (repeated actions are SPTM's idea; the values are ours)."""
 
     step_m: float = 0.12
-    """Metres between images while driving, as on a mapping tour, so that a step means the same there,"""
+    """Distance between images while driving, the same as on a mapping tour, in metres."""
     turn_rad: float = radians(10)
-    """and rotation between images while turning on the spot."""
+    """Rotation between images while turning on the spot, in radians."""
     repeat: int = 4
     """Steps for which each action is repeated."""
     forward: float = 0.75
     """Share of actions that drive ahead; the others turn left or right."""
     jitter: float = 0.15
-    """The length of a step varies by up to this share, as a real robot's does,"""
+    """Largest random change of the length of a step, as a share."""
     wobble_rad: float = radians(1.5)
-    """and a step ahead changes the heading by up to this."""
+    """Largest random change of heading in a step ahead, in radians."""
     clearance_m: float = 0.22
     """Closer than this to an obstacle the robot turns until the path ahead is free."""
 
@@ -47,9 +47,9 @@ class WalkRecipe:
     seed: int = 0
     """Seed of the policy; each scene has its own generator."""
     walks: int = 6
-    """Walks in each scene, each from a random start,"""
+    """Number of walks in each scene, each from a random start."""
     images: int = 96
-    """and images of each walk."""
+    """Number of images in each walk."""
     policy: RandomPolicy = field(default_factory=RandomPolicy)
     """The random policy."""
     cameras: CameraVariation = field(default_factory=CameraVariation)

@@ -36,13 +36,13 @@ class KeyframeSelection:
     """Which images of a drive are kept, and where it is split (all values are ours)."""
 
     keep_m: float = 0.1
-    """An image is kept after this distance since the last one,"""
+    """Distance since the last kept image after which the next is kept, in metres."""
     keep_rad: float = radians(8)
-    """or after this change of heading."""
+    """Change of heading since the last kept image after which the next is kept, in radians."""
     jump_m: float = 1.0
-    """Odometry that moves more than this between two recorded images has jumped, and a new piece begins;"""
+    """Odometry that moves more than this between two recorded images has jumped, so that a new piece begins."""
     jump_rad: float = radians(90)
-    """likewise where it turns by more than this."""
+    """Odometry that turns more than this between two recorded images has jumped, so that a new piece begins."""
     fewest: int = 20
     """A drive with fewer kept images is refused."""
 
@@ -222,19 +222,19 @@ class OdometryLabelRule:
     limits: ReachabilityLimits = field(default_factory=ReachabilityLimits)
     """Limits of the reachability criteria, the same as in simulation."""
     far_m: float = 3.0
-    """Images with a larger distance are not reachable,"""
+    """Images with a larger distance are not reachable, after subtracting the possible drift."""
     far_rad: float = radians(92)
-    """nor are those with a larger difference of heading; in both cases after subtracting the possible drift."""
+    """Images with a larger difference of heading are not reachable, after subtracting the possible drift."""
     drift: float = 0.05
     """Possible drift of the position, as a share of the metres driven in between."""
     drift_turn: float = 0.02
     """Possible drift of the heading, as a share of the radians turned in between."""
     overlap_margin: float = 0.1
-    """A pair that misses a limit by less than its margin is unknown: this much overlap,"""
+    """A pair that misses the limit of overlap by less than this is unknown."""
     yaw_margin_rad: float = radians(6)
-    """this much turn,"""
+    """A pair that misses the limit of heading by less than this is unknown."""
     metres_margin: float = 0.15
-    """and this many metres."""
+    """A pair that misses the limit of distance by less than this is unknown."""
 
     def labels(
         self,

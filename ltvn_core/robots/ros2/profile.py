@@ -57,9 +57,9 @@ class OdometryTransform:
     topic: str = "/tf"
     """tf2_msgs/TFMessage; many nodes may publish there."""
     parent: str = "odom"
-    """The frame that stays where the robot began,"""
+    """The frame that stays where the robot began."""
     child: str = "base_link"
-    """and the robot's own, its child in the tree."""
+    """The frame of the robot itself, a child of `parent` in the tree."""
 
     def __post_init__(self) -> None:
         """Check the names."""

@@ -1,4 +1,4 @@
-"""The sensors of a live robot: their topics and types by its profile, and the door for their images.
+"""The sensors of a live robot: their topics and types by its profile, and the checks of their images.
 
 The size of an image is known, and checked, before anything is decoded. Decoding itself is `ros_images`.
 """

@@ -316,7 +316,7 @@ class RosRobot:
         if size != (camera.width, camera.height):
             raise RobotError(
                 f"{topics.colour} is {_words(size)} now, and was {camera.width} x {camera.height} at first; open the "
-                "robot again where its camera was set anew."
+                "robot again if the camera's settings were changed."
             )
         if depth_size != size:
             raise RobotError(

@@ -29,9 +29,9 @@ MOST_LATE_S = 0.5
 """What took so much longer on its way than the quickest is not used."""
 _CLOCK_JUMP_S = 1.0
 _JUMPS = 10
-"""So many stamps in a row from another time are believed,"""
+"""Number of consecutive stamps from another time after which the clock counts as changed."""
 _JUMP_LASTS_S = 2 * STALE_S
-"""where they come for so long: whoever drives is told first, however many come in a second."""
+"""Time for which those stamps must keep arriving, in seconds, so that the driver hears of the jump first."""
 _KEPT = 30
 _LATELY_S = 2.0
 _FRAMES_TOLD = 6

@@ -221,7 +221,7 @@ def check_address(address: str) -> tuple[str, str, int]:
     """Return protocol, host and port of an address. Raises RobotError where it is none."""
     found = _ADDRESS.fullmatch(address)
     if found is None or int(found[3]) > 65535:
-        raise RobotError(f"{address!r:.80} is no address of a router; write tcp/HOST:PORT, as in {LOOPBACK}.")
+        raise RobotError(f"{address!r:.80} is not an address of a router; write tcp/HOST:PORT, as in {LOOPBACK}.")
     return found[1], found[2], int(found[3])
 
 

@@ -43,9 +43,9 @@ _LEAF_HEIGHT_M = 2.05
 _LEAF_THICKNESS_M = 0.1
 _KNOB_HEIGHT_M = 1.05
 _HEM_M, _WAIST_M = 0.12, 0.85
-"""From how high to how high the wide part of the coat reaches,"""
+"""Lower and upper height of the wide part of the coat, in metres."""
 _INSIDE_M = 0.002
-"""and how far inside of what can be touched it stays."""
+"""Distance of the drawn coat inside the outline that can be touched, in metres."""
 _SEAT_SHARE = 0.5
 """Height of a chair's seat as a share of the height of its back."""
 _LEG_M = 0.05

@@ -24,11 +24,11 @@ SPEEDS_M_S = (0.5, 0.9)
 _KEEP_M = 0.3
 """A person stops this far before touching somebody."""
 _ASIDE_M = 0.25
-"""A person steps aside when the robot comes nearer than this, from surface to surface,"""
+"""A person steps aside when the robot comes nearer than this, from surface to surface."""
 _ASIDE_M_S = 0.8
-"""at this speed,"""
+"""Speed of a person who steps aside."""
 _ASIDE_RAD = np.deg2rad((0.0, 45.0, -45.0, 90.0, -90.0))
-"""straight away from it, or else at such an angle."""
+"""Directions in which a person steps aside, relative to straight away from the robot; the first free one is taken."""
 _BODY_M = 0.2
 """What a person keeps free around where they step aside."""
 _PAUSE_S = (2.0, 20.0)

@@ -21,9 +21,9 @@ from ltvn_core.terminal_text import which_name
 from ltvn_core.worlds import DoorMoved, LightChanged, PicturesExchanged
 
 _CONNECTED_SHARE = 0.6
-"""At least this share of the area of all rooms hangs together, whatever is closed,"""
+"""Least share of the area of all rooms that stays connected, whatever is closed."""
 _CLOSED_SHARE = 0.5
-"""and at most this share of the doors is."""
+"""Largest share of the doors that is closed."""
 OPENS_S, CLOSES_S = 8 * HOUR_S, 20 * HOUR_S
 """Doors that keep hours are open between these times of the day, give or take `_UNPUNCTUAL_S`."""
 _UNPUNCTUAL_S = 0.4 * HOUR_S

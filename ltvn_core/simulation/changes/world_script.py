@@ -7,7 +7,7 @@ People may write such a file by hand; it is checked in full when it is read:
         {"at_s": 68700, "change": "ThingPlaced", "thing": "parcel", "kind": "box",
          "pose": [1.5, 2.0, 0.3], "size": [0.4, 0.3, 0.5]}]}
 
-Each change has its moment, in seconds from midnight of the first day, its class name of `worlds.world_change`, and the
+Each change has its moment, in seconds from midnight of the first day, its class name of `ltvn_core.worlds`, and the
 fields of that class. A world accepts the changes that its scene can carry out; they come from people, pages and files.
 """
 
@@ -118,7 +118,7 @@ def _require_name(name: str) -> None:
 
 def _require_pose(pose: w.PlaceRow, name: str) -> None:
     if len(pose) != 3 or not all(math.isfinite(value) for value in pose):
-        raise WorldError(f"{name} stands at x and y in metres and yaw in radians, got {pose}.")
+        raise WorldError(f"{name} needs x and y in metres and yaw in radians, got {pose}.")
 
 
 def _require_between(value: float, limits: tuple[float, float], what: str) -> None:

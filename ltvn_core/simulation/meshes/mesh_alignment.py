@@ -36,7 +36,7 @@ _UNITS = (0.001, 0.01, 0.0254, 0.3048, 10.0, 100.0, 1000.0)
 """Metres per unit that are tried for a hint: millimetres, centimetres, inches, feet, and models of buildings."""
 _MISSPELT = 0.65
 """Least similarity of an unknown key with a known one that makes it a misspelling. Keys that a person adds for others,
-such as `name`, `bounds` or `licence`, are below 0.5."""
+such as "name", "bounds" or "licence", are below 0.5."""
 _OTHER_WORDS = {"units": "scale", "unit": "scale", "up_axis": "up", "axis": "up", "floor": "floor_height"}
 """What people call a setting who did not read what it is called here."""
 _METRES = ("m", "metre", "metres", "meter", "meters")
@@ -125,7 +125,7 @@ def _check_keys(content: Mapping[str, object], path: Path) -> None:
         if key in known or meant is None or (meant == "scale" and value in _METRES):
             continue
         raise SceneError(
-            f'{path}: "{key}" is not a setting; "{meant}" is meant, as it seems. The settings are "up" ("y" or "z"), '
+            f'{path}: "{key}" is not a setting; "{meant}" is meant, most likely. The settings are "up" ("y" or "z"), '
             '"scale" (metres per unit, 0.001 for millimetres) and "floor_height" (metres).'
         )
 

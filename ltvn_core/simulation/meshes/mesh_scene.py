@@ -71,7 +71,7 @@ def floor_heights(folder: Path) -> list[float] | None:
 
 
 class TraversabilityMap:
-    """The free floor of one storey, from an image. Implements `floor_detection.KnownFloor`."""
+    """The free floor of one storey, from an image. Implements `mesh_alignment.KnownFloor`."""
 
     def __init__(self, path: Path) -> None:
         """Read `floor_trav_N.png`.

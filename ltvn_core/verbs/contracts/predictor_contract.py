@@ -92,7 +92,7 @@ def sample_images(count: int) -> SampleImages:
     """Return the first images of the demo map. Raises RecordingError where the file is missing."""
     path = demo_file(DEMO_MAP)
     if path is None:
-        raise RecordingError(f"{DEMO_MAP} is missing; install the toolkit anew: pip install ltvn (or -e .)")
+        raise RecordingError(f"{DEMO_MAP} is missing; reinstall the toolkit: pip install ltvn (or -e .)")
     recording = Recording.open(path)
     return SampleImages(tuple(recording.observation(frame) for frame in recording.frames[:count]), recording.meta)
 

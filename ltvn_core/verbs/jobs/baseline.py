@@ -38,9 +38,9 @@ class BaselineSummary:
     pairs_compared: int
     minutes: float
     before: dict[str, float]
-    """Figures of the weights it started from, if there were any,"""
+    """Figures of the weights that training started from, if there were any."""
     after: dict[str, float]
-    """and of the new ones, by the rival's labels."""
+    """Figures of the new weights, by the rival's labels."""
 
 
 def train_baseline(options: BaselineVerb) -> Summary:

@@ -22,9 +22,9 @@ class BuildSummary(WithDoubts):
 
     map: Path
     predictor: str
-    """What compared the images,"""
+    """Name of the predictor that compared the images."""
     predictor_reason: str
-    """and why this predictor."""
+    """Why this predictor was chosen."""
     frames: int
     """Images of the recording."""
     without_depth: int

@@ -50,7 +50,7 @@ class EvaluateSummary:
     """Mean over the maps, as are the next two."""
     edges: float
     spurious_edges: float
-    """Edges that nobody can drive, by the simulator's truth."""
+    """False edges, by the simulator's truth."""
     failures: dict[str, int]
     """Episodes that failed, by cause."""
     images_without_depth: int

@@ -20,16 +20,16 @@ class PartSummary:
     done: int
     """Episodes, queries or scenes that this part has."""
     tests: int
-    """Of all parts: one for each scene, seed and maintenance,"""
+    """Tests of all parts: one for each scene, seed and maintenance."""
     finished: int
-    """and those of them of which nothing is missing any more."""
+    """Tests of all parts that are complete."""
     folder: Path
     """Where all parts belong."""
     wall_s: float
 
 
 def progress_on_bar(bar: "tqdm[NoReturn]", maps: int) -> EvaluationProgress:
-    """Return whom to tell how far it is: a bar for the work, which first shows how so many maps are prepared."""
+    """Return a progress callback: a bar for the work, which first shows how many maps are prepared."""
     shown = _PreparationOnBar(bar, maps)
     return EvaluationProgress(
         maps_ready=shown.maps_ready, work_done=bar.update, preparing=shown.preparing, unfinished=shown.unfinished

@@ -35,7 +35,7 @@ def finetune_network(options: FinetuneVerb) -> Summary:
             work_folder=options.output.with_suffix(".finetuning"),
             on_progress=bar,
         )
-    assert found is not None  # Nobody cancels here.
+    assert found is not None  # There is no cancelling here.
     return found
 
 

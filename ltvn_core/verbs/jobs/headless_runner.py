@@ -64,7 +64,7 @@ class HeadlessRunner:
         """
         system = self.map.system
         if system.online is None:
-            raise MapError(f"A map of {system.name} does not grow while driving; build it anew.")
+            raise MapError(f"A map of {system.name} does not grow while driving; rebuild it.")
         online = system.online(self.map.graph, self.map.keyframes, self.map.predictor)
         images = drive_along(self.robot, self.world.scene, path, TourSettings(speed_m_s=LED_M_S))
         for observation in record_images(images, self.writer):

@@ -39,9 +39,9 @@ class ConditionSummary:
 
     auc: float | None
     near_recall: float | None
-    """Share of the near pairs that the method would join (moved < 0.6 m, turned < 20 degrees, target in front),"""
+    """Share of the near pairs that the method would join (moved < 0.6 m, turned < 20 degrees, target in front)."""
     far_fpr: float | None
-    """and of the far pairs (moved > 1.5 m or turned > 60 degrees)."""
+    """Share of the far pairs that the method would join (moved > 1.5 m or turned > 60 degrees)."""
     waypoint_median_m: float | None
     """Error of the waypoints of near pairs that are joined."""
     waypoint_p90_m: float | None
@@ -59,11 +59,11 @@ class ConditionSummary:
     wrong_place_share: float | None
     """Share of them that are taken for a node that is far."""
     pairs: PairAccuracy | None
-    """All figures of pairs,"""
+    """All figures of pairs."""
     map: MapAccuracy
-    """of the map,"""
+    """All figures of the map."""
     localisation: LocalisationAccuracy | None
-    """and of localising."""
+    """All figures of localisation."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,13 +82,13 @@ class JudgeSummary(ConditionSummary, WithDoubts):
     fingerprint: str
     """Names the weights."""
     images: int
-    """Images that were judged,"""
+    """Number of images that were judged."""
     without_truth: int
-    """images without a true pose,"""
+    """Images left out because they have no true pose."""
     without_depth: int
-    """without the depth that the predictor needs,"""
+    """Images left out because they have no depth and the predictor needs it."""
     skipped: int
-    """and those beyond --images."""
+    """Images left out because there are more than --images."""
     revisits: RevisitAccuracy | None
     """Places recognised again, with --revisits."""
     perturbed: dict[str, ConditionSummary]

@@ -89,7 +89,7 @@ def _measure(options: MeasureVerb) -> DrivingMeasurements | PartSummary:
     started = time.monotonic()
     part = Part.parse(options.part)
     if options.folder is None and part.count > 1:
-        raise OptionError("--part needs a --folder, where all parts lay what they measure.")
+        raise OptionError("--part needs a --folder, in which all parts store their measurements.")
     mine = part.of(_attempts_in_scenes(options))
     with tqdm(total=sum(attempts for _, _, attempts in mine), desc="measure", unit="edge") as bar:
         here = {name: _measured(options, number, name, attempts, bar) for number, name, attempts in mine}

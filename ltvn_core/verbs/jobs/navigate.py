@@ -74,5 +74,5 @@ def _drive(options: NavigateVerb) -> NavigateSummary:
 
 
 def _start(known: TopologicalMap, rng: np.random.Generator) -> Pose | None:
-    """Return where a random node's image was taken; None, a free place, if nobody knows."""
+    """Return the pose of a random node's image; None, a free place, if it is unknown."""
     return known.keyframes.observation(int(rng.choice(list(known.graph.nodes)))).exact_pose

@@ -58,7 +58,7 @@ def collect_with(options: CollectVerb) -> CollectSummary:
 
 
 def navigate_with(options: NavigateOptions, name: str) -> NavigateSummary:
-    """Drive a robot to goals of a map; "reached" is what the robot itself believes, for nobody knows better."""
+    """Drive a robot to goals of a map; "reached" is the robot's own belief, because the truth is unknown."""
     if options.world is not None:
         raise OptionError("--world changes a simulated scene; leave it out with a robot of your own.")
     if options.maintenance in ("truth", "brm-rooms"):

@@ -16,7 +16,7 @@ from ltvn_core.verbs.verb import Summary
 
 
 def check_robot(options: RobotVerb) -> Summary:
-    """Watch, and drive where told to; raises OptionError, DriveError, RobotError and MapError."""
+    """Watch a robot, and drive it if asked to; raises OptionError, DriveError, RobotError and MapError."""
     if not 0.5 <= options.seconds <= 600:
         raise OptionError(f"--seconds is from 0.5 to 600, got {options.seconds}.")
     drive = NamedDrive.find(options.robot)
@@ -72,7 +72,7 @@ def _places_of_drive(drive: NamedDrive, path: Path) -> PlacesReport:
 
 
 class _HurriedTime:
-    """Time in which nobody waits."""
+    """Time without waiting."""
 
     def __init__(self) -> None:
         self._now_s = 0.0

@@ -52,7 +52,7 @@ def continued_robot(own: Robot, known: TopologicalMap) -> ContinuedRobot:
 
 
 class DrawnRun:
-    """Writes down what happens to a robot that drives by a map, and draws the map anew where that changes it."""
+    """Records the events of a robot that drives by a map, and draws the map again when it changes."""
 
     def __init__(self, robot: Robot, writer: RecordingWriter, graph: TopologicalGraph) -> None:
         """Take the time from the robot."""
@@ -61,7 +61,7 @@ class DrawnRun:
         self._graph = graph
 
     def record(self, event: Event) -> None:
-        """Write down that something happened now."""
+        """Record an event with the present time of the robot."""
         state = self._robot.state()
         self._writer.write_event(StampedEvent(state.step, state.stamp, event))
         if isinstance(event, GraphChanged) and event.delta.cause not in BULK_CAUSES:
@@ -75,7 +75,7 @@ class DrawnRun:
 
 @dataclass(frozen=True)
 class QueriesSummary:
-    """What a number of queries came to."""
+    """Results of several queries."""
 
     queries: int
     reached: int

@@ -30,11 +30,11 @@ from ltvn_core.verbs.train import TrainVerb
 from ltvn_core.verbs.verb import Summary
 
 _VALIDATION_DRIVE = 220
-"""Images of the drive through each validation scene,"""
+"""Images of the drive through each validation scene."""
 _SHORT_DRIVE = 60
-"""and where training is so short that rendering and comparing them would take longer than training,"""
+"""Images of that drive in a short training, where comparing more would take longer than training itself."""
 _FEW_STEPS = 1000
-"""in fewer steps than these. A fifth of the pairs is compared then."""
+"""A training of fewer steps than this is short; it also compares a fifth of the pairs."""
 
 
 @dataclass(frozen=True)
@@ -47,9 +47,9 @@ class TrainSummary:
     minutes: float
     parameters: int
     encode_ms: float
-    """Per image,"""
+    """Time to encode an image on this machine, in milliseconds."""
     pair_ms: float
-    """and per pair of encoded images, on this machine."""
+    """Time to compare a pair of encoded images on this machine, in milliseconds."""
     figures: NetworkMetrics
 
 

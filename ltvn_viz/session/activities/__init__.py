@@ -1,1 +1,1 @@
-"""What the app can be doing, one class each: teleop, navigation, map building, playback."""
+"""Activities of the app, one class each: teleop, navigation, map building, playback."""

@@ -1,6 +1,6 @@
-"""Builds a map anew from all images at hand, while the robot stands still.
+"""Rebuilds a map from all images in memory, while the robot stands still.
 
-Owns progress and cancelling. The old map stays until the new one is whole.
+Owns progress and cancelling. The old map stays until the new one is complete.
 """
 
 import threading
@@ -40,9 +40,9 @@ class MapBuilding:
         *,
         findings: Callable[[], Sequence[Finding]],
     ) -> None:
-        """Stop the robot and start building in the worker's thread; `then` follows in the session's if it was built.
+        """Stop the robot and start building in the worker's thread; `then` runs in the session's thread after success.
 
-        `findings` says afterwards what is doubtful of the new map.
+        `findings` returns afterwards what is doubtful about the new map.
         """
         self._live = live
         self._then = then

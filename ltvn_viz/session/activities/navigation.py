@@ -1,8 +1,8 @@
-"""The robot drives by itself: pulls the navigator along, one control step at a time.
+"""Autonomous driving: runs the navigator, one control step at a time.
 
-The navigator thinks in the worker's thread and borrows the robot for that long; the session lets the robot's time pass
-only in between. So thinking never holds up a command, and the robot does not move while it thinks: a simulator's time
-stands still, and a robot on the wall's clock is held as soon as a thought takes longer than a tick.
+The navigator computes in the worker's thread and holds the robot meanwhile; the session advances the robot's time only
+in between. So computing never delays a command, and the robot does not move meanwhile: a simulator's time stands still,
+and a robot on the wall clock is stopped as soon as the computation takes longer than a tick.
 """
 
 from collections.abc import Callable, Iterator
@@ -35,7 +35,7 @@ class Navigation:
         self._step_ends_s = 0.0
         self._steps_left: int | None = None
         self.held_because = ""
-        """Why the robot stands in the middle of a control step; empty while nobody held it so."""
+        """Why the robot is stopped in the middle of a control step; empty while it is not."""
         self.is_stopping = False
         """It was given up, and its last events are still to come."""
         self.over = False
@@ -52,7 +52,7 @@ class Navigation:
         return self._thinking
 
     def hold(self, because: str) -> None:
-        """Stand at once, until somebody says go on; `because` says why."""
+        """Stop at once, until someone resumes; `because` says why."""
         self.pause()
         self.held_because = because
         self._live.robot.hold()
@@ -62,7 +62,7 @@ class Navigation:
         self._steps_left = 0
 
     def resume(self) -> None:
-        """Go on."""
+        """Resume driving."""
         self._steps_left = None
         self.held_because = ""
 
@@ -118,7 +118,7 @@ class Navigation:
         self._worker.submit(self._pull, self._pulled)
 
     def _pull(self) -> bool:
-        """Run the navigator to the end of its control step; return whether it goes on. In the worker's thread."""
+        """Run the navigator to the end of its control step; return whether it continues. In the worker's thread."""
         for event in self._query:
             if isinstance(event, Tick):
                 return True

@@ -1,9 +1,9 @@
-"""A recording in the page: the same moments as live, at any time one likes.
+"""Playback of a recording in the page: the same moments as live, in any order.
 
-Owns the place in time and the image on show. Never writes, and keeps no image but the one on show.
+Owns the current time and image. Never writes, and keeps no other image in memory.
 
-What compares its images is the predictor that they or their map ask for; that choice is
-`ltvn_core.predictors.choice`'s.
+The images are compared by the predictor that the recording or its map names; `ltvn_core.predictors.choice` makes that
+choice.
 """
 
 import logging
@@ -56,9 +56,9 @@ class ReplayMethods:
         self._opened: dict[str, ReplayMethod] = {}
 
     def of(self, meta: RecordingMetadata) -> ReplayMethod | None:
-        """Return what compares a recording's images.
+        """Return the method that compares a recording's images.
 
-        None stands for what the robot uses, which also serves where the recording's own cannot be opened here.
+        None stands for the robot's, which is also used if the recording's own cannot be opened here.
         """
         try:
             choice = ImageSource.of(meta).choose()
@@ -70,7 +70,7 @@ class ReplayMethods:
     def _is_the_robots(self, choice: PredictorChoice, camera: CameraModel) -> bool:
         if choice.name != self._options.predictor:
             return False
-        # The network takes images of one camera alone, to which all others are fitted.
+        # The network takes images of one camera only, so all others are rectified to it.
         return choice.name == NETWORK or have_same_rays(camera, self._robots.camera)
 
     def _open(self, choice: PredictorChoice, meta: RecordingMetadata) -> ReplayMethod:
@@ -117,9 +117,8 @@ class Playback:
         """Show the recording `name`, made in `scene`, from its beginning.
 
         `camera` took its images, `weights` is the fingerprint of the network that it was made with, `system` the name
-        of what planned and `maintenance` of what driving taught the map, if known. `is_imported` says that another
-        program took the images, with whatever carried the camera. `method` compares the images; None does it as the
-        robot does.
+        of what planned and `maintenance` of the map's maintenance, if known. `is_imported` says that another program
+        took the images, so the robot is unknown. `method` compares the images; None compares them as the robot does.
         """
         self.name = name
         self.scene = scene
@@ -136,11 +135,11 @@ class Playback:
         self.time_s = 0.0
         self.playing = False
         self.speed = 1.0
-        """Plays so many times as fast as it happened."""
+        """Playback speed as a factor of real time."""
         self.found: NodeId | None = None
         """Where an uploaded image was taken; shown with a pin."""
         self.breakpoint_monitor = BreakpointMonitor()
-        """What it stops at while it plays."""
+        """Breakpoints at which playback stops."""
         self._shown: tuple[FrameId | None, CameraImage | None] = (None, None)
 
     @property
@@ -160,7 +159,7 @@ class Playback:
         return frames.trajectory(len(frames), TRAJECTORY_POINTS)
 
     def seek(self, time_s: float) -> None:
-        """Go to so many seconds after the beginning; beyond either end means the end."""
+        """Seek to a time in seconds after the beginning; a time outside the recording seeks to the nearer end."""
         self.time_s = min(max(0.0, time_s), self.length_s)
 
     def play(self, *, playing: bool) -> None:

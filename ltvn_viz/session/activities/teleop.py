@@ -1,4 +1,4 @@
-"""A person drives, and the map grows from what the camera sees.
+"""Teleoperation: a person drives, and the map grows from the camera's images.
 
 Owns which images become keyframes and how far mapping may lag behind.
 """
@@ -29,7 +29,7 @@ class Teleop:
     mode = Mode.TELEOP
 
     def __init__(self, live: LiveRun, worker: Worker, offer: Callable[[Observation], Sequence[GraphDelta]]) -> None:
-        """Drive the live robot; `offer` gives an image to the map in the worker's thread and returns what changed."""
+        """Drive the live robot; `offer` gives an image to the map in the worker's thread and returns the changes."""
         self._live = live
         self._worker = worker
         self._offer = offer
@@ -52,7 +52,7 @@ class Teleop:
         return self._mapping or bool(self._waiting)
 
     def handle(self, twist: Twist | None) -> None:
-        """Pass on what the driver holds now; letting go stops the robot at once."""
+        """Forward the driver's current input; releasing it stops the robot at once."""
         if twist is not None:
             self._live.robot.drive(twist)
         elif self._moving:

@@ -29,7 +29,7 @@ _BYTES_AT_ONCE = 2**28
 _MOST_PART_BYTES = 2**29
 """Of a column in one group of rows; a whole file of a LeRobotDataset has a fifth of it."""
 _MOST_NUMBERS = 1024
-"""In a row of a column, as the joints of a robot."""
+"""Largest number of values in a cell, as for the joints of a robot."""
 INFO = "meta/info.json"
 _MOST_BYTES = 20_000_000
 _LARGEST_CHUNK = 10**6
@@ -40,9 +40,9 @@ class DepthCodes:
     """What the codes 0 to 4095 mean. Code 0 also stands for everything nearer, and for no return."""
 
     depth_min: float = 0.01
-    """Metres at code 0,"""
+    """Depth at code 0, in metres."""
     depth_max: float = 10.0
-    """and at the largest code."""
+    """Depth at the largest code, in metres."""
     shift: float = 3.5
     """Metres that are added before the logarithm."""
     use_log: bool = True
@@ -64,7 +64,7 @@ class DepthCodes:
         return np.where((codes > 0) & (metres > 0), metres, 0).astype(np.float32)
 
     def codes(self, metres: Depth) -> NDArray[np.uint16]:
-        """Return the codes of depth (H, W) in metres; what is farther than the largest code becomes no return."""
+        """Return the codes of depth (H, W) in metres; values beyond the largest code become no return."""
         low, high = self._ends()
         with np.errstate(divide="ignore", invalid="ignore"):
             value = np.log(metres + self.shift) if self.use_log else metres
@@ -126,7 +126,7 @@ class LerobotDataset:
     """A data set that was looked into. Raises DriveError where it is damaged or of another version."""
 
     def __init__(self, folder: Path) -> None:
-        """Read what it says of itself, and its episodes."""
+        """Read the description and the episodes of the data set."""
         self.folder = folder
         self._info = _read_info(folder)
         self._layout = _layout(folder, self._info)

@@ -37,20 +37,20 @@ class Episode:
     length: int
     """Rows."""
     row: Mapping[str, Any]
-    """All that the data set says of it: which files, from when to when."""
+    """The data set's entry for it: which files, from when to when."""
 
     def whole(self, name: str) -> int:
         """Return a number of a file. Raises DriveError."""
         value = self.row.get(name)
         if not isinstance(value, int) or not 0 <= value < _LARGEST_NUMBER:
-            raise DriveError(f"Episode {self.number}: {name} is {value!r:.40}, which is no number of a file.")
+            raise DriveError(f"Episode {self.number}: {name} is {value!r:.40}, which is not the number of a file.")
         return value
 
     def seconds(self, name: str) -> float:
         """Return a moment of a video. Raises DriveError."""
         value = self.row.get(name)
         if not isinstance(value, int | float) or not 0 <= value < 10**7:
-            raise DriveError(f"Episode {self.number}: {name} is {value!r:.40}, which is no time in a video.")
+            raise DriveError(f"Episode {self.number}: {name} is {value!r:.40}, which is not a time in a video.")
         return float(value)
 
 
@@ -75,7 +75,7 @@ class Layout(Protocol):
 
 
 class LayoutV3:
-    """Version 3: a table says in which file, and from when to when, each episode is."""
+    """Version 3: a table gives the file and the time span of each episode."""
 
     DATA = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
     VIDEO = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
@@ -104,7 +104,7 @@ class LayoutV3:
         return _filled(self._video, {**self._numbers(f"videos/{key}/", episode), "video_key": key})
 
     def video_span(self, key: str, episode: Episode) -> tuple[float, float]:
-        """Return what the table says; see `Layout`."""
+        """Return the span in the table; see `Layout`."""
         begin, end = (episode.seconds(f"videos/{key}/{side}_timestamp") for side in ("from", "to"))
         return begin, end
 
@@ -195,7 +195,7 @@ def _episode(row: object) -> Episode:
     number = found.get("episode_index")
     length = found.get("length")
     if not isinstance(number, int) or not isinstance(length, int):
-        raise DriveError(f"An episode has the number {number!r:.20} and the length {length!r:.20}.")
+        raise DriveError(f"An episode needs whole numbers, got number {number!r:.20} and length {length!r:.20}.")
     return Episode(number=number, length=length, row=found)
 
 

@@ -59,7 +59,7 @@ class _Opener(Protocol):
 
 
 def bound_decompression() -> None:
-    """Have `rosbags` decompress no more than a chunk says it holds, and no chunk of more than `MAX_CHUNK_BYTES`."""
+    """Limit the decompression of `rosbags` to the declared size of a chunk, and to `MAX_CHUNK_BYTES`."""
     storage_mcap.DECOMPRESSORS.update(
         lz4=lambda data, size: _declared(lz4.frame.LZ4FrameFile, data, size),
         zstd=lambda data, size: _declared(zstd.ZstdFile, data, size),
@@ -121,7 +121,7 @@ def tolerate_foreign_channels() -> None:
     def offers(text: bytes) -> list[Qos]:
         try:
             return offered(text)
-        except Exception:  # Strangers write there what they like, and reading needs none of it.
+        except Exception:  # Foreign files hold anything there, and reading needs none of it.
             return []
 
     if known.__module__ == storage_mcap.__name__:  # Not done yet.
@@ -136,7 +136,7 @@ def refuse_ros1(file: Path) -> None:
         with file.open("rb") as stream:
             head = stream.read(len(_MAGIC) + _HEADER.size + _MOST_NAME_BYTES)
     except OSError:
-        return  # Whoever opens it says so.
+        return  # The caller reports it.
     if not head.startswith(_MAGIC) or len(head) < len(_MAGIC) + _HEADER.size:
         return
     _, _, length = _HEADER.unpack_from(head, len(_MAGIC))
@@ -150,7 +150,7 @@ def refuse_ros1(file: Path) -> None:
 
 
 class RawMessage(NamedTuple):
-    """A message as it lies in the bag."""
+    """A message as stored in the bag."""
 
     topic: str
     msgtype: str
@@ -179,7 +179,7 @@ class BagFiles:
     """A bag that was looked into: what topics it has, and how to read their messages."""
 
     def __init__(self, path: Path, files: Sequence[Path]) -> None:
-        """Look into every file of the bag at a path, in the order in which they were written. Raises DriveError."""
+        """Check every file of the bag at a path, in the order in which they were written. Raises DriveError."""
         bound_decompression()
         tolerate_foreign_channels()
         self.path = path
@@ -268,7 +268,7 @@ def _decompressed(file: Path, folder: Path) -> Path:
 
 
 def _limit_memory(reader: Reader1 | Reader2) -> None:
-    """Refuse an MCAP of which too much is needed at once, and have sqlite make no value larger than a chunk."""
+    """Refuse an MCAP that needs too much memory at once, and limit sqlite's values to the size of a chunk."""
     storage = getattr(reader, "storage", None)
     if (database := getattr(storage, "dbconn", None)) is not None:
         import apsw

@@ -1,6 +1,6 @@
-"""What the beginning of a bag says: one message of each topic that matters, and the frames of the robot.
+"""Surveys the beginning of a bag: one message of each relevant topic, and the frames of the robot.
 
-Owns the look before the reading, and how stamps, poses and frames are taken out of ROS's messages. No image is decoded.
+Owns this survey, and how stamps, poses and frames are extracted from ROS messages. No image is decoded.
 """
 
 import re
@@ -24,7 +24,7 @@ POSES = (
 TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 _STATIC = re.compile(r"static[^/]*$", re.IGNORECASE)
 _SURVEY_S = (1.0, 20.0)
-"""The beginning of a bag: at least so long, and at most where a topic keeps silent."""
+"""Length of the surveyed beginning of a bag, at least and, if a topic is silent, at most, in seconds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +78,7 @@ def add_transforms(tree: TransformTree, message: Any, raw: RawMessage, *, by_log
 
 
 def is_static(topic: str) -> bool:
-    """Tell whether a topic says of frames where they are for good: `/tf_static`, or `/static_transforms`."""
+    """Tell whether a topic publishes fixed transforms: `/tf_static`, or `/static_transforms`."""
     return _STATIC.search(topic) is not None
 
 

@@ -1,4 +1,4 @@
-"""Which topics of a bag are a drive: the images of one camera, its depth, the odometry, by type, name and content.
+"""Chooses the topics of a drive in a bag: images of one camera, depth, odometry, by type, name and content.
 
 Owns the choice and the sentences about it.
 """
@@ -97,7 +97,7 @@ def choose_topics(files: BagFiles, found: BagSurvey, options: ReadOptions) -> Ch
 
 
 def video_depth_text(topic: str) -> str:
-    """Return what there is to say of a topic with depth as video."""
+    """Return a note about a topic with depth as video."""
     return (
         f"{topic} is depth as a video, which is not read, so it is not used. Record the depth images as they are "
         "(16UC1 or 32FC1), or write them again by `ros2 run image_transport republish`."

@@ -1,7 +1,7 @@
-"""How the camera sits on the robot and moves with it, read from the tree of frames.
+"""The camera's mounting on the robot and its motion, read from the tree of frames.
 
-Owns the guesses where a bag says too little: which frame is the robot, which is the ground, and whether the frame of
-the images is an optical one.
+Owns the guesses for incomplete bags: which frame is the robot, which is the ground, and whether the frame of the images
+is an optical one.
 """
 
 from dataclasses import dataclass, replace
@@ -39,9 +39,9 @@ class CameraRig:
     """Where the camera is on the robot."""
 
     world: str
-    """The frame in which odometry counts; "" where there is none."""
+    """The frame of the odometry; "" if there is none."""
     carrier: str
-    """The frame that is followed there: the camera's own, or the robot's where nobody says where the camera is."""
+    """The frame whose motion is followed: the camera's, or the robot's if the camera's mounting is unknown."""
     turn: NDArray[np.float64]
     """(3, 3): takes directions of the optical frame to the carrier."""
     image_turn: NDArray[np.float64]
@@ -104,7 +104,7 @@ def _motion(tree: TransformTree, way: list[str]) -> FrameEdge:
     driven = [edge for edge in robots if _last(edge.parent) in _ODOMETRY_FRAMES]
     if driven or not carrying:
         return (driven or robots or [FrameEdge("", "")])[0]
-    # A head that moves on the robot lies below the motion of the robot itself.
+    # The motion of a head on the robot comes below the robot's own motion in the tree.
     return max(carrying, key=lambda edge: way.index(edge.child))
 
 

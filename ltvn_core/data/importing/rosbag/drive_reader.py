@@ -1,6 +1,7 @@
-"""A bag of ROS as a drive: colours with the depth and the pose of the same moment, one after the other.
+"""Reads a ROS bag as a drive: colours with the depth and the pose of the same moment, one after the other.
 
-Owns the way from messages to raw frames. The bag streams past once after a look at its beginning, whatever its size.
+Owns the conversion of messages to raw frames. After a survey of its beginning the bag is streamed once, whatever its
+size.
 """
 
 from collections import Counter
@@ -39,7 +40,7 @@ from ltvn_core.errors import DriveError
 from ltvn_core.types import Pose
 
 _CLOCKS_APART_S = 5.0
-"""Stamps that differ so much for messages recorded together come from different clocks."""
+"""Difference of stamps recorded together above which they come from different clocks, in seconds."""
 _CLOCK_BEGINS_S = 60.0
 """Where the first stamps above 0 are smaller, the clock began at 0 with the recording, as a simulator's does."""
 _TOLERANCES_S = (0.01, 0.1)
@@ -64,7 +65,7 @@ class BagDrive:
         self.dropped: Counter[str] = Counter()
         """How many images were left out, by reason."""
         self.doubts: list[str] = []
-        """What is doubtful of the bag."""
+        """What is doubtful about the bag."""
         self._by_log = self._lacks_stamps(found) or self._has_clocks_apart(found.ahead_s)
         self._is_zero_a_time = any(stamp < _CLOCK_BEGINS_S for stamp in found.earliest_s.values())
         self._edge = self._odometry_frames(options)
@@ -86,7 +87,7 @@ class BagDrive:
 
     @property
     def facts(self) -> DriveFacts:
-        """What was found."""
+        """Return the facts of the drive."""
         roles = self._topics.roles()
         if self._rig.world and self._topics.odometry is None:
             roles |= dict.fromkeys(self._transform_topics(), "odometry")
@@ -115,8 +116,8 @@ class BagDrive:
         return self.frames_where(lambda _: True)
 
     def frames_where(self, wanted: FrameFilter) -> Iterator[RawFrame]:
-        """Yield the frames without those whose moment is not wanted, whose images are not decoded."""
-        # What the look at the beginning found comes again now, perhaps by another clock or from another topic.
+        """Yield the frames of wanted moments; images of other moments are not decoded."""
+        # The surveyed messages are read again now, perhaps with another clock or from another topic.
         self._tree.forget_motion()
         for matched in self._matches():
             frame = self._frame(matched, wanted)
@@ -197,7 +198,7 @@ class BagDrive:
         return self._tree.newest_s(self._rig.world, self._rig.carrier) if self._rig.world else float("inf")
 
     def _frame(self, matched: MatchedImages, wanted: FrameFilter) -> RawFrame | None:
-        """Return a frame, or None where it had to be dropped or nobody wants it."""
+        """Return a frame; None if it was dropped or is not wanted."""
         pose = self._rig.pose(self._tree, matched.colours.stamp)
         if matched.colours.stamp <= self._last_stamp:
             reason = NOT_LATER
@@ -216,7 +217,7 @@ class BagDrive:
         return None
 
     def _wanted_frame(self, matched: MatchedImages, pose: SpatialPose | None, wanted: FrameFilter) -> RawFrame | None:
-        """Return a frame; None where nobody wants it. Raises DriveError for a damaged one."""
+        """Return a frame; None if it is not wanted. Raises DriveError for a damaged one."""
         moment = FrameMoment(
             stamp=matched.colours.stamp,
             odometry=None if pose is None else pose.planar,

@@ -28,9 +28,9 @@ from ltvn_core.robots.ros2.ros_images import decode_colours, decode_metres, has_
 from ltvn_core.types import Depth, Rgb
 
 _NEAREST_M = 0.01
-"""What is nearer than a centimetre to the lens is no depth."""
+"""Least depth; nearer values are no depth, in metres."""
 _OFF_CENTRE = 0.2
-"""No lens has its centre so far from the middle of the image, as a share of the image's size."""
+"""Largest distance of a lens's centre from the middle of the image, as a share of the image's size."""
 _ADVICE = (
     "Give the lens by --camera fx,fy,cx,cy,width,height in pixels; a simulator's, without distortion, has fx = fy = "
     "width / 2 / tan(horizontal field of view / 2) and its centre in the middle."
@@ -120,7 +120,7 @@ class FrameDecoder:
         options: ReadOptions,
         doubt: Callable[[str], None],
     ) -> None:
-        """Take what the bag said so far; `samples` grows while it streams past.
+        """Start with the survey of the bag; `samples` grows while it is streamed.
 
         Args:
             topics: The topics in use.

@@ -1,4 +1,4 @@
-"""Images that wait for the depth and the pose of their moment, while a bag streams past.
+"""Matches images with the depth and the pose of their moment, while a bag is streamed.
 
 Owns the queues and their limits; knows no message.
 """
@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 _PATIENCE_S = 1.0
-"""What was recorded so much later does not come any more."""
+"""Time after which a message recorded later is no longer expected, in seconds."""
 _MOST_BYTES = 2**28
 """Of images that wait."""
 _MOST_WAITING = 200

@@ -130,7 +130,7 @@ SCHEMAS: dict[str, Schema] = {
 
 
 def read_message(data: bytes, encoding: str, name: str) -> SimpleNamespace:
-    """Return the fields of a message by their names in ROS; what a message leaves out is 0 or empty.
+    """Return the fields of a message by their names in ROS; missing fields are 0 or empty.
 
     Args:
         data: The message as it lies in the file.
@@ -335,7 +335,7 @@ def _pose(message: Any) -> Any:
 
 
 def _turn(said: Any) -> Any:
-    """Return a turn, none where all is 0: protobuf does not send what nobody set."""
+    """Return a rotation, the identity if all fields are 0, because protobuf omits unset fields."""
     return said if any((said.x, said.y, said.z, said.w)) else SimpleNamespace(x=0.0, y=0.0, z=0.0, w=1.0)
 
 

@@ -13,12 +13,12 @@ from scipy.spatial.transform import Rotation
 from ltvn_core.data.importing.spatial_pose import Transform, inverse, pose_between
 
 _LONGEST_GAP_S = 0.5
-"""Between two poses farther apart nobody knows where the robot was, unless it stood still,"""
+"""Longest gap between two poses that is interpolated, in seconds, unless the robot stood still meanwhile."""
 _STANDING_M = 0.03
 _STANDING_RAD = np.radians(2.0)
-"""which is what so little motion means."""
+"""A robot that turned less than this, and moved less than `_STANDING_M`, stood still."""
 _LATEST_S = 0.1
-"""So long before the first pose and behind the last it counts as where the robot was."""
+"""Time before the first pose and after the last within which these still hold, in seconds."""
 _KEPT = 4096
 """Poses; images wait for their pose, and not the other way round, so older ones are not asked for."""
 _DEEPEST = 64
@@ -26,11 +26,11 @@ _DEEPEST = 64
 _SAID_OFTEN = 3
 """Poses of a frame that moves, while another was said once and for all."""
 _MOST_FRAMES = 10_000
-"""So many frames has no robot; further ones are not taken in."""
+"""Largest number of frames; further ones are ignored."""
 
 
 class MovingFrame:
-    """Poses of a frame in its parent in the order of their stamps; what comes late is left out."""
+    """Poses of a frame in its parent in the order of their stamps; late poses are left out."""
 
     def __init__(self) -> None:
         """Begin without any pose."""
@@ -98,7 +98,7 @@ class TransformTree:
         self._fixed: dict[str, Transform] = {}
         self._moving: dict[str, MovingFrame] = {}
         self._settled: set[str] = set()
-        """Frames that are fixed because they were said once, as long as nobody says otherwise."""
+        """Frames that are fixed because only one pose of each was published, until another one is."""
 
     def add_fixed(self, parent: str, child: str, pose: Transform) -> None:
         """Hang a frame onto another for good."""
@@ -123,9 +123,9 @@ class TransformTree:
         self._moving.setdefault(child, MovingFrame()).add(stamp, pose)
 
     def settle(self) -> None:
-        """Fix the frames of which one pose was said while others were said again and again.
+        """Fix the frames with one pose while others had many.
 
-        In Foxglove's files a pose holds until the next one; in ROS's it is of its moment.
+        In Foxglove's files a pose holds until the next one; in ROS's only at its moment.
         """
         if any(moving.count >= _SAID_OFTEN for moving in self._moving.values()):
             for child in [child for child, moving in self._moving.items() if moving.count == 1]:
@@ -146,7 +146,7 @@ class TransformTree:
             frame = self._parents[frame]
 
     def forget_motion(self) -> None:
-        """Forget where frames were, and keep on what they hang."""
+        """Forget the poses of frames, but keep their parents."""
         self._moving = {child: MovingFrame() for child in self._moving}
 
     @property
@@ -155,7 +155,7 @@ class TransformTree:
         return [(self._parents[child], child) for child in self._moving]
 
     def newest_s(self, target: str, source: str) -> float:
-        """Return up to which moment it is known where `source` was in `target`, which it hangs on."""
+        """Return the latest moment at which the pose of `source` in its ancestor `target` is known."""
         newest = float("inf")
         for frame in self.ancestors(source):
             if frame == target:

@@ -55,7 +55,7 @@ class RigCamera(NamedTuple):
     focal: tuple[float, float, float, float]
     """fx, fy, cx, cy in pixels."""
     is_stereo: bool = False
-    """It is the left one of two, and what is stored as its depth is the right one's image."""
+    """Whether it is the left camera of a stereo pair, whose stored depth is the right image."""
 
     def fitted(self, width: int, height: int) -> CameraModel:
         """Return the lens for images of a size. Raises CameraError."""
@@ -171,18 +171,18 @@ class Node:
 
     id: int
     session: int
-    """Counts drives; odometry begins anew in each."""
+    """Number of the drive; odometry starts anew in each."""
     stamp: float
     """Seconds; 0 where the program did not say."""
     odometry: Transform | None
     """(4, 4) of the robot."""
     truth: Transform | None
-    """(4, 4) of the robot in the world, where the program was told."""
+    """(4, 4) true pose of the robot in the world, if the program had it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class NodeImages:
-    """What was seen from a place, as it is stored."""
+    """The stored images of a place."""
 
     colours: bytes
     depth: bytes | None
@@ -199,7 +199,7 @@ class RtabmapDatabase:
         self._looks = 0
         tables = {row[0] for row in self._rows("SELECT name FROM sqlite_master WHERE type = 'table'")}
         if not {b"Node", b"Data", b"Admin"} <= tables:
-            raise DriveError(f"{path} is no database of RTAB-Map: it lacks its tables Node, Data and Admin.")
+            raise DriveError(f"{path} is not a database of RTAB-Map: it lacks its tables Node, Data and Admin.")
         self.version = self._version()
         if self.version < _OLDEST:
             raise DriveError(
@@ -226,7 +226,7 @@ class RtabmapDatabase:
         ]
 
     def images(self, node: Node) -> NodeImages:
-        """Return what was seen from a node."""
+        """Return the images of a node."""
         query = "SELECT image, depth, calibration FROM Data WHERE id = ?"
         colours, depth, calibration = next(self._rows(query, (node.id,)), (None, None, None))
         if not isinstance(colours, bytes):
@@ -264,7 +264,7 @@ class RtabmapDatabase:
         words = text.decode(errors="replace") if isinstance(text, bytes) else ""
         found = re.match(r"(\d{1,4})\.(\d{1,4})(?:\.(\d{1,4}))?", words)
         if found is None:
-            raise DriveError(f"{self.path} is no database of RTAB-Map: its version is {words!r:.40}.")
+            raise DriveError(f"{self.path} is not a database of RTAB-Map: its version is {words!r:.40}.")
         return tuple(int(part or 0) for part in found.groups())
 
     def _columns(self, table: str) -> set[str]:

@@ -33,9 +33,9 @@ _POSES = "poses.txt"
 _RAW, _STAMPED, _WITH_ID = 12, 8, 9
 """Columns of the formats 0, of 1 and 10, and of 11."""
 _CLEARLY = 0.2
-"""The other of two readings is taken where the camera is so much more upright by it, as the cosine."""
+"""Least gain of the mean cosine with which the other of two readings makes the camera more upright."""
 RATE_HZ = 1.0
-"""RTAB-Map keeps an image a second, where nobody says otherwise."""
+"""Images per second that RTAB-Map keeps by default."""
 _FISHEYES = ("equidistant", "fisheye")
 
 
@@ -53,7 +53,7 @@ class ExportFiles:
     @classmethod
     def find(cls, folder: Path) -> Self | None:
         """Return the files of a folder; None where they are not those of an export."""
-        if not folder.is_dir() or (folder / "rgb.txt").is_file():  # TUM's layout has folders of the same names.
+        if not folder.is_dir() or (folder / "rgb.txt").is_file():  # TUM's layout has folders with the same names.
             return None
         for rgb in _folders(folder):
             prefix = rgb.name.removesuffix("rgb")
@@ -82,7 +82,7 @@ class ExportFiles:
         return _partner(self.depth, image)
 
     def confidence_of(self, image: Path) -> Path | None:
-        """Return how far the depth of an image may be trusted, where that is told."""
+        """Return the confidence file of an image's depth, if there is one."""
         return _partner(self.confidence, image)
 
     def lens_of(self, image: Path) -> Path | None:
@@ -129,7 +129,7 @@ def read_poses(path: Path, images: Sequence[Path]) -> Mapping[Path, ExportedPose
     if len(rows) != len(images):
         raise DriveError(
             f"{path} has {len(rows)} poses for {len(images)} images, and no stamp or number that names one of them. "
-            "Export both anew by `rtabmap-export --images_id --poses_camera FILE.db`."
+            "Export both again by `rtabmap-export --images_id --poses_camera FILE.db`."
         )
     in_order = list(by_stamp.values()) if by_stamp else [ExportedPose(None, _matrix(numbers, path)) for numbers in rows]
     return dict(zip(images, in_order, strict=False))
@@ -138,10 +138,10 @@ def read_poses(path: Path, images: Sequence[Path]) -> Mapping[Path, ExportedPose
 def camera_poses(
     poses: NDArray[np.float64], *, are_of_camera: bool, camera_on_robot: Transform | None
 ) -> NDArray[np.float64]:
-    """Return the poses (N, 4, 4) of the camera's optical frame out of those of a list.
+    """Return the poses (N, 4, 4) of the camera's optical frame from those of a list.
 
-    Two of RTAB-Map's formats look alike: one holds poses as they are, the other has turned them by the optical frame
-    (`RGBD-SLAM in motion capture frame`). The reading by which the camera is carried more upright is taken.
+    Two of RTAB-Map's formats look alike: one holds plain poses, in the other they are rotated by the optical frame
+    (`RGBD-SLAM in motion capture frame`). The reading in which the camera is more upright is used.
     """
     behind = np.eye(4)
     if not are_of_camera:
@@ -168,7 +168,7 @@ def _rows(path: Path) -> Iterator[NDArray[np.float64]]:
         if len(numbers) not in (_STAMPED, _WITH_ID, _RAW) or not np.isfinite(numbers).all():
             raise DriveError(
                 f"{path}, line {number}: expected stamp x y z qx qy qz qw (and a number), or 3 rows of 4 numbers, got "
-                f"{line!s:.60}. Export the poses anew by `rtabmap-export --poses_camera FILE.db`."
+                f"{line!s:.60}. Export the poses again by `rtabmap-export --poses_camera FILE.db`."
             )
         yield numbers
 
@@ -176,7 +176,7 @@ def _rows(path: Path) -> Iterator[NDArray[np.float64]]:
 def _matrix(numbers: NDArray[np.float64], path: Path) -> Transform:
     matrix = np.vstack([numbers.reshape(3, 4), [0, 0, 0, 1]])
     if not is_rigid(matrix):
-        raise DriveError(f"{path}: {numbers[:4]} and so on is no pose; its rows are r11 r12 r13 tx and so on.")
+        raise DriveError(f"{path}: {numbers[:4]} and so on is not a pose; its rows are r11 r12 r13 tx and so on.")
     return matrix
 
 
@@ -215,7 +215,7 @@ class RtabmapExportReader(ImageFilesReader):
         files = ExportFiles.find(folder)
         if files is None:
             raise DriveError(
-                f"{folder} is no export of RTAB-Map: it needs rgb/ with calib/, or NAME_rgb/ with NAME_calib/, as "
+                f"{folder} is not an export of RTAB-Map: it needs rgb/ with calib/, or NAME_rgb/ with NAME_calib/, as "
                 "`rtabmap-export --images --poses_camera FILE.db` writes them; or name the database."
             )
         self._files = files
@@ -279,7 +279,7 @@ class RtabmapExportReader(ImageFilesReader):
         """Return the stamps of the images: from the list of poses, from their names, else by the rate."""
         listed = {image: pose.stamp for image, pose in found.items() if pose.stamp is not None}
         if listed and self._options.rate_hz is None:
-            # An image without a pose lies between its neighbours; it is left out as one whose place nobody knows.
+            # An image without a pose lies between its neighbours; it is left out because its place is unknown.
             missing = [image for image in self._paths if image not in listed]
             if missing:
                 self.dropped["without a pose"] = len(missing)

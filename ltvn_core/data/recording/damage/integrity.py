@@ -1,7 +1,7 @@
-"""Says whether a recording is whole, gives back what is whole of a damaged one, and says what it has lost.
+"""Verifies recordings, repairs damaged ones, and reports what was lost.
 
-Owns `verify` and `repair`, and the wording of what is lost, which follows from what the file says it held and from what
-is left. Never changes the file it is given and never overwrites another.
+Owns `verify` and `repair`, and the report of losses, from what the file claims to hold and what is left. Never changes
+its input and never overwrites another file.
 """
 
 from collections.abc import Iterable, Iterator, Sequence, Set
@@ -23,7 +23,7 @@ from ltvn_core.navigation.events import GraphChanged, StampedEvent
 from ltvn_core.types import FrameId
 
 _NAMED = 12
-"""So many frames or places are named one by one."""
+"""Number of frames or places that are listed individually."""
 _NO_RECORD = (
     "rewritten by Rerun, or older than checksums: frames and events carry their own checksums and are right; "
     "the file's own table of checksums is not there"
@@ -31,14 +31,14 @@ _NO_RECORD = (
 
 
 class Losses(NamedTuple):
-    """What is left out of a repaired recording."""
+    """Data left out of a repaired recording."""
 
     lines: Sequence[str]
     """For people, one thing each; without events, since some are left out only when the map is put together."""
     frames: Sequence[FrameId]
     """Frames that are known by name."""
     more_frames: int | None
-    """How many beside them, None where nobody knows."""
+    """Number of lost frames beside them; None if unknown."""
     events_written: int
     lost_bytes: int
     only_behind: FrameId | None
@@ -62,7 +62,7 @@ class Losses(NamedTuple):
 
 
 def find_losses(salvage: Salvage, saved: Sequence[FrameId]) -> Losses:
-    """Compare what was salvaged, of which the frames `saved` are whole, with what the file held once."""
+    """Compare the salvaged data, whose complete frames are `saved`, with what the file once held."""
     recording = salvage.recording
     record = salvage.record
     known = sorted({*recording.half_frames, *recording.frames} - set(saved))
@@ -134,7 +134,7 @@ class VerifiedRecording:
 
 @dataclass(frozen=True, slots=True)
 class RepairedRecording:
-    """What was saved of a damaged recording."""
+    """Result of a repair."""
 
     recording: Path
     output: Path
@@ -149,9 +149,9 @@ class RepairedRecording:
     damaged_events: int
     """Events left out because they are missing or changed, or because the images that they speak of are lost."""
     lost_bytes: int
-    """Bytes of which nothing could be saved."""
+    """Bytes that were lost."""
     left_out: tuple[str, ...]
-    """What is missing in the output, a line each."""
+    """Descriptions of the data missing in the output."""
 
 
 def verify(path: Path | str) -> VerifiedRecording:
@@ -182,10 +182,10 @@ def verify(path: Path | str) -> VerifiedRecording:
 
 
 def repair(path: Path | str, output: Path | str, *, recording_id: str | None = None) -> RepairedRecording:
-    """Write all whole frames and events of a damaged or unfinished recording to a new file `output`.
+    """Write all intact frames and events of a damaged or unfinished recording to a new file `output`.
 
-    What is damaged is left out and named. Raises RecordingError when `output` exists, when `path` is not ours, or when
-    it is damaged and no frame and no event in it is whole. A file with several recordings needs a `recording_id`.
+    Damaged data are left out and reported. Raises RecordingError when `output` exists, when `path` is not ours, or when
+    it is damaged and no frame and no event in it is intact. A file with several recordings needs a `recording_id`.
     """
     path = Path(path)
     output = Path(output)
@@ -247,7 +247,7 @@ def _changed(path: Path, what: str) -> RecordingError:
 
 
 def _consistent_events(recording: Recording, without_image: Set[FrameId]) -> Iterator[StampedEvent]:
-    """Yield the events that are intact and whose changes of the map fit what was saved."""
+    """Yield the intact events whose map changes fit the salvaged data."""
     graph = TopologicalGraph()
     for stored in recording.stored_events:
         if not stored.intact:

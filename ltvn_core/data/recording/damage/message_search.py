@@ -27,7 +27,7 @@ from ltvn_core.data.recording.rrf2.framing import (
 )
 
 _TRIED = 8
-"""So many places of like headers are looked at for one message, so that a file with large holes takes no hours."""
+"""Number of similar headers that are tried for one message, so that a file with large holes does not take hours."""
 _HEADER_LIKE = re.compile(rb"[\x01-\x03]\x00{7}.{5}\x00{3}\n", re.DOTALL)
 """A known kind, a length below a terabyte, and the first byte that the payload of any of our messages begins with."""
 
@@ -39,9 +39,9 @@ class FoundMessage(NamedTuple):
     data: bytes
     """Header and payload."""
     record: int | None = None
-    """Number of the closing record by which it is as it was written, or damaged; None when it only looks like one."""
+    """Number of the closing record that describes it, intact or damaged; None if it only resembles a message."""
     damaged: bool = False
-    """It differs from what its closing record says of it, or is cut."""
+    """Whether it differs from its closing record, or is cut off."""
 
     @property
     def sure(self) -> bool:
@@ -55,14 +55,14 @@ class FoundMessage(NamedTuple):
 
 
 class LostBytes(NamedTuple):
-    """A stretch of the file of which nothing can be used."""
+    """An unusable stretch of the file."""
 
     position: int
     size: int
 
 
 class FoundMessages(NamedTuple):
-    """What a damaged file still holds, in the order of the file."""
+    """The messages found in a damaged file, in its order."""
 
     messages: Sequence[FoundMessage]
     lost: Sequence[LostBytes]
@@ -71,11 +71,11 @@ class FoundMessages(NamedTuple):
     records: Mapping[int, ClosingRecord]
     """The closing records, by number, that speak of messages in this file; one for each file that was put into it."""
     has_foreign_ending: bool
-    """A closing record speaks of messages none of which is here."""
+    """Whether there is a closing record of which no message is in the file."""
 
 
 def find_messages(data: bytes) -> FoundMessages:
-    """Find the messages of a whole file's bytes, of which any may be damaged, missing, moved or of another file."""
+    """Find the messages in the bytes of a file, any of which may be damaged, missing, moved or of another file."""
     looks = list(_looking_like_messages(data))
     walked = [part for part in looks if isinstance(part, FoundMessage)]
     placed = find_closing_records(data)
@@ -136,7 +136,7 @@ def _sum(message: bytes) -> MessageSum:
 
 
 def _at_home(placed: Sequence[PlacedRecord], sure: _Found, walked: Sequence[FoundMessage]) -> set[int]:
-    """Return the closing records of which something is in the file; another file's ending has none."""
+    """Return the closing records with messages in the file; the ending of another file has none."""
     headers = {(message.position, message.data[: MESSAGE_HEADER.size]) for message in walked}
     home = set[int]()
     start = HEADER_BYTES
@@ -216,7 +216,7 @@ class _HeaderIndex:
 
 
 def _looking_like_messages(data: bytes) -> Iterator[FoundMessage | LostBytes]:
-    """Walk over the messages, and where the walk cannot go on, look for the next place from which it can."""
+    """Walk over the messages, and after an interruption search for the next place from which to continue."""
     position = HEADER_BYTES
     while position < len(data) and not _is_end(data, position):
         if (behind := _next_file(data, position)) is not None:
@@ -233,7 +233,7 @@ def _looking_like_messages(data: bytes) -> Iterator[FoundMessage | LostBytes]:
 
 
 def _between(data: bytes, position: int, end: int | None, following: int) -> Iterator[FoundMessage | LostBytes]:
-    """Guess what stands between a place where the walk stopped and the next one from which it goes on."""
+    """Guess the content between an interruption of the walk and its continuation."""
     if end is not None and end < following:
         # Its length seems right, so the header behind it is wrong.
         yield FoundMessage(position, data[position:end])

@@ -1,7 +1,7 @@
-"""Opens what is left of a damaged recording, message by message and row by row.
+"""Opens the remains of a damaged recording, message by message and row by row.
 
-Owns which messages are believed, and the temporary files that they are read from. What no checksum vouches for is first
-read in a process of its own, since a damaged message can end the process that reads it.
+Owns which messages are trusted, and the temporary files that they are read from. Messages without a valid checksum are
+first read in a separate process, because a damaged message can crash the reader.
 """
 
 import tempfile
@@ -47,11 +47,11 @@ _RECORDING_STORE = b"\x08\x01"
 
 
 class Salvage(NamedTuple):
-    """What is left of a damaged recording."""
+    """The remains of a damaged recording."""
 
     recording: Recording
     record: ClosingRecord | None
-    """What the file said of itself when it was finished, where that is still to be read."""
+    """The closing record, if it is still readable."""
     described: bool
     """The description could be read; else another stands in for it."""
     lost_bytes: int
@@ -63,9 +63,9 @@ class Salvage(NamedTuple):
 
 
 def open_salvage(path: Path, recording_id: str | None = None) -> Salvage:
-    """Open what is whole of a damaged or unfinished recording.
+    """Open the intact parts of a damaged or unfinished recording.
 
-    Raises RecordingError when nothing is, and when the file holds several recordings and `recording_id` names none.
+    Raises RecordingError when there are none, and when the file holds several recordings and `recording_id` names none.
     """
     try:
         data = path.read_bytes()
@@ -78,7 +78,7 @@ def open_salvage(path: Path, recording_id: str | None = None) -> Salvage:
     store = _chosen_store(path, stores, recording_id)
     number = _record_of(found, store)
     messages = [each for each in found.messages if _belongs(each, store, {*stores} - {store}, number)]
-    # Where a closing record is left, what it does not speak of may be anything.
+    # If a closing record is left, messages that it does not list are not trusted.
     trusted = [each for each in messages if each.sure or (number is None and not each.damaged)]
     doubtful = [each for each in messages if not each.sure and (number is not None or each.damaged)]
     bad, rows = _read_apart(path, store, trusted, doubtful)
@@ -148,9 +148,9 @@ def _read_apart(
 
 
 def _readable_parts(folder: Path, store: bytes, doubtful: Sequence[FoundMessage]) -> Sequence[Path]:
-    """Write what is left of doubtful messages to new files that Rerun can read.
+    """Write the remains of doubtful messages to new files that Rerun can read.
 
-    The first holds them as they most likely were, the second as they else may have been.
+    The first holds their most likely content, the second the alternatives.
     """
     if not doubtful:
         return ()

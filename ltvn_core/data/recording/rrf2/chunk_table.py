@@ -56,7 +56,7 @@ class _Kind(NamedTuple):
     is_static: bool
     is_empty: bool
     place: int
-    """The same column comes again where blocks differ in its type."""
+    """Distinguishes columns of one name whose types differ between blocks."""
 
 
 def as_rerun_merges(schemas: Sequence[SorbetSchema]) -> SorbetSchema:
@@ -76,7 +76,7 @@ def as_rerun_merges(schemas: Sequence[SorbetSchema]) -> SorbetSchema:
 
 
 def _examples(fields: Sequence[pa.Field]) -> list[Chunk]:
-    """Return chunks of one row each in which every field stands as it is."""
+    """Return chunks of one row each that contain every field."""
     times = list({field.name: field for field in fields if _metadata(field).get(_KIND) == b"index"}.values())
     groups: dict[_Kind, list[pa.Field]] = defaultdict(list)
     seen: dict[str, list[pa.Field]] = defaultdict(list)
@@ -170,7 +170,7 @@ class _Store:
         """The columns of the table, in an order of their own."""
         self.rows: dict[_Layout, _Rows] = defaultdict(_Rows)
         self.schemas: dict[bytes, SorbetSchema] = {}
-        """What Rerun says of the columns of the store, by checksum."""
+        """Rerun's schemas of the columns of the store, by checksum."""
 
 
 class ChunkTable:
@@ -185,11 +185,11 @@ class ChunkTable:
         self._incomplete = False
 
     def add(self, footer: bytes, offsets: Sequence[int]) -> None:
-        """Hand in what a block ends with, and where in it the payloads of its chunks begin. Costs nothing yet."""
+        """Queue the footer of a block, with the offset of its chunks' payloads in it. Costs nothing yet."""
         self._waiting.append(_Block(footer, offsets))
 
     def take_in(self) -> None:
-        """Read what was handed in; some milliseconds for a block. Never raises: at worst the file gets no table."""
+        """Read the queued footers; some milliseconds for a block. Never raises: at worst the file gets no table."""
         while self._waiting and not self._incomplete:
             block = self._waiting.popleft()
             try:

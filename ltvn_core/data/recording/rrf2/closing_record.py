@@ -66,7 +66,7 @@ class RecordingEnding:
     def __init__(self) -> None:
         """Begin with nothing."""
         self.rows = Counter[str]()
-        """Entity path -> rows with a time, counted by whoever logs them."""
+        """Number of rows with a time by entity path, counted by the logger."""
         self.static_rows = Counter[str]()
         """The same for rows that hold at all times."""
         self.chunks = ChunkTable()
@@ -198,13 +198,13 @@ def chunk_places(messages: Sequence[MessageSum]) -> Sequence[ChunkPlace]:
 
 
 class FileCheck(NamedTuple):
-    """What the bytes of a file say, without what they mean."""
+    """Result of checking the bytes of a file, without their meaning."""
 
     framing: RrdFraming
     record: ClosingRecord | None
     """None for an unfinished file, a damaged end, and a file that Rerun itself finished."""
     damage: str | None
-    """What is wrong in a finished file, as a clause; None when nothing is, as far as its checksums go."""
+    """The damage of a finished file, as a clause; None if its checksums are right."""
 
 
 def check_file(path: Path) -> FileCheck:

@@ -31,7 +31,7 @@ _MARK_BYTES = 12
 
 
 class MessageSum(NamedTuple):
-    """One message as it lies in a file, without its bytes."""
+    """A message in a file, without its bytes."""
 
     kind: int
     length: int
@@ -75,7 +75,7 @@ class Tail(NamedTuple):
 
     def encoded(self) -> bytes:
         """Return the 32 bytes."""
-        # Told that there are no tables, Rerun walks over the messages.
+        # Without tables, Rerun walks over the messages.
         tables = 1 if self.footer_bytes else 0
         return _TAIL.pack(*self, _MARK, tables)
 
@@ -141,7 +141,7 @@ class EndMessage(NamedTuple):
 
     @property
     def appended(self) -> bytes:
-        """What stands behind Rerun's table, which Rerun skips."""
+        """Return the bytes behind Rerun's table, which Rerun skips."""
         return self.payload[self.tail.footer_bytes :]
 
     def encoded(self) -> bytes:

@@ -8,104 +8,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import KDTree
 
 from ltvn_core.cameras.depth_points import RELEVANT_RANGE_M, map_points, transform_points
 from ltvn_core.config import DrivingConfig
 from ltvn_core.geometry import compose, invert, relative, wrap_angle
 from ltvn_core.graph.place_belief import is_where_expected
 from ltvn_core.navigation.bystanders import BODY_M, Bystanders
+from ltvn_core.navigation.detour import find_detour, path_clearance_m
 from ltvn_core.navigation.events import AttemptEnd, Event, Tick
 from ltvn_core.navigation.motion import MotionExecutor
-from ltvn_core.navigation.obstacle_avoidance import (
-    CLEARANCE_TOLERANCE_M,
-    MAX_NOISE_POINTS,
-    NARROW_MARGIN_M,
-    collision_free_command,
-)
+from ltvn_core.navigation.obstacle_avoidance import collision_free_command
 from ltvn_core.navigation.obstacle_memory import ObstacleMemory
 from ltvn_core.navigation.perception import Perception
 from ltvn_core.navigation.steering import TurningCircle, drives_backwards
 from ltvn_core.robots.robot_spec import RobotSpec
 from ltvn_core.types import CONTROL_STEP_S, NodeId, Pose, Twist, Waypoint
-
-_DETOUR_RANGES_M = np.array([0.1, 0.2, 0.3, 0.45, 0.6, 0.8])
-_DETOUR_BEARINGS_RAD = np.deg2rad(np.arange(-120.0, 121.0, 10.0))
-"""Bearings of detours relative to the waypoint's; what lies behind the robot has not been seen."""
-_GOAL_OFFSETS_M = np.array([0.0, 0.03, -0.03, 0.06, -0.06])
-"""How far beside the waypoint the way may end, because the waypoint is predicted."""
-_SAMPLES = 24
-_FAR_M = 0.5
-"""Distance from a way beyond which obstacles are ignored, in metres."""
-_COMFORT_MARGIN_M = 0.06
-"""Clearance beside the robot that detours should have, in metres."""
-_CLEARANCE_COST = 20.0
-"""Cost of each metre of missing clearance, in metres of path."""
-
-
-def find_detour(
-    goal: NDArray[np.float64], points: NDArray[np.float64], *, radius_m: float
-) -> NDArray[np.float64] | None:
-    """Return where (2,) to turn towards a waypoint (2,), None if no single via point leads there.
-
-    All in the robot's frame; `points` (M, 2) are solid.
-    """
-    if len(points) <= MAX_NOISE_POINTS:
-        return None
-    least_m = radius_m + NARROW_MARGIN_M
-    tree = KDTree(points)
-    places, ends = _candidates(goal)
-    here = np.zeros_like(places)
-    now_m = float(_obstacle_distances_m(tree, here[:1])[0])
-    # A robot that is too near already may move away, but not nearer.
-    ways = len(places) // len(_GOAL_OFFSETS_M)  # The first part of a way does not depend on where it ends.
-    first_m = np.tile(_path_clearances_m(tree, here[:ways], places[:ways]), len(_GOAL_OFFSETS_M))
-    open_at_first = first_m > min(least_m, now_m - CLEARANCE_TOLERANCE_M)
-    if not open_at_first.any():
-        return None
-    second_m = np.zeros_like(first_m)
-    second_m[open_at_first] = _path_clearances_m(tree, places[open_at_first], ends[open_at_first])
-    possible = open_at_first & (second_m > least_m)
-    if not possible.any():
-        return None
-    length_m = np.linalg.norm(places, axis=-1) + np.linalg.norm(ends - places, axis=-1)
-    tight_m = np.maximum(radius_m + _COMFORT_MARGIN_M - np.minimum(first_m, second_m), 0.0)
-    cost = np.where(possible, length_m + _CLEARANCE_COST * tight_m, np.inf)
-    return places[int(cost.argmin())]
-
-
-def path_clearance_m(goal: NDArray[np.float64], points: NDArray[np.float64]) -> float:
-    """Return the least metres from the straight way to `goal` (2,) to anything solid, `points` (M, 2); inf if far."""
-    if len(points) <= MAX_NOISE_POINTS:
-        return float("inf")
-    return float(_path_clearances_m(KDTree(points), np.zeros((1, 2)), goal[None])[0])
-
-
-def _candidates(goal: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return (C, 2) via points, and (C, 2) where the way ends then."""
-    away_m, bearing = (
-        part.ravel() for part in np.meshgrid(_DETOUR_RANGES_M, np.arctan2(goal[1], goal[0]) + _DETOUR_BEARINGS_RAD)
-    )
-    places = away_m[:, None] * np.stack([np.cos(bearing), np.sin(bearing)], axis=-1)
-    onward = goal - places
-    aside = (
-        np.stack([-onward[:, 1], onward[:, 0]], axis=-1) / np.maximum(np.linalg.norm(onward, axis=-1), 0.01)[:, None]
-    )
-    ends = goal + _GOAL_OFFSETS_M[:, None, None] * aside
-    return np.tile(places, (len(_GOAL_OFFSETS_M), 1)), ends.reshape(-1, 2)
-
-
-def _path_clearances_m(tree: KDTree, starts: NDArray[np.float64], ends: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return (C,) the least metres to a solid point on straight ways from (C, 2) to (C, 2), their starts left out."""
-    share = np.linspace(0, 1, _SAMPLES + 1)[1:, None, None]
-    return _obstacle_distances_m(tree, starts + share * (ends - starts)).min(axis=0)
-
-
-def _obstacle_distances_m(tree: KDTree, places: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return (...) metres from places (..., 2) to the nearest believable point, inf where it is far."""
-    gaps, _ = tree.query(places, k=MAX_NOISE_POINTS + 1, distance_upper_bound=_FAR_M)
-    return np.asarray(gaps)[..., -1]
-
 
 _MAX_WAYPOINT_M = 2.5
 """Longest waypoint that is believed: the range in which the network was trained, in metres."""

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ltvn_core.navigation.attempt_driver import find_detour
+from ltvn_core.navigation.detour import find_detour
 from ltvn_core.robots.robot_spec import LOCOBOT
 
 GOAL = np.array([1.0, 0.0])

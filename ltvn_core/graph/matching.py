@@ -114,6 +114,11 @@ class Matcher:
         found = self._match_images(features, nodes)
         return self._with_views(features, found) if self._views else found
 
+    def recognise(self, features: Features, nodes: tuple[NodeId, ...]) -> Matches:
+        """Compare an image (1, F) as `match` does, for a caller to whom nodes that are not recognised mean nothing."""
+        found = self._match_images(features, nodes, in_parts=True)
+        return self._with_views(features, found) if self._views else found
+
     def promising(self, frame: FrameId, nodes: Sequence[NodeId]) -> tuple[NodeId, ...]:
         """Return the nodes that may look like a held frame; all of them where the predictor cannot tell cheaply."""
         may_match = getattr(self._predictor, "may_match", None)
@@ -162,23 +167,28 @@ class Matcher:
         distances = np.where(np.isfinite(seen.distances), distance(waypoints), np.inf)
         return replace(seen, waypoints=waypoints, distances=distances)
 
-    def _match_images(self, features: Features, nodes: Sequence[FrameId]) -> Matches:
+    def _match_images(self, features: Features, nodes: Sequence[FrameId], *, in_parts: bool = False) -> Matches:
         if not nodes:
             return Matches((), np.empty(0), np.empty((0, 3)), np.empty(0), np.empty(0, bool))
-        targets = self._keyframes.features(nodes)
-        forward, backward = self._answers(features, targets)
+        nodes = tuple(nodes)
+        forward, backward = self._answers(features, nodes, in_parts=in_parts)
         reachability = np.array(forward.reachability)
         waypoints = np.array(forward.waypoints)
         distances = np.where(_has_no_waypoint(reachability, waypoints), np.inf, distance(waypoints))
-        found = Matches(tuple(nodes), reachability, waypoints, distances, np.ones(len(nodes), bool))
-        return self._both_ways(features, targets, found, backward) if self._config.both_directions else found
+        found = Matches(nodes, reachability, waypoints, distances, np.ones(len(nodes), bool))
+        return self._both_ways(features, found, backward) if self._config.both_directions else found
 
-    def _answers(self, features: Features, targets: Features) -> tuple[Prediction, Prediction | None]:
-        """Ask the way to N targets, and back from them at once where they are few: a second call would cost more."""
-        count = len(targets)
-        if not self._config.both_directions or count > _MAX_NODES_BOTH_WAYS_AT_ONCE:
-            return self._predictor.predict(features, targets), None
-        return self.match_both_ways(np.repeat(features, count, axis=0), targets)
+    def _answers(
+        self, features: Features, nodes: tuple[FrameId, ...], *, in_parts: bool
+    ) -> tuple[Prediction, Prediction | None]:
+        """Ask the way to N nodes, and back from them at once where they are few: a second call would cost more."""
+        if self._config.both_directions and len(nodes) <= _MAX_NODES_BOTH_WAYS_AT_ONCE:
+            return self.match_both_ways(np.repeat(features, len(nodes), axis=0), self._keyframes.features(nodes))
+        predict_among = getattr(self._predictor, "predict_among", None)
+        held = None if predict_among is None else self._keyframes.held(nodes)
+        if predict_among is None or held is None:
+            return self._predictor.predict(features, self._keyframes.features(nodes)), None
+        return predict_among(features, held, in_parts=in_parts), None
 
     def match_both_ways(self, first: Features, second: Features) -> tuple[Prediction, Prediction]:
         """Ask about P pairs (P, F), (P, F) both ways in one call."""
@@ -186,7 +196,7 @@ class Matcher:
         both = self._predictor.predict(np.concatenate([first, second]), np.concatenate([second, first]))
         return Prediction(*(part[:count] for part in both)), Prediction(*(part[count:] for part in both))
 
-    def _both_ways(self, features: Features, targets: Features, found: Matches, answered: Prediction | None) -> Matches:
+    def _both_ways(self, features: Features, found: Matches, answered: Prediction | None) -> Matches:
         """Ask from the nodes to the image too, where it is near, and take the more reachable answer."""
         # The network measures a motion by aligning both images, so even where it calls the way there unreachable it
         # knows how far that is, and only near nodes need the second question.
@@ -194,7 +204,8 @@ class Matcher:
         if not len(close):
             return found
         if answered is None:
-            backward = self._predictor.predict(targets[close], np.repeat(features, len(close), axis=0))
+            targets = self._keyframes.features([found.nodes[k] for k in close])
+            backward = self._predictor.predict(targets, np.repeat(features, len(close), axis=0))
         else:
             backward = Prediction(*(part[close] for part in answered))
         better = backward.reachability > found.reachability[close]

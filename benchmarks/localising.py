@@ -63,7 +63,7 @@ def localise() -> list[Measurement]:
             measured(f"look of a lost robot, {count:,} nodes", 1e3 * seconds(look, 21), "ms", at_most=budget_ms)
         )
     few = tuple(graph.nodes)[:8]
-    look_s = seconds(lambda: matcher.recognise(predictor.encode(looks[:1]), few), 21)
+    look_s = seconds(lambda: matcher.match(predictor.encode(looks[:1]), few), 21)
     found.append(measured("look among the 8 nodes around a known place", 1e3 * look_s, "ms", at_most=5))
     return [*found, measured("memory of a node beyond its image", kept_kb / len(keyframes), "kB", at_most=1)]
 
@@ -78,7 +78,7 @@ def _lost_look(
     def look() -> None:
         seen = next(endless)
         belief.forget()
-        matches = matcher.recognise(predictor.encode([seen]), belief.nodes_to_ask(seen.odometry))
+        matches = matcher.match(predictor.encode([seen]), belief.nodes_to_ask(seen.odometry))
         belief.see(seen.odometry, matches, near_enough(matches, ROBUST.localising))
 
     return look
@@ -95,7 +95,7 @@ def _recall(predictor: NetworkPredictor, matcher: Matcher, looks: Sequence[Obser
         scores = full.distances + ROBUST.localising.reachability_weight * doubt(full.reachability)
         best = best_localisation(full, scores, near_enough(full, ROBUST.localising), "").node
         if best is not None:
-            quick = matcher.recognise(features, nodes)
+            quick = matcher.match(features, nodes)
             are_found.append(bool(near_enough(quick, ROBUST.localising)[nodes.index(best)]))
     return 100 * sum(are_found) / len(are_found)
 

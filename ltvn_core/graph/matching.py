@@ -114,11 +114,6 @@ class Matcher:
         found = self._match_images(features, nodes)
         return self._with_views(features, found) if self._views else found
 
-    def recognise(self, features: Features, nodes: tuple[NodeId, ...]) -> Matches:
-        """Compare an image (1, F) as `match` does, for a caller to whom nodes that are not recognised mean nothing."""
-        found = self._match_images(features, nodes, in_parts=True)
-        return self._with_views(features, found) if self._views else found
-
     def promising(self, frame: FrameId, nodes: Sequence[NodeId]) -> tuple[NodeId, ...]:
         """Return the nodes that may look like a held frame; all of them where the predictor cannot tell cheaply."""
         may_match = getattr(self._predictor, "may_match", None)
@@ -167,20 +162,18 @@ class Matcher:
         distances = np.where(np.isfinite(seen.distances), distance(waypoints), np.inf)
         return replace(seen, waypoints=waypoints, distances=distances)
 
-    def _match_images(self, features: Features, nodes: Sequence[FrameId], *, in_parts: bool = False) -> Matches:
+    def _match_images(self, features: Features, nodes: Sequence[FrameId]) -> Matches:
         if not nodes:
             return Matches((), np.empty(0), np.empty((0, 3)), np.empty(0), np.empty(0, bool))
         nodes = tuple(nodes)
-        forward, backward = self._answers(features, nodes, in_parts=in_parts)
+        forward, backward = self._answers(features, nodes)
         reachability = np.array(forward.reachability)
         waypoints = np.array(forward.waypoints)
         distances = np.where(_has_no_waypoint(reachability, waypoints), np.inf, distance(waypoints))
         found = Matches(nodes, reachability, waypoints, distances, np.ones(len(nodes), bool))
         return self._both_ways(features, found, backward) if self._config.both_directions else found
 
-    def _answers(
-        self, features: Features, nodes: tuple[FrameId, ...], *, in_parts: bool
-    ) -> tuple[Prediction, Prediction | None]:
+    def _answers(self, features: Features, nodes: tuple[FrameId, ...]) -> tuple[Prediction, Prediction | None]:
         """Ask the way to N nodes, and back from them at once where they are few: a second call would cost more."""
         if self._config.both_directions and len(nodes) <= _MAX_NODES_BOTH_WAYS_AT_ONCE:
             return self.match_both_ways(np.repeat(features, len(nodes), axis=0), self._keyframes.features(nodes))
@@ -188,7 +181,7 @@ class Matcher:
         held = None if predict_among is None else self._keyframes.held(nodes)
         if predict_among is None or held is None:
             return self._predictor.predict(features, self._keyframes.features(nodes)), None
-        return predict_among(features, held, in_parts=in_parts), None
+        return predict_among(features, held), None
 
     def match_both_ways(self, first: Features, second: Features) -> tuple[Prediction, Prediction]:
         """Ask about P pairs (P, F), (P, F) both ways in one call."""

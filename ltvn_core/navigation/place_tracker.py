@@ -31,7 +31,7 @@ class PlaceTracker:
         if trail.beginnings != self._beginnings:
             self._belief.forget()
         for pose, features in trail.since(self._seen):
-            matches = self._matcher.recognise(features, self._belief.nodes_to_ask(pose))
+            matches = self._matcher.match(features, self._belief.nodes_to_ask(pose))
             self._belief.see(pose, matches, near_enough(matches, self._config))
         self._seen = trail.count
         self._beginnings = trail.beginnings

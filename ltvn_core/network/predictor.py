@@ -82,10 +82,6 @@ PREFILTER_KEEP = 96
 """Number of targets that are compared in full then."""
 PLACE_KEEP = 2_000
 """Of more targets than this only those with the best place score are matched at all."""
-_PART = 32
-_UNLIKELY = 0.1
-"""Where only recognised targets are asked for, the best are compared so many at a time, until all of a part are less
-reachable than this."""
 
 _IMAGES_AT_ONCE = 64
 _PAIRS_AT_ONCE = 256
@@ -164,15 +160,12 @@ class NetworkPredictor:
         """Return what of images (N, F) `predict_among` needs besides, (N, K); None if it has no use for them."""
         return self._network.place_keys(features)
 
-    def predict_among(self, source: Features, held: HeldFeatures, *, in_parts: bool = False) -> Prediction:
-        """Compare a source (1, F) with N held images, as `predict` does; few of their features are read.
-
-        With `in_parts` the best are compared in full only until no more are likely to be reachable.
-        """
+    def predict_among(self, source: Features, held: HeldFeatures) -> Prediction:
+        """Compare a source (1, F) with N held images, as `predict` does; few of their features are read."""
         if not self._is_filtered(len(held.rows)):
             return self.predict(source, held.features[held.rows])
         self._check(source, held.features)
-        return self._predict_filtered(source, held, in_parts=in_parts)
+        return self._predict_filtered(source, held)
 
     def may_match(self, source: Features, targets: Features) -> NDArray[np.bool_]:
         """Tell (N,) with which of targets (N, F) a full comparison of a source (1, F) may find anything in common."""
@@ -211,28 +204,19 @@ class NetworkPredictor:
         return targets > 1 and self._prefilter_from is not None and targets >= self._prefilter_from
 
     @torch.inference_mode()
-    def _predict_filtered(self, source: Features, held: HeldFeatures, *, in_parts: bool = False) -> Prediction:
+    def _predict_filtered(self, source: Features, held: HeldFeatures) -> Prediction:
         row = self._tensor(source)
         logits = self._network.place_scores(row, self._tensor(held.keys[held.rows]))
         near = np.arange(len(held.rows))
         if len(near) > PLACE_KEEP:
             near = np.sort(logits.topk(PLACE_KEEP).indices.cpu().numpy())
         likeness = self._network.likeness(row, held.features, held.rows[near])
-        best = near[likeness.topk(PREFILTER_KEEP).indices.cpu().numpy()]
-        full = list[Prediction]()
-        step = _PART if in_parts else len(best)
-        for first in range(0, len(best), step):
-            # Sorted, so that equal inputs give equal batches and therefore bit-identical results.
-            best[first : first + step].sort()
-            full.append(self._predict(source, held.features[held.rows[best[first : first + step]]]))
-            if full[-1].reachability.max() < _UNLIKELY:
-                break
-        compared = best[: step * len(full)]
-        found = np.concatenate([part.reachability for part in full])
-        reachability = np.minimum(torch.sigmoid(logits).double().cpu().numpy(), found.min())
+        # Sorted, so that equal inputs give equal batches and therefore bit-identical results.
+        best = near[np.sort(likeness.topk(PREFILTER_KEEP).indices.cpu().numpy())]
+        full = self._predict(source, held.features[held.rows[best]])
+        reachability = np.minimum(torch.sigmoid(logits).double().cpu().numpy(), full.reachability.min())
         waypoints = np.zeros((len(held.rows), 3))
-        reachability[compared] = found
-        waypoints[compared] = np.concatenate([part.waypoints for part in full])
+        reachability[best], waypoints[best] = full
         return Prediction(reachability, waypoints)
 
     def _tensor(self, rows: Features) -> Tensor:

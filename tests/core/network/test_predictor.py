@@ -118,16 +118,6 @@ def test_of_held_features_it_says_the_same_to_the_last_bit(count: int) -> None:
     assert [part.tobytes() for part in among] == [part.tobytes() for part in direct]
 
 
-def test_asked_for_the_likely_ones_alone_it_compares_no_more_once_none_is_likely() -> None:
-    predictor = NetworkPredictor(PairNetwork(SMALL), "")
-    features = np.tile(predictor.encode(tiny_observations(40)), (6, 1))
-    whole = predictor.predict(features[:1], features)
-    part = predictor.predict_among(features[:1], held(predictor, features), in_parts=True)
-    compared = part.waypoints.any(axis=1)
-    assert 32 <= compared.sum() <= 96
-    np.testing.assert_allclose(part.reachability[compared], whole.reachability[compared], atol=1e-5)
-
-
 def test_an_image_of_another_size_is_refused_with_advice(predictor: NetworkPredictor) -> None:
     observation = tiny_observations(1)[0]
     small = replace(observation, rgb=observation.rgb[::2, ::2], depth=observation.require_depth("the test")[::2, ::2])

@@ -1,17 +1,17 @@
-"""What it costs to compare one image with a map, and to build one."""
+"""What it costs to build a map."""
 
 import math
 from collections.abc import Sequence
 
 import numpy as np
 
-from benchmarks.measurement import Measurement, alternating, measured, seconds, seconds_once
+from benchmarks.measurement import Measurement, measured, seconds, seconds_once
 from benchmarks.recording import demo_observations
 from ltvn_core.config import ROBUST
 from ltvn_core.graph.builder import build
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.network.predictor import NetworkPredictor, load_predictor
-from ltvn_core.types import Features, Observation, Prediction, Predictor
+from ltvn_core.types import Features, Observation, Prediction
 
 NODES = 1_000
 TRAJECTORY = 2_243
@@ -38,25 +38,10 @@ class _CountingPredictor:
         return self._inner.predict(sources, targets)
 
 
-def localise_and_build() -> list[Measurement]:
-    """Compare one image with 1,000 nodes, and build a map from 2,243 images."""
+def build_map() -> list[Measurement]:
+    """Build a map from 2,243 images."""
     predictor = load_predictor()
     observations = demo_observations(TRAJECTORY)
-    return [*_localise(predictor, observations[:NODES]), *_build(predictor, observations)]
-
-
-def _localise(predictor: Predictor, observations: list[Observation]) -> list[Measurement]:
-    """Against a stacked-pair network with the same encoder, which must look at each pair from the pixels on."""
-    nodes = predictor.encode(observations)
-
-    def localise() -> None:
-        predictor.predict(predictor.encode(observations[:1]), nodes)
-
-    ratio = alternating(localise, lambda: predictor.encode(observations), 3)
-    return [measured("localise in 1,000 nodes against stacked pairs", ratio, "x faster", at_least=100)]
-
-
-def _build(predictor: NetworkPredictor, observations: list[Observation]) -> list[Measurement]:
     counting = _CountingPredictor(predictor)
     build_s = seconds_once(
         lambda: build(observations, KeyframeStore(counting), counting, ROBUST, np.random.default_rng(0))

@@ -133,6 +133,17 @@ class Prediction(NamedTuple):
     """(N, 3): the target in the source's frame."""
 
 
+class HeldFeatures(NamedTuple):
+    """The features of N of the M images that a map holds, for a predictor that reads few of them in full."""
+
+    features: Features
+    """(M, F)."""
+    keys: Features
+    """(M, K): by which the predictor finds out which images are worth reading."""
+    rows: NDArray[np.intp]
+    """(N,): which of the M."""
+
+
 class Renderer(Protocol):
     """Renders what a camera on a robot at a pose sees; only a simulator has one."""
 

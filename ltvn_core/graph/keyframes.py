@@ -8,17 +8,19 @@ from bisect import bisect_left, bisect_right, insort
 from collections.abc import Iterable, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ltvn_core.errors import MapError
 from ltvn_core.geometry import distance, relative
-from ltvn_core.types import Features, FrameId, Observation, Predictor
+from ltvn_core.graph.feature_rows import FeatureRows
+from ltvn_core.types import Features, FrameId, HeldFeatures, Observation, Predictor
 
 ODOMETRY_JUMP = 1.5
 """Distance d by odometry between consecutive frames above which a new stretch of driving begins."""
 
 
 class KeyframeStore:
-    """Images with their features in one growing array; rows of dropped frames are used again."""
+    """Images with their features in growing arrays; rows of dropped frames are used again."""
 
     def __init__(self, predictor: Predictor) -> None:
         """Start empty; `predictor` encodes what comes in."""
@@ -29,7 +31,10 @@ class KeyframeStore:
         self._free: list[int] = []
         self._drive_starts: list[FrameId] = []
         self._resumed: list[FrameId] = []
-        self._features: Features | None = None
+        self._features: FeatureRows | None = None
+        self._keys: FeatureRows | None = None
+        self._asked: tuple[tuple[FrameId, ...], NDArray[np.intp]] | None = None
+        """The frames that were last asked for, and their rows while these hold."""
         self._has_odometry = False
         """Whether odometry ever moved; if not, it cannot tell which images are near each other."""
 
@@ -85,8 +90,10 @@ class KeyframeStore:
             return
         new = [observations[k] for k in fresh]
         encoded = self._predictor.encode(new) if features is None else features[fresh]
-        for seen, row in zip(new, encoded, strict=True):
-            self._store(seen, row)
+        place_keys = getattr(self._predictor, "place_keys", None)
+        keys = None if place_keys is None else place_keys(encoded)
+        for k, seen in enumerate(new):
+            self._store(seen, encoded[k], None if keys is None else keys[k])
 
     def correct(self, observations: Iterable[Observation]) -> None:
         """Replace the observations of frames; only their odometry may differ. Raises MapError if a frame is not
@@ -99,6 +106,7 @@ class KeyframeStore:
         """Forget images; unknown ones are ignored."""
         for frame in frames:
             if frame in self._rows:
+                self._asked = None
                 self._free.append(self._rows.pop(frame))
                 del self._observations[frame]
                 del self._order[bisect_left(self._order, frame)]
@@ -119,7 +127,18 @@ class KeyframeStore:
         missing = [frame for frame in frames if frame not in self._rows]
         if self._features is None or missing:
             raise MapError(f"The images of frames {missing[:5]} are not at hand; the map must hold all its images.")
-        return self._features[[self._rows[frame] for frame in frames]]
+        return self._features.array[[self._rows[frame] for frame in frames]]
+
+    def held(self, frames: tuple[FrameId, ...]) -> HeldFeatures | None:
+        """Return where the features of N frames lie; None where one is not held or the predictor makes no keys."""
+        if self._features is None or self._keys is None:
+            return None
+        if self._asked is None or self._asked[0] is not frames:
+            rows = np.array([self._rows.get(frame, -1) for frame in frames], np.intp)
+            if rows.min(initial=0) < 0:
+                return None
+            self._asked = frames, rows
+        return HeldFeatures(self._features.array, self._keys.array, self._asked[1])
 
     def temporal_neighbours(self, frame: FrameId, gap: float) -> tuple[FrameId, ...]:
         """Return the frames just before and after, if odometry puts them within d < gap."""
@@ -147,21 +166,17 @@ class KeyframeStore:
         frames = frames[: jumps[0] + 1] if len(jumps) else frames
         return [frame for frame in frames if self.drive_of(frame) == self.drive_of(frames[0])]
 
-    def _store(self, seen: Observation, row: np.ndarray) -> None:
-        store = self._with_room(row)
+    def _store(self, seen: Observation, row: Features, key: Features | None) -> None:
         place = self._free.pop() if self._free else len(self._rows)
-        store[place] = row
+        self._features = self._features or FeatureRows(row)
+        self._features.put(place, row)
+        if key is not None:
+            self._keys = self._keys or FeatureRows(key)
+            self._keys.put(place, key)
+        self._asked = None
         if not self._has_odometry and self._observations:
             first = next(iter(self._observations.values()))
             self._has_odometry = not np.array_equal(first.odometry, seen.odometry)
         self._rows[seen.step] = place
         self._observations[seen.step] = seen
         insort(self._order, seen.step)
-
-    def _with_room(self, row: np.ndarray) -> Features:
-        if self._features is None:
-            self._features = np.empty((64, *row.shape), row.dtype)
-        if not self._free and len(self._rows) == len(self._features):
-            # Doubling keeps the cost of growing linear in the number of images.
-            self._features = np.concatenate([self._features, np.empty_like(self._features)])
-        return self._features

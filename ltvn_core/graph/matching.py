@@ -166,21 +166,24 @@ class Matcher:
     def _match_images(self, features: Features, nodes: Sequence[FrameId]) -> Matches:
         if not nodes:
             return Matches((), np.empty(0), np.empty((0, 3)), np.empty(0), np.empty(0, bool))
-        targets = self._keyframes.features(nodes)
-        forward, backward = self._answers(features, targets)
+        nodes = tuple(nodes)
+        forward, backward = self._answers(features, nodes)
         reachability = np.array(forward.reachability)
         waypoints = np.array(forward.waypoints)
         distances = np.where(_has_no_waypoint(reachability, waypoints), np.inf, distance(waypoints))
-        found = Matches(tuple(nodes), reachability, waypoints, distances, np.ones(len(nodes), bool))
-        return self._both_ways(features, targets, found, backward) if self._config.both_directions else found
+        found = Matches(nodes, reachability, waypoints, distances, np.ones(len(nodes), bool))
+        return self._both_ways(features, found, backward) if self._config.both_directions else found
 
-    def _answers(self, features: Features, targets: Features) -> tuple[Prediction, Prediction | None]:
-        """Compare with N targets, and in the same call back from them if they are few, because a second call would cost
+    def _answers(self, features: Features, nodes: tuple[FrameId, ...]) -> tuple[Prediction, Prediction | None]:
+        """Compare with N nodes, and in the same call back from them if they are few, because a second call would cost
         more."""
-        count = len(targets)
-        if not self._config.both_directions or count > _MAX_NODES_BOTH_WAYS_AT_ONCE:
-            return self._predictor.predict(features, targets), None
-        return self.match_both_ways(np.repeat(features, count, axis=0), targets)
+        if self._config.both_directions and len(nodes) <= _MAX_NODES_BOTH_WAYS_AT_ONCE:
+            return self.match_both_ways(np.repeat(features, len(nodes), axis=0), self._keyframes.features(nodes))
+        predict_among = getattr(self._predictor, "predict_among", None)
+        held = None if predict_among is None else self._keyframes.held(nodes)
+        if predict_among is None or held is None:
+            return self._predictor.predict(features, self._keyframes.features(nodes)), None
+        return predict_among(features, held), None
 
     def match_both_ways(self, first: Features, second: Features) -> tuple[Prediction, Prediction]:
         """Ask about P pairs (P, F), (P, F) both ways in one call."""
@@ -188,7 +191,7 @@ class Matcher:
         both = self._predictor.predict(np.concatenate([first, second]), np.concatenate([second, first]))
         return Prediction(*(part[:count] for part in both)), Prediction(*(part[count:] for part in both))
 
-    def _both_ways(self, features: Features, targets: Features, found: Matches, answered: Prediction | None) -> Matches:
+    def _both_ways(self, features: Features, found: Matches, answered: Prediction | None) -> Matches:
         """Compare also from the nodes to the image, where it is near, and keep the more reachable answer."""
         # The network measures a motion by aligning both images, so even where it calls the way there unreachable it
         # knows how far that is, and only near nodes need the second question.
@@ -196,7 +199,8 @@ class Matcher:
         if not len(close):
             return found
         if answered is None:
-            backward = self._predictor.predict(targets[close], np.repeat(features, len(close), axis=0))
+            targets = self._keyframes.features([found.nodes[k] for k in close])
+            backward = self._predictor.predict(targets, np.repeat(features, len(close), axis=0))
         else:
             backward = Prediction(*(part[close] for part in answered))
         better = backward.reachability > found.reachability[close]

@@ -174,7 +174,7 @@ class PlaceBelief:
     def __init__(self, graph: TopologicalGraph) -> None:
         """Start without hypotheses; `graph` may change later."""
         self._graph = graph
-        self._layout, self._tree = _laid_out(graph)
+        self._lay_out()
         self._places = _NO_PLACES
         self._odometry = np.zeros(3)
         self._is_sure = self._is_recognised = False
@@ -189,8 +189,9 @@ class PlaceBelief:
 
         While the robot knows where it is these are the nodes near the hypotheses, else all.
         """
-        if self._layout.nodes != tuple(self._graph.nodes):
-            self._layout, self._tree = _laid_out(self._graph)
+        if self._version != self._graph.version and self._layout.nodes != tuple(self._graph.nodes):
+            self._lay_out()
+        self._version = self._graph.version
         self._move_to(odometry)
         if not self._is_sure:
             return self._layout.nodes
@@ -219,6 +220,21 @@ class PlaceBelief:
                 return BelievedPlace(nodes, float(weight / weights.sum()), k == 0 and self._is_recognised)
         return None
 
+    def _lay_out(self) -> None:
+        self._layout = lay_out(self._graph)
+        self._version = self._graph.version
+        self._row_of = {node: row for row, node in enumerate(self._layout.nodes)}
+        self._tree = KDTree(self._layout.poses[:, :2])
+
+    def _matches_of(self, matches: Matches) -> NDArray[np.intp]:
+        """Return for each of the N nodes of the layout its row among the matches, -1 without any."""
+        if matches.nodes is self._layout.nodes:
+            return np.arange(len(matches))
+        row_of_match = np.full(len(self._layout.nodes), -1, np.intp)
+        rows = np.array([self._row_of.get(node, -1) for node in matches.nodes], np.intp)
+        row_of_match[rows[rows >= 0]] = np.flatnonzero(rows >= 0)
+        return row_of_match
+
     def _move_to(self, odometry: Pose) -> None:
         """Move all hypotheses by the motion of the robot."""
         step, self._odometry = relative(self._odometry, odometry), odometry.copy()
@@ -232,7 +248,7 @@ class PlaceBelief:
         expected = relative(poses[place], self._layout.poses[row])
         apart = _apart(expected)
         near = apart < _OVERLAP_M
-        match = _rows_of(matches, self._layout)[row]
+        match = self._matches_of(matches)[row]
         recognised = (match >= 0) & (matches.reachability[match] > _MIN_REACHABILITY)
         agrees = near & recognised & is_where_expected(expected, matches.waypoints[match])
         says = np.full(count, _NOTHING_NEAR)
@@ -250,12 +266,11 @@ class PlaceBelief:
 
     def _begin_to_follow(self, matches: Matches) -> None:
         """Start hypotheses at matches that have none."""
-        rows = {node: row for row, node in enumerate(self._layout.nodes)}
         log_weight = self._places.log_weights.max() + _NEW if len(self._places) else 0.0
         poses = self._places.poses
         for k in np.argsort(matches.distances, kind="stable"):
-            if matches.nodes[k] in rows:
-                pose = compose(self._layout.poses[rows[matches.nodes[k]]], invert(matches.waypoints[k]))
+            if matches.nodes[k] in self._row_of:
+                pose = compose(self._layout.poses[self._row_of[matches.nodes[k]]], invert(matches.waypoints[k]))
                 if not _is_within(relative(pose, poses), _SAME_PLACE).any():
                     poses = np.concatenate([poses, pose[None]])
         new = np.full(len(poses) - len(self._places), log_weight)
@@ -281,20 +296,9 @@ class PlaceBelief:
         return {self._layout.nodes[rows[k]]: poses[k] for k in np.argsort(_apart(poses), kind="stable")}
 
 
-def _laid_out(graph: TopologicalGraph) -> tuple[NodeLayout, KDTree]:
-    layout = lay_out(graph)
-    return layout, KDTree(layout.poses[:, :2])
-
-
 def is_where_expected(expected: Pose, seen: Pose, limits: tuple[float, float] = _GAP) -> NDArray[np.bool_]:
     """Tell (...) which nodes are seen about where they are expected, (..., 3) each; limits are in m and rad."""
     return _is_within(relative(expected, seen), limits)
-
-
-def _rows_of(matches: Matches, layout: NodeLayout) -> NDArray[np.intp]:
-    """Return for each of the N nodes of a layout its row among the matches, -1 without any."""
-    row_of = {node: row for row, node in enumerate(matches.nodes)}
-    return np.array([row_of.get(node, -1) for node in layout.nodes], np.intp)
 
 
 def _pairs(found: NDArray[np.object_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

@@ -7,13 +7,16 @@ default.
 from abc import abstractmethod
 from typing import Any, Generic, NamedTuple
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from ltvn_core.network.architecture import AnyArchitecture
-from ltvn_core.network.image_features import FeaturesT, PrefilterScores
+from ltvn_core.network.image_features import FeaturesT
 from ltvn_core.network.loss import cross_entropy
 from ltvn_core.network.pair_head import PairOutput
+from ltvn_core.types import Features
 
 
 class ComparedBatch(NamedTuple, Generic[FeaturesT]):
@@ -73,9 +76,17 @@ class BaseNetwork(nn.Module, Generic[FeaturesT]):
     def rough_logits(self, features: FeaturesT) -> Tensor:
         """Return (B, B) cheap logits of reachability from each image to each; all 0 where the network has none."""
 
-    def prefilter_scores(self, source: Tensor, targets: Tensor) -> PrefilterScores | None:
-        """Return cheap scores of one source row (1, F) with target rows (T, F); None if the network has none."""
+    def place_keys(self, features: Features) -> NDArray[np.float32] | None:
+        """Return what the cheapest score needs of images (N, F), (N, K); None if the network has no cheap scores."""
         return None
+
+    def place_scores(self, source: Tensor, keys: Tensor) -> Tensor:
+        """Return rough logits (N,) of one source row (1, F) with images of which the keys (N, K) are known."""
+        raise NotImplementedError
+
+    def likeness(self, source: Tensor, features: Features, rows: NDArray[np.intp]) -> Tensor:
+        """Return by how much (N,) one source row (1, F) is like N rows (N,) of features (M, F), cheaply."""
+        raise NotImplementedError
 
     def auxiliary_losses(self, compared: ComparedBatch[FeaturesT]) -> dict[str, Tensor]:
         """Return the terms that training adds to Eq. 1, by the name of their weight in `Hyperparameters`."""

@@ -15,7 +15,9 @@ from dataclasses import fields, replace
 from itertools import pairwise
 from typing import Any, NamedTuple, Self
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from ltvn_core.errors import WeightsError
@@ -28,10 +30,10 @@ from ltvn_core.network.architecture import (
     StackedArchitecture,
 )
 from ltvn_core.network.base_network import AnyNetwork, BaseNetwork, ComparedBatch
+from ltvn_core.network.device import to_tensor
 from ltvn_core.network.encoder import FARTHEST_DEPTH_M, Encoder, ResidualBlock, conv_block
 from ltvn_core.network.image_features import (
     ImageFeatures,
-    PrefilterScores,
     coarse_descriptors,
     place_columns,
     row_length,
@@ -40,6 +42,7 @@ from ltvn_core.network.image_features import (
 )
 from ltvn_core.network.loss import contrastive_loss, matching_loss, place_loss, true_correspondence
 from ltvn_core.network.pair_head import PairHead, PairOutput, summary_length
+from ltvn_core.types import Features
 
 
 class PairNetwork(BaseNetwork[ImageFeatures]):
@@ -85,12 +88,18 @@ class PairNetwork(BaseNetwork[ImageFeatures]):
         """Return (B, B) place scores."""
         return self.place_logits(features.place_query, features.place_key)
 
-    def prefilter_scores(self, source: Tensor, targets: Tensor) -> PrefilterScores:
-        """Return the place scores of one source row (1, F) with target rows (T, F), and match some of its tokens."""
-        query, key = place_columns(self.size)
-        logits = self.place_logits(source[:, query].float(), targets[:, key].float())[0]
-        alike = similarity(self.unpack(source), coarse_descriptors(targets, self.size), self.head.sharpness)
-        return PrefilterScores(logits, alike)
+    def place_keys(self, features: Features) -> NDArray[np.float32]:
+        """Return the place keys (N, P) of images (N, F)."""
+        return features[:, place_columns(self.size)[1]].astype(np.float32)
+
+    def place_scores(self, source: Tensor, keys: Tensor) -> Tensor:
+        """Return the place logits (N,) of one source row (1, F) with place keys (N, P)."""
+        return self.place_logits(source[:, place_columns(self.size)[0]].float(), keys)[0]
+
+    def likeness(self, source: Tensor, features: Features, rows: NDArray[np.intp]) -> Tensor:
+        """Match some tokens of one source row (1, F) with some of N rows (N,) of features (M, F); return (N,)."""
+        targets = to_tensor(coarse_descriptors(features, rows, self.size), source.device).float()
+        return similarity(self.unpack(source), targets, self.head.sharpness)
 
     def auxiliary_losses(self, compared: ComparedBatch[ImageFeatures]) -> dict[str, Tensor]:
         """Return the losses on token matches and on the place score."""

@@ -37,7 +37,7 @@ def test_dropped_rows_are_used_again() -> None:
         keyframes.add([observation_at(np.zeros(3), 10 * k)])
     assert len(keyframes) == 64
     assert keyframes._features is not None
-    assert len(keyframes._features) == 64
+    assert len(keyframes._features.array) == 64
     assert keyframes.frames == tuple(range(9360, 10_000, 10))
     assert keyframes.features([9990])[0, 3] == 9990
 

@@ -11,7 +11,7 @@ from ltvn_core.network.architecture import EnsembleArchitecture, PairArchitectur
 from ltvn_core.network.image_features import pack, row_length, unpack
 from ltvn_core.network.network_families import PairNetwork, build_network
 from ltvn_core.network.predictor import NetworkPredictor
-from ltvn_core.types import Predictor
+from ltvn_core.types import Features, HeldFeatures, Predictor
 from tests.core.network.tiny_data import SMALL, tiny_observations
 
 
@@ -97,6 +97,25 @@ def test_the_prefilter_compares_the_best_in_full_and_rates_the_others_below_them
     assert compared.sum() == 96
     np.testing.assert_allclose(quick.reachability[compared], full.reachability[compared], atol=1e-5)
     assert quick.reachability[~compared].max() <= quick.reachability[compared].min()
+
+
+def held(predictor: NetworkPredictor, features: Features) -> HeldFeatures:
+    """Return features as a map holds them: in another order, with rows between them that mean nothing."""
+    keys = predictor.place_keys(features)
+    assert keys is not None
+    rows = 2 * np.random.default_rng(0).permutation(len(features))
+    every, every_key = (np.zeros((2 * len(part), part.shape[1]), part.dtype) for part in (features, keys))
+    every[rows], every_key[rows] = features, keys
+    return HeldFeatures(every, every_key, rows)
+
+
+@pytest.mark.parametrize("count", [30, 240])
+def test_of_held_features_it_says_the_same_to_the_last_bit(count: int) -> None:
+    predictor = NetworkPredictor(PairNetwork(SMALL), "")
+    features = np.tile(predictor.encode(tiny_observations(30)), (8, 1))[:count]
+    direct = predictor.predict(features[:1], features)
+    among = predictor.predict_among(features[:1], held(predictor, features))
+    assert [part.tobytes() for part in among] == [part.tobytes() for part in direct]
 
 
 def test_an_image_of_another_size_is_refused_with_advice(predictor: NetworkPredictor) -> None:

@@ -77,14 +77,12 @@ def _record(steps: nn.Module, sources: Tensor, targets: Tensor) -> torch.jit.Scr
 
 PREFILTER_FROM = 200
 """A single source with at least this many targets is compared in full with the most similar ones alone."""
-
-_PLACE_SHARE = 20
 PREFILTER_KEEP = 96
 """Number of targets that are compared in full then."""
-PLACE_KEEP = 2_000
-"""Of more targets than this only the best by their place score are matched at all, but at least one in twenty.
+PLACE_KEEP, _PLACE_SHARE = 2_000, 0.05
+"""Number of targets, or share of them if that is more, whose place scores are good enough to be compared at all.
 
-Among 5,100 images of two apartments the best node of 90 looks was always among the first 241.
+Among 5,100 images of two apartments the best node of each of 90 looks was among the first 241.
 """
 
 _IMAGES_AT_ONCE = 64
@@ -212,7 +210,7 @@ class NetworkPredictor:
         row = self._tensor(source)
         logits = self._network.place_scores(row, self._tensor(held.keys[held.rows]))
         near = np.arange(len(held.rows))
-        keep = max(PLACE_KEEP, len(near) // _PLACE_SHARE)
+        keep = max(PLACE_KEEP, int(_PLACE_SHARE * len(near)))
         if len(near) > keep:
             near = np.sort(logits.topk(keep).indices.cpu().numpy())
         likeness = self._network.likeness(row, held.features, held.rows[near])

@@ -1,7 +1,8 @@
-"""Keeps freed memory in the process, because returning it to the system costs a fifth of a training step or search.
+"""Settings of glibc's malloc that keep freed memory in the process.
 
 A step frees and allocates arrays of about ten megabytes again and again. By default glibc returns such blocks to the
-system at once, and the kernel must clear every page of the next block. What needed far more gives it back.
+system at once, and the kernel must clear every page of the next block, which takes a fifth of a training step or
+search. Code that needed far more memory than usual returns it with `return_freed_memory`.
 """
 
 import ctypes
@@ -15,7 +16,7 @@ _MMAP_THRESHOLD = -3
 """Names of glibc's mallopt(3)."""
 
 _LARGEST_ON_HEAP = 32 * 2**20
-"""The most that glibc accepts; larger blocks still come from the system and go back to it."""
+"""Largest threshold that glibc accepts, in bytes; larger blocks are still returned to the system."""
 
 
 def retain_freed_memory() -> bool:
@@ -30,7 +31,7 @@ def retain_freed_memory() -> bool:
 
 
 def return_freed_memory() -> None:
-    """Return what is free now to the system, after something that needed far more than is usual."""
+    """Return the memory that is free now to the system, after work that needed far more than usual."""
     try:
         ctypes.CDLL(None).malloc_trim(0)
     except (OSError, AttributeError):

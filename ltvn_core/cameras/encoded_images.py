@@ -215,7 +215,7 @@ def _check_chunks(header: Image.Image, blob: bytes, source: str) -> None:
 
 
 def _damaged(blob: bytes, source: str) -> str:
-    return f"{source} cannot be decoded: its {len(blob):,} bytes are damaged or cut."
+    return f"{source} cannot be decoded: its {len(blob):,} bytes are damaged or truncated."
 
 
 def _too_large(source: str) -> DriveError:

@@ -23,7 +23,7 @@ from ltvn_core.network.training_examples import FarCriterion, SceneExamples
 from ltvn_core.types import Predictor
 
 _ONLY_OTHER_SCENES = FarCriterion(distance_m=1e6, yaw_rad=4.0)
-"""Larger than any scene, so that only pairs of different scenes are far."""
+"""Limits larger than any scene, so that only pairs of different scenes are far."""
 
 
 def baseline_hyperparameters(learning: Hyperparameters, *, even_distances: bool) -> Hyperparameters:

@@ -25,12 +25,12 @@ def gpu_count() -> int:
 def choose_device(rank: int = 0) -> torch.device:
     """Return the GPU of a process if there is one, else the CPU, and make it torch's default device."""
     if gpu_count() == 0:
-        log.info("learning on the processors, %d threads per process", torch.get_num_threads())
+        log.info("training on the CPU, %d threads per process", torch.get_num_threads())
         return CPU
     device = torch.device("cuda", rank % gpu_count())
     torch.cuda.set_device(device)
     torch.set_default_device(device)  # For new tensors; arrays are converted by `to_tensor`.
-    log.info("learning on %s: %s", device, torch.cuda.get_device_name(device))
+    log.info("training on %s: %s", device, torch.cuda.get_device_name(device))
     return device
 
 

@@ -345,7 +345,7 @@ def normalize_matching(strength: Tensor, row_unmatched: Tensor, column_unmatched
 def what_matches_tell(target: ImageFeatures) -> Tensor:
     """Return (P, T, 1 + 3 + V) for target tokens: 1 if they have depth, else 0, then their points and values."""
     has_depth = (target.points[..., :1] > 0).to(target.points.dtype)
-    # The mask is the first column, so that one product gives the sums and the mass by which they are divided.
+    # The mask is the first column, so that one product gives both the sums and their divisor.
     return torch.cat([has_depth, target.points, target.values.float() * has_depth], dim=-1)
 
 

@@ -29,7 +29,7 @@ SLOPE = 20.0
 _LEAST = 1e-6
 _IMAGES_AT_ONCE = 32
 _MEAN, _SPREAD = 127.0, 128.0
-"""Mean and spread by which pixel values are normalised, as when the weights were trained."""
+"""Mean and divisor that normalise pixel values, as in the training of the weights."""
 
 
 class EfficientNetRecogniser:

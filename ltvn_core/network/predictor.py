@@ -273,7 +273,7 @@ def _checked(observation: Observation) -> Observation:
     if observation.rgb.shape != (*expected, 3) or depth.shape != expected:
         raise ImageError(
             f"Image {observation.step} is {observation.rgb.shape[:2]} with depth {depth.shape}; the network takes "
-            f"{expected} (rows, columns). Let it in through ltvn_core.preprocessing.preprocess_observation, which "
+            f"{expected} (rows, columns). Preprocess it with ltvn_core.preprocessing.preprocess_observation, which "
             "rectifies images of any camera."
         )
     return observation

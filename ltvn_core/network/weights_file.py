@@ -112,8 +112,8 @@ def _weights_below(named: Any, path: Path) -> Path:
     below = shipped_weights(Path(str(wanted.get("name"))).name)
     if not below.is_file() or weights_fingerprint(below) != wanted.get("fingerprint"):
         raise WeightsError(
-            f"{path}: adds layers to the weights {wanted.get('fingerprint')}, and {below.name} of this version are "
-            "others; train them again with `ltvn baseline`."
+            f"{path}: adds layers to the weights {wanted.get('fingerprint')}, but {below.name} of this version is "
+            "different; train the layers again with `ltvn baseline`."
         )
     return below
 
@@ -121,8 +121,8 @@ def _weights_below(named: Any, path: Path) -> Path:
 def _no_weights(path: Path) -> str:
     if path.parent == SHIPPED_WEIGHTS.parent:
         return (
-            f"{path}: an installed package leaves the weights of the baselines out, for their size. Use a checkout of "
-            f"the repository, or make them with `ltvn baseline {path.stem}` and name them with --weights."
+            f"{path}: the installed package does not include the weights of the baselines. Use a checkout of the "
+            f"repository, or train them with `ltvn baseline {path.stem}` and name them with --weights."
         )
     return f"{path}: there are no weights; train some with `ltvn train` or name another file."
 

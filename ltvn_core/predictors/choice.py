@@ -75,7 +75,7 @@ class ImageSource:
             return _for_real_images("the drive was imported")
         if not have_same_rays(self.camera, LOCOBOT.camera):
             return _for_real_images(f"the camera, {self.camera.width} x {self.camera.height}, is not the simulator's")
-        return PredictorChoice(FOR_SIMULATED_IMAGES, "the camera is the one that it learned with")
+        return PredictorChoice(FOR_SIMULATED_IMAGES, "the camera is the one of its training images")
 
 
 def recorded_predictor(config: Mapping[str, Any], fingerprint: str) -> str | None:

@@ -360,6 +360,6 @@ def requested_calibration(request: PredictorRequest) -> Calibration | None:
     if weights is None:
         return None
     if weights.suffix == _NETWORK_SUFFIX:
-        log.warning("The geometric predictor has no use for %s, weights of the network; it takes its own.", weights)
+        log.warning("The geometric predictor ignores %s (weights of the network) and uses its calibration.", weights)
         return None
     return read_calibration(weights)

@@ -195,8 +195,8 @@ class FeatureExtractor:
         if observation.rgb.shape != (*shape, 3) or (depth is not None and depth.shape != shape):
             raise ImageError(
                 f"Image {observation.step} is {observation.rgb.shape[:2]}; this geometric predictor takes {shape} "
-                "(rows, columns). Let it in through ltvn_core.preprocessing.preprocess_observation, which rectifies "
-                "images of any camera, or make the predictor for the camera that took it."
+                "(rows, columns). Preprocess it with ltvn_core.preprocessing.preprocess_observation, which rectifies "
+                "images of any camera, or create the predictor for the camera of the image."
             )
         if depth is None:
             return observation.rgb, np.zeros(shape, np.float32)

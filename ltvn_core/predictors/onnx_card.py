@@ -156,7 +156,7 @@ def _complete(card: OnnxCard) -> OnnxCard:
     if not (card.reachability or card.distance):
         raise ValueError("[outputs] needs reachability or distance, or embedding for a place descriptor")
     if not (card.pose or card.waypoints):
-        raise ValueError("[outputs] needs pose or waypoints, for a map must know where the target is")
+        raise ValueError("[outputs] needs pose or waypoints, because a map needs the pose of the target")
     return card
 
 

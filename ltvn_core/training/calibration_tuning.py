@@ -302,7 +302,7 @@ def tune_calibration(
     if not any(pairs.found):
         raise RecordingError(
             f"{recording.path}: no two of its {len(seen)} images have key points in common, so there is nothing to "
-            "learn from. Are they blurred or dark, or is the lens another one than the recording says?"
+            "learn from. Are they blurred or dark, or does the recording name a wrong lens?"
         )
     parent = predictor.calibration
     adaptation = adapt(pairs.labelled(parent.room_depth_m), parent, shipped_comparisons(), pairs.rescaled())

@@ -245,7 +245,7 @@ def _finished_earlier(output: Path, run: Mapping[str, Any]) -> FineTunedWeights 
         or any(made_by[key] != run[key] for key in made_by.keys() & run.keys())
     ):
         raise WeightsError(
-            f"{output} exists and is from another run; it is not overwritten. Name another output, or move the file."
+            f"{output} exists and was made otherwise; nothing is overwritten. Name another output, or move that away."
         )
     return _summary(output)
 

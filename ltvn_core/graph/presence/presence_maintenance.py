@@ -1,6 +1,6 @@
 """Maintenance that separates the existence of an edge from its presence: pure functions as in `graph.maintenance`.
 
-Owns the rule by which an attempt is an observation of presence. Prunes permanently only edges that never existed.
+Owns the decision whether an attempt is an observation of presence. Prunes permanently only edges that never existed.
 """
 
 from dataclasses import dataclass, replace

@@ -374,8 +374,8 @@ class Validation:
                 (self._folder / _BEST).write_text(json.dumps(asdict(found)), encoding="utf-8")
         except OSError as error:
             raise WeightsError(
-                f"{self._folder}: figures could not be written ({error}); free some space and run again, which goes "
-                "on from the last checkpoint."
+                f"{self._folder}: metrics could not be written ({error}); free some space and run again to resume from "
+                "the last checkpoint."
             ) from error
 
 

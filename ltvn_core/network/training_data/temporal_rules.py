@@ -33,7 +33,7 @@ class TemporalLabelRule(ABC):
 
     @abstractmethod
     def labels_by_steps(self, steps: NDArray[np.integer], rng: np.random.Generator) -> NDArray[np.int8]:
-        """Return the labels (P,) of targets so many steps after their sources."""
+        """Return the labels (P,) of targets at the given numbers of steps (P,) after their sources."""
 
     def labels(
         self,
@@ -68,7 +68,7 @@ class TemporalClosenessRule(TemporalLabelRule):
         return self.near_steps * self.margin
 
     def labels_by_steps(self, steps: NDArray[np.integer], rng: np.random.Generator) -> NDArray[np.int8]:
-        """Return the labels (P,) of targets so many steps after their sources."""
+        """Return the labels (P,) of targets at the given numbers of steps (P,) after their sources."""
         near = (steps > 0) & (steps <= self.near_steps)
         far = np.abs(steps) >= self.far_steps
         return np.where(near, REACHABLE, np.where(far, UNREACHABLE, UNKNOWN)).astype(np.int8)
@@ -89,7 +89,7 @@ class TemporalDistanceRule(TemporalLabelRule):
         return self.horizon
 
     def labels_by_steps(self, steps: NDArray[np.integer], rng: np.random.Generator) -> NDArray[np.int8]:
-        """Return the labels (P,) of targets so many steps after their sources."""
+        """Return the labels (P,) of targets at the given numbers of steps (P,) after their sources."""
         drawn = rng.random(len(steps)) < np.exp(-np.clip(steps, 0, self.horizon) / self.tau)
         forward = np.where(drawn, REACHABLE, UNREACHABLE)
         backward = np.where(steps <= -self.far_steps, UNREACHABLE, UNKNOWN)

@@ -33,7 +33,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, slots=True)
 class KeyframeSelection:
-    """Which images of a drive are kept, and where it is split (all values are ours)."""
+    """Thresholds for the selection of keyframes, and for splitting a drive at jumps (all values are ours)."""
 
     keep_m: float = 0.1
     """Distance since the last kept image after which the next is kept, in metres."""
@@ -183,7 +183,7 @@ _PAIRS_AT_ONCE = 4096
 _MOST_PAIRS = 80_000
 """Largest number of pairs of a drive; of more pairs, a random sample is used."""
 _HELD_OUT_EVERY = 7
-"""Number of sections of the drive of which one is held out for validation."""
+"""Every n-th section of the drive is held out for validation."""
 
 
 class LabelRule(Protocol):

@@ -24,7 +24,7 @@ def retain_freed_memory() -> bool:
     try:
         mallopt = ctypes.CDLL(None).mallopt
     except (OSError, AttributeError):
-        log.debug("The C library has no mallopt; freed memory is handled by its defaults.")
+        log.debug("The C library has no mallopt; it handles freed memory by its defaults.")
         return False
     settings = ((_MMAP_THRESHOLD, _LARGEST_ON_HEAP), (_TRIM_THRESHOLD, 2**31 - 1), (_TOP_PAD, 2**28))
     return all(mallopt(*setting) == 1 for setting in settings)
@@ -35,4 +35,4 @@ def return_freed_memory() -> None:
     try:
         ctypes.CDLL(None).malloc_trim(0)
     except (OSError, AttributeError):
-        log.debug("The C library has no malloc_trim; freed memory is returned by its defaults.")
+        log.debug("The C library has no malloc_trim; it returns freed memory by its defaults.")

@@ -83,7 +83,7 @@ class FilteredPresence:
         return dict(zip(self._known, map(float, found), strict=True))
 
     def observe(self, graph: TopologicalGraph, obstruction: Obstruction, stamp: float) -> tuple[PresenceObserved, ...]:
-        """Return observations that the edges which it closes are blocked."""
+        """Return observations of all edges that it closes as blocked."""
         return obstructed_deltas(graph, obstruction, stamp)
 
     def observe_open(

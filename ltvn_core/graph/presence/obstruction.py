@@ -49,7 +49,7 @@ class Obstruction:
     points: FloatArray
     """(M, 2) points of the obstacle in metres, x forward and y left of the node."""
     known: FloatArray
-    """(M', 2) other obstacle points nearby, which are known from the map."""
+    """(M', 2) other obstacle points nearby, which were always there."""
     stopped: bool
     """Whether it stopped the robot on the driven edge, whose source is `node`."""
 

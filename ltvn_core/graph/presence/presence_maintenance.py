@@ -22,7 +22,7 @@ _SAME_PLACE_M, _SAME_YAW_RAD = 0.4, 0.4
 """Largest difference from odometry, in metres and radians, at which an edge between consecutive images counts as driven
 during mapping."""
 _LEAST_FAILURES = 3
-"""Least number of failed attempts of an edge before it may be pruned permanently."""
+"""Least number of queries in which an edge has failed before it may be pruned permanently."""
 
 
 @dataclass(frozen=True, slots=True)

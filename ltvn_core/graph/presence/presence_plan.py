@@ -41,8 +41,8 @@ def plan_by_presence(
         penalties: Additional costs of edges in this query.
         open_now: p(open) of edges that may be closed.
         belief_weight: Weight of -ln p in the cost of an edge.
-        tries: Number of times that a closed edge was tried in this query; after the first, an edge with a p(open) below
-            `HOPELESS_BELOW` is not tried again.
+        tries: Number of times that a closed edge was tried in this query. After the first, a detour is preferred;
+            without one, a closed edge is tried again only if its p(open) is at least `HOPELESS_BELOW`.
     """
     closed = {edge for edge, p in open_now.items() if p < OPEN_ABOVE}
     costs = dict(penalties)

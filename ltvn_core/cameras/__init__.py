@@ -1,1 +1,1 @@
-"""Cameras: how a lens projects, how it is mounted, and how one camera's picture becomes another's."""
+"""Cameras: projection, mounting, rectification, and reading of colour and depth images."""

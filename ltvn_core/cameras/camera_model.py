@@ -1,12 +1,12 @@
-"""A camera: its size, its lens, and how it is mounted on the robot.
+"""The camera model: image size, lens, and mounting on the robot.
 
 Owns projection and its inverse between pixels and points in the robot's frame: x forward, y left, z up, in metres, with
-the origin on the floor below the camera. Pixels are counted as in OpenCV and ROS: the centre of the left upper pixel is
-(0, 0). Owns no pictures; `ltvn_core.cameras.rectification` turns one camera's picture into another's.
+the origin on the floor below the camera. Pixel coordinates are as in OpenCV and ROS: the centre of the upper left pixel
+is (0, 0). `ltvn_core.cameras.rectification` converts images of one camera to those of another.
 
-Distortion is that of OpenCV and ROS: Brown-Conrady for ordinary lenses, Kannala-Brandt for fisheyes, between ideal and
-distorted points (right, down) in metres on the plane one metre before the lens. Owns how far a lens sees at all: beyond
-that the polynomial folds back, and OpenCV would go on.
+The distortion models are those of OpenCV and ROS: Brown-Conrady for ordinary lenses and Kannala-Brandt for fisheyes.
+They map between ideal and distorted points (right, down) in metres on the plane one metre in front of the lens. Owns
+the valid range of a lens: beyond it the polynomial folds back, which OpenCV does not check.
 """
 
 import math
@@ -23,25 +23,25 @@ from numpy.typing import ArrayLike, NDArray
 from ltvn_core.errors import CameraError
 
 Points: TypeAlias = NDArray[np.float64]
-"""(..., 2): right and down, at one metre of depth."""
+"""(..., 2) points: right and down, at one metre of depth."""
 PLUMB_BOB_COUNTS = (0, 4, 5, 8)
-"""Coefficients of an ordinary lens: none; k1 k2 p1 p2; then k3; then k4 k5 k6."""
+"""Possible numbers of coefficients of an ordinary lens: none; k1 k2 p1 p2; also k3; also k4 k5 k6."""
 FISHEYE_COUNT = 4
-"""Coefficients of a fisheye: k1 k2 k3 k4."""
+"""Number of coefficients of a fisheye: k1 k2 k3 k4."""
 _WIDEST_RADIUS = 10.0
-"""An ordinary lens that does not fold up to here (84 degrees off its axis) never does."""
+"""Radius (84 degrees off the axis) up to which an ordinary lens is checked for folding back."""
 _TOLERANCE = 1e-8
 _CRITERIA = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-12)
 _NO_CAMERA = np.eye(3)
-"""Points are on the plane one metre before the lens already."""
+"""Identity camera matrix for OpenCV, because points are already on the plane one metre in front of the lens."""
 MILLIMETRES = 0.001
 """`depth_scale` of depth images in whole millimetres, as ROS's 16UC1."""
 MAX_SIDE_PX = 65_535
-"""The widest and the highest picture that a JPEG holds."""
+"""Largest width and height of an image in pixels, the limit of JPEG."""
 
 
 def distort(points: Points, coefficients: tuple[float, ...]) -> Points:
-    """Return where an ordinary lens puts ideal points (..., 2); NaN for points beyond what it can see."""
+    """Return the distorted points (..., 2) of ideal points for an ordinary lens; NaN outside its valid range."""
     if not coefficients:
         return points
     beyond = np.hypot(points[..., 0], points[..., 1]) > _largest_radius(coefficients)
@@ -59,23 +59,23 @@ def _plumb_bob(points: Points, coefficients: tuple[float, ...]) -> Points:
 
 
 def undistort(points: Points, coefficients: tuple[float, ...]) -> Points:
-    """Return the ideal points (..., 2) that an ordinary lens shows at `points`; NaN where there is none."""
+    """Return the ideal points (..., 2) of distorted points for an ordinary lens; NaN where there is none."""
     if not coefficients:
         return points
     known = np.array(coefficients)
     ideal = _for_all(points, lambda flat: cv2.undistortPoints(flat, _NO_CAMERA, known, criteria=_CRITERIA))
-    # Beyond the lens's own range the search ends somewhere, and only going back shows that it is nowhere.
+    # Outside the lens's valid range the search returns an arbitrary point, which only distorting it again reveals.
     missed = ~(np.abs(distort(ideal, coefficients) - points).max(axis=-1) < _TOLERANCE)
     return np.where(missed[..., None], np.nan, ideal)
 
 
 def distort_fisheye(points: Points, coefficients: tuple[float, ...]) -> Points:
-    """Return where a fisheye puts ideal points (..., 2)."""
+    """Return the distorted points (..., 2) of ideal points for a fisheye."""
     return _for_all(points, lambda flat: cv2.fisheye.distortPoints(flat, _NO_CAMERA, np.array(coefficients)))
 
 
 def undistort_fisheye(points: Points, coefficients: tuple[float, ...]) -> Points:
-    """Return the ideal points (..., 2) that a fisheye shows at `points`; NaN where it looks sideways or back."""
+    """Return the ideal points (..., 2) of distorted points for a fisheye; NaN where it looks sideways or back."""
     known = np.array(coefficients)
     ideal = _for_all(points, lambda flat: cv2.fisheye.undistortPoints(flat, _NO_CAMERA, known, criteria=_CRITERIA))
     missed = ~(np.abs(distort_fisheye(ideal, coefficients) - points).max(axis=-1) < _TOLERANCE)
@@ -83,7 +83,7 @@ def undistort_fisheye(points: Points, coefficients: tuple[float, ...]) -> Points
 
 
 def _for_all(points: Points, function: Callable[[Points], MatLike]) -> Points:
-    """Return points (..., 2) after an OpenCV function of (N, 1, 2), which has no answer for no points."""
+    """Apply an OpenCV function of (N, 1, 2) to points (..., 2); it is not called with an empty array."""
     if not points.size:
         return points
     found = function(np.ascontiguousarray(points.reshape(-1, 1, 2)))
@@ -92,7 +92,7 @@ def _for_all(points: Points, function: Callable[[Points], MatLike]) -> Points:
 
 @lru_cache(maxsize=32)
 def _largest_radius(coefficients: tuple[float, ...]) -> float:
-    """Return how far from the axis the polynomial is a lens: beyond, it folds back into the picture."""
+    """Return the radius of a lens's valid range, beyond which its polynomial folds back into the image."""
     radii = np.linspace(0, _WIDEST_RADIUS, 4001)
     seen = _plumb_bob(
         np.stack([radii, np.zeros_like(radii)], axis=-1), (*coefficients[:2], 0.0, 0.0, *coefficients[4:])
@@ -103,12 +103,12 @@ def _largest_radius(coefficients: tuple[float, ...]) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraModel:
-    """The size, lens and mounting of a camera. Raises CameraError when a field cannot be right."""
+    """The image size, lens and mounting of a camera. Raises CameraError for an invalid field."""
 
     width: int
-    """Columns of its picture."""
+    """Width of its images in pixels."""
     height: int
-    """Rows of its picture."""
+    """Height of its images in pixels."""
     fx: float
     """Focal length along a row, in pixels."""
     fy: float
@@ -120,15 +120,15 @@ class CameraModel:
     distortion: tuple[float, ...] = ()
     """OpenCV's coefficients: none, k1 k2 p1 p2, with k3, with k4 k5 k6; for a fisheye k1 k2 k3 k4."""
     fisheye: bool = False
-    """The lens is a fisheye (OpenCV's `fisheye`, ROS's `equidistant`)."""
+    """Whether the lens is a fisheye (OpenCV's `fisheye`, ROS's `equidistant`)."""
     height_m: float = 0.0
-    """Height of the optical centre above the floor."""
+    """Height of the optical centre above the floor, in metres."""
     pitch_rad: float = 0.0
-    """Tilt of the optical axis, upwards positive; 0 is level."""
+    """Pitch of the optical axis in radians, positive upwards; 0 is level."""
     roll_rad: float = 0.0
-    """Turn about the optical axis; positive lowers the camera's right side."""
+    """Roll about the optical axis in radians; positive lowers the camera's right side."""
     quarter_turns: int = 0
-    """How often its picture must be turned by 90 degrees counter-clockwise (`numpy.rot90`) to stand upright."""
+    """Number of counter-clockwise rotations by 90 degrees (`numpy.rot90`) that make its images upright."""
     depth_scale: float = 1.0
     """Metres per unit of its depth image: 1 for metres, 0.001 for millimetres."""
 
@@ -147,7 +147,7 @@ class CameraModel:
         height_m: float = 0.0,
         pitch_rad: float = 0.0,
     ) -> Self:
-        """Return a camera with square pixels and a centred, undistorted lens that sees so wide an angle."""
+        """Return a camera with square pixels and a centred, undistorted lens of the given field of view."""
         if not 0 < horizontal_fov_rad < math.pi:
             raise CameraError(
                 f"A horizontal field of view must lie between 0 and 180 degrees, got "
@@ -167,7 +167,7 @@ class CameraModel:
 
     @classmethod
     def from_json(cls, fields: Mapping[str, Any]) -> Self:
-        """Read what `to_json` wrote, or the five keys of recordings made before cameras had a lens of their own.
+        """Read the output of `to_json`, or the five keys of recordings from before cameras had a lens model.
 
         Raises TypeError, KeyError or CameraError for anything else.
         """
@@ -176,40 +176,40 @@ class CameraModel:
         return cls(**{**fields, "distortion": tuple(fields["distortion"])})
 
     def to_json(self) -> dict[str, Any]:
-        """Return all fields as JSON takes them."""
+        """Return all fields as JSON values."""
         return {**asdict(self), "distortion": list(self.distortion)}
 
     @property
     def horizontal_fov_rad(self) -> float:
-        """Angle between the left and the right border of the middle row."""
+        """Angle in radians between the left and the right border of the middle row."""
         if self.distortion or self.fisheye:
             return self._angle_between((-0.5, self.cy), (self.width - 0.5, self.cy))
         return float(np.arctan((self.cx + 0.5) / self.fx) + np.arctan((self.width - 0.5 - self.cx) / self.fx))
 
     @property
     def vertical_fov_rad(self) -> float:
-        """Angle between the upper and the lower border of the middle column."""
+        """Angle in radians between the upper and the lower border of the middle column."""
         if self.distortion or self.fisheye:
             return self._angle_between((self.cx, -0.5), (self.cx, self.height - 0.5))
         return float(np.arctan((self.cy + 0.5) / self.fy) + np.arctan((self.height - 0.5 - self.cy) / self.fy))
 
     def _angle_between(self, *pixels: tuple[float, float]) -> float:
-        """Return the angle from one border of the picture to the other; where it looks sideways, 90 degrees a side."""
+        """Return the angle between two borders of the image, at most 90 degrees to each side."""
         away = np.linalg.norm(self.pixels_to_rays(np.array(pixels)), axis=1)
         return float(np.arctan(np.nan_to_num(away, nan=np.inf)).sum())
 
     @property
     def aspect(self) -> float:
-        """Width over height of its picture."""
+        """Aspect ratio of its images, width over height."""
         return self.width / self.height
 
     @property
     def is_ideal(self) -> bool:
-        """Whether its picture stands upright and is free of distortion, as all pictures are behind the door."""
+        """Whether its images are upright and free of distortion, as all images are after preprocessing."""
         return not (self.distortion or self.fisheye or self.quarter_turns or self.roll_rad)
 
     def scaled(self, width: int, height: int) -> "CameraModel":
-        """Return the same camera with its picture resized; its lens and mounting stay."""
+        """Return the same camera with resized images; lens and mounting stay."""
         across = width / self.width
         down = height / self.height
         return replace(
@@ -225,7 +225,7 @@ class CameraModel:
     def project(self, points: ArrayLike) -> NDArray[np.float64]:
         """Return columns and rows (..., 2) of points (..., 3) in the robot's frame; NaN for points behind the lens.
 
-        A point outside the picture has a pixel outside it.
+        A point outside the field of view has a pixel outside the image.
         """
         points = np.asarray(points, np.float64)
         ray = (points - np.array([0.0, 0.0, self.height_m])) @ self.rotation
@@ -240,22 +240,22 @@ class CameraModel:
         left = -right_down[..., 0] * ahead
         up = -right_down[..., 1] * ahead
         if not (self.pitch_rad or self.roll_rad or self.quarter_turns):
-            # Nothing to rotate; so that a level camera's points are exact.
+            # A level camera needs no rotation, so its points are exact.
             return np.stack([ahead, left, up + self.height_m], axis=-1)
         return np.stack([ahead, left, up], axis=-1) @ self.rotation.T + np.array([0.0, 0.0, self.height_m])
 
     def unproject_image(self, depth_m: NDArray[np.floating]) -> NDArray[np.float64]:
-        """Return the points (M, 3) in the robot's frame of a depth image (H, W) in metres; 0 has no point."""
+        """Return the points (M, 3) in the robot's frame of a depth image (H, W) in metres; pixels of 0 have none."""
         rows, columns = np.nonzero(depth_m > 0)
         return self.unproject(np.stack([columns, rows], axis=-1), depth_m[rows, columns])
 
     def pixels_to_rays(self, pixels: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return how far right and down (..., 2) of its axis the lens sees pixels (..., 2), at one metre of depth."""
+        """Return the rays (..., 2) of pixels (..., 2): right and down of the axis, at one metre of depth."""
         plane = (pixels - np.array([self.cx, self.cy])) / np.array([self.fx, self.fy])
         return (undistort_fisheye if self.fisheye else undistort)(plane, self.distortion)
 
     def rays_to_pixels(self, rays: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the pixels (..., 2) at which the lens sees rays (..., 2); the inverse of `pixels_to_rays`.
+        """Return the pixels (..., 2) of rays (..., 2); the inverse of `pixels_to_rays`.
 
         NaN for rays farther off the axis than an ordinary lens with this distortion can see.
         """
@@ -264,12 +264,12 @@ class CameraModel:
 
     @property
     def rotation(self) -> NDArray[np.float64]:
-        """(3, 3): takes a direction (forward, left, up) as the camera delivers it to the robot's frame."""
+        """(3, 3) rotation from the axes of the camera's images (forward, left, up) to the robot's frame."""
         sin, cos = _sin_cos(self.pitch_rad)
         pitch = np.array([[cos, 0.0, -sin], [0.0, 1.0, 0.0], [sin, 0.0, cos]])
         sin, cos = _sin_cos(self.roll_rad)
         roll = np.array([[1.0, 0.0, 0.0], [0.0, cos, -sin], [0.0, sin, cos]])
-        # Turning a picture counter-clockwise moves what is on its right (minus left) to its top.
+        # A counter-clockwise rotation moves the right side of an image (minus left) to its top.
         quarter = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])
         return pitch @ roll @ np.linalg.matrix_power(quarter, self.quarter_turns).astype(np.float64)
 
@@ -313,7 +313,7 @@ def _is_side(pixels: object) -> bool:
 def _finite(*values: float) -> bool:
     try:
         return all(math.isfinite(value) for value in values)
-    except (TypeError, OverflowError):  # No number at all, or one too large for any unit.
+    except (TypeError, OverflowError):  # Not a number, or one that is too large to convert.
         return False
 
 

@@ -1,7 +1,7 @@
-"""What a depth image shows of the things that stop a robot, as points on the floor.
+"""Obstacle points on the floor from a depth image.
 
-Owns which heights are solid and how densely an image is read, and reads an image of a map once. What the robot saw on
-its way is remembered elsewhere (`navigation.obstacle_memory`).
+Owns the heights at which points are obstacles, the sampling of an image, and a cache for images of a map. Obstacles
+seen while driving are stored in `navigation.obstacle_memory`.
 """
 
 from weakref import WeakKeyDictionary
@@ -14,38 +14,38 @@ from ltvn_core.geometry import rotation
 from ltvn_core.types import Depth, Observation, Pose
 
 RELEVANT_RANGE_M = 1.5
-"""Things farther away cannot matter before the next image."""
+"""Largest distance of obstacles in metres; farther ones cannot matter before the next image."""
 _FLOOR_M, TABLE_M = 0.04, 0.65
-"""Between these heights above the floor things stop a robot, as far as its own height is unknown."""
+"""Lowest and highest height of obstacles above the floor, in metres, for a robot of unknown height."""
 _EVERY_PIXEL = 2
 _READ: WeakKeyDictionary[Observation, dict[tuple[CameraModel, float, float], NDArray[np.float64]]] = WeakKeyDictionary()
-"""What images that are at hand show; forgotten with the image."""
+"""Cache of the obstacle points of images in memory; an entry is dropped with its image."""
 
 
 def points_within(depth: Depth, camera: CameraModel, range_m: float) -> NDArray[np.float64]:
-    """Return the points (M, 3) in the robot's frame that an image shows within a range, from every second pixel."""
+    """Return the points (M, 3) of a depth image within a range, in the robot's frame, from every second pixel."""
     sparse = depth[::_EVERY_PIXEL, ::_EVERY_PIXEL]
     rows, columns = np.nonzero((sparse > 0) & (sparse < range_m))
     return camera.unproject(np.stack([columns, rows], axis=-1) * _EVERY_PIXEL, sparse[rows, columns])
 
 
 def depths_within(depth: Depth, range_m: float) -> Depth:
-    """Return the depths (M,) of the same points, in the same order."""
+    """Return the depths (M,) of the points of `points_within`, in the same order."""
     sparse = depth[::_EVERY_PIXEL, ::_EVERY_PIXEL]
     return sparse[(sparse > 0) & (sparse < range_m)]
 
 
 def are_solid(points: NDArray[np.float64], height_m: float = TABLE_M) -> NDArray[np.bool_]:
-    """Tell which points (M, 3) are at a height at which they stop a robot of `height_m`."""
+    """Return which points (M, 3) are at the height of obstacles for a robot of `height_m`."""
     return (points[:, 2] > _FLOOR_M) & (points[:, 2] < height_m)
 
 
 def obstacle_points(
     depth: Depth | None, camera: CameraModel, range_m: float = RELEVANT_RANGE_M, height_m: float = TABLE_M
 ) -> NDArray[np.float64]:
-    """Return (M, 2) x forward, y left of what a robot of `height_m` could hit within a range, from every second pixel.
+    """Return the obstacle points (M, 2), x forward and y left, for a robot of `height_m`, from every second pixel.
 
-    Without depth that is nothing: only the bumper then knows of obstacles.
+    Without depth there are none: then only the bumper detects obstacles.
     """
     if depth is None:
         return np.empty((0, 2))
@@ -56,7 +56,7 @@ def obstacle_points(
 def map_points(
     image: Observation, camera: CameraModel, range_m: float, height_m: float = TABLE_M
 ) -> NDArray[np.float64]:
-    """Return the `obstacle_points` (M, 2) of an image of a map, which is asked about again and again; read only."""
+    """Return the `obstacle_points` (M, 2) of an image of a map, with a cache; the array is read-only."""
     read = _READ.setdefault(image, {})
     if (points := read.get((camera, range_m, height_m))) is None:
         points = read[camera, range_m, height_m] = obstacle_points(image.depth, camera, range_m, height_m)
@@ -65,5 +65,5 @@ def map_points(
 
 
 def transform_points(points: NDArray[np.float64], pose: Pose) -> NDArray[np.float64]:
-    """Return (M, 2) points seen from a pose (3,), in the frame that the pose is given in."""
+    """Transform points (M, 2) from the frame of a pose (3,) to the frame in which the pose is given."""
     return points @ rotation(float(pose[2])).T + pose[:2]

@@ -1,6 +1,6 @@
-"""What one depth image saw from above: per bearing how far away the nearest solid thing is.
+"""A planar range scan from a depth image, like that of a lidar: the nearest obstacle in each bearing.
 
-Owns bearings and their edges. Compares nothing.
+Owns the bins of bearings, and the margins at both sides of an image.
 """
 
 import math
@@ -15,31 +15,30 @@ from ltvn_core.geometry import invert
 from ltvn_core.types import Observation, Pose
 
 RANGE_M = 4.0
-"""Images are read so far."""
+"""Largest range of a scan in metres."""
 EDGE_RAD = math.radians(3.0)
-"""So near to the edge of an image nothing is known."""
+"""Width of the margin at each side of an image in which a scan is unknown, in radians."""
 _BEARING_STEP_RAD = math.radians(1.5)
 FREE_BEYOND_M = 0.3
-"""An image saw free floor at a place if it saw nothing until so far behind it."""
+"""Distance behind a place, in metres, up to which a scan must be free to show free floor at the place."""
 
 
 class DepthScan(NamedTuple):
-    """One image from above."""
+    """The range scan of one image."""
 
     stamp: float
     pose: Pose
-    """(3,) by odometry."""
+    """(3,) odometry pose of the image."""
     half_rad: float
     """Half the camera's horizontal field of view."""
     ranges_m: NDArray[np.float64]
-    """(B,) to the nearest solid thing per bearing, from the right; `RANGE_M` where there is none, 0 where nothing is
-    known."""
+    """(B,) ranges to the nearest obstacle per bearing, from right to left; `RANGE_M` without obstacle, 0 if unknown."""
 
     @classmethod
     def of(
         cls, camera: CameraModel, stamp: float, pose: Pose, seen: NDArray[np.float64], solid: NDArray[np.bool_]
     ) -> "DepthScan":
-        """Read an image from the points (M, 3) that it shows in the robot's frame, and which of them are solid."""
+        """Return the scan of an image, from its points (M, 3) in the robot's frame, and which of them are obstacles."""
         half_rad = camera.horizontal_fov_rad / 2
         ranges_m = np.zeros(int(2 * half_rad / _BEARING_STEP_RAD) + 1)
         place = np.clip(bearing_bins(np.arctan2(seen[:, 1], seen[:, 0]), half_rad), 0, len(ranges_m) - 1)
@@ -49,12 +48,12 @@ class DepthScan(NamedTuple):
 
     @classmethod
     def from_image(cls, seen: Observation, camera: CameraModel, pose: Pose) -> "DepthScan":
-        """Read an image taken at a pose (3,); one without depth shows nothing."""
+        """Return the scan of an image taken at a pose (3,); without depth, all ranges are unknown."""
         points = np.empty((0, 3)) if seen.depth is None else points_within(seen.depth, camera, RANGE_M)
         return cls.of(camera, seen.stamp, pose, points, are_solid(points))
 
     def polar(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return how far away (M,) and at which bearings (M,) of the image points (M, 2) of the odometry frame are."""
+        """Return distances (M,) and bearings (M,), relative to the image, of points (M, 2) in the odometry frame."""
         x, y, yaw = invert(self.pose)
         cos = np.cos(yaw)
         sin = np.sin(yaw)
@@ -63,31 +62,31 @@ class DepthScan(NamedTuple):
         return np.hypot(ahead, left), np.arctan2(left, ahead)
 
     def looks_past(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Tell at which points (M, 2) of the odometry frame nothing stands: the image shows what is behind."""
+        """Return which points (M, 2) of the odometry frame are free, because the image shows surfaces behind them."""
         away_m, bearing = self.polar(points)
         return self.inside(bearing) & reach_past(self.beside(bearing), away_m + FREE_BEYOND_M)
 
     def inside(self, bearing: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Tell which bearings (...) the image shows, its edges left out."""
+        """Return which bearings (...) are inside the image, without its margins."""
         return np.abs(bearing) < self.half_rad - EDGE_RAD
 
     def beside(self, bearing: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return (3, ...) the ranges at bearings (...) and next to them on both sides."""
+        """Return the ranges (3, ...) at bearings (...) and in the bins on both sides."""
         place = np.clip(bearing_bins(bearing, self.half_rad), 1, len(self.ranges_m) - 2)
         return self.ranges_m[np.stack([place - 1, place, place + 1])]
 
     def things(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return bearings (K,) in the odometry frame and ranges (K,) of the things shown, from right to left."""
+        """Return bearings (K,) in the odometry frame and ranges (K,) of all obstacles, from right to left."""
         seen = np.flatnonzero((self.ranges_m > 0) & (self.ranges_m < RANGE_M))
         return (seen + 0.5) * _BEARING_STEP_RAD - self.half_rad + self.pose[2], self.ranges_m[seen]
 
     def solid_points(self) -> NDArray[np.float64]:
-        """Return (K, 2) where these things are, in the odometry frame."""
+        """Return the positions (K, 2) of all obstacles in the odometry frame."""
         bearings, ranges_m = self.things()
         return self.pose[:2] + ranges_m[:, None] * np.stack([np.cos(bearings), np.sin(bearings)], axis=-1)
 
     def between(self, first_rad: float, last_rad: float) -> NDArray[np.float64] | None:
-        """Return (K,) all known ranges between two bearings; None where the image does not show all of these."""
+        """Return all known ranges (K,) between two bearings; None if the bearings are outside the image or unknown."""
         ends = np.array([first_rad, last_rad])
         if not self.inside(ends).all():
             return None
@@ -97,9 +96,9 @@ class DepthScan(NamedTuple):
 
 
 def reach_past(beside: NDArray[np.float64], away_m: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Tell (...) whether the ranges beside bearings (3, ...) end farther away than that (...).
+    """Return whether (...) the ranges beside bearings (3, ...) are all larger than a distance (...).
 
-    A bearing between two columns of pixels may show nothing; then those beside it decide.
+    One of the three bins may be unknown, because a bin can lie between two columns of pixels; then the others decide.
     """
     unknown = beside == 0
     is_past = (unknown | (beside > away_m)).all(axis=0)
@@ -107,5 +106,5 @@ def reach_past(beside: NDArray[np.float64], away_m: NDArray[np.float64]) -> NDAr
 
 
 def bearing_bins(bearing: NDArray[np.float64], half_rad: float) -> NDArray[np.intp]:
-    """Return in which place of a scan bearings (...) are."""
+    """Return the bins of a scan for bearings (...)."""
     return np.floor((bearing + half_rad) / _BEARING_STEP_RAD).astype(np.intp)

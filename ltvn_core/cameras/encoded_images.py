@@ -1,9 +1,9 @@
-"""Compressed images of strangers: their size is looked at before they are decoded, and damage is one clear error.
+"""Decoding of compressed images from untrusted files: checks their size before decoding, and raises one clear error.
 
-Pictures in HEIC, as phones take them, are read where pillow_heif is installed. Depth that RTAB-Map and ROS compressed
-by RVL (A. Wilson, *Fast Lossless Depth Image Compression*, ISS 2017) is runs of pixels without depth and with depth by
-turns, and depth is the difference to the pixel before; every number is three bits a nibble, the fourth says whether
-more follow.
+Images in HEIC, the format of many phones, are read if pillow_heif is installed. RTAB-Map and ROS compress depth by RVL
+(A. Wilson, *Fast Lossless Depth Image Compression*, ISS 2017): runs of pixels without depth alternate with runs of
+pixels with depth, and depth is stored as the difference from the previous pixel. Each number is a sequence of nibbles
+with three bits of data and one bit that tells whether another nibble follows.
 """
 
 import io
@@ -25,18 +25,18 @@ from ltvn_core.types import Depth, Rgb
 _LIBRARY = "pillow_heif"
 _BRANDS = (b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"mif1", b"msf1")
 _SHIFTS = np.arange(28, -4, -4)
-"""A word of 32 bits has eight nibbles, the first in its highest bits."""
+"""Bit shifts of the eight nibbles in a word of 32 bits, the first in its highest bits."""
 _LONGEST = 11
-"""Nibbles of a number of 32 bits."""
+"""Number of nibbles for a number of 32 bits."""
 MAX_PIXELS = 64_000_000
-"""No camera that a robot carries has more; a small file that unpacks to more is no photograph."""
+"""Largest number of pixels of an image; no robot's camera has more, so a file with more is a decompression bomb."""
 NO_RETURN = 65535
-"""In depth of 16 bits: what some cameras say in place of 0."""
+"""Value for missing depth that some cameras use instead of 0, in 16 bits."""
 _FORMATS = ("JPEG", "PNG", "WEBP", "BMP", "PPM", "TIFF")
 
 
 def is_heif(blob: bytes) -> bool:
-    """Tell whether the bytes begin as a HEIC picture does."""
+    """Return whether the bytes start like a HEIC image."""
     return blob[4:8] == b"ftyp" and blob[8:12] in _BRANDS
 
 
@@ -47,16 +47,16 @@ def heif_size(blob: bytes, source: str) -> tuple[int, int]:
 
 
 def heif_colours(blob: bytes, source: str) -> Rgb:
-    """Return the colours (H, W, 3), upright. Raises DriveError for a damaged picture, or without the library."""
+    """Return the colours (H, W, 3), upright. Raises DriveError for a damaged image, or without the library."""
     opened = _opened(blob, source)
     try:
         return np.array(opened.to_pillow().convert("RGB"), np.uint8)
-    except Exception as error:  # The library has many kinds for damaged pictures.
+    except Exception as error:  # The library raises many kinds for damaged images.
         raise DriveError(_damaged(blob, source)) from error
 
 
 def heif_exif(blob: bytes) -> Image.Exif:
-    """Return what the camera wrote beside the picture; empty where it wrote nothing."""
+    """Return the EXIF data of an image; empty if there are none."""
     exif = Image.Exif()
     exif.load(_opened(blob, "the picture").info.get("exif") or b"")
     return exif
@@ -74,7 +74,7 @@ def _opened(blob: bytes, source: str) -> Any:
 
 
 def decode_rvl(data: bytes, width: int, height: int, source: str) -> NDArray[np.uint16]:
-    """Return depth (height, width) in the units in which it was compressed. Raises DriveError where it is damaged."""
+    """Return depth (height, width) in the units of the compressed data. Raises DriveError if it is damaged."""
     pixels = width * height
     if not 0 < pixels <= MAX_PIXELS or len(data) < 4:
         raise DriveError(f"{source}: {len(data):,} bytes are no depth image of {width} x {height}.")
@@ -99,7 +99,7 @@ def _numbers(data: bytes, source: str) -> NDArray[np.int64]:
 
 
 def _runs(numbers: NDArray[np.int64], pixels: int, source: str) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return which pixels have depth (N,), and the number that stands for each (N,)."""
+    """Return the pixels (N,) that have depth, and their encoded differences (N,)."""
     places = []
     steps = []
     read = 0
@@ -131,10 +131,10 @@ def decode_colour(blob: bytes, source: str) -> Rgb:
 
     Args:
         blob: The compressed image.
-        source: What messages call it.
+        source: Name of the image in messages.
 
     Raises:
-        DriveError: The image is damaged, cut, of another format, or too large.
+        DriveError: The image is damaged, truncated, of another format, or too large.
     """
     if is_heif(blob):
         if np.prod(heif_size(blob, source)) > MAX_PIXELS:
@@ -146,7 +146,7 @@ def decode_colour(blob: bytes, source: str) -> Rgb:
 def decode_depth(blob: bytes, metres_per_unit: float, source: str) -> Depth:
     """Return depth (H, W) in metres from a 16-bit PNG or a TIFF of floats; raises DriveError like `decode_colour`.
 
-    A PNG of four channels holds the four bytes of a float in metres, as RTAB-Map writes it.
+    A PNG with four channels contains the four bytes of a float in metres, as written by RTAB-Map.
     """
     units = _decoded(blob, cv2.IMREAD_UNCHANGED, source)
     if units.dtype == np.uint8 and units.ndim == 3 and units.shape[2] == 4:
@@ -175,7 +175,7 @@ def _decoded(blob: bytes, mode: int, source: str) -> NDArray:
 
 @contextmanager
 def _libraries_silent() -> Iterator[None]:
-    """Keep what OpenCV and Pillow say of a damaged image off the terminal, where our error says it in one line."""
+    """Suppress the messages of OpenCV and Pillow about a damaged image, because our error reports it."""
     level = cv2_logging.setLogLevel(cv2_logging.LOG_LEVEL_SILENT)
     try:
         with warnings.catch_warnings():
@@ -188,7 +188,7 @@ def _libraries_silent() -> Iterator[None]:
 def _check_container(blob: bytes, source: str) -> tuple[int, int]:
     """Return width and height.
 
-    Raises DriveError where an image is of no known format, unpacks to too much, or fails its own checksums.
+    Raises DriveError for an image of unknown format, with too many pixels, or with wrong checksums.
     """
     try:
         with Image.open(io.BytesIO(blob), formats=_FORMATS) as header:
@@ -207,7 +207,7 @@ def _check_container(blob: bytes, source: str) -> tuple[int, int]:
 
 
 def _check_chunks(header: Image.Image, blob: bytes, source: str) -> None:
-    """Check the checksums of a PNG, for libpng would print its own line about a damaged one beside our error."""
+    """Verify the checksums of a PNG, because libpng would print its own message about a damaged one."""
     try:
         header.verify()
     except Exception as error:  # As above.
@@ -215,7 +215,7 @@ def _check_chunks(header: Image.Image, blob: bytes, source: str) -> None:
 
 
 def _damaged(blob: bytes, source: str) -> str:
-    return f"{source} cannot be decoded: its {len(blob):,} bytes are damaged or cut."
+    return f"{source} cannot be decoded: its {len(blob):,} bytes are damaged or truncated."
 
 
 def _too_large(source: str) -> DriveError:

@@ -1,6 +1,6 @@
-"""Original images: the picture of a robot's own camera, kept small beside the one that the method uses.
+"""Original images: the image of a robot's own camera, stored at a small size beside the rectified image.
 
-Another predictor, with another size and lens, can then work on old recordings. Owns the size and the compression.
+They allow other predictors, with another image size and lens, to use old recordings. Owns the size and the compression.
 """
 
 from typing import NamedTuple
@@ -13,17 +13,17 @@ from ltvn_core.errors import ImageError
 from ltvn_core.types import OriginalImage
 
 JPEG_QUALITY = 75
-"""A picture of 320 x 240 then takes about 7 kB, and a step of a recording with it stays within its budget."""
+"""JPEG quality: an image of 320 x 240 then takes about 7 kB, which fits the budget of a step in a recording."""
 
 
 class OriginalSize(NamedTuple):
-    """The largest original picture that is kept, in pixels."""
+    """Largest size of an original image, in pixels."""
 
     long_side: int = 320
     short_side: int = 240
 
     def scale_of(self, width: int, height: int) -> float:
-        """Return by what factor, at most 1, a picture must be scaled to be no larger than this."""
+        """Return the factor, at most 1, by which an image must be scaled to fit this size."""
         return min(1.0, self.long_side / max(width, height), self.short_side / min(width, height))
 
 
@@ -32,9 +32,9 @@ def compress_original(
     camera: CameraModel,
     size: OriginalSize | None = OriginalSize(),  # noqa: B008
 ) -> OriginalImage:
-    """Return the picture (H, W, 3) of `camera` as a JPEG of at most `size`, of any size for None; the aspect stays.
+    """Return an image (H, W, 3) of `camera` as a JPEG of at most `size`, with its aspect ratio; None keeps its size.
 
-    Raises ImageError where it cannot be compressed.
+    Raises ImageError if it cannot be compressed.
     """
     import cv2
 
@@ -51,7 +51,7 @@ def compress_original(
 
 
 def decompress_original(image: OriginalImage) -> NDArray[np.uint8]:
-    """Return the colours (H, W, 3) of an original picture. Raises ImageError when its bytes are damaged."""
+    """Return the colours (H, W, 3) of an original image. Raises ImageError if its bytes are damaged."""
     import cv2
 
     rgb = cv2.imdecode(np.frombuffer(image.jpeg, np.uint8), cv2.IMREAD_COLOR_RGB)

@@ -1,8 +1,8 @@
-"""Rectification: from the image of any camera to the image that another camera would have taken at the same place.
+"""Rectification: converts an image of any camera to the image of another camera at the same position.
 
-Every pixel is mapped along its ray, so that size, focal lengths, centre, distortion, quarter turns, roll and pitch may
-all differ and the aspect is never squashed. The two cameras stand at one height; `rectified_camera` says which camera
-the result belongs to. Owns the maps and the resampling; checks of what comes in are `ltvn_core.preprocessing`'s.
+Every pixel is mapped along its ray, so size, focal lengths, centre, distortion, quarter turns, roll and pitch may all
+differ, and the image is never stretched. Both cameras have the same height; `rectified_camera` returns the camera of
+the result. Owns the maps and the resampling; `ltvn_core.preprocessing` checks the input.
 """
 
 import math
@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from ltvn_core.cameras.camera_model import CameraModel
 
 _MAX_SAMPLES = 8
-"""A pixel's colour is the mean of at most so many samples along each axis."""
+"""Largest number of samples along each axis whose mean is a pixel's colour."""
 
 _BORDER_PX = 0.5 + 1e-6
-"""A picture reaches half a pixel beyond the centres of its outermost pixels."""
+"""Distance from the centres of the outermost pixels to the border of the image, in pixels."""
 
 
 def rectified_camera(source: CameraModel, target: CameraModel) -> CameraModel:
@@ -28,30 +28,30 @@ def rectified_camera(source: CameraModel, target: CameraModel) -> CameraModel:
 
 
 def have_same_rays(source: CameraModel, target: CameraModel) -> bool:
-    """Tell whether images of `source` are images of `target` already, pixel for pixel."""
+    """Return whether images of `source` need no rectification for `target`, because all pixels have the same rays."""
     return replace(source, height_m=0.0, depth_scale=1.0) == replace(target, height_m=0.0, depth_scale=1.0)
 
 
 def have_same_lens(source: CameraModel, target: CameraModel) -> bool:
-    """Tell whether two cameras differ in nothing but how they are mounted."""
+    """Return whether two cameras are equal except for their mounting."""
     unmounted = {"pitch_rad": 0.0, "roll_rad": 0.0}
     return have_same_rays(replace(source, **unmounted), replace(target, **unmounted))
 
 
 class Rectification:
-    """Turns images of one camera into images of another. Make it with `rectification`, which remembers it."""
+    """Converts images of one camera to images of another. Create it with `rectification`, which caches it."""
 
     def __init__(self, source: CameraModel, target: CameraModel) -> None:
-        """Compute where each pixel of `target` lies in the images of `source`."""
+        """Compute the position of each pixel of `target` in the images of `source`."""
         self.source = source
         self.target = target
         places, self.seen, self._depth_ratio = _source_pixels(source, target, 1)
-        """(H, W): which pixels of the target the source sees; all others are black and have depth 0."""
+        """(H, W) mask of the target's pixels that the source sees; all others are black and have depth 0."""
         self._columns = np.clip(np.rint(places[..., 0]), 0, source.width - 1).astype(np.intp)
         self._rows = np.clip(np.rint(places[..., 1]), 0, source.height - 1).astype(np.intp)
         self._samples = _samples_per_axis(source, target)
         fine, fine_seen, _ = _source_pixels(source, target, self._samples)
-        # On the rim a pixel may be seen and a part of it not; that part takes the colour of its middle.
+        # At the border a part of a visible pixel may be out of view; that part gets the colour of the pixel's centre.
         middles = places.repeat(self._samples, axis=0).repeat(self._samples, axis=1)
         fine = np.where(fine_seen[..., None], fine, middles)
         border = np.array([source.width - 1, source.height - 1])
@@ -59,7 +59,7 @@ class Rectification:
 
     def rectify_rgb(self, rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """Return colours (H, W, 3) of the target from those of the source; black where the source sees nothing."""
-        import cv2  # Takes a tenth of a second, and whoever owns such a camera needs it anyway.
+        import cv2  # Importing takes 0.1 s, so only cameras that need rectification pay for it.
 
         n = self._samples
         fine = cv2.remap(np.ascontiguousarray(rgb), self._fine[..., 0], self._fine[..., 1], cv2.INTER_LINEAR)
@@ -69,9 +69,9 @@ class Rectification:
         return image
 
     def rectify_depth(self, depth_m: NDArray[np.floating]) -> NDArray[np.float32]:
-        """Return metres (H, W) along the target's axis from metres along the source's; 0 where it sees nothing.
+        """Return depth (H, W) along the target's axis from depth along the source's, in metres; 0 where out of view.
 
-        Depth takes the nearest pixel, because a mean over an edge would be a distance at which nothing stands.
+        The nearest pixel is used, because a mean over a depth edge would be a point in free space.
         """
         depth = depth_m[self._rows, self._columns] * self._depth_ratio
         return np.where(self.seen, depth, 0).astype(np.float32)
@@ -79,14 +79,14 @@ class Rectification:
 
 @lru_cache(maxsize=8)
 def rectification(source: CameraModel, target: CameraModel) -> Rectification:
-    """Return the rectification from one camera to another; the maps are computed once."""
+    """Return the rectification from one camera to another; its maps are cached."""
     return Rectification(source, target)
 
 
 def _source_pixels(
     source: CameraModel, target: CameraModel, samples: int
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.float32]]:
-    """Follow the rays of the target's pixels into the source.
+    """Map the pixels of the target along their rays to the source.
 
     Returns the source's pixels (H * samples, W * samples, 2), whether it sees them, and its depth along the target's
     axis per metre along its own.
@@ -96,7 +96,7 @@ def _source_pixels(
     rows = (np.arange(target.height)[:, None] + inner).ravel()
     right_down = target.pixels_to_rays(np.stack(np.meshgrid(columns, rows), axis=-1))
     rays = np.concatenate([np.ones((*right_down.shape[:2], 1)), -right_down], axis=-1)
-    # From the target's frame to the robot's and on to the source's; both as matrices that act on rows.
+    # From the target's frame to the robot's, then to the source's; both matrices act on row vectors.
     rays = rays @ (target.rotation.T @ source.rotation)
     with np.errstate(divide="ignore", invalid="ignore"):
         ahead = np.where(rays[..., 0] > 1e-6, rays[..., 0], np.nan)
@@ -112,6 +112,6 @@ def _middle(camera: CameraModel) -> NDArray[Any]:
 
 
 def _samples_per_axis(source: CameraModel, target: CameraModel) -> int:
-    """Return how many samples along each axis take in all pixels of the source within one of the target."""
+    """Return the number of samples along each axis that covers all source pixels within one target pixel."""
     pixels = max(source.fx, source.fy) / min(target.fx, target.fy)
     return min(max(math.ceil(pixels - 1e-6), 1), _MAX_SAMPLES)

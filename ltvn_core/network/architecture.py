@@ -6,7 +6,7 @@ from math import radians
 from ltvn_core.cameras.camera_model import CameraModel
 
 NETWORK_CAMERA = CameraModel.from_fov(96, 72, radians(69.4), height_m=0.6)
-"""The level camera whose images the networks of this package learn from and take."""
+"""The level camera of the training images; inputs of the networks must come from the same camera."""
 
 STRIDE = 8
 """Pixels per token along each axis: the encoder halves the image three times."""
@@ -81,24 +81,24 @@ class StackedArchitecture:
 
 @dataclass(frozen=True, slots=True)
 class EnsembleArchitecture(PairArchitecture):
-    """Widths of `EnsembleNetwork`: of the trained network below, and of the last layers that judge in its place."""
+    """Layer widths of `EnsembleNetwork`: the trained backbone and the ensemble of output layers on top of it."""
 
     name: str = "ensemble"
     """Family of the network; it decides what is built when weights are read."""
     members: int = 3
-    """Number of last layers that judge a pair by themselves, as many as SoRB has critics."""
+    """Number of ensemble members, each a stack of output layers; SoRB has as many critics."""
     member_hidden: int = 64
-    """Width of the first of each, twice that of the second."""
+    """Width of a member's first hidden layer, twice that of the second."""
 
 
 @dataclass(frozen=True, slots=True)
 class ContrastiveArchitecture(EnsembleArchitecture):
-    """Widths of `ContrastiveNetwork`."""
+    """Layer widths of `ContrastiveNetwork`."""
 
     name: str = "contrastive"
     """Family of the network; it decides what is built when weights are read."""
     members: int = 1
-    """One score."""
+    """A single member, which gives the score."""
 
 
 AnyArchitecture = PairArchitecture | StackedArchitecture

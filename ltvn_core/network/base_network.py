@@ -23,7 +23,7 @@ class ComparedBatch(NamedTuple, Generic[FeaturesT]):
     """B images of a training step and P pairs of them, with predictions and ground truth."""
 
     features: FeaturesT
-    """Of the B images."""
+    """Features of the B images."""
     source_features: FeaturesT
     """Features of the P sources."""
     target_features: FeaturesT
@@ -42,7 +42,7 @@ class BaseNetwork(nn.Module, Generic[FeaturesT]):
     """f(o_i, o_j) -> (r, dx, dy, dtheta), in an `encode` per image and a `compare` per pair."""
 
     is_traceable = False
-    """Whether `compare` does the same operations whatever the pairs and however many, so that they can be recorded."""
+    """Whether `compare` does the same operations for any pairs and any number of them, so that it can be traced."""
     calibration: Tensor
     """(2,) scale and offset of the logit, fitted on validation after training (Platt)."""
 
@@ -58,7 +58,7 @@ class BaseNetwork(nn.Module, Generic[FeaturesT]):
     @property
     @abstractmethod
     def row_length(self) -> int:
-        """Return F, the numbers that are kept per image."""
+        """Return F, the length of an image's feature row."""
 
     @abstractmethod
     def encode(self, rgb: Tensor, depth: Tensor) -> FeaturesT:
@@ -74,18 +74,18 @@ class BaseNetwork(nn.Module, Generic[FeaturesT]):
 
     @abstractmethod
     def rough_logits(self, features: FeaturesT) -> Tensor:
-        """Return (B, B) cheap logits of reachability from each image to each; all 0 where the network has none."""
+        """Return (B, B) cheap logits of reachability between all images; all 0 if the network has no cheap score."""
 
     def place_keys(self, features: Features) -> NDArray[np.float32] | None:
-        """Return what the cheapest score needs of images (N, F), (N, K); None if the network has no cheap scores."""
+        """Return the keys (N, K) of images (N, F) for the cheapest score; None if the network has no cheap scores."""
         return None
 
     def place_scores(self, source: Tensor, keys: Tensor) -> Tensor:
-        """Return rough logits (N,) of one source row (1, F) with images of which the keys (N, K) are known."""
+        """Return rough logits (N,) of one source row (1, F) with images given by their keys (N, K)."""
         raise NotImplementedError
 
     def likeness(self, source: Tensor, features: Features, rows: NDArray[np.intp]) -> Tensor:
-        """Return by how much (N,) one source row (1, F) is like N rows (N,) of features (M, F), cheaply."""
+        """Return a cheap similarity (N,) of one source row (1, F) with the given rows (N,) of features (M, F)."""
         raise NotImplementedError
 
     def auxiliary_losses(self, compared: ComparedBatch[FeaturesT]) -> dict[str, Tensor]:

@@ -1,8 +1,7 @@
-"""Baselines: how their networks are trained, how they are judged, and the model card of their weights.
+"""Baselines: the training plans, the evaluation and the model card of their networks.
 
-A baseline knows only time, so a pair far apart in space is not certainly a negative for it. Therefore its plans are
-ours without everything that needs poses or maps: nothing is mined, and no pair of one scene counts as far because of
-its poses. `ltvn_core.network.weights_file` writes the card.
+A baseline learns from time alone, so it must not use poses or maps. Its plans are ours without hard-negative mining,
+and no pair within one scene counts as far because of its poses. `ltvn_core.network.weights_file` writes the card.
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,11 +23,11 @@ from ltvn_core.network.training_examples import FarCriterion, SceneExamples
 from ltvn_core.types import Predictor
 
 _ONLY_OTHER_SCENES = FarCriterion(distance_m=1e6, yaw_rad=4.0)
-"""Larger than any scene, so that only pairs of different scenes are far."""
+"""Limits larger than any scene, so that only pairs of different scenes are far."""
 
 
 def baseline_hyperparameters(learning: Hyperparameters, *, even_distances: bool) -> Hyperparameters:
-    """Return what of a plan suits a baseline; without `even_distances` it learns from pairs as often as they occur."""
+    """Return hyperparameters for a baseline; without `even_distances` it draws pairs as often as they occur."""
     evened = even_distances and learning.evened
     return replace(learning, far=_ONLY_OTHER_SCENES, confusions=0, hardness=0.0, evened=evened)
 
@@ -36,7 +35,11 @@ def baseline_hyperparameters(learning: Hyperparameters, *, even_distances: bool)
 def baseline_training_plan(
     *, even_distances: bool, minutes: float, steps: int | None, seed: int, fresh: bool = False
 ) -> TrainingPlan:
-    """Return how a baseline's network is trained (all ours), from trained weights or `fresh`, for steps or minutes."""
+    """Return the training plan of a baseline (all values are ours).
+
+    Training starts from trained weights or, if `fresh`, from random ones, and lasts for `minutes` unless `steps` is
+    given.
+    """
     rate = 2e-3 if fresh else 5e-4
     learning = Hyperparameters(
         seed=seed, groups=6, pairs_per_group=30, hard=24, random=0, rate=rate, warm_up=0.1, average=0.99
@@ -52,7 +55,7 @@ def baseline_training_plan(
 
 
 def baseline_fine_tuning_plan(plan: FineTuningPlan, *, even_distances: bool) -> FineTuningPlan:
-    """Return a plan of fine-tuning without what a baseline does not know."""
+    """Return a fine-tuning plan that uses neither poses nor mined pairs."""
     return replace(plan, learning=baseline_hyperparameters(plan.learning, even_distances=even_distances), minings=0)
 
 
@@ -68,9 +71,11 @@ class BaselineMetrics:
     ece: float
     """Calibration error of r."""
     position_median_m: float
-    """Median position error of the pairs labelled reachable, as the following fields."""
+    """Median position error of the pairs labelled reachable."""
     position_p90_m: float
+    """90th percentile of the position error of the pairs labelled reachable."""
     yaw_median_deg: float
+    """Median yaw error of the pairs labelled reachable."""
 
 
 @dataclass(frozen=True)
@@ -79,19 +84,19 @@ class BaselineCard:
 
     rival: str
     parent: str | None
-    """Fingerprint of the weights that training started from: backbone and pose are theirs; None if it began afresh."""
+    """Fingerprint of the weights that training started from; None if it started from random ones."""
     parent_card: Mapping[str, Any] | None
-    """Their card; None also where the new ones add layers to them, so that they are needed beside."""
+    """Card of the parent weights; None without a parent, or if the new file adds layers to the parent's file."""
     rule: Mapping[str, Any]
     """The rule that labels pairs."""
     trained_on: TrainingDataSummary
-    """Random walks; the metrics below are from the validation scenes, on which r is also calibrated."""
+    """Summary of the random walks; the metrics below are from the validation scenes, which also calibrate r."""
     plan: TrainingPlan
     steps: int
     pairs_compared: int
     minutes: float
     commands: Sequence[str]
-    """What makes these weights again, up to the time that training took elsewhere."""
+    """Commands that reproduce these weights, up to differences in training time."""
     before: BaselineMetrics | None
     """Metrics of the weights that training started from; None if it started from none."""
     after: BaselineMetrics

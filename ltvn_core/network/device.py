@@ -13,8 +13,8 @@ log = logging.getLogger(__name__)
 CPU = torch.device("cpu")
 
 _MAX_THREADS = 4
-"""More threads do not make batches of a predictor's size faster. At most half of the cores are taken: threads wait for
-each other at every layer, so that any other busy program would slow them down many times."""
+"""Upper limit of torch's threads; more do not make batches of a predictor's size faster. At most half of the cores are
+used: threads wait for each other at every layer, so any other busy program would slow them down several times."""
 
 
 def gpu_count() -> int:
@@ -25,12 +25,12 @@ def gpu_count() -> int:
 def choose_device(rank: int = 0) -> torch.device:
     """Return the GPU of a process if there is one, else the CPU, and make it torch's default device."""
     if gpu_count() == 0:
-        log.info("learning on the processors, %d threads per process", torch.get_num_threads())
+        log.info("training on the CPU, %d threads per process", torch.get_num_threads())
         return CPU
     device = torch.device("cuda", rank % gpu_count())
     torch.cuda.set_device(device)
-    torch.set_default_device(device)  # Where new tensors are born; those made of arrays go through `to_tensor`.
-    log.info("learning on %s: %s", device, torch.cuda.get_device_name(device))
+    torch.set_default_device(device)  # For new tensors; arrays are converted by `to_tensor`.
+    log.info("training on %s: %s", device, torch.cuda.get_device_name(device))
     return device
 
 
@@ -45,5 +45,5 @@ def to_tensor(array: NDArray[np.generic], device: torch.device = CPU) -> Tensor:
 
 
 def limit_threads() -> None:
-    """Let PyTorch take no more threads than make a small network faster."""
+    """Limit PyTorch's threads to the number that still makes a small network faster."""
     torch.set_num_threads(max(1, min(torch.get_num_threads(), (os.cpu_count() or 1) // 2, _MAX_THREADS)))

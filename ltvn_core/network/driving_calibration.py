@@ -19,7 +19,7 @@ MIN_SIGMA_M = 0.01
 """Lower bound of sigma, because Eq. 4 divides by its square."""
 
 DRIVING_SECTION = "driving"
-"""Name of this part in a card."""
+"""Name of this section of a model card."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,42 +27,42 @@ class DrivingMeasurements:
     """Results of edges driven in simulation with the method's own controller, and metrics on the same drives."""
 
     command: str
-    """What measures it again."""
+    """Command that repeats the measurements."""
     scenes: tuple[str, ...]
-    """Scenes that neither training nor the choice of weights has seen."""
+    """Scenes used neither for training nor for the choice of weights."""
     images: int
-    """Images of the mapping drive through each scene."""
+    """Number of images of the mapping drive through each scene."""
     success_if_reachable: SuccessRate
-    """p(s given r): the method's verdict after driving an edge between images of which one is reachable."""
+    """p(s given r): how often the method reports success after driving an edge that exists."""
     success_if_not: SuccessRate
-    """p(s given not r)."""
+    """p(s given not r): how often the method reports success after driving an edge that does not exist."""
     arrival_if_reachable: SuccessRate
     """How often the robot truly stood within 0.72 m and 0.4 rad of the edge's end, for edges that exist."""
     arrival_if_not: SuccessRate
     """How often the robot truly stood within 0.72 m and 0.4 rad of the edge's end, for edges that do not exist."""
     connected_if_not: int
-    """Driven edges that do not exist but that the method would put into a map; the others come next in r."""
+    """Number of driven edges that do not exist but that the method would add to a map; the other driven ones have the
+    next highest r."""
     not_begun: int
-    """Edges not driven, because the robot did not localise at their source."""
+    """Number of edges not driven because the robot did not localise at their source."""
     distance_sigma: float
     """Standard deviation of d(predicted) - d(true) over the reachable pairs that become edges: sigma of Eq. 4."""
     distance_sigma_all: float
-    """The same over all reachable pairs, whatever their r."""
+    """Standard deviation of d(predicted) - d(true) over all reachable pairs, whatever their r."""
     calibration: tuple[CalibrationBin, ...]
-    """Of r, on all ordered pairs of the drives."""
+    """Calibration of r on all ordered pairs of the drives."""
     error_by_distance: tuple[ErrorBin, ...]
     """Position error of reachable pairs against their distance in metres."""
     error_by_overlap: tuple[ErrorBin, ...]
-    """The same against the share of the target's points that the source sees."""
+    """Position error of reachable pairs against the share of the target's points that the source sees."""
 
 
 def likelihoods(measured: DrivingMeasurements) -> Likelihoods:
     """Return the constants of Eq. 3 and Eq. 4.
 
-    Both probabilities are Laplace's estimates, so p(s given r) is never 1 and p(s given not r) never 0: one attempt
-    can never settle the matter. Where no false edge looked like an edge, nothing was measured of those, and p(s given
-    not r) is the general one. Raises WeightsError where a success speaks against an edge, for Eq. 3 would then prune
-    what can be driven.
+    Both probabilities are Laplace estimates, so p(s given r) is never 1 and p(s given not r) never 0: a single attempt
+    can never decide that an edge exists or not. If no false edge was driven, p(s given not r) is the default value.
+    Raises WeightsError if success is not more frequent on edges that exist, because Eq. 3 would then prune them.
     """
     there = measured.success_if_reachable.shrunk
     not_there = measured.success_if_not.shrunk if measured.success_if_not.trials else BeliefConfig().p_success_if_not
@@ -75,15 +75,15 @@ def likelihoods(measured: DrivingMeasurements) -> Likelihoods:
 
 
 def measured_likelihoods(weights: Path) -> Likelihoods | None:
-    """Return the constants from the card beside weights; None where nobody measured them. Raises WeightsError."""
+    """Return the constants from the card beside weights; None if they were not measured. Raises WeightsError."""
     measured = read_driving(matching_card(weights))
     return None if measured is None else likelihoods(measured)
 
 
 def read_driving(card: Mapping[str, Any]) -> DrivingMeasurements | None:
-    """Return this part of a card, of the parent's for fine-tuned weights without measurements, or None.
+    """Return the driving measurements of a card, or of its parent's card if it has none; None if neither has any.
 
-    Raises WeightsError where it is damaged.
+    Raises WeightsError if they are damaged.
     """
     section = card.get(DRIVING_SECTION)
     if section is None:

@@ -12,7 +12,7 @@ KEYPOINT_STEP = 2
 """The surface point of a token is chosen among every second pixel of its 8 x 8 cell."""
 
 FARTHEST_DEPTH_M = 10.0
-"""Depth is clipped to this."""
+"""Upper limit to which depth is clipped, in metres."""
 
 
 def conv_block(inputs: int, outputs: int, *, stride: int = 1, kernel: int = 3) -> nn.Sequential:
@@ -55,7 +55,7 @@ class SelfAttentionBlock(nn.Module):
         batch, count, channels = tokens.shape
         parts = self.mix(self.norm(tokens)).reshape(batch, count, 3, self.heads, channels // self.heads)
         query, key, value = parts.permute(2, 0, 3, 1, 4).unbind(0)
-        # Written out: the fused form's backward pass is several times slower on processors.
+        # Written out: the fused form's backward pass is several times slower on CPUs.
         share = ((query * query.shape[-1] ** -0.5) @ key.transpose(-1, -2)).softmax(-1)
         seen = share.to(value.dtype) @ value
         tokens = tokens + self.join(seen.transpose(1, 2).reshape(batch, count, channels))
@@ -63,7 +63,7 @@ class SelfAttentionBlock(nn.Module):
 
 
 class Encoder(nn.Module):
-    """RGB-D images to `ImageFeatures`."""
+    """Convolutional encoder with one self-attention layer; maps RGB-D images to `ImageFeatures`."""
 
     rays: Tensor
     """(3, H, W): the point of each pixel at one metre of depth."""
@@ -123,10 +123,10 @@ class Encoder(nn.Module):
         return functional.normalize(query, dim=-1), functional.normalize(key, dim=-1)
 
     def surface_points(self, logits: Tensor, depth: Tensor) -> Tensor:
-        """Return (B, T, 3): each token's point, a soft choice (B, T, 16) among its cell's pixels that have depth.
+        """Return the surface points (B, T, 3) of tokens: weighted means of each cell's pixels that have depth.
 
-        An average of the depths in a cell would lie between foreground and background at edges; a soft choice can avoid
-        that.
+        The weights are the softmax of learned logits (B, T, 16). A plain mean would lie between foreground and
+        background at edges; learned weights can avoid that.
         """
         half = KEYPOINT_STEP // 2
         sparse = depth[:, None, half::KEYPOINT_STEP, half::KEYPOINT_STEP]

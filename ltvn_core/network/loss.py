@@ -33,15 +33,15 @@ def pair_loss(
 
 
 def cross_entropy(logit: Tensor, reachable: Tensor) -> Tensor:
-    """Return (P,) the binary cross-entropy of logits (P,) against r (P,), as the paper has it."""
+    """Return (P,) the binary cross-entropy of logits (P,) against r (P,), as in the paper."""
     return functional.binary_cross_entropy_with_logits(logit, reachable, reduction="none")
 
 
 def contrastive_loss(logit: Tensor, reachable: Tensor, *, negatives: int) -> Tensor:
-    """Return (P,) how badly each reachable pair is told from `negatives` that are not (InfoNCE), 0 for the others.
+    """Return the InfoNCE loss (P,) of each reachable pair against `negatives` unreachable ones, 0 for the latter.
 
-    All that are not reachable stand for so many of them, so that nothing is drawn. Scaled such that the mean over all
-    pairs is the mean over those that are reachable.
+    Instead of drawing negatives, all unreachable pairs of the batch are weighted as if they were `negatives` pairs. The
+    scale makes the mean over all pairs equal to the mean over the reachable ones.
     """
     positive = reachable > 0.5
     count = int(positive.sum())
@@ -53,27 +53,27 @@ def contrastive_loss(logit: Tensor, reachable: Tensor, *, negatives: int) -> Ten
 
 
 class TokenCorrespondence(NamedTuple):
-    """The tokens of P pairs that show the same surface, by the ground truth."""
+    """Ground-truth matches: the tokens of P pairs that show the same surface."""
 
     pair: Tensor
     """(M,) rows of the matched token pairs."""
     source: Tensor
     """(M,) source tokens of the matches."""
     target: Tensor
-    """(M,) and target tokens."""
+    """(M,) target tokens of the matches."""
     unmatched_source: Tensor
     """(P, T) source tokens that have no counterpart."""
     unmatched_target: Tensor
-    """(P, T) target tokens that have none."""
+    """(P, T) target tokens that have no counterpart."""
 
 
 @torch.no_grad()
 def true_correspondence(
     source: ImageFeatures, target: ImageFeatures, waypoints: Tensor, same_scene: Tensor
 ) -> TokenCorrespondence:
-    """Return the tokens that are mutual nearest neighbours and close enough in space, from true waypoints (P, 3).
+    """Match tokens that are mutual nearest neighbours and close enough in space, from true waypoints (P, 3).
 
-    Tokens in between (near, but not the nearest) are neither matched nor unmatched.
+    Tokens that are near to another one but not its nearest neighbour are neither matched nor unmatched.
     """
     cos = torch.cos(waypoints[:, 2])
     sin = torch.sin(waypoints[:, 2])

@@ -19,19 +19,19 @@ class PairMetrics:
     pairs: int
     """Labelled pairs."""
     auc: float
-    """Area under the curve of true against false positives."""
+    """Area under the ROC curve."""
     ece: float
     """Expected calibration error of reachability, in ten bins."""
     position_median_m: float
     """Median position error of reachable pairs."""
     position_p90_m: float
-    """Its 90th percentile."""
+    """90th percentile of the position error of reachable pairs."""
     position_median_1_to_1_5_m: float
     """Median position error of reachable pairs 1 to 1.5 m apart."""
     yaw_median_deg: float
     """Median yaw error of reachable pairs."""
     yaw_p90_deg: float
-    """Its 90th percentile."""
+    """90th percentile of the yaw error of reachable pairs."""
     distance_sigma: float
     """Standard deviation of d(predicted) - d(true) on reachable pairs."""
 
@@ -41,13 +41,13 @@ class DriveMetrics:
     """Metrics on all ordered image pairs of drives."""
 
     far_pairs: int
-    """Pairs that are far apart, turned away or behind a wall."""
+    """Number of pairs that are far apart, turned away or behind a wall."""
     near_pairs: int
-    """Pairs that are near, ahead and free."""
+    """Number of pairs whose target is near, ahead and on a free straight line."""
     threshold_at_tpr60: float
     """Threshold of r that 60 % of the near pairs exceed."""
     far_fpr_at_tpr60: float
-    """Share of the far pairs that exceed it: the rate of false long-range edges."""
+    """Share of the far pairs that exceed `threshold_at_tpr60`: the rate of false long-range edges."""
     far_fpr_at_half: float
     """Share of the far pairs with r above 0.5."""
     near_tpr_at_half: float
@@ -129,12 +129,12 @@ class CalibrationBin:
     predicted: float | None
     """Mean r; None if the bin is empty."""
     reachable: float | None
-    """Share that is truly reachable; None if the bin is empty."""
+    """Share of the pairs that are reachable by ground truth; None if the bin is empty."""
 
 
 @dataclass(frozen=True, slots=True)
 class ErrorBin:
-    """Reachable pairs for which some quantity lies in [low, high), or [low, high] in the last bin."""
+    """Reachable pairs with a quantity in [low, high), or in [low, high] in the last bin."""
 
     low: float
     high: float
@@ -216,5 +216,5 @@ class SuccessRate:
 
     @property
     def shrunk(self) -> float:
-        """Return Laplace's estimate (k + 1) / (n + 2): never 0 nor 1, so that no belief ever becomes a certainty."""
+        """Return Laplace's estimate (k + 1) / (n + 2), which is never 0 or 1, so that no belief becomes certain."""
         return (self.successes + 1) / (self.trials + 2)

@@ -34,7 +34,7 @@ class InferenceSpeed:
 
 
 def measure_speed(network: AnyNetwork, *, images: int = 64, repeats: int = 3) -> InferenceSpeed:
-    """Measure a network on random images, with as many pairs as images; the fastest of several repeats counts."""
+    """Measure a network on random images, with as many pairs as images, and return the fastest of several repeats."""
     predictor = NetworkPredictor(network, "in measurement", prefilter_from=None)
     observations = _noise(images)
     features = predictor.encode(observations)
@@ -75,13 +75,13 @@ class TrainingDataSummary:
     """Summary of the training data."""
 
     scenes: tuple[str, ...]
-    """Scenes learned from."""
+    """Training scenes."""
     validation_scenes: tuple[str, ...]
-    """Scenes by which the best weights and the calibration were chosen."""
+    """Validation scenes, used to choose the best weights and the calibration."""
     images: int
-    """Images learned from."""
+    """Number of training images."""
     pairs: int
-    """Labelled pairs of them."""
+    """Number of labelled pairs of training images."""
     recipe: str
     """Settings of the dataset, as JSON."""
 
@@ -92,11 +92,11 @@ class HeldOutMetrics:
 
     scenes: tuple[str, ...]
     pairs: PairMetrics
-    """On the pairs of a dataset: neighbours within 2.5 m, many of them on the edge of being reachable."""
+    """Metrics on the pairs of a dataset: neighbours within 2.5 m, many of them only just reachable or unreachable."""
     drive_pairs: PairMetrics
-    """On all ordered image pairs of one drive per scene."""
+    """Metrics on all ordered image pairs of one drive per scene."""
     drives: DriveMetrics
-    """On the near and the far pairs of these drives."""
+    """Metrics on the near and far pairs of these drives."""
 
 
 @dataclass(frozen=True)
@@ -107,17 +107,17 @@ class ModelCard:
     plan: TrainingPlan
     """Settings of the training, with the architecture."""
     steps: int
-    """Steps of training."""
+    """Number of training steps."""
     pairs_compared: int
-    """Pairs compared in training."""
+    """Number of pairs compared in training."""
     minutes: float
-    """Time of training."""
+    """Training time in minutes."""
     processes: int
-    """Processes that trained together."""
+    """Number of processes in distributed training."""
     commands: Sequence[str]
-    """What makes these weights again, up to the time that training took elsewhere."""
+    """Commands that reproduce these weights, up to differences in training time."""
     speed: InferenceSpeed
-    """Size of the network and its times where it was trained."""
+    """Size of the network, and its inference times on the machine that trained it."""
     measured: HeldOutMetrics
     driving: DrivingMeasurements | None = None
-    """What Eq. 3 and Eq. 4 take their constants from; None until `ltvn measure --write` has run."""
+    """Driving measurements, the source of the constants of Eq. 3 and Eq. 4; None until `ltvn measure --write` ran."""

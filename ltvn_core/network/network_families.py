@@ -1,13 +1,12 @@
-"""The network families: the pair network, those for comparison and beside it, and the registry of all of them.
+"""The network families: pair, stacked, ensemble and contrastive network, and their registry.
 
 A new family needs a description in `architecture`, a subclass of `BaseNetwork`, and one line in `_FAMILIES`.
 
-The pair network is the one that is shipped. The stacked network is for comparison: a residual network over both images,
-stacked along the channels. Its feature rows are the images themselves, so every pair costs a full forward pass. It has
-neither token matches nor a cheap score, and is trained with Eq. 1 alone. Ensemble and contrastive networks add last
-layers of their own to a trained pair network, of which nothing else changes: a navigation system that needs labels or a
-loss of its own gets them for a few kilobytes; the pose estimator stays the same one. `ltvn_core.network.weights_file`
-keeps the added layers alone.
+The pair network is the default. The stacked network is for comparison: a residual network over both images, stacked
+along the channels. Its feature rows are the images themselves, so every pair costs a full forward pass. It has neither
+token matches nor a cheap score, and is trained with Eq. 1 alone. Ensemble and contrastive networks add output layers to
+a trained pair network and leave its weights frozen, so a navigation system with labels or a loss of its own needs only
+a few kilobytes and keeps the same pose estimates. `ltvn_core.network.weights_file` stores only the added layers.
 """
 
 from collections.abc import Callable, Mapping
@@ -46,7 +45,7 @@ from ltvn_core.types import Features
 
 
 class PairNetwork(BaseNetwork[ImageFeatures]):
-    """Encodes each image into tokens in space, matches two images' tokens and aligns what matched."""
+    """Encodes each image into tokens with 3D points, matches the tokens of two images and aligns the matches."""
 
     is_traceable = True
 
@@ -97,7 +96,7 @@ class PairNetwork(BaseNetwork[ImageFeatures]):
         return self.place_logits(source[:, place_columns(self.size)[0]].float(), keys)[0]
 
     def likeness(self, source: Tensor, features: Features, rows: NDArray[np.intp]) -> Tensor:
-        """Match some tokens of one source row (1, F) with some of N rows (N,) of features (M, F); return (N,)."""
+        """Return the similarity (N,) of a source row (1, F) with rows (N,) of features (M, F), from some tokens."""
         targets = to_tensor(coarse_descriptors(features, rows, self.size), source.device).float()
         return similarity(self.unpack(source), targets, self.head.sharpness)
 
@@ -116,7 +115,7 @@ _PIXELS = NETWORK_CAMERA.height * NETWORK_CAMERA.width
 
 
 class StackedFeatures(NamedTuple):
-    """B images without any encoding."""
+    """B images, not encoded."""
 
     rgb: Tensor
     """(B, 3, H, W) in [0, 1]."""
@@ -151,11 +150,11 @@ class StackedNetwork(BaseNetwork[StackedFeatures]):
 
     @property
     def row_length(self) -> int:
-        """Return F, the numbers that are kept per image: its pixels."""
+        """Return F, the length of an image's feature row: its pixel values."""
         return 4 * _PIXELS
 
     def encode(self, rgb: Tensor, depth: Tensor) -> StackedFeatures:
-        """Keep rgb (B, 3, H, W) in [0, 1] and depth (B, H, W) in metres."""
+        """Return rgb (B, 3, H, W) in [0, 1] and depth (B, H, W) in metres unchanged."""
         return StackedFeatures(rgb, depth)
 
     def unpack(self, rows: Tensor) -> StackedFeatures:
@@ -172,21 +171,21 @@ class StackedNetwork(BaseNetwork[StackedFeatures]):
         return PairOutput(numbers[:, 0], numbers[:, 1:])
 
     def rough_logits(self, features: StackedFeatures) -> Tensor:
-        """Return (B, B) zeros: there is no cheaper way than a full comparison."""
+        """Return (B, B) zeros, because this family has no cheap score."""
         return features.rgb.new_zeros(len(features.rgb), len(features.rgb))
 
 
 def residual_stage(inputs: int, outputs: int) -> nn.Sequential:
-    """Return the layers of one resolution: a halving, then two residual blocks."""
+    """Return the layers of one resolution: a convolution of stride 2, then two residual blocks."""
     return nn.Sequential(conv_block(inputs, outputs, stride=2), ResidualBlock(outputs), ResidualBlock(outputs))
 
 
 NEGATIVES = 50
-"""A reachable pair is told from so many that are not; HTM's number."""
+"""Number of unreachable pairs that each reachable pair is contrasted with; HTM's value."""
 
 
 class EnsembleNetwork(PairNetwork):
-    """Last layers that judge by themselves: each learns from a share of the pairs, and the least sure one counts."""
+    """Ensemble of output layers: each member learns from a share of the pairs, and the lowest logit decides."""
 
     def __init__(self, size: EnsembleArchitecture | None = None) -> None:
         size = size or EnsembleArchitecture()
@@ -195,7 +194,7 @@ class EnsembleNetwork(PairNetwork):
         self.members = nn.ModuleList(_last_layers(size) for _ in range(size.members))
 
     def train(self, mode: bool = True) -> Self:
-        """Let the added layers learn; batch normalisation below them keeps its statistics."""
+        """Set the training mode of the added layers; batch normalisation below them keeps its statistics."""
         super().train(mode)
         self.encoder.eval()
         self.head.eval()
@@ -209,19 +208,19 @@ class EnsembleNetwork(PairNetwork):
             return PairOutput(self._judge(logits), self.head.conclude(summary).pose)
 
     def _judge(self, logits: Tensor) -> Tensor:
-        """Return (P,) of logits (P, M): of the least sure member; while learning, of the one whose turn a pair is."""
+        """Return the lowest of each pair's logits (P, M) as (P,); in training, the logit of the assigned member."""
         if not self.training:
             return logits.min(dim=1).values
         pairs = torch.arange(len(logits), device=logits.device)
         return logits[pairs, pairs % logits.shape[1]]
 
     def auxiliary_losses(self, compared: ComparedBatch[ImageFeatures]) -> dict[str, Tensor]:
-        """Return none: what they would teach does not change."""
+        """Return no terms, because the layers that they train are frozen."""
         return {}
 
 
 class ContrastiveNetwork(EnsembleNetwork):
-    """One score, which learns to tell a reachable pair from many others (contrastive predictive coding)."""
+    """A single score trained to distinguish a reachable pair from many others (contrastive predictive coding)."""
 
     def __init__(self, size: ContrastiveArchitecture | None = None) -> None:
         super().__init__(size or ContrastiveArchitecture())
@@ -249,19 +248,19 @@ _FAMILIES: Mapping[type[AnyArchitecture], Callable[[Any], AnyNetwork]] = {
 _ARCHITECTURES: dict[str, type[AnyArchitecture]] = {each().name: each for each in _FAMILIES}
 
 _MAX_WIDTH = 65_536
-"""No layer is wider; a description that says so is damaged."""
+"""Largest accepted layer width; a description with a wider layer is damaged."""
 
 NETWORK_FAMILIES = tuple(_ARCHITECTURES)
 """The names of all families."""
 
 
 def build_network(size: AnyArchitecture) -> AnyNetwork:
-    """Return a new network, its weights drawn by torch's generator."""
+    """Return a new network with random weights from torch's generator."""
     return _FAMILIES[type(size)](size)
 
 
 def extend_network(below: AnyNetwork, size: EnsembleArchitecture, seed: int) -> AnyNetwork:
-    """Return a network that adds new layers to a trained one, their weights drawn with `seed`."""
+    """Return a trained network with new layers on top, whose random weights are seeded with `seed`."""
     torch.manual_seed(seed)
     same = {each.name: getattr(below.size, each.name) for each in fields(below.size) if each.name != "name"}
     network = build_network(replace(size, **same))

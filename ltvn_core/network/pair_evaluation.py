@@ -63,7 +63,7 @@ def evaluate_drives(
 ) -> DriveMetrics:
     """Evaluate a predictor on the near and far ordered pairs of drives.
 
-    With `limit`, only a random sample of that many far pairs of each drive is compared.
+    With `limit`, at most that many near and far pairs of each drive are compared, drawn at random.
     """
     near = []
     far = []

@@ -1,9 +1,9 @@
 """The pair head: predicts reachability and waypoint from the features of two images.
 
-Tokens are matched in both directions and the matches aligned rigidly on the floor. They are matched again, with a
-penalty for the residual of that alignment. The last layers get the matched mass, the residuals and the agreement of the
-depth images under the motion: perceptual aliases have matching descriptors, but rarely matching geometry, for surfaces
-of one image then lie in the free space of the other.
+Tokens are matched in both directions, and the matches are aligned by a rigid motion in the floor plane. Then tokens are
+matched again, with a penalty for the residual of that alignment. The output layers get the matched mass, the residuals
+and the agreement of the depth images under the motion. Perceptual aliases have matching descriptors but rarely matching
+geometry: surfaces of one image then lie in the free space of the other.
 """
 
 from collections.abc import Sequence
@@ -44,7 +44,7 @@ class PlanarMotion(NamedTuple):
 
 
 def rotation(turn: Tensor) -> Tensor:
-    """Return the matrices (P, 3, 3) by which rows of points are multiplied, from cosines and sines (P, 2)."""
+    """Return rotation matrices (P, 3, 3) for points as row vectors, from cosines and sines (P, 2)."""
     cos = turn[:, :1]
     sin = turn[:, 1:]
     zero = torch.zeros_like(cos)
@@ -52,26 +52,26 @@ def rotation(turn: Tensor) -> Tensor:
 
 
 def lifted(shift: Tensor) -> Tensor:
-    """Return shifts (P, 3) from those in the floor plane (P, 2)."""
+    """Return shifts in the floor plane (P, 2) as 3D vectors (P, 3)."""
     return torch.nn.functional.pad(shift, (0, 1))
 
 
 def turned(vectors: Tensor, turn: Tensor) -> Tensor:
-    """Return vectors (P, 2), each turned by its cosine and sine (P, 2)."""
+    """Return vectors (P, 2), each rotated by its cosine and sine (P, 2)."""
     return torch.view_as_real(torch.view_as_complex(vectors) * torch.view_as_complex(turn))
 
 
 def align(source: Tensor, target: Tensor, weights: Tensor) -> PlanarMotion:
     """Return the motion that maps target points (P, N, 3) to source points (P, N, 3) with the least squared error.
 
-    Heights are ignored: camera and robot stay level. Weights (P, N) are not negative; where they all vanish the
-    motion is the identity.
+    Heights are ignored: camera and robot stay level. Weights (P, N) are not negative; if they are all zero, the motion
+    is the identity.
     """
     share = weights / (weights.sum(-1, keepdim=True) + 1e-6)
     both = torch.cat([source[..., :2], target[..., :2]], dim=-1)
     mean = share[:, None] @ both
     both = both - mean
-    # Row i, column j: how coordinate i of the source goes with coordinate j of the target.
+    # Row i, column j: covariance of coordinate i of the source with coordinate j of the target.
     spread = both[..., :2].transpose(1, 2) @ (both[..., 2:] * share[..., None])
     (xx, xy), (yx, yy) = (row.unbind(-1) for row in spread.unbind(1))
     turn = torch.stack([xx + yy + 1e-4, yx - xy], dim=-1)
@@ -87,22 +87,22 @@ ROBOT_HIGH_M = 0.7
 """Surfaces between these heights above the floor are obstacles for the robot."""
 
 _NEAREST_M = 0.05
-"""What is not at least so far ahead of a camera is not in its image."""
+"""Points less than this ahead of a camera are not in its image."""
 _FARTHEST_GAP_M = 0.6
 
 
 class GeometricVerification(nn.Module):
     """Measures the agreement of two coarse depth images under a motion. Has no trainable weights.
 
-    Written as few operations on large tensors, because a comparison of a few pairs takes as long as they are many.
+    Uses few operations on large tensors, because the number of operations determines the time for a few pairs.
     """
 
     turned_rays: Tensor
-    """(3, 3 * G): the rays of the coarse grid, as the cosine, the sine and 1 of a rotation make them."""
+    """(3, 3 * G) coefficients of cosine, sine and 1 that give the rotated rays of the coarse grid."""
     middle: Tensor
-    """(2, 1): column and row of the middle of the coarse grid."""
+    """(2, 1) column and row of the middle of the coarse grid."""
     last: Tensor
-    """(2, 1): column and row of its end, inside."""
+    """(2, 1) largest column and row inside the coarse grid."""
 
     def __init__(self, size: PairArchitecture) -> None:
         super().__init__()
@@ -160,7 +160,7 @@ class GeometricVerification(nn.Module):
         return shares / whole[..., None].clamp(min=1)
 
     def room_ahead(self, depth: Tensor, shift: Tensor) -> Tensor:
-        """Return by how many metres (P,) the source sees past the target's position, at the height of the camera."""
+        """Return how far (P,) the source sees past the target at camera height: tanh of metres, -1 if out of view."""
         ahead_m, left_m = shift.unbind(-1)
         pixel = self.columns / 2 - self.focal * left_m / ahead_m.clamp(min=_NEAREST_M)
         within = pixel.clamp(0, self.columns - 1)
@@ -189,7 +189,7 @@ class TokenMatching(NamedTuple):
     """
 
     strength: Tensor
-    """(P, T, T): exponential of how well two tokens match, at most 1."""
+    """(P, T, T): exponential of the matching score of two tokens, at most 1."""
     row_total: Tensor
     """(P, T): sum over targets and "no match"."""
     column_total: Tensor
@@ -200,9 +200,10 @@ class TokenMatching(NamedTuple):
     """(P, T): strength of "no match" for target tokens."""
 
     def gather(self, known: Tensor) -> tuple[Tensor, Tensor]:
-        """Return each source token's mean match (P, T, 3 + V) and how much of the match has depth (P, T).
+        """Return the mean point and value matched to each source token (P, T, 3 + V), and its mass with depth (P, T).
 
-        A match counts by the probability that both tokens choose each other; `known` is of `what_matches_tell`.
+        Each match is weighted by the probability that both tokens choose each other; `known` is the result of
+        `what_matches_tell`.
         """
         # The totals divide the two thin sides of the product, which saves two passes over all pairs of tokens.
         total = (self.strength * self.strength) @ (known / self.column_total[..., None]) / self.row_total[..., None]
@@ -213,7 +214,7 @@ class PairOutput(NamedTuple):
     """Predictions for P pairs."""
 
     logit: Tensor
-    """(P,) of reachability."""
+    """(P,) logit of reachability."""
     pose: Tensor
     """(P, 4): dx, dy, sin, cos; sine and cosine are not normalised."""
     matching: TokenMatching | None = None
@@ -221,18 +222,18 @@ class PairOutput(NamedTuple):
 
 
 class PairSummary(NamedTuple):
-    """What is known of P pairs before the last layers."""
+    """Inputs of the output layers for P pairs, and the results of matching."""
 
     numbers: Tensor
-    """(P, S)"""
+    """(P, S) inputs of the output layers."""
     motion: PlanarMotion
-    """From source to target, by alignment."""
+    """Motion from source to target, by alignment."""
     matching: TokenMatching
-    """By descriptors only."""
+    """First matching, by descriptors only."""
 
 
 def summary_length(size: PairArchitecture) -> int:
-    """Return S, the numbers of a summary."""
+    """Return S, the length of a pair's summary."""
     return 2 * size.hidden + 2 * 4 + 4 + MEASURE_COUNT
 
 
@@ -258,13 +259,13 @@ class PairHead(nn.Module):
         return self.conclude(self.summarise(source, target))
 
     def summarise(self, source: ImageFeatures, target: ImageFeatures) -> PairSummary:
-        """Match P sources with P targets and align what matched."""
+        """Match the tokens of P sources with those of P targets, and align the matches."""
         known = what_matches_tell(target)
         trust = token_trust(source)
         first = self.match(source, target)
         matched, mass = first.gather(known)
         rough = align(source.points, matched[..., :3], mass * trust)
-        # No gradient through the rough motion: the second matching shall not improve by spoiling the first alignment.
+        # No gradient through the rough motion, so that the second matching cannot improve at the cost of the first.
         second = self.match_in_space(first, source, target, rough.detach())
         matched_again, mass_again = second.gather(known)
         weights = mass_again * trust
@@ -285,7 +286,7 @@ class PairHead(nn.Module):
         return PairSummary(numbers, motion, first)
 
     def conclude(self, summary: PairSummary) -> PairOutput:
-        """Return what the last layers make of P summaries."""
+        """Apply the output layers to P summaries."""
         logit, gate, *_ = (numbers := self.last(summary.numbers).float()).unbind(-1)
         # A learned gate blends the aligned motion with a direct regression, for pairs with too few matches. The
         # offset of 1 makes training begin with mostly the alignment.
@@ -318,12 +319,12 @@ class PairHead(nn.Module):
         return normalize_matching(near * first.strength, first.row_unmatched, first.column_unmatched)
 
     def tokens(self, source: ImageFeatures, values: Tensor, apart: Tensor, masses: Sequence[Tensor]) -> Tensor:
-        """Return (P, T, H): what each token is after its match, from values (P, T, V), gaps (P, T, 3) and K masses."""
+        """Return the tokens (P, T, H) after matching, from matched values (P, T, V), gaps (P, T, 3) and K masses."""
         sides = [source.values.float(), values, source.points / 5, torch.tanh(apart)]
         return self.token(torch.cat([*sides, *(mass[..., None] for mass in masses)], dim=-1))
 
     def pool(self, tokens: Tensor) -> Tensor:
-        """Return (P, 2 H): attended and plain mean over tokens."""
+        """Return (P, 2 H): attention-weighted mean and plain mean over tokens."""
         share = self.attend(tokens).float().softmax(1)
         return torch.cat([(share.transpose(1, 2) @ tokens)[:, 0], tokens.mean(1)], dim=-1)
 
@@ -342,14 +343,14 @@ def normalize_matching(strength: Tensor, row_unmatched: Tensor, column_unmatched
 
 
 def what_matches_tell(target: ImageFeatures) -> Tensor:
-    """Return (P, T, 1 + 3 + V) of target tokens: whether they have depth, and if so their points and values."""
+    """Return (P, T, 1 + 3 + V) for target tokens: 1 if they have depth, else 0, then their points and values."""
     has_depth = (target.points[..., :1] > 0).to(target.points.dtype)
-    # The mask is the first column, so that one product gives the sums and the mass by which they are divided.
+    # The mask is the first column, so that one product gives both the sums and their divisor.
     return torch.cat([has_depth, target.points, target.values.float() * has_depth], dim=-1)
 
 
 def token_trust(source: ImageFeatures) -> Tensor:
-    """Return (P, T): how much a match of each source token counts in the alignment."""
+    """Return the weights (P, T) of source tokens in the alignment."""
     has_depth = (source.points[..., 0] > 0).to(source.points.dtype)
     return torch.sigmoid(source.saliency) * has_depth / spread(source)
 

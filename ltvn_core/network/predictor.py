@@ -2,8 +2,8 @@
 
 Adds batching, checks of the input, and the prefilter for one source with many targets. Implements `types.Predictor`.
 
-A few pairs take as long as the operations of a network are many, and Python takes half of that. So what a network does
-is recorded once (a TorchScript trace) and repeated: the same operations in the same order, hence the same bits.
+For a few pairs the number of operations determines the time, and half of it is overhead of Python. So the comparison is
+traced once by TorchScript: the trace runs the same operations in the same order, so its results are bit-identical.
 """
 
 import warnings
@@ -30,11 +30,11 @@ from ltvn_core.network.weights_file import load_weights, weights_fingerprint
 from ltvn_core.types import Features, HeldFeatures, Observation, Prediction
 
 _CALLS_BEFORE_RECORDING = 20
-"""Recording takes as long as a hundred small comparisons, which few of those who compare little would win back."""
+"""Calls before the comparison is traced, because tracing takes as long as a hundred small comparisons."""
 
 
 class Comparison:
-    """Asks a network about pairs; call it in inference mode."""
+    """Compares pairs with a network, traced after some calls; call it in inference mode."""
 
     def __init__(self, network: AnyNetwork) -> None:
         """Compare with `network`, whose weights may still change, but not its layers."""
@@ -52,7 +52,7 @@ class Comparison:
 
 
 class _ComparisonSteps(nn.Module):
-    """From rows to answers."""
+    """Module from feature rows to reachability and pose."""
 
     def __init__(self, network: AnyNetwork) -> None:
         super().__init__()
@@ -69,20 +69,20 @@ class _ComparisonSteps(nn.Module):
 
 def _record(steps: nn.Module, sources: Tensor, targets: Tensor) -> torch.jit.ScriptModule:
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # It advises other ways, which need a compiler, and take minutes.
+        warnings.simplefilter("ignore")  # It recommends alternatives that need a compiler and take minutes.
         recorded = torch.jit.trace(steps, (sources, targets), check_trace=False)
     assert isinstance(recorded, torch.jit.ScriptModule)
     return recorded
 
 
 PREFILTER_FROM = 200
-"""A single source with at least this many targets is compared in full with the most similar ones alone."""
+"""Number of targets from which on a single source is compared in full with only the most similar ones."""
 PREFILTER_KEEP = 96
-"""Number of targets that are compared in full then."""
+"""Number of targets that the prefilter keeps for the full comparison."""
 PLACE_KEEP, _PLACE_SHARE = 2_000, 0.05
-"""Number of targets, or share of them if that is more, whose place scores are good enough to be compared at all.
+"""Number of targets that are kept by place score for the prefilter, and share of them if that is more.
 
-Among 5,100 images of two apartments the best node of each of 90 looks was among the first 241.
+Among 5,100 images of two apartments, the best node for each of 90 images was always among the first 241 by place score.
 """
 
 _IMAGES_AT_ONCE = 64
@@ -90,7 +90,7 @@ _PAIRS_AT_ONCE = 256
 
 
 class NetworkPredictor:
-    """f(o_i, o_j) -> (r, dx, dy, dtheta) from weights."""
+    """The predictor f(o_i, o_j) -> (r, dx, dy, dtheta) of a trained network."""
 
     def __init__(
         self,
@@ -100,9 +100,9 @@ class NetworkPredictor:
         prefilter_from: int | None = PREFILTER_FROM,
         weights: Path | None = None,
     ) -> None:
-        """Take a trained network; `prefilter_from` None compares every pair in full.
+        """Use a trained network; `prefilter_from` None compares every pair in full.
 
-        The card beside `weights` tells what was measured of it.
+        The card beside `weights` has the constants that were measured for it.
         """
         self._network = network.eval()
         self._compare = Comparison(network)
@@ -112,21 +112,21 @@ class NetworkPredictor:
         self._weights = weights
 
     needs_depth = True
-    """An image without depth tells it nothing about where anything is."""
+    """Depth is required, because matching and alignment use the 3D points of tokens."""
 
     @property
     def fingerprint(self) -> str:
-        """Name the weights."""
+        """Fingerprint of the weights."""
         return self._fingerprint
 
     @property
     def camera(self) -> CameraModel:
-        """The camera whose images it takes: 96 x 72, 69.4 degrees wide, level."""
+        """The camera of the input images: 96 x 72 pixels, 69.4 degrees wide, level."""
         return NETWORK_CAMERA
 
     @property
     def likelihoods(self) -> Likelihoods | None:
-        """The constants of Eq. 3 and Eq. 4 that were measured for it, if they were. Raises WeightsError."""
+        """The constants of Eq. 3 and Eq. 4 measured for these weights; None if not measured. Raises WeightsError."""
         return None if self._weights is None else measured_likelihoods(self._weights)
 
     @property
@@ -159,7 +159,7 @@ class NetworkPredictor:
         return self._predict(sources, targets)
 
     def place_keys(self, features: Features) -> NDArray[np.float32] | None:
-        """Return what of images (N, F) `predict_among` needs besides, (N, K); None if it has no use for them."""
+        """Return the keys (N, K) of images (N, F) for `predict_among`; None if the network has no cheap score."""
         return self._network.place_keys(features)
 
     def predict_among(self, source: Features, held: HeldFeatures) -> Prediction:
@@ -170,7 +170,7 @@ class NetworkPredictor:
         return self._predict_filtered(source, held)
 
     def may_match(self, source: Features, targets: Features) -> NDArray[np.bool_]:
-        """Tell (N,) with which of targets (N, F) a full comparison of a source (1, F) may find anything in common."""
+        """Return which targets (N, F) may have anything in common with a source (1, F), as a mask (N,)."""
         self._check(source, targets)
         keys = self.place_keys(targets)
         if keys is None or not len(targets):
@@ -238,7 +238,7 @@ def load_predictor(path: Path | None = None, *, prefilter_from: int | None = PRE
 
     Args:
         path: The weights file, with its card beside it; None opens the shipped weights.
-        prefilter_from: From how many targets on only the best by a quick score are compared in full; None always
+        prefilter_from: Number of targets from which on only the best by a cheap score are compared in full; None always
             compares all of them.
 
     Raises:
@@ -270,7 +270,7 @@ def _checked(observation: Observation) -> Observation:
     if observation.rgb.shape != (*expected, 3) or depth.shape != expected:
         raise ImageError(
             f"Image {observation.step} is {observation.rgb.shape[:2]} with depth {depth.shape}; the network takes "
-            f"{expected} (rows, columns). Let it in through ltvn_core.preprocessing.preprocess_observation, which "
+            f"{expected} (rows, columns). Preprocess it with ltvn_core.preprocessing.preprocess_observation, which "
             "rectifies images of any camera."
         )
     return observation

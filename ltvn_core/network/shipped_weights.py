@@ -1,4 +1,4 @@
-"""Where the weights lie that come with the package. Owns their paths alone and needs no torch."""
+"""Paths of the weights in the package. Needs no torch."""
 
 from pathlib import Path
 
@@ -6,7 +6,7 @@ _FOLDER = Path(__file__).parent / "weights"
 
 
 def shipped_weights(name: str) -> Path:
-    """Return the path of the weights of that name in the package."""
+    """Return the path of the weights with this name in the package."""
     return _FOLDER / f"{name}.safetensors"
 
 

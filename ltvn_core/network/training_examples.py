@@ -1,7 +1,7 @@
 """Training examples, and the sampling of batches: each image is encoded once and used in several pairs.
 
-Examples come in through a Protocol, from shards or recordings. Batches for fine-tuning are half from the robot's own
-drive, half from simulation against forgetting (rehearsal).
+Examples are given by a Protocol and come from shards or recordings. Half of a fine-tuning batch is from the robot's own
+drive and half from simulation, to prevent forgetting (rehearsal).
 """
 
 from collections.abc import Sequence
@@ -16,7 +16,7 @@ from ltvn_core.geometry import relative, wrap_angle
 from ltvn_core.types import Pose, Waypoint
 
 DISTANCE_BINS_M = np.array([0.25, 0.5, 0.8, 1.1, 1.4, 1.8, 2.2])
-"""Borders of the bins of distance over which positives are balanced."""
+"""Edges of the distance bins over which positives are balanced, in metres."""
 
 
 class SceneExamples(Protocol):
@@ -58,7 +58,7 @@ class TrainingBatch(NamedTuple):
     reachable: NDArray[np.bool_]
     """(P,)"""
     apart: NDArray[np.bool_] | None = None
-    """(B, B): pairs that are certainly not reachable, where poses and scenes alone do not decide it."""
+    """(B, B) pairs that are certainly not reachable; None if poses and scenes decide it."""
 
     def waypoints(self, sources: NDArray[np.intp], targets: NDArray[np.intp]) -> Waypoint:
         """Return targets in the sources' frames (P, 3); meaningless between scenes."""
@@ -111,8 +111,8 @@ class BatchSampler:
     ) -> TrainingBatch:
         """Draw about `groups` clusters, and the given number of labelled pairs from each, balanced over distance.
 
-        Every second cluster is joined to the one before by a labelled pair across the two. The clusters of each
-        confusion (both ends) come on top, and the confusion is one of the pairs.
+        Clusters are drawn two by two, with a labelled pair across the two where there is one. The clusters of both
+        images of each confusion are added, and the confusion becomes one of the pairs.
         """
         chosen = {(c.scene, int(self.scenes[c.scene].group[row])) for c in confusions for row in (c.source, c.target)}
         across = []
@@ -168,13 +168,13 @@ class BatchSampler:
 
 
 def _pairs_by_group(scene: SceneExamples, mask: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
-    """Return, for each cluster, the masked pairs whose source it holds."""
+    """Return, for each cluster, the masked pairs whose source is in it."""
     pairs = np.flatnonzero(mask)
     return [pairs[rows] for rows in _rows_by_group(scene.group[scene.sources[pairs]], scene)]
 
 
 def _rows_by_group(group: NDArray[np.int32], scene: SceneExamples) -> list[NDArray[np.intp]]:
-    """Return, for each cluster of a scene, where it occurs in `group` (N,)."""
+    """Return, for each cluster of a scene, its positions in `group` (N,)."""
     order = np.argsort(group, kind="stable")
     return np.split(order, np.searchsorted(group[order], np.arange(1, scene.group.max() + 1)))
 
@@ -198,7 +198,7 @@ def _pair_weights(scenes: Sequence[SceneExamples], within: Sequence[NDArray[np.b
 
 
 WINDOW_IMAGES = 8
-"""Images drawn from one section of the drive, as many as a simulated cluster has."""
+"""Number of images drawn from one section of the drive, the size of a simulated cluster."""
 
 
 class LabelledTrajectory(SceneExamples, Protocol):
@@ -212,7 +212,7 @@ class LabelledTrajectory(SceneExamples, Protocol):
 
 
 class MixedBatchSampler(BatchSampler):
-    """A drive and simulated scenes; the drive counts as the scene after the last one."""
+    """Draws batches from a drive and from simulated scenes; the drive has the scene number after the last scene."""
 
     def __init__(
         self, drive: LabelledTrajectory, scenes: Sequence[SceneExamples], far: FarCriterion, *, evened: bool = True
@@ -318,7 +318,7 @@ def _pair_table(drive: LabelledTrajectory, reach: int) -> NDArray[np.int64]:
 
 
 def _even_weights(drive: LabelledTrajectory) -> NDArray[np.float64]:
-    """Return the weight of each labelled pair: positives even over distance, and as much as the negatives together."""
+    """Return the weight of each labelled pair: positives uniform over distance, with the total weight of negatives."""
     waypoints = relative(drive.poses[drive.sources], drive.poses[drive.targets])
     bins = np.digitize(np.hypot(waypoints[:, 0], waypoints[:, 1]), DISTANCE_BINS_M)
     kind = np.where(drive.reachable, bins, len(DISTANCE_BINS_M) + 1)

@@ -29,11 +29,11 @@ SCHEMA = "ltvn-weights-1"
 def save_weights(
     network: "AnyNetwork", path: Path, card: Mapping[str, Any] | None = None, *, added_to: Path | None = None
 ) -> str:
-    """Write weights, and their card where there is one, and return the fingerprint.
+    """Write weights, and their card if there is one, and return the fingerprint.
 
-    Of a network that was `added_to` shipped weights only what those do not have is written, matrices in half precision.
-    Old files stay until the new ones are whole on disk. A card of other weights never lies beside the new ones: it is
-    gone before they come, also where they bring none themselves. Raises WeightsError if the disk does not take them.
+    For a network that was `added_to` shipped weights, only the tensors that those lack are written, matrices in half
+    precision. Old files stay until the new ones are complete on disk. A card of other weights is deleted before the new
+    weights replace the old ones, even if they have no card. Raises WeightsError if the files cannot be written.
     """
     from safetensors import SafetensorError
     from safetensors.torch import save_file
@@ -97,7 +97,7 @@ def load_weights(path: Path) -> "AnyNetwork":
 
 
 def added_tensors(state: "Mapping[str, Tensor]", below: Path) -> "dict[str, Tensor]":
-    """Return the tensors of a network that are not those of the weights below it, matrices in half precision."""
+    """Return the tensors of a network that differ from the weights below it, matrices in half precision."""
     import torch
     from safetensors.torch import load_file
 
@@ -107,13 +107,13 @@ def added_tensors(state: "Mapping[str, Tensor]", below: Path) -> "dict[str, Tens
 
 
 def _weights_below(named: Any, path: Path) -> Path:
-    """Return the shipped weights that a file adds to. Raises WeightsError where there are others now."""
+    """Return the shipped weights that a file adds layers to. Raises WeightsError if this version has other ones."""
     wanted = named if isinstance(named, dict) else {}
     below = shipped_weights(Path(str(wanted.get("name"))).name)
     if not below.is_file() or weights_fingerprint(below) != wanted.get("fingerprint"):
         raise WeightsError(
-            f"{path}: adds layers to the weights {wanted.get('fingerprint')}, and {below.name} of this version are "
-            "others; train them again with `ltvn baseline`."
+            f"{path}: adds layers to the weights {wanted.get('fingerprint')}, but {below.name} of this version is "
+            "different; train the layers again with `ltvn baseline`."
         )
     return below
 
@@ -121,28 +121,28 @@ def _weights_below(named: Any, path: Path) -> Path:
 def _no_weights(path: Path) -> str:
     if path.parent == SHIPPED_WEIGHTS.parent:
         return (
-            f"{path}: an installed package leaves the weights of the baselines out, for their size. Use a checkout of "
-            f"the repository, or make them with `ltvn baseline {path.stem}` and name them with --weights."
+            f"{path}: the installed package does not include the weights of the baselines. Use a checkout of the "
+            f"repository, or train them with `ltvn baseline {path.stem}` and name them with --weights."
         )
     return f"{path}: there are no weights; train some with `ltvn train` or name another file."
 
 
 def weights_fingerprint(path: Path) -> str:
-    """Return the first 12 hexadecimal digits of the file's SHA-256. Raises WeightsError where there is no file."""
+    """Return the first 12 hexadecimal digits of the file's SHA-256. Raises WeightsError if there is no file."""
     if not path.is_file():
         raise WeightsError(_no_weights(path))
     return hashlib.sha256(path.read_bytes()).hexdigest()[:12]
 
 
 def card_path(path: Path) -> Path:
-    """Return the path of the card of weights. Raises WeightsError for a path that names no file, such as /."""
+    """Return the path of the card of weights. Raises WeightsError for a path without a file name, such as /."""
     if not path.name:
         raise WeightsError(_no_weights(path))
     return path.with_suffix(".card.json")
 
 
 def read_card(path: Path) -> dict[str, Any]:
-    """Return the card of weights, empty where there is none. Raises WeightsError if it cannot be read as JSON."""
+    """Return the card of weights, empty if there is none. Raises WeightsError if it cannot be read as JSON."""
     try:
         card = parse_json(card_path(path).read_text(encoding="utf-8"))
     except FileNotFoundError:
@@ -158,13 +158,13 @@ def read_card(path: Path) -> dict[str, Any]:
 
 
 def matching_card(path: Path) -> dict[str, Any]:
-    """Return the card of weights, empty where the one that lies beside them belongs to others. Raises WeightsError."""
+    """Return the card of weights, empty if the card beside them belongs to other weights. Raises WeightsError."""
     card = read_card(path)
     return card if path.is_file() and card.get("fingerprint") == weights_fingerprint(path) else {}
 
 
 def add_to_card(path: Path, section: str, content: Mapping[str, Any]) -> Path:
-    """Write one part of the card of weights, leaving all others, and return where the card lies.
+    """Write one section of the card of weights, keep the others, and return the path of the card.
 
     Raises WeightsError if there are no weights, if the card belongs to other ones, or if it cannot be written.
     """
@@ -188,7 +188,7 @@ def _write_card(path: Path, card: Mapping[str, Any]) -> None:
 
 
 def _card_fingerprint(path: Path) -> str | None:
-    """Return whose the card beside weights is; None where there is none that can be read."""
+    """Return the fingerprint in the card beside weights; None if there is no readable card."""
     try:
         return read_card(path).get("fingerprint")
     except WeightsError:

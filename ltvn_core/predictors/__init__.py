@@ -1,1 +1,1 @@
-"""What compares images: the contract of a predictor by name, the choice among them, and those of the toolkit."""
+"""Predictors, which compare two images: opening by name, the choice of a default, and the toolkit's own ones."""

@@ -1,6 +1,6 @@
-"""Which predictor is taken: the one that a person names, the one that made a map, or else the better one.
+"""Choice of the predictor: the one named by the user, the one that made the map, or the default for the images.
 
-Owns the default. Opens nothing.
+Owns the default. Opens no predictor.
 """
 
 from collections.abc import Mapping
@@ -14,23 +14,23 @@ from ltvn_core.predictors.opening import GEOMETRIC, NETWORK, ORACLE, predictor_n
 from ltvn_core.robots.robot_spec import LOCOBOT
 
 AUTO = "auto"
-"""Stands for the default of the camera or of the map."""
+"""Name that selects the map's predictor, or the default for the images."""
 
 FOR_SIMULATED_IMAGES = NETWORK
-"""It learned from simulation, where it finds nearly every near pair."""
+"""Default for simulated images: it was trained on them and recognises nearly every near pair."""
 FOR_REAL_IMAGES = GEOMETRIC
-"""On real sequences it finds several times as many of the near pairs as the network does."""
+"""Default for real images: on real sequences it recognises several times as many near pairs as the network."""
 
 IMPORTED = "import"
-"""The `verb` in the description of a recording that was made from another program's data."""
+"""The `verb` in the description of a recording that was imported from another program's data."""
 
 
 class PredictorChoice(NamedTuple):
-    """A predictor by name, and why this one."""
+    """A predictor by name, and the reason for choosing it."""
 
     name: str
     reason: str
-    """In words, for a summary."""
+    """Reason as text, for a summary."""
 
     def __str__(self) -> str:
         return f"{self.name} ({self.reason})"
@@ -38,24 +38,24 @@ class PredictorChoice(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ImageSource:
-    """Where the images come from that a predictor is to compare."""
+    """The source of the images to compare: a recording, a map or a robot."""
 
     camera: CameraModel
-    """Of the recording, the map or the robot."""
+    """Camera of the recording, the map or the robot."""
     config: Mapping[str, Any] = field(default_factory=dict)
-    """What the recording says of how it was made."""
+    """Settings with which the recording was made."""
     fingerprint: str = ""
-    """Of the predictor with which it was made; empty where there was none."""
+    """Fingerprint of the predictor with which the recording was made; empty if there was none."""
 
     @classmethod
     def of(cls, meta: RecordingMetadata) -> Self:
-        """Take what a recording or a map says of itself."""
+        """Return the source that the metadata of a recording or a map describe."""
         return cls(camera=meta.camera, config=meta.config, fingerprint=meta.fingerprint)
 
     def choose(self, wanted: str = AUTO) -> PredictorChoice:
-        """Choose a predictor to go on with a map or a run: unless a person names one, the one that made it.
+        """Choose a predictor to continue a map or a run: the named one, else the one that made it.
 
-        Raises OptionError where no predictor has that name, or where the one that made it is not installed here.
+        Raises OptionError if no predictor has that name, or if the one that made the map is not installed.
         """
         made_by = recorded_predictor(self.config, self.fingerprint)
         if wanted != AUTO or made_by is None:
@@ -64,9 +64,9 @@ class ImageSource:
         return PredictorChoice(made_by, "it made the map")
 
     def choose_anew(self, wanted: str = AUTO) -> PredictorChoice:
-        """Choose a predictor whatever made the recording: the one that a person names, else the better one.
+        """Choose a predictor independently of the one that made the recording: the named one, else the default.
 
-        Raises OptionError where no predictor has that name.
+        Raises OptionError if no predictor has that name.
         """
         if wanted != AUTO:
             require_predictor(wanted)
@@ -75,13 +75,13 @@ class ImageSource:
             return _for_real_images("the drive was imported")
         if not have_same_rays(self.camera, LOCOBOT.camera):
             return _for_real_images(f"the camera, {self.camera.width} x {self.camera.height}, is not the simulator's")
-        return PredictorChoice(FOR_SIMULATED_IMAGES, "the camera is the one that it learned with")
+        return PredictorChoice(FOR_SIMULATED_IMAGES, "the camera is the one of its training images")
 
 
 def recorded_predictor(config: Mapping[str, Any], fingerprint: str) -> str | None:
-    """Return the name of the predictor that made a map; None where the file says nothing of one.
+    """Return the name of the predictor that made a map; None if the file names none.
 
-    Maps of earlier versions were made by the network or the oracle and do not say so.
+    Maps of earlier versions were made by the network or the oracle, but do not name it.
     """
     if (named := config.get("predictor")) is not None:
         return str(named)

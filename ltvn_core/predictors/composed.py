@@ -1,7 +1,7 @@
-"""A predictor made of two: a recogniser proposes which images show one place, a poser confirms it and says where.
+"""A predictor in two stages: place recognition proposes pairs of images, and a pose estimator verifies them.
 
-Some models know a place again and cannot say where in it they stand; others measure poses and are slow, or take one
-wall for another. Owns how the two are put together. Implements `ltvn_core.types.Predictor`.
+Some models recognise a place but cannot estimate a pose; others estimate poses but are slow, or confuse similar walls.
+Owns the combination of the two. Implements `ltvn_core.types.Predictor`.
 """
 
 from collections.abc import Sequence
@@ -16,20 +16,20 @@ from ltvn_core.predictors.request import predictor_card
 from ltvn_core.types import Features, Observation, Prediction, Predictor
 
 PROPOSED = 32
-"""One image against more targets than this is compared by the poser with the most similar ones alone."""
+"""Largest number of targets that the poser compares with one image; of more targets, the most similar ones are kept."""
 PROPOSED_R = 0.03
-"""What the recogniser thinks less likely than this is not proposed. Low, for what is left out here nobody finds again,
-and what is let in by mistake the poser refuses."""
+"""Least probability of one place at which a pair is proposed. It is low, because the poser rejects false proposals but
+cannot find pairs that were not proposed."""
 _UNRELATED = 0.01
-"""Reachability of a pair that was not proposed. Not 0, because no evidence could revise such a belief."""
+"""Reachability of a pair that was not proposed; not 0, because Eq. 3 could never revise that."""
 
 
 class Recogniser(Protocol):
-    """Tells whether two images show one place. It needs no depth, and the images of any camera will do."""
+    """Place recognition: decides whether two images show one place. Needs no depth and accepts any camera."""
 
     @property
     def fingerprint(self) -> str:
-        """Changes whenever the same images give other numbers."""
+        """Identifier that changes whenever the same images give other results."""
         ...
 
     def describe(self, observations: Sequence[Observation]) -> NDArray[np.float32]:
@@ -42,45 +42,48 @@ class Recogniser(Protocol):
 
 
 class Poser(Predictor, Protocol):
-    """Says where a target lies, and by r whether it could find that out: any predictor will do."""
+    """Pose estimator: returns the pose of a target, and r for its confidence. Any predictor is one."""
 
 
 class ComposedPredictor:
-    """Asks the poser only what the recogniser proposes; its features are objects (N, 2): a descriptor and a row."""
+    """Runs the poser only on pairs proposed by the recogniser.
+
+    Features are objects (N, 2): a place descriptor and a feature row of the poser.
+    """
 
     def __init__(self, recogniser: Recogniser, poser: Poser) -> None:
-        """Put the two together; images are those of the poser's camera."""
+        """Combine the two; images must be those of the poser's camera."""
         self._recogniser = recogniser
         self._poser = poser
         self.needs_depth = predictor_card(poser).needs_depth
 
     @property
     def fingerprint(self) -> str:
-        """Name both."""
+        """Fingerprint of both parts."""
         return f"{self._recogniser.fingerprint}+{self._poser.fingerprint}"
 
     @property
     def camera(self) -> CameraModel:
-        """The poser's."""
+        """Camera of the poser."""
         return self._poser.camera
 
     @property
     def likelihoods(self) -> Likelihoods | None:
-        """The poser's, for its word is the last."""
+        """Constants of the poser, because it makes the final decision."""
         return predictor_card(self._poser).likelihoods
 
     @property
     def merge_distance(self) -> float | None:
-        """D_m of the poser, which decides in the end."""
+        """D_m of the poser, because it makes the final decision."""
         return predictor_card(self._poser).merge_distance
 
     @property
     def least_width_px(self) -> int:
-        """Width below which the poser finds too little in an image."""
+        """Image width in pixels below which the poser recognises too little."""
         return predictor_card(self._poser).least_width_px
 
     def encode(self, observations: Sequence[Observation]) -> Features:
-        """Return (N, 2) features. Raises what recogniser and poser raise."""
+        """Return (N, 2) features. Raises the errors of recogniser and poser."""
         rows = np.empty((len(observations), 2), object)
         described = self._recogniser.describe(observations)
         encoded = self._poser.encode(observations)
@@ -91,7 +94,7 @@ class ComposedPredictor:
     def predict(self, sources: Features, targets: Features) -> Prediction:
         """Compare sources (N, 2) or (1, 2) with targets (N, 2).
 
-        What is not proposed gets a reachability of 0.01 and a waypoint of zeros that has no meaning.
+        Pairs that are not proposed get a reachability of 0.01 and a waypoint of zeros that has no meaning.
         """
         reachability = np.full(len(targets), _UNRELATED)
         waypoints = np.zeros((len(targets), 3))
@@ -104,7 +107,7 @@ class ComposedPredictor:
         return Prediction(reachability, waypoints)
 
     def _proposals(self, sources: Features, targets: Features) -> NDArray[np.intp]:
-        """Return which targets the poser is asked about, in order."""
+        """Return the rows of the targets that are proposed to the poser, in order."""
         if not len(targets):
             return np.empty(0, np.intp)
         likely = self._recogniser.same_place(np.stack([*sources[:, 0]]), np.stack([*targets[:, 0]]))

@@ -1,10 +1,10 @@
 """The geometric predictor: compares images by local features, depth and poses, without trained weights.
 
-SIFT key points are matched, the motion of the camera follows from those with depth, and r is how sure that motion is
-after all evidence, less where the way there cannot be driven straight. Owns the order of these steps, the memory of
-pairs that were compared, the limits of what can be driven (all fall gradually, so that no threshold of the method meets
-an edge), and the file of how it drives in simulation, which `ltvn measure --predictor geometric --write` writes.
-Implements `ltvn_core.types.Predictor`.
+SIFT key points are matched, and those with depth give the motion of the camera. Reachability r is the probability that
+this motion is right, by all evidence, times a factor below 1 where the robot cannot drive straight to the target. Owns
+the order of these steps, the cache of compared pairs, the driving limits (each falls gradually, so that a small change
+of an image never changes r abruptly), and the file of driving measurements in simulation, which
+`ltvn measure --predictor geometric --write` writes. Implements `ltvn_core.types.Predictor`.
 """
 
 import hashlib
@@ -53,12 +53,12 @@ log = logging.getLogger(__name__)
 
 
 DRIVING_FILE = Path(__file__).with_name("geometric_driving.json")
-"""The measurements that come with the package."""
+"""File of the driving measurements in the package."""
 
 
 @lru_cache(maxsize=1)
 def shipped_likelihoods() -> Likelihoods | None:
-    """Return the constants of Eq. 3 and Eq. 4; None where nothing was measured. Raises WeightsError for a bad file."""
+    """Return the constants of Eq. 3 and Eq. 4; None if they were not measured. Raises WeightsError for a bad file."""
     if not DRIVING_FILE.is_file():
         return None
     try:
@@ -69,7 +69,7 @@ def shipped_likelihoods() -> Likelihoods | None:
 
 
 def write_driving(measured: DrivingMeasurements) -> Path:
-    """Write measurements in place of the old ones and return the file. Raises WeightsError where that fails."""
+    """Replace the measurements in the file and return its path. Raises WeightsError if it cannot be written."""
     try:
         with atomic_replacement(DRIVING_FILE) as part:
             part.write_text(json.dumps({DRIVING_SECTION: asdict(measured)}, indent=2) + "\n", encoding="utf-8")
@@ -80,48 +80,48 @@ def write_driving(measured: DrivingMeasurements) -> Path:
 
 
 MAX_PAIRS = 50_000
-"""About 20 MB."""
+"""Largest number of pairs in the cache, which take about 20 MB."""
 
 
 class SurePose(NamedTuple):
-    """Where the second image is, seen from the first, and how sure that is."""
+    """Pose of the second image relative to the first, and the probability that it is right."""
 
     certainty: float
-    """In [0, 1]."""
+    """Probability that the pose is right, in [0, 1]."""
     waypoint: Waypoint
-    """(3,)"""
+    """(3,) pose of the second image in the frame of the first."""
     moved_m: float
-    """How far the camera moved, up and down too."""
+    """Length of the camera's translation in space, in metres."""
     turned_rad: float
-    """How far it turned, tilting and rolling too."""
+    """Angle of the camera's rotation in space, in radians."""
 
     def inverse(self) -> "SurePose":
-        """Return the pose of the first image, seen from the second."""
+        """Return the pose of the first image relative to the second."""
         return self._replace(waypoint=invert(self.waypoint))
 
     def scaled(self, factor: float) -> "SurePose":
-        """Return the pose so many times as far away, with the same turn."""
+        """Return the pose with its distances multiplied by a factor and the same rotation."""
         return self._replace(waypoint=self.waypoint * [factor, factor, 1.0], moved_m=self.moved_m * factor)
 
 
 NO_POSE = SurePose(0.0, np.zeros(3), 0.0, 0.0)
-"""Nothing speaks for any pose."""
+"""Result for a pair without any supported pose."""
 
 
 class PairMemory:
-    """Remembers the last pairs by the hashes of both images."""
+    """Cache of the last compared pairs, keyed by the hashes of both images."""
 
     def __init__(self) -> None:
         self._poses: OrderedDict[bytes, SurePose] = OrderedDict()
         self._lock = Lock()
 
     def recall(self, first: bytes, second: bytes) -> SurePose | None:
-        """Return what was found for a pair; None if it was not compared, or long ago."""
+        """Return the pose in the cache for a pair; None if there is none."""
         with self._lock:
             return self._poses.get(first + second)
 
     def keep(self, first: bytes, second: bytes, pose: SurePose) -> None:
-        """Remember a pair, and forget the oldest where there are too many."""
+        """Add a pair, and drop the oldest ones if there are too many."""
         with self._lock:
             self._poses[first + second] = pose
             if len(self._poses) > MAX_PAIRS:
@@ -129,30 +129,30 @@ class PairMemory:
 
 
 RANGE_M = 1.55
-"""At this distance a place is as likely as not to be called reachable: depth gets uncertain, and an edge is short."""
+"""Distance in metres that halves reachability, because depth gets uncertain and edges should be short."""
 RANGE_WIDTH_M = 0.1
 TURN_RAD = float(np.deg2rad(54))
 TURN_WIDTH_RAD = float(np.deg2rad(3))
 BESIDE_RAD = float(np.deg2rad(105))
-"""A place farther aside than this is behind the robot: the way there is that of the other direction, in reverse."""
+"""Bearing that halves reachability: places farther to the side or behind are reached by driving an edge in reverse."""
 BESIDE_WIDTH_RAD = float(np.deg2rad(5))
 AT_PLACE_M = 0.25
-"""A place nearer than this needs no free way: the robot is there."""
+"""Distance in metres below which no free path is needed, because the robot is already at the place."""
 
 _CORRIDOR_M = 0.18
-"""Half the width of the straight way that must be free."""
+"""Half the width of the straight corridor that must be free, in metres."""
 _FLOOR_M = 0.1
-"""What is lower above the floor, the robot drives over, or it is the floor, seen not quite exactly."""
+"""Height above the floor in metres below which points are ignored: the floor with its noise, and low objects."""
 _EYE_BAND_M = 0.1
-"""Where the floor is unknown only what stands within this of the camera's own height is in the way."""
+"""Largest height of an obstacle above the camera, and below it if the height above the floor is unknown, in metres."""
 _MAX_ROBOT_CAMERA_M = 0.9
-"""A camera higher than this is carried, not driven; where its robot is wide nobody knows."""
+"""Largest height of a camera on a robot, in metres; a higher camera is hand-held, and no robot's shape is known."""
 _MANY_POINTS = 12.0
-"""So many points of the coarse depth image in the way halve the reachability."""
+"""Number of obstacle points of the coarse depth image that halves reachability."""
 
 
 def drivable_share(source: ImageFeatures, pose: SurePose, camera: CameraModel, grid: ImageGrid) -> float:
-    """Return by which factor in [0, 1] the way from the source to a pose makes a place less reachable."""
+    """Return the factor in [0, 1] by which the path from the source to a pose lowers reachability."""
     waypoint = pose.waypoint
     turned = max(abs(float(waypoint[2])), pose.turned_rad)
     share = _falling(pose.moved_m, RANGE_M, RANGE_WIDTH_M) * _falling(turned, TURN_RAD, TURN_WIDTH_RAD)
@@ -164,7 +164,7 @@ def drivable_share(source: ImageFeatures, pose: SurePose, camera: CameraModel, g
 
 
 def _points_in_the_way(source: ImageFeatures, waypoint: Waypoint, camera: CameraModel, grid: ImageGrid) -> int:
-    """Return how many points of the source's depth image stand within the straight way."""
+    """Return the number of points of the source's depth image that block the straight path."""
     seen = np.flatnonzero(source.grid_depth)
     if not len(seen):
         return 0
@@ -179,44 +179,44 @@ def _points_in_the_way(source: ImageFeatures, waypoint: Waypoint, camera: Camera
 
 
 def _obstacle_band(source: ImageFeatures, camera: CameraModel) -> tuple[float, float]:
-    """Return between which heights, from the camera, a thing is in the way."""
+    """Return the lowest and highest height of obstacles, relative to the camera, in metres."""
     if 0 < camera.height_m <= _MAX_ROBOT_CAMERA_M and not source.has_own_tilt:
         return _FLOOR_M - camera.height_m, _EYE_BAND_M
     return -_EYE_BAND_M, _EYE_BAND_M
 
 
 def _falling(value: float, middle: float, width: float) -> float:
-    """Return a logistic that is 1 well below the middle and 0 well above."""
+    """Return a falling logistic function: 1 far below the middle, 0 far above it."""
     return float(1 / (1 + np.exp(np.clip((value - middle) / width, -50, 50))))
 
 
 VERSION = 2
-"""Increase it whenever equal images give another answer than before."""
+"""Version of the predictor; increase it whenever the same images give another result than before."""
 
 SHORTLIST_FROM = 24
-"""One image against at least so many others is compared in full with the most similar ones alone."""
+"""Number of targets from which on one image is compared in full with only the most similar ones."""
 SIMILAR = 64
-"""Number of other images chosen by their place vectors."""
+"""Number of targets that are chosen by their place vectors."""
 SHORTLIST = 12
-"""Number of these that are kept, by the votes of their key points."""
+"""Number of the chosen targets that are compared in full, by the votes of their key points."""
 
 LEAST_WIDTH_PX = 160
-"""In images 96 pixels wide it finds half as many near pairs as in those of 320."""
+"""Least useful image width in pixels: at 96 it recognises half as many near pairs as at 320."""
 
 MERGE_DISTANCE = 0.3
-"""D_m with this predictor. Of images that are 0.55 apart, the paper's D_m, it recognises about half, and beyond that
-fewer: nodes that far apart leave the images between them unconnected."""
+"""D_m with this predictor. At a distance of 0.55, the paper's D_m, it recognises only about half of the images, so with
+nodes that far apart the images between them would stay unconnected."""
 
 _NETWORK_SUFFIX = ".safetensors"
 _UNRELATED = 0.01
-"""Reachability of a pair that nothing speaks for. Not 0, because no evidence could revise such a belief."""
+"""Reachability of a pair without evidence; not 0, because Eq. 3 could never revise that."""
 
 
 class GeometricPredictor:
     """f(o_i, o_j) -> (r, dx, dy, dtheta) from the geometry of two images; its features are objects (N, 1)."""
 
     needs_depth = False
-    """Depth in one of two images is enough; without any, the distance is a guess, see `epipolar_motion`."""
+    """Depth is optional: one image of a pair is enough; without any, the distance is a guess, see `epipolar_motion`."""
     merge_distance = MERGE_DISTANCE
     least_width_px = LEAST_WIDTH_PX
 
@@ -227,7 +227,7 @@ class GeometricPredictor:
         calibration: Calibration | None = None,
         shortlist_from: int | None = SHORTLIST_FROM,
     ) -> None:
-        """Take the camera whose images come, and a calibration, None being the one of the package.
+        """Compare images of `camera`; without a calibration, the one in the package is used.
 
         `shortlist_from` None compares every pair in full.
         """
@@ -239,10 +239,10 @@ class GeometricPredictor:
 
     @property
     def fingerprint(self) -> str:
-        """Name the version, its fitted parameters and the camera."""
+        """Identifier of the version, its fitted parameters and the camera."""
         numbers = self._calibration.fingerprint
         if numbers == shipped_calibration().fingerprint:
-            calibration = CALIBRATION_FILE.read_bytes()  # As maps of earlier versions name it.
+            calibration = CALIBRATION_FILE.read_bytes()  # The same fingerprint as in maps of earlier versions.
         else:
             calibration = numbers.encode()
         digest = hashlib.sha256(calibration + WORDS_FILE.read_bytes())
@@ -251,21 +251,21 @@ class GeometricPredictor:
 
     @property
     def likelihoods(self) -> Likelihoods | None:
-        """What `ltvn measure` measured of it in simulation."""
+        """Constants that `ltvn measure` measured for it in simulation."""
         return shipped_likelihoods()
 
     @property
     def camera(self) -> CameraModel:
-        """The camera whose images it takes."""
+        """The camera of the images."""
         return self._camera
 
     @property
     def calibration(self) -> Calibration:
-        """What evidence is worth."""
+        """Weights of the evidence."""
         return self._calibration
 
     def encode(self, observations: Sequence[Observation]) -> Features:
-        """Return (N, 1) features: one object an image. Raises ImageError for images of another size."""
+        """Return (N, 1) features: one object per image. Raises ImageError for images of another size."""
         rows = np.empty((len(observations), 1), object)
         for k, observation in enumerate(observations):
             rows[k, 0] = self._extractor.extract(observation)
@@ -275,8 +275,8 @@ class GeometricPredictor:
         """Compare sources (N, 1) or (1, 1) with targets (N, 1).
 
         One source with many targets (24 or more, unless the shortlist is off) is compared in full only with the 12 most
-        similar ones. The others get a reachability of 0.01 and a waypoint of zeros that has no meaning, as pairs do
-        that nothing speaks for.
+        similar ones. The others get a reachability of 0.01 and a waypoint of zeros that has no meaning, like pairs
+        without evidence.
         """
         self._check(sources, targets)
         chosen = np.arange(len(targets))
@@ -290,11 +290,11 @@ class GeometricPredictor:
         return Prediction(reachability, waypoints)
 
     def key_point_counts(self, features: Features) -> NDArray[np.intp]:
-        """Return how many key points were found in each of N images, (N,) for features (N, 1)."""
+        """Return the number of key points (N,) of images, from features (N, 1)."""
         return np.array([len(row[0].rays) for row in features], np.intp)
 
     def shortlist(self, source: ImageFeatures, targets: Sequence[ImageFeatures]) -> list[int]:
-        """Return which targets are compared in full, in order."""
+        """Return the rows of the targets to compare in full, in order."""
         similar = most_similar(source.place, [target.place for target in targets], SIMILAR)
         counted = [votes(source.descriptors, targets[k].descriptors) for k in similar]
         order = np.argsort([-count for count in counted], kind="stable")[:SHORTLIST]
@@ -308,7 +308,7 @@ class GeometricPredictor:
         return max(_UNRELATED, pose.certainty * share), pose.waypoint
 
     def _sure_pose(self, source: ImageFeatures, target: ImageFeatures) -> SurePose:
-        """Return where the target is and how sure that is; computed once a pair, whichever way it is asked."""
+        """Return the target's pose and its certainty; computed once for both directions of a pair."""
         first, second = sorted((source, target), key=lambda each: each.key)
         pose = self._memory.recall(first.key, second.key)
         if pose is None:
@@ -344,22 +344,22 @@ class GeometricPredictor:
 
 
 def open_geometric(request: PredictorRequest) -> GeometricPredictor:
-    """Take the camera of the request as it is, and a drive's own calibration (.json) as weights. Raises WeightsError.
+    """Return the predictor for the request's camera; its weights may name a drive's own calibration (.json).
 
-    The scene is of no use here.
+    The scene is ignored. Raises WeightsError for a calibration that cannot be read.
     """
     return GeometricPredictor(request.camera, calibration=requested_calibration(request))
 
 
 def requested_calibration(request: PredictorRequest) -> Calibration | None:
-    """Return the calibration that is asked for as weights; None for the one of the package. Raises WeightsError.
+    """Return the calibration that a request names as weights; None for the one in the package. Raises WeightsError.
 
-    Weights of a network are passed over, because who asks may have them in hand for other images.
+    Weights of a network are ignored, because the caller may need them for other images.
     """
     weights = request.weights
     if weights is None:
         return None
     if weights.suffix == _NETWORK_SUFFIX:
-        log.warning("The geometric predictor has no use for %s, weights of the network; it takes its own.", weights)
+        log.warning("The geometric predictor ignores %s (weights of the network) and uses its calibration.", weights)
         return None
     return read_calibration(weights)

@@ -1,9 +1,9 @@
-"""How a calibration of the geometric predictor is fitted, and how it adapts to one drive.
+"""Fits a calibration of the geometric predictor, and adapts it to one drive.
 
-Owns which poses are right, the logistic regression with its ridge and the signs that weights may have, and the
-adaptation: fitted to the pairs of a drive, held by the parent, judged on stretches of the drive that it was not fitted
-on, and taken only where it is better. The pairs come from `tools/fit_geometric.py` for the package, and from a drive
-otherwise; what is compared, and which poses are right, comes in.
+Owns the tolerance for right poses, the logistic regression with its ridge and the allowed signs of its weights, and the
+adaptation. A candidate is fitted to the pairs of a drive with the parent as prior, cross-validated on sections of the
+drive, and used only if it is better. The caller supplies the compared pairs: `tools/fit_geometric.py` those of the
+package, fine-tuning those of a drive.
 """
 
 from collections.abc import Mapping, Sequence
@@ -23,14 +23,14 @@ from ltvn_core.predictors.geometric_evidence import DEPTHS, Calibration, Evidenc
 from ltvn_core.types import Waypoint
 
 PAIRS_FILE = Path(__file__).with_name("geometric_pairs.npz")
-"""The pairs that the calibration of the package was fitted on."""
+"""File of the pairs to which the calibration of the package was fitted."""
 
 RIDGE = 1.0
 """Strength of the regularisation of standardised weights."""
 RIGHT_M, RIGHT_SHARE, RIGHT_RAD = 0.12, 0.12, np.deg2rad(8)
-"""A pose is right when it is off by less than this, or this share of the distance, and turned by less."""
+"""Tolerances of a right pose: position error in metres or as a share of the distance, and angle error in radians."""
 GUESSED_M, GUESSED_SHARE = 0.3, 0.6
-"""The same for the guessed distances of images without depth."""
+"""Tolerances of the position for images without depth, whose distance is guessed, in metres or as a share."""
 SIGNS = Evidence(
     agreeing=1,
     agreeing_share=1,
@@ -46,21 +46,21 @@ SIGNS = Evidence(
     tilt_gap=-1,
     uncertainty=-1,
 )
-"""Which way each number may count, so that a regression does not learn the habits of the images it saw."""
+"""Allowed sign of each weight, so that a regression does not overfit to chance correlations in its images."""
 
 
 class Comparisons(NamedTuple):
-    """P pairs with a pose each, of one number of images with depth."""
+    """P pairs with a pose each, all with the same number of depth images."""
 
     evidence: NDArray[np.float64]
-    """(P, E)"""
+    """(P, E) evidence for the poses."""
     right: NDArray[np.bool_]
-    """(P,): the pose is right."""
+    """(P,) whether the pose is right."""
     weight: NDArray[np.float64]
-    """(P,): counts so much."""
+    """(P,) sample weight."""
 
     def joined(self, other: "Comparisons") -> "Comparisons":
-        """Return both together."""
+        """Return the pairs of both."""
         return Comparisons(
             np.concatenate([self.evidence, other.evidence]),
             np.concatenate([self.right, other.right]),
@@ -68,12 +68,12 @@ class Comparisons(NamedTuple):
         )
 
     def weighing(self, total: float) -> "Comparisons":
-        """Return the same pairs, which count so much together."""
+        """Return the same pairs with their weights scaled to a total."""
         return self._replace(weight=self.weight * total / max(float(self.weight.sum()), 1e-9))
 
 
 def is_right(found: Waypoint, truth: Waypoint, *, measured: bool) -> bool:
-    """Tell whether a waypoint (3,) is near enough to the truth, its distance `measured` by depth or guessed."""
+    """Return whether a waypoint (3,) is close enough to the truth; its distance is `measured` by depth or guessed."""
     gap = relative(truth, found)
     least, share = (RIGHT_M, RIGHT_SHARE) if measured else (GUESSED_M, GUESSED_SHARE)
     allowed = max(least, share * float(np.hypot(truth[0], truth[1])))
@@ -81,7 +81,7 @@ def is_right(found: Waypoint, truth: Waypoint, *, measured: bool) -> bool:
 
 
 def probabilities(logistic: Logistic, evidence: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return how likely poses with evidence (P, E) are right, (P,)."""
+    """Return the probabilities (P,) that poses with evidence (P, E) are right."""
     total = logistic.bias + evidence @ _weights(logistic)
     return 1 / (1 + np.exp(-np.clip(total, -30, 30)))
 
@@ -89,7 +89,7 @@ def probabilities(logistic: Logistic, evidence: NDArray[np.float64]) -> NDArray[
 def fit_logistic(found: Comparisons, parent: Logistic | None = None, ridge: float = RIDGE) -> Logistic:
     """Return the logistic regression of pairs.
 
-    A ridge on standardised evidence holds its weights at zero; where there is a parent it holds weights and bias at
+    A ridge penalty on standardised evidence draws the weights towards zero or, with a parent, weights and bias towards
     the parent's, so that few pairs change little.
     """
     mean = found.evidence.mean(0)
@@ -112,13 +112,13 @@ def fit_logistic(found: Comparisons, parent: Logistic | None = None, ridge: floa
 
     bounds = [(0, None) if sign > 0 else (None, 0) for sign in SIGNS] + [(None, None)]
     fitted = minimize(loss, start, jac=True, method="L-BFGS-B", bounds=bounds).x
-    # A number that never changes says nothing, and its tiny spread would make rounding errors a weight.
+    # Constant evidence has no information, and its tiny spread would turn rounding errors into a weight.
     known = np.where(spread > 1e-5, fitted[:-1] / spread, 0.0 if parent is None else _weights(parent))
     return logistic(known, float(fitted[-1] - known @ mean))
 
 
 def logistic(weights: NDArray[np.float64], bias: float) -> Logistic:
-    """Return a regression with weights (E,), rounded as they are written."""
+    """Return a regression with weights (E,), rounded as in its file."""
     named = zip(Evidence._fields, weights, strict=True)
     return Logistic({name: round(float(weight), 4) for name, weight in named}, round(bias, 4))
 
@@ -129,7 +129,7 @@ def _weights(part: Logistic) -> NDArray[np.float64]:
 
 @lru_cache(maxsize=1)
 def shipped_comparisons() -> Mapping[str, Comparisons]:
-    """Return the pairs that the calibration of the package was fitted on, by how many of their images have depth."""
+    """Return the pairs to which the calibration of the package was fitted, by the number of depth images."""
     with np.load(PAIRS_FILE) as held:
         return {
             name: Comparisons(
@@ -142,7 +142,7 @@ def shipped_comparisons() -> Mapping[str, Comparisons]:
 
 
 def write_comparisons(found: Mapping[str, Comparisons]) -> None:
-    """Write the pairs beside the calibration of the package."""
+    """Write the pairs to the file beside the calibration of the package."""
     held = {}
     for name, part in found.items():
         held[f"{name}_evidence"] = part.evidence.astype(np.float16)
@@ -153,15 +153,15 @@ def write_comparisons(found: Mapping[str, Comparisons]) -> None:
 
 
 RIDGES = (3.0, 10.0, 30.0, 100.0)
-"""How strongly the parent holds: what fits best on left-out stretches is taken."""
+"""Candidate strengths of the ridge penalty towards the parent; the best one in cross-validation is used."""
 CAUTIONS = (0.0, 0.5, 1.0, 1.5, 2.0, 3.0)
-"""By so much, in units of log odds, a candidate may be surer than the fit before it accepts."""
+"""Candidate values that are subtracted from a fitted bias, in log odds, to accept fewer pairs."""
 STRETCHES = 4
-"""The drive is cut into so many stretches; each is judged by a fit to the others."""
+"""Number of folds of the cross-validation; each is one section of the drive."""
 ALLOWED_FAR = 1e-3
-"""Of the far pairs so many may be accepted; a parent that accepts more is adapted to accept fewer, where it can be."""
+"""Share of the far pairs that may be accepted; candidates within this limit are preferred."""
 FEWEST_RIGHT = 20
-"""Fewer right poses with one number of depth images do not adapt that part."""
+"""Least number of right poses with the same number of depth images for fitting that regression."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -171,41 +171,42 @@ class OwnPairs:
     source: NDArray[np.intp]
     """(P,) rows of the source images."""
     target: NDArray[np.intp]
+    """(P,) rows of the target images."""
     images: int
     """Number of images, N."""
     near: NDArray[np.bool_]
-    """(P,): an edge between them would be right, and is wanted."""
+    """(P,) whether the pair is near, so that an edge should join it."""
     far: NDArray[np.bool_]
-    """(P,): an edge between them would be wrong."""
+    """(P,) whether the pair is far, so that an edge would be wrong."""
     known: NDArray[np.bool_]
-    """(P,): whether the pose is right is known."""
+    """(P,) whether it is known if the pose is right."""
     right: NDArray[np.bool_]
-    """(P,)"""
+    """(P,) whether the pose is right."""
     depths: NDArray[np.intp]
-    """(P,): how many of the two images have depth."""
+    """(P,) number of the two images that have depth."""
     found: NDArray[np.bool_]
-    """(P,): there is a pose."""
+    """(P,) whether a pose was found."""
     evidence: NDArray[np.float64]
-    """(P, E); zeros without a pose."""
+    """(P, E) evidence for the pose; zeros without a pose."""
     share: NDArray[np.float64]
-    """(P,): what r is of the certainty, see `drivable_share`; 0 where the method joins nothing so far apart."""
+    """(P,) ratio of r to the certainty of the pose, see `drivable_share`; 0 if too far apart for an edge."""
     far_pairs: int
-    """Far pairs there are, those included that the shortlist leaves out."""
+    """Number of all far pairs of the drive, including those that the shortlist leaves out."""
 
     @property
     def stretch(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """The stretches (P,) of the drive in which source and target were taken."""
+        """Cross-validation folds (P,) of source and target."""
         return self.source * STRETCHES // self.images, self.target * STRETCHES // self.images
 
     def comparisons(self, depths: int, chosen: NDArray[np.bool_]) -> Comparisons:
-        """Return those of the chosen pairs (P,) that have a pose known to be right or wrong, by depth images."""
+        """Return the chosen pairs (P,) with `depths` depth images and a pose known to be right or wrong."""
         rows = chosen & self.found & self.known & (self.depths == depths)
         return Comparisons(self.evidence[rows], self.right[rows], np.ones(np.count_nonzero(rows)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rescaled:
-    """The pairs of a drive with another guess of distances."""
+    """The pairs of a drive with another room depth, the scale of guessed distances."""
 
     pairs: OwnPairs
     room_depth_m: float
@@ -213,17 +214,17 @@ class Rescaled:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Acceptance:
-    """What of a drive's pairs a calibration accepts: r > R_c and d < D_c."""
+    """Shares of a drive's pairs that a calibration accepts as edges: r > R_c and d < D_c."""
 
     near_recall: float
-    """Share of the near pairs."""
+    """Share of the near pairs that are accepted."""
     far_fpr: float
-    """Share of the far pairs."""
+    """Share of the far pairs that are accepted."""
     shipped_fpr: float
-    """Share of the wrong poses among the pairs that the package's calibration was fitted on, with r > R_c."""
+    """Share of the wrong poses with r > R_c, in the pairs to which the package's calibration was fitted."""
 
     def is_worse_than(self, other: "Acceptance") -> bool:
-        """Tell whether it accepts fewer near pairs, or more of what is wrong."""
+        """Return whether it accepts fewer near pairs, more far pairs or more wrong poses."""
         return (
             self.near_recall < other.near_recall or self.far_fpr > other.far_fpr or self.shipped_fpr > other.shipped_fpr
         )
@@ -231,19 +232,18 @@ class Acceptance:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Adaptation:
-    """A calibration, and what it is worth on stretches of the drive that it was not fitted on."""
+    """An adapted calibration, and its cross-validation on the drive."""
 
     calibration: Calibration
-    """Without a card."""
+    """The calibration, without a card."""
     before: Acceptance
     """Acceptance by the parent's calibration."""
     after: Acceptance
-    """Acceptance by the adapted calibration, each stretch by a fit to the others; equal to `before` where the parent
-    stays."""
+    """Acceptance in cross-validation by the adapted calibration; equal to `before` if the parent is kept."""
     ridge: float | None = None
-    """Of the fit; None where the parent's weights stay, because no others are better."""
+    """Strength of the ridge penalty; None if no candidate is better than the parent's weights."""
     caution: float = 0.0
-    """In log odds."""
+    """Value that was subtracted from the fitted bias, in log odds."""
 
 
 def adapt(
@@ -251,14 +251,15 @@ def adapt(
 ) -> Adaptation:
     """Adapt the parent to a drive.
 
-    A candidate must not accept fewer near pairs than the parent, nor more far ones, nor more of the shipped wrong
-    poses. Of those that do, the one with the most near pairs is taken, first among those with few enough far ones.
+    A candidate must not accept fewer near pairs than the parent, more far pairs, or more of the shipped wrong poses.
+    Among the remaining candidates, those with at most a share of `ALLOWED_FAR` far pairs are preferred, then the one
+    with the most near pairs.
 
     Args:
-        pairs: As they are with the parent's room depth.
-        parent: The calibration to begin with.
-        shipped: The pairs that the calibration of the package was fitted on, by depth images.
-        rescaled: The same pairs with another room depth, which is taken unless it makes things worse.
+        pairs: Pairs of the drive, with the parent's room depth.
+        parent: Calibration to start from.
+        shipped: Pairs to which the calibration of the package was fitted, by the number of depth images.
+        rescaled: The same pairs with another room depth, which is used unless it is worse.
     """
     before = _acceptance(pairs, _across(pairs, [parent.logistics] * STRETCHES), parent.logistics, shipped)
     best = Adaptation(calibration=replace(parent, card={}), before=before, after=before)
@@ -287,7 +288,7 @@ def _rank(found: Acceptance) -> tuple[bool, float, float]:
 
 
 def _outside(pairs: OwnPairs, stretch: int) -> NDArray[np.bool_]:
-    """Return which pairs (P,) have no image in a stretch."""
+    """Return a mask (P,) of the pairs without an image in a fold."""
     source, target = pairs.stretch
     return (source != stretch) & (target != stretch)
 
@@ -299,7 +300,7 @@ def _fitted(
     shipped: Mapping[str, Comparisons],
     ridge: float,
 ) -> Mapping[str, Logistic]:
-    """Return the regressions fitted to the chosen pairs (P,) and, weighing as much, to the shipped ones."""
+    """Return the regressions fitted to the chosen pairs (P,) and, with equal total weight, to the shipped ones."""
     logistics = dict(parent.logistics)
     for depths, name in enumerate(DEPTHS):
         own = pairs.comparisons(depths, chosen)
@@ -310,7 +311,7 @@ def _fitted(
 
 
 def _cautious(logistics: Mapping[str, Logistic], parent: Calibration, caution: float) -> Mapping[str, Logistic]:
-    """Return regressions that are less sure by so much; what was not adapted stays."""
+    """Return regressions with `caution` subtracted from the bias; those that were not adapted stay unchanged."""
     return {
         name: part if part is parent.logistics[name] else Logistic(part.weights, round(part.bias - caution, 4))
         for name, part in logistics.items()
@@ -318,7 +319,7 @@ def _cautious(logistics: Mapping[str, Logistic], parent: Calibration, caution: f
 
 
 def _across(pairs: OwnPairs, by_stretch: Sequence[Mapping[str, Logistic]]) -> NDArray[np.bool_]:
-    """Return which pairs (P,) are accepted, each by the regressions of its source's stretch."""
+    """Return a mask (P,) of the accepted pairs, each by the regressions of its source's fold."""
     accepted = np.zeros(len(pairs.source), bool)
     for (stretch, logistics), (depths, name) in product(enumerate(by_stretch), enumerate(DEPTHS)):
         rows = np.flatnonzero(pairs.found & (pairs.stretch[0] == stretch) & (pairs.depths == depths))

@@ -1,11 +1,11 @@
-"""What speaks for a pose between two images and what against it, as numbers, and how sure the pose is after all of it.
+"""Evidence for and against a pose between two images, and the probability that the pose is right.
 
-Owns the evidence of key points (how many agree, how they are spread, and whether they would agree elsewhere as well)
-and that of surfaces: whether the coarse depth images and their colours show the same thing in the same place.
+Owns the evidence of key points (how many agree, how they are spread, and whether another pose would fit as well) and of
+surfaces (whether the coarse depth images and their colours agree).
 
-Logistic regressions weigh the evidence, those that come with the package or a drive's own. Owns their weights, one set
-for pairs with depth in both images, in one, and in none, and the file they are in. `tools/fit_geometric.py` fitted what
-comes with the package; `geometric_adaptation` adapts it to a drive.
+Logistic regressions weigh the evidence: one for pairs with depth in both images, one for depth in one image, and one
+for no depth. Owns their weights and the file format. `tools/fit_geometric.py` fitted the ones in the package;
+`geometric_adaptation` adapts them to a drive.
 """
 
 import hashlib
@@ -29,26 +29,26 @@ from ltvn_core.predictors.geometric_pose import ROOM_DEPTH_M, CameraMotion, Poin
 from ltvn_core.structured_text import parse_json
 
 DEPTH_TOLERANCE, DEPTH_TOLERANCE_M = 0.05, 0.04
-"""Depths agree within this share and so many metres."""
+"""Tolerance of agreeing depths: a share of the depth, plus a constant in metres."""
 
 _MIN_SURFACE = 30
 _SURFACE_STEP = 3
-"""Every third point of the coarse depth image is enough, and its rows are not in step with that."""
+"""Step between the points of the coarse depth image that are compared; it should not divide the length of a row."""
 _COLOUR_TOLERANCE = 30.0
 _MAX_COLOUR_GAP = 40.0
 
 
 class ColourDifference(NamedTuple):
-    """How the colours of surfaces differ that should be the same."""
+    """Colour difference of surfaces that should be the same."""
 
     conflict: float
-    """Share of those that differ clearly."""
+    """Share of the points with a clearly different colour."""
     gap: float
-    """Mean difference."""
+    """Mean difference, on a scale of 0 to 255."""
 
 
 class SurfaceAgreement(NamedTuple):
-    """How the surface that one image sees fits to the other's depth image."""
+    """Agreement of the surface in one image with the depth image of the other."""
 
     visible: float
     agreeing: float
@@ -58,13 +58,13 @@ class SurfaceAgreement(NamedTuple):
 
 
 NO_SURFACE = SurfaceAgreement(0.0, 0.0, 0.0, 0.0, ColourDifference(0.0, 0.0))
-"""Too little of the surface lies in both images."""
+"""Result if the images share too little surface."""
 
 
 def surface_agreement(
     first: ImageFeatures, second: ImageFeatures, motion: CameraMotion, camera: CameraModel, grid: ImageGrid
 ) -> SurfaceAgreement:
-    """Return how the first image's surface points fit to the second's coarse depth image after a motion."""
+    """Return the agreement of the first image's surface points with the second's coarse depth image after a motion."""
     chosen = np.arange(0, len(first.grid_depth), _SURFACE_STEP)
     chosen = chosen[first.grid_depth[chosen] > 0]
     there = motion.apply(points(grid.rays[chosen], first.grid_depth[chosen]))
@@ -90,7 +90,7 @@ def surface_agreement(
 def _grid_places(
     there: NDArray[np.float64], camera: CameraModel, grid: ImageGrid
 ) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
-    """Return which point of the grid is nearest to points (N, 3), and whether they lie in the image, (N,)."""
+    """Return the nearest grid point (N,) of each point (N, 3), and whether it lies in the image (N,)."""
     ahead = there[:, 2] > 0.1
     rays = there[:, :2] / np.where(ahead, there[:, 2], 1)[:, None]
     pixels = np.nan_to_num(camera.rays_to_pixels(rays), nan=-1e6)
@@ -108,14 +108,14 @@ def _correlation(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
         return 0.0
     a, b = a - a.mean(), b - b.mean()
     scale = np.sqrt((a @ a) * (b @ b))
-    # Two even surfaces have no brightness to compare.
+    # The constant draws the correlation of surfaces without texture towards zero.
     return float(a @ b / (scale + 25.0 * len(a)))
 
 
 def _colour_difference(
     colours: NDArray[np.uint8], image: NDArray[np.uint8], places: NDArray[np.intp], grid: ImageGrid
 ) -> ColourDifference:
-    """Return how colours (N, 3) differ from what an image (M, 3) shows at and beside places (N,)."""
+    """Return the difference of colours (N, 3) from those of an image (M, 3) at and beside places (N,)."""
     if len(colours) < _MIN_SURFACE:
         return ColourDifference(0.0, 0.0)
     shown = image.reshape(grid.rows, grid.columns, 3)
@@ -130,55 +130,56 @@ def _colour_difference(
 
 
 INLIER_REACH = 0.009
-"""A key point agrees with a pose when it is seen so near to where it should be, as a ray."""
+"""Largest distance of an agreeing key point from its predicted position, as rays at one metre of depth."""
 _CELLS = 4
-"""The image has so many cells along each side when it is counted how far the agreeing key points are spread."""
+"""Number of cells along each side of the image, for measuring the spread of key points."""
 _RIVALS = 160
 """Number of the strongest key points that are searched for rival matches."""
 _RIVAL_MARGIN, _RIVAL_MIN = 0.05, 0.75
-"""A rival match has a cosine at most this much below the best one's, and at least this high."""
+"""Limits of a rival match: cosine below the best match's by at most the margin, and at least the minimum."""
 _RIVAL_REACH_M = 0.08
+"""Largest difference of two translations that support each other, in metres."""
 _RIVAL_PAIRS = 300
-"""More pairs would not say more."""
+"""Largest number of rival matches; more add no information."""
 
 
 class Evidence(NamedTuple):
-    """What was counted for one pose; shares are in [0, 1]."""
+    """Evidence for one pose; shares are in [0, 1]."""
 
     agreeing: float
-    """Logarithm of one plus the number of key points that agree."""
+    """Logarithm of one plus the number of key points that agree with the pose."""
     agreeing_share: float
-    """Of the pairs that descriptors proposed alone, so many agree."""
+    """Share of the matches by descriptors alone that agree with the pose."""
     repeated_share: float
-    """Of the key points that both images should show, so many were found in both."""
+    """Share of the key points expected in both images that were found in both."""
     spread: float
-    """Share of the image's cells with agreeing key points, in the image where it is less."""
+    """Share of the image's cells with agreeing key points; the lesser value of the two images."""
     overlap: float
-    """Share of the surface points that lie in the other image, in the image where it is less."""
+    """Share of the surface points that lie in the other image; the lesser value of the two images."""
     depth_agreement: float
-    """Of those, so many have the depth that they should have."""
+    """Share of the overlapping surface points whose depth agrees."""
     depth_conflict: float
-    """So many stand where the other image looks through."""
+    """Share of the overlapping surface points that lie in free space of the other image."""
     brightness: float
-    """Correlation of the brightness of those that agree."""
+    """Correlation of the brightness of agreeing surface points."""
     colour_conflict: float
-    """Of those so many have a colour that is nowhere near in the other image."""
+    """Share of the agreeing surface points whose colour does not occur nearby in the other image."""
     colour_gap: float
-    """Mean difference of the colours of those that agree, of 255, each at most 40."""
+    """Mean colour difference of agreeing surface points, on a scale of 0 to 255, each at most 40."""
     rival: float
-    """Support of the best other shift, as where a pattern repeats, over that of this one."""
+    """Ratio of the support of the best other translation, as in repeated patterns, to that of this one."""
     tilt_gap: float
-    """Radians between the directions of gravity of both images, beyond what is usual."""
+    """Angle in radians between the gravity directions of both images, beyond the usual error."""
     uncertainty: float
-    """Logarithm of the standard deviation of the shift in metres."""
+    """Logarithm of the standard deviation of the translation in metres."""
 
 
 NO_EVIDENCE = Evidence(*[0.0] * len(Evidence._fields))
-"""Nothing counted yet."""
+"""Evidence of zeros, for a pair without a pose."""
 
 
 def agreeing_pairs(motion: CameraMotion, pairs: PointPairs) -> NDArray[np.bool_]:
-    """Tell which of P pairs agree with a motion, in rays and in depth, (P,)."""
+    """Return a mask (P,) of the pairs that agree with a motion, in rays and in depth."""
     return np.logical_or(_seen_there(motion, pairs), _seen_there(motion.inverse(), pairs.swapped()))
 
 
@@ -202,16 +203,16 @@ def spread(rays: NDArray[np.floating], camera: CameraModel) -> float:
 def rival_support(
     motion: CameraMotion, first: ImageFeatures, second: ImageFeatures, cosines: NDArray[np.float32]
 ) -> float:
-    """Return how much key points support another shift with the same turn, over their support of the motion's.
+    """Return the ratio of the key points' support for the best other translation to that for the motion's.
 
-    On tiles, or between equal doors, a key point has several matches that are almost as good as its best.
+    The rotation is kept. On tiles, or between equal doors, key points have several matches almost as good as the best.
     """
     known = np.flatnonzero(first.depth > 0)[:_RIVALS]
     others = np.flatnonzero(second.depth > 0)
     if len(known) < 2 or len(others) < 5:
         return 0.0
     likely = cosines[known] if len(others) == cosines.shape[1] else cosines[np.ix_(known, others)]
-    matched = likely.max(1) > _RIVAL_MIN  # No other key point has anything to offer.
+    matched = likely.max(1) > _RIVAL_MIN  # The other key points have no match above the minimum.
     known, likely = known[matched], likely[matched]
     best = np.argpartition(-likely, 3, axis=1)[:, :4]
     value = np.take_along_axis(likely, best, axis=1)
@@ -230,11 +231,11 @@ def rival_support(
 
 
 CALIBRATION_FILE = Path(__file__).with_name("geometric_calibration.json")
-"""The fitted weights, and what they were fitted on."""
+"""File of the fitted weights, and of the data to which they were fitted."""
 
 
 NO_DEPTH, ONE_DEPTH, BOTH_DEPTHS = "none", "one", "both"
-"""How many of the two images have depth."""
+"""Names for the number of depth images in a pair."""
 DEPTHS = (NO_DEPTH, ONE_DEPTH, BOTH_DEPTHS)
 
 MAX_DEPTH_M = 100.0
@@ -243,37 +244,37 @@ _MOST_BYTES = 1_000_000
 
 @dataclass(frozen=True, slots=True)
 class Logistic:
-    """Weights of the evidence by its names."""
+    """A logistic regression, with its weights by the names of the evidence."""
 
     weights: Mapping[str, float]
     bias: float
 
     def probability(self, evidence: Mapping[str, float]) -> float:
-        """Return how likely a pose is right, in [0, 1]."""
+        """Return the probability that a pose is right."""
         total = self.bias + sum(weight * evidence[name] for name, weight in self.weights.items())
         return float(1 / (1 + np.exp(-np.clip(total, -30, 30))))
 
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """What the evidence of a pair is worth."""
+    """The weights of the evidence for pairs with and without depth."""
 
     logistics: Mapping[str, Logistic]
-    """By how many of the two images have depth, see `DEPTHS`."""
+    """Logistic regressions by the number of depth images, see `DEPTHS`."""
     room_depth_m: float = ROOM_DEPTH_M
-    """How far away things usually are: what distances are guessed by where no image has depth."""
+    """Usual depth of a room in metres, the scale of guessed distances if no image has depth."""
     card: Mapping[str, Any] = field(default_factory=dict)
-    """What it was fitted on, as JSON has it."""
+    """Description of the data to which it was fitted, as JSON values."""
 
     @property
     def fingerprint(self) -> str:
-        """Name its numbers, in 12 hexadecimal digits."""
+        """Fingerprint of its numbers, 12 hexadecimal digits."""
         numbers = {name: [dict(part.weights), part.bias] for name, part in self.logistics.items()}
         text = json.dumps([numbers, self.room_depth_m], sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:12]
 
     def text(self) -> str:
-        """Write it as `read_calibration` reads it."""
+        """Return the text that `read_calibration` reads."""
         logistics = {name: {"weights": dict(part.weights), "bias": part.bias} for name, part in self.logistics.items()}
         held = {"logistics": logistics, "room_depth_m": self.room_depth_m, "card": dict(self.card)}
         return json.dumps(held, indent=1) + "\n"
@@ -281,12 +282,12 @@ class Calibration:
 
 @lru_cache(maxsize=1)
 def shipped_calibration() -> Calibration:
-    """Return the calibration that comes with the package."""
+    """Return the calibration in the package."""
     return read_calibration(CALIBRATION_FILE)
 
 
 def read_calibration(path: Path) -> Calibration:
-    """Read a calibration. Raises WeightsError for a file that is missing, cut or something else."""
+    """Read a calibration. Raises WeightsError for a file that is missing, truncated or no calibration."""
     try:
         held = parse_json(read_foreign(path, most_bytes=_MOST_BYTES, what="calibration"))
         logistics = {name: _logistic(held["logistics"][name]) for name in DEPTHS}

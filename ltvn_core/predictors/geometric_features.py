@@ -1,9 +1,9 @@
-"""What the geometric predictor keeps of an image, and which images are most alike by it.
+"""Image features of the geometric predictor, and the shortlist of the most similar images.
 
-An image has key points with descriptors and depth, a coarse depth image, and one vector that says what its descriptors
-say together. Owns how key points are found (SIFT as RootSIFT, OpenCV) and the shortlist of one image against many: by
-those vectors first, then by votes of the strongest key points. Decides nothing about reachability. The vector is a
-VLAD (H. Jegou et al., CVPR 2010) of RootSIFT descriptors.
+An image has key points with descriptors and depth, a coarse depth image, and a place vector that summarises its
+descriptors: a VLAD (H. Jegou et al., CVPR 2010) of RootSIFT descriptors. Owns the detection of key points (RootSIFT,
+OpenCV) and the shortlist of one image against many: first by place vectors, then by votes of the strongest key points.
+Decides nothing about reachability.
 """
 
 import hashlib
@@ -22,34 +22,34 @@ from ltvn_core.errors import ImageError
 from ltvn_core.types import Depth, Observation, Rgb
 
 WORDS_FILE = Path(__file__).with_name("geometric_words.npz")
-"""The visual words, which `tools/fit_geometric.py` fitted."""
+"""File of the visual words, which `tools/fit_geometric.py` fitted."""
 
 VOTERS = 96
-"""So many of an image's strongest key points vote."""
+"""Number of an image's strongest key points that vote."""
 
 _VOTE_RATIO = 0.85
 
 
 class VisualWords(NamedTuple):
-    """Typical descriptors: W of them, in D dimensions."""
+    """Visual vocabulary: W cluster centres of descriptors, reduced to D dimensions by PCA."""
 
     mean: NDArray[np.float32]
-    """(128,)"""
+    """(128,) mean descriptor."""
     axes: NDArray[np.float32]
-    """(128, D)"""
+    """(128, D) axes of the PCA."""
     centres: NDArray[np.float32]
-    """(W, D)"""
+    """(W, D) cluster centres."""
 
 
 @lru_cache(maxsize=1)
 def visual_words() -> VisualWords:
-    """Return the words that come with the package."""
+    """Return the visual words in the package."""
     with np.load(WORDS_FILE) as stored:
         return VisualWords(*(stored[name].astype(np.float32) for name in VisualWords._fields))
 
 
 def place_vector(descriptors: NDArray[np.uint8]) -> NDArray[np.float32]:
-    """Return what the descriptors (K, 128) of an image say together, a unit vector (W * D,); zeros where K is 0."""
+    """Return the VLAD of an image's descriptors (K, 128), a unit vector (W * D,); zeros if K is 0."""
     words = visual_words()
     if not len(descriptors):
         return np.zeros(words.centres.size, np.float32)
@@ -57,20 +57,20 @@ def place_vector(descriptors: NDArray[np.uint8]) -> NDArray[np.float32]:
     nearest = (reduced @ words.centres.T - (words.centres**2).sum(1) / 2).argmax(1)
     sums = np.zeros_like(words.centres)
     np.add.at(sums, nearest, reduced - words.centres[nearest])
-    # So that a word that occurs often, as on a tiled floor, counts no more than any other.
+    # Normalised per word, so that a frequent word, as on a tiled floor, counts no more than any other.
     sums /= np.maximum(np.linalg.norm(sums, axis=1, keepdims=True), 1e-6)
     vector = sums.ravel()
     return (vector / np.maximum(np.linalg.norm(vector), 1e-6)).astype(np.float32)
 
 
 def most_similar(vector: NDArray[np.float32], others: Sequence[NDArray[np.float32]], count: int) -> NDArray[np.intp]:
-    """Return which of N vectors are most like one, the best first."""
+    """Return the rows of the `count` vectors most similar to one, the best first."""
     likeness = np.stack(others) @ vector
     return np.argsort(-likeness, kind="stable")[:count]
 
 
 def votes(first: NDArray[np.uint8], second: NDArray[np.uint8]) -> int:
-    """Return how many of the strongest descriptors (K, 128) of one image have a clear match among another's."""
+    """Return the number of one image's strongest descriptors (K, 128) with a clear match in another image."""
     cosines = (first[:VOTERS].astype(np.float32) / 255**2) @ second[: 2 * VOTERS].astype(np.float32).T
     if cosines.shape[0] == 0 or cosines.shape[1] < 2:
         return 0
@@ -79,23 +79,24 @@ def votes(first: NDArray[np.uint8], second: NDArray[np.uint8]) -> int:
 
 
 KEY_POINTS = 640
-"""At most so many key points of an image are kept, the strongest ones."""
+"""Largest number of key points per image; the strongest ones are kept."""
 
 GRID_STEP_PX = 4
-"""The coarse depth image has every fourth pixel of a row and of a column."""
+"""Step in pixels between the points of the coarse depth image, along rows and columns."""
 
 CONTRAST_THRESHOLD = 0.01
-"""Lower than SIFT's own 0.04, because walls and doors have little contrast."""
+"""Contrast threshold of SIFT, lower than the usual 0.04, because walls and doors have little contrast."""
 EDGE_THRESHOLD = 12.0
 
 MAX_DEPTH_M = 12.0
-"""What is farther away is too uncertain to measure by."""
+"""Largest depth that is used, in metres; larger ones are too uncertain."""
 
 OPTICAL_TO_CAMERA = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
-"""From right, down, ahead, as OpenCV counts, to forward, left, up."""
+"""Rotation from OpenCV's axes (right, down, ahead) to forward, left, up."""
 
 WIDEST_RAY = 2.5
-"""Key points farther off the optical axis than this (68 degrees) are left out: as rays, a pixel there is too much."""
+"""Largest distance of a key point from the optical axis at one metre of depth (68 degrees). Farther out, a pixel covers
+too large a part of that plane."""
 
 _DESCRIPTOR_SCALE = 255.0
 
@@ -107,39 +108,39 @@ class ImageFeatures:
     key: bytes
     """Hash of the image, of its depth and of its tilt; equal images have equal keys."""
     rays: NDArray[np.float32]
-    """(K, 2): how far right and down of the optical axis a key point lies, at one metre of depth."""
+    """(K, 2) rays of the key points: right and down of the optical axis, at one metre of depth."""
     depth: NDArray[np.float32]
-    """(K,): metres along the axis; 0 where there is none."""
+    """(K,) depth of the key points in metres; 0 where missing."""
     descriptors: NDArray[np.uint8]
-    """(K, 128): RootSIFT, of length 255."""
+    """(K, 128) RootSIFT descriptors, of length 255."""
     grid_depth: NDArray[np.float32]
-    """(M,): metres along the axis; 0 where there is none."""
+    """(M,) depth of the coarse grid in metres; 0 where missing."""
     grid_rgb: NDArray[np.uint8]
-    """(M, 3): mean colour around."""
+    """(M, 3) mean colour around each grid point."""
     level: NDArray[np.float64]
-    """(3, 3): from right, down, ahead of the camera to forward, left, up of a level robot."""
+    """(3, 3) rotation from the camera's axes (right, down, ahead) to forward, left, up of a level robot."""
     has_own_tilt: bool
-    """The camera's tilt was measured for this image, as that of a hand-held camera."""
+    """Whether the camera's tilt was measured for this image, as for a hand-held camera."""
     place: NDArray[np.float32]
-    """(D,): what the image shows as one vector, see `place_vector`."""
+    """(D,) place vector of the image, see `place_vector`."""
 
     @property
     def has_depth(self) -> bool:
-        """Whether enough of the image has depth to measure by."""
+        """Whether enough of the image has depth for measurements."""
         return bool(np.count_nonzero(self.grid_depth) * 50 >= self.grid_depth.size)
 
 
 class ImageGrid(NamedTuple):
-    """The pixels of the coarse depth image of a camera, M of them, row by row."""
+    """The M pixels of a camera's coarse depth image, row by row."""
 
     rows: int
     columns: int
     pixels: NDArray[np.intp]
-    """(M, 2): column and row in the image."""
+    """(M, 2) column and row in the image."""
     rays: NDArray[np.float32]
-    """(M, 2): right and down at one metre of depth; NaN where a fisheye looks sideways."""
+    """(M, 2) rays, right and down at one metre of depth; NaN where a fisheye looks sideways."""
     pixel_ray: float
-    """How far a pixel reaches as a ray, the median over the image: one over the focal length without distortion."""
+    """Median size of a pixel as a ray: without distortion, one over the focal length."""
 
 
 def image_grid(camera: CameraModel) -> ImageGrid:
@@ -155,15 +156,15 @@ def image_grid(camera: CameraModel) -> ImageGrid:
 
 
 class FeatureExtractor:
-    """Finds the features of images of one camera."""
+    """Extracts the features of images of one camera."""
 
     def __init__(self, camera: CameraModel) -> None:
-        """Take the camera whose images come."""
+        """Prepare for images of `camera`."""
         self._camera = camera
         self.grid = image_grid(camera)
 
     def extract(self, observation: Observation) -> ImageFeatures:
-        """Return the features of an image. Raises ImageError where it is not of the camera's size."""
+        """Return the features of an image. Raises ImageError if it does not have the camera's size."""
         rgb, depth = self._checked(observation)
         tilt = observation.tilt
         camera = self._camera
@@ -172,7 +173,7 @@ class FeatureExtractor:
         gray = cv2.cvtColor(np.ascontiguousarray(rgb), cv2.COLOR_RGB2GRAY)
         pixels, descriptors = _key_points(np.asarray(gray, np.uint8))
         rays = camera.pixels_to_rays(pixels.astype(np.float64))
-        usable = np.hypot(rays[:, 0], rays[:, 1]) < WIDEST_RAY  # Nor NaN, where a fisheye looks sideways.
+        usable = np.hypot(rays[:, 0], rays[:, 1]) < WIDEST_RAY  # Also excludes NaN, where a fisheye looks sideways.
         pixels, descriptors, rays = pixels[usable], descriptors[usable], rays[usable]
         columns, rows = self.grid.pixels.T
         smooth = cv2.blur(np.ascontiguousarray(rgb), (GRID_STEP_PX, GRID_STEP_PX))
@@ -194,8 +195,8 @@ class FeatureExtractor:
         if observation.rgb.shape != (*shape, 3) or (depth is not None and depth.shape != shape):
             raise ImageError(
                 f"Image {observation.step} is {observation.rgb.shape[:2]}; this geometric predictor takes {shape} "
-                "(rows, columns). Let it in through ltvn_core.preprocessing.preprocess_observation, which rectifies "
-                "images of any camera, or make the predictor for the camera that took it."
+                "(rows, columns). Preprocess it with ltvn_core.preprocessing.preprocess_observation, which rectifies "
+                "images of any camera, or create the predictor for the camera of the image."
             )
         if depth is None:
             return observation.rgb, np.zeros(shape, np.float32)
@@ -204,7 +205,7 @@ class FeatureExtractor:
 
 def _key_points(gray: NDArray[np.uint8]) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
     """Return pixels (K, 2) and RootSIFT descriptors (K, 128) of the strongest key points."""
-    # Made anew for each image, because one detector must not serve two threads.
+    # A new detector for each image, because detectors are not thread-safe.
     detector = cv2.SIFT.create(nfeatures=KEY_POINTS, contrastThreshold=CONTRAST_THRESHOLD, edgeThreshold=EDGE_THRESHOLD)
     found, descriptors = detector.detectAndCompute(gray, None)
     if not found:
@@ -217,7 +218,7 @@ def _key_points(gray: NDArray[np.uint8]) -> tuple[NDArray[np.float32], NDArray[n
 
 
 def _depth_at(depth: Depth, pixels: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return the depth (K,) at pixels (K, 2): the median of the pixels around that have any."""
+    """Return the depth (K,) at pixels (K, 2): the median of the valid depths in 3 x 3 pixels."""
     if not depth.any() or not len(pixels):
         return np.zeros(len(pixels), np.float32)
     reach = np.arange(-1, 2)

@@ -1,10 +1,9 @@
-"""How a camera moved between two images, from corresponding key points.
+"""Estimates the motion of a camera between two images from corresponding key points.
 
-Owns the search for a pose where there is depth on either side (P3P in RANSAC, OpenCV), its refinement over both images
-at once (Gauss-Newton over rays and depths, outliers by a Cauchy loss), and the search where neither image has depth
-(epipolar geometry, OpenCV). How far the camera went nobody can say from two images without depth; it is guessed, as if
-what they show were so far away as things in rooms mostly are. Judges no pose. Points are counted right, down, ahead of
-a camera; rays are points at one metre of depth.
+Owns the search for a pose with depth in at least one image (P3P in RANSAC, OpenCV), its refinement over both images
+(Gauss-Newton on rays and depths, with a Cauchy loss against outliers), and the search without depth (epipolar geometry,
+OpenCV). Two images without depth do not determine the length of the motion; it is guessed from the usual depth of
+rooms. Does not verify poses. Coordinates are right, down and ahead of a camera; rays are points at one metre of depth.
 """
 
 from typing import NamedTuple
@@ -14,25 +13,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 SEARCH_REACH = 0.012
-"""A point may be seen so far from where a pose puts it, as a ray, to support that pose in the search."""
+"""Largest distance, as rays, of a supporting point from its position predicted by a pose, in the search."""
 MIN_SUPPORT = 8
-"""Fewer points support no pose."""
+"""Least number of points that support a pose."""
 
 _ENOUGH_WITH_DEPTH = 8
-"""So many pairs with depth in both images make triangles; with fewer, points of one image meet rays of the other."""
+"""Least number of pairs with depth in both images for the search by triangles; with fewer, P3P is used."""
 _TRIANGLES = 1200
 _MAX_HYPOTHESES = 150
 _SHORTEST_SIDE_M = 0.08
 _DEPTH_GAP_WEIGHT = 0.2
-"""A gap of one over metres counts as so much of a gap between rays."""
+"""Weight of a gap between inverse depths, in 1/m, relative to a gap between rays."""
 _FOCAL = 500.0
-"""OpenCV counts in pixels; any focal length serves."""
+"""Focal length that converts rays to pixels for OpenCV; its value does not matter."""
 _NOWHERE = 1e3
-"""The ray of a point behind the camera; nothing is near it."""
+"""Ray for points behind the camera, far from every other ray."""
 
 
 class CameraMotion(NamedTuple):
-    """A point X of the first camera is rotation X + translation for the second."""
+    """Motion between two cameras: a point X in the first camera's frame is rotation X + translation in the second's."""
 
     rotation: NDArray[np.float64]
     """(3, 3)"""
@@ -41,20 +40,20 @@ class CameraMotion(NamedTuple):
 
     @property
     def turned_rad(self) -> float:
-        """The angle of the rotation, about whatever axis."""
+        """Angle of the rotation about its axis, in radians."""
         return float(np.arccos(np.clip((np.trace(self.rotation) - 1) / 2, -1, 1)))
 
     def inverse(self) -> "CameraMotion":
-        """Return the motion the other way."""
+        """Return the inverse motion."""
         return CameraMotion(self.rotation.T, -self.rotation.T @ self.translation)
 
     def apply(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return points (N, 3) of the first camera as the second has them."""
+        """Transform points (N, 3) from the first camera's frame to the second's."""
         return points @ self.rotation.T + self.translation
 
 
 class PointPairs(NamedTuple):
-    """P points of the world as two images have them; depth 0 where there is none."""
+    """P points as seen in two images; depth is 0 where missing."""
 
     first_rays: NDArray[np.float64]
     first_depth: NDArray[np.float64]
@@ -62,11 +61,11 @@ class PointPairs(NamedTuple):
     second_depth: NDArray[np.float64]
 
     def swapped(self) -> "PointPairs":
-        """Return the same points with the images changed over."""
+        """Return the same points with the two images exchanged."""
         return PointPairs(self.second_rays, self.second_depth, self.first_rays, self.first_depth)
 
     def take(self, chosen: NDArray[np.bool_] | slice) -> "PointPairs":
-        """Return the chosen ones."""
+        """Return the chosen points."""
         return PointPairs(*(part[chosen] for part in self))
 
 
@@ -85,7 +84,7 @@ def projected(motion: CameraMotion, rays: NDArray[np.float32], depth: NDArray[np
 
 
 def find_motion(pairs: PointPairs) -> CameraMotion | None:
-    """Return the motion that most pairs support; None where too few do."""
+    """Return the motion that most pairs support; None if fewer than `MIN_SUPPORT` do."""
     if np.count_nonzero((pairs.first_depth > 0) & (pairs.second_depth > 0)) >= _ENOUGH_WITH_DEPTH:
         return _search_by_depth(pairs)
     if np.count_nonzero(pairs.first_depth) >= np.count_nonzero(pairs.second_depth):
@@ -95,7 +94,7 @@ def find_motion(pairs: PointPairs) -> CameraMotion | None:
 
 
 def _search_by_depth(pairs: PointPairs) -> CameraMotion | None:
-    """Return the motion by triangles of three points, which must have equal sides in both images."""
+    """Return the motion from triangles of three points, whose sides must be equal in both images."""
     known = pairs.take((pairs.first_depth > 0) & (pairs.second_depth > 0))
     first = points(known.first_rays, known.first_depth)
     second = points(known.second_rays, known.second_depth)
@@ -112,7 +111,7 @@ def _search_by_depth(pairs: PointPairs) -> CameraMotion | None:
     ahead = np.maximum(seen[:, 2], 0.05)
     gaps = (seen[:, 0] / ahead - known.second_rays[:, 0]) ** 2 + (seen[:, 1] / ahead - known.second_rays[:, 1]) ** 2
     gaps += (_DEPTH_GAP_WEIGHT * (1 / ahead - 1 / known.second_depth)) ** 2
-    # The mean of bounded squares (MSAC) prefers the more exact of two poses with equal support.
+    # The sum of truncated squares (MSAC) prefers the more accurate of two poses with equal support.
     cost = np.minimum(gaps, SEARCH_REACH**2).sum(1)
     best = int(cost.argmin())
     if np.count_nonzero(gaps[best] < SEARCH_REACH**2) < MIN_SUPPORT:
@@ -121,7 +120,7 @@ def _search_by_depth(pairs: PointPairs) -> CameraMotion | None:
 
 
 def _alike_triangles(first: NDArray[np.float64], second: NDArray[np.float64]) -> NDArray[np.intp]:
-    """Return which triangles (N, 3, 3) are of one shape and large enough to tell a direction."""
+    """Return the rows of triangles (N, 3, 3) that have equal sides in both images and are large enough."""
     sides_first = np.linalg.norm(first - np.roll(first, 1, axis=1), axis=2)
     sides_second = np.linalg.norm(second - np.roll(second, 1, axis=1), axis=2)
     alike = np.abs(sides_first - sides_second) < 0.03 + 0.1 * np.minimum(sides_first, sides_second)
@@ -131,7 +130,7 @@ def _alike_triangles(first: NDArray[np.float64], second: NDArray[np.float64]) ->
 
 
 def _triangle_frames(corners: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the axes (N, 3, 3), as columns, that triangles (N, 3, 3) span."""
+    """Return the axes (N, 3, 3), as columns, of the frames that triangles (N, 3, 3) define."""
     along = corners[:, 1] - corners[:, 0]
     along /= np.linalg.norm(along, axis=1, keepdims=True)
     normal = np.cross(along, corners[:, 2] - corners[:, 0])
@@ -155,7 +154,7 @@ def _search(pairs: PointPairs) -> CameraMotion | None:
             confidence=0.999,
             flags=cv2.SOLVEPNP_AP3P,
         )
-    except cv2.error:  # Points in one line.
+    except cv2.error:  # The points are collinear.
         return None
     if not found or inliers is None or len(inliers) < MIN_SUPPORT:
         return None
@@ -165,29 +164,29 @@ def _search(pairs: PointPairs) -> CameraMotion | None:
 
 _ITERATIONS = 8
 _MAX_REFINED = 200
-"""More pairs make a pose hardly more exact; the strongest key points come first."""
+"""Largest number of pairs in the refinement; more hardly improve a pose, and the strongest key points come first."""
 _RAY_SIGMA = 0.004
-"""How exactly a key point is seen, as a ray: about a pixel of an image of 320 x 240."""
+"""Standard deviation of a key point as a ray: about one pixel of an image of 320 x 240."""
 _INVERSE_DEPTH_SIGMA = 0.02
-"""How exactly a depth camera measures one over metres, the alignment of colour and depth included."""
+"""Standard deviation of measured inverse depth in 1/m, with the misalignment of colour and depth."""
 
 
 class _Sighting(NamedTuple):
-    """Points (N, 3) of one image, and how the other image saw them."""
+    """Points (N, 3) of one image, and their measurements in the other image."""
 
     points: NDArray[np.float64]
     rays: NDArray[np.float64]
-    """(N, 2)"""
+    """(N, 2) measured rays."""
     inverse_depth: NDArray[np.float64]
-    """(N,): one over metres."""
+    """(N,) measured inverse depth in 1/m."""
     depth_weight: NDArray[np.float64]
-    """(N,): one over the error of that; 0 where there is no depth."""
+    """(N,) inverse of the standard deviation of the inverse depth; 0 where depth is missing."""
 
 
 def refine_motion(motion: CameraMotion, pairs: PointPairs) -> tuple[CameraMotion, NDArray[np.float64]]:
-    """Return the motion that fits all pairs best, outliers aside, and the covariance (6, 6) of turn and shift.
+    """Return the motion that fits all pairs best except outliers, and its covariance (6, 6): rotation, translation.
 
-    Gauss-Newton over the rays in both images and the depths, each weighed by how exactly it is known (Cauchy).
+    Gauss-Newton on the rays in both images and the depths, each weighted by its accuracy, with a Cauchy loss.
     """
     pairs = pairs.take(slice(_MAX_REFINED))
     there = _sighting(pairs)
@@ -208,7 +207,7 @@ def refine_motion(motion: CameraMotion, pairs: PointPairs) -> tuple[CameraMotion
 
 
 def _sighting(pairs: PointPairs) -> _Sighting:
-    """Return the first image's points with depth, and how the second saw them."""
+    """Return the first image's points with depth, and their measurements in the second image."""
     known = pairs.first_depth > 0
     depth = pairs.second_depth[known]
     return _Sighting(
@@ -222,9 +221,9 @@ def _sighting(pairs: PointPairs) -> _Sighting:
 def _residuals(
     motion: CameraMotion, there: _Sighting, back: _Sighting, by_back: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return Jacobians (N, 3, 6) by turn and shift after the motion, and residuals (N, 3) in sigmas, both ways.
+    """Return Jacobians (N, 3, 6) by rotation and translation, and residuals (N, 3) in sigmas, for both directions.
 
-    `by_back` is how the points of the second image move, (M, 3, 6).
+    `by_back` is the Jacobian (M, 3, 6) of the second image's points.
     """
     moved = motion.apply(there.points)
     forward = _ray_residuals(moved, _by_turn_and_shift(moved), there)
@@ -234,7 +233,7 @@ def _residuals(
 
 
 def _by_turn_and_shift(places: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return how points (N, 3) move when the world is turned a little and shifted, (N, 3, 6)."""
+    """Return the Jacobian (N, 3, 6) of points (N, 3) by a small rotation and translation."""
     jacobians = np.zeros((len(places), 3, 6))
     x, y, z = places.T
     jacobians[:, 0, 1], jacobians[:, 0, 2] = z, -y
@@ -247,7 +246,7 @@ def _by_turn_and_shift(places: NDArray[np.float64]) -> NDArray[np.float64]:
 def _ray_residuals(
     places: NDArray[np.float64], jacobians: NDArray[np.float64], sighting: _Sighting
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return Jacobians (N, 3, 6) and residuals (N, 3) of points (N, 3) against how they were seen."""
+    """Return Jacobians (N, 3, 6) and residuals (N, 3) of points (N, 3) against their measurements."""
     near = 1 / np.maximum(places[:, 2], 0.05)
     seen = places[:, :2] * near[:, None]
     by_ray = (jacobians[:, :2] - seen[:, :, None] * jacobians[:, 2:]) * (near / _RAY_SIGMA)[:, None, None]
@@ -268,32 +267,32 @@ def _moved(motion: CameraMotion, step: NDArray[np.float64]) -> CameraMotion:
 
 
 ROOM_DEPTH_M = 2.2
-"""What an image shows indoors is mostly so far away; half and twice as far is common."""
+"""Usual distance of the surfaces in an indoor image, in metres; half and twice as much are common."""
 MIN_PAIRS = 12
-"""Fewer pairs say nothing without depth."""
+"""Least number of pairs for a motion without depth."""
 
 _REACH = 0.004
-"""A key point may be so far from its epipolar line, as a ray."""
+"""Largest distance, as rays, of a key point from its epipolar line."""
 _STANDING = 0.006
-"""Where the rays differ by less than this after the turn, the camera did not move."""
+"""Median difference of the rays after the rotation below which the camera did not move."""
 _EXACT_PIXEL_RAY = 1 / 250
-"""Where a pixel is more than this as a ray, as in small images and those of wide lenses, the reaches above grow."""
+"""Size of a pixel, as a ray, above which both limits grow, as in small images and with wide lenses."""
 
 
 class EpipolarMotion(NamedTuple):
-    """A motion whose length is a guess, and the pairs that agree with it."""
+    """A motion with a guessed length, and the pairs that agree with it."""
 
     motion: CameraMotion
     agreeing: NDArray[np.bool_]
-    """(P,)"""
+    """(P,) mask of the pairs that agree."""
 
 
 def epipolar_motion(
     first_rays: NDArray[np.float64], second_rays: NDArray[np.float64], pixel_ray: float = _EXACT_PIXEL_RAY
 ) -> EpipolarMotion | None:
-    """Return the motion that most pairs of rays (P, 2), (P, 2) agree with; None where too few do.
+    """Return the motion that most pairs of rays (P, 2), (P, 2) agree with; None if fewer than `MIN_PAIRS` do.
 
-    `pixel_ray` is how far a pixel reaches as a ray, `ImageGrid.pixel_ray`: no key point is seen more exactly than that.
+    `pixel_ray` is the size of a pixel as a ray, `ImageGrid.pixel_ray`, which limits the accuracy of key points.
     """
     if len(first_rays) < MIN_PAIRS:
         return None
@@ -308,7 +307,7 @@ def epipolar_motion(
         if essential is None or essential.shape != (3, 3) or np.count_nonzero(inliers) < MIN_PAIRS:
             return None
         _, rotation, direction, _ = cv2.recoverPose(essential, first, second, camera, mask=inliers.copy())
-    except cv2.error:  # All points in one place.
+    except cv2.error:  # All points coincide.
         return None
     agreeing = inliers.ravel() > 0
     standing = _turn_on_the_spot(first_rays[agreeing], second_rays[agreeing], coarse * _STANDING)
@@ -322,9 +321,9 @@ def epipolar_motion(
 def _turn_on_the_spot(
     first: NDArray[np.float64], second: NDArray[np.float64], standing: float
 ) -> NDArray[np.float64] | None:
-    """Return the rotation (3, 3) that explains rays (P, 2) alone; None where the camera moved too.
+    """Return the rotation (3, 3) if a rotation alone explains the rays (P, 2); None if the camera also moved.
 
-    A camera that only turned has no direction of motion, and the epipolar geometry may mirror it.
+    Without translation the epipolar geometry is degenerate and may give a mirrored motion.
     """
     before = _directions(first)
     after = _directions(second)
@@ -350,7 +349,7 @@ def _baseline_m(
     first: NDArray[np.float64],
     second: NDArray[np.float64],
 ) -> float:
-    """Return the distance between the cameras, if the points of the rays (P, 2), (P, 2) have the usual depth."""
+    """Return the distance between the cameras, assuming that the points of rays (P, 2), (P, 2) have the usual depth."""
     turned = np.column_stack([first, np.ones(len(first))]) @ rotation.T
     ahead = np.maximum(turned[:, 2:], 0.1)
     parallax = np.linalg.norm(turned[:, :2] / ahead - second, axis=1)

@@ -1,7 +1,7 @@
-"""The full comparison of two images: correspondences, pose, and the evidence for it.
+"""The full comparison of two images: correspondences, pose, and the evidence for it (geometric verification).
 
-Owns which key points of two images are one point of the world, by their descriptors or near where a pose puts them, and
-the order of the steps; gives up early where too little agrees. Says nothing about driving.
+Owns the matching of key points, by descriptors alone or guided by a pose, and the order of the steps; stops early if
+too few key points agree. Does not decide about driving.
 """
 
 from typing import NamedTuple
@@ -31,18 +31,18 @@ from ltvn_core.predictors.geometric_pose import (
 from ltvn_core.types import Waypoint
 
 RATIO = 0.85
-"""The best match must be closer than this share of the second best (D. Lowe, IJCV 2004)."""
+"""Ratio test: the best match must be closer than this share of the second best (D. Lowe, IJCV 2004)."""
 GUIDED_MIN_SIMILARITY = 0.75
-"""Cosine that two descriptors need where the pose already says that they should match."""
+"""Least cosine of two descriptors in guided matching, where the pose already predicts their positions."""
 
 
 class Correspondences(NamedTuple):
-    """P pairs of key points."""
+    """P matched pairs of key points."""
 
     first: NDArray[np.intp]
-    """(P,): which of the first image's key points."""
+    """(P,) key points of the first image."""
     second: NDArray[np.intp]
-    """(P,)"""
+    """(P,) key points of the second image."""
 
 
 def similarities(first: ImageFeatures, second: ImageFeatures) -> NDArray[np.float32]:
@@ -53,7 +53,7 @@ def similarities(first: ImageFeatures, second: ImageFeatures) -> NDArray[np.floa
 
 
 def mutual_matches(cosines: NDArray[np.float32]) -> Correspondences:
-    """Return the pairs that are each other's best by cosines (K, L), and clearly better than the second best."""
+    """Return the mutual best matches by cosines (K, L) that are clearly better than the second best."""
     if min(cosines.shape) < 2:
         return Correspondences(np.zeros(0, np.intp), np.zeros(0, np.intp))
     best = cosines.argmax(1)
@@ -68,12 +68,12 @@ def mutual_matches(cosines: NDArray[np.float32]) -> Correspondences:
 
 
 def guided_matches(cosines: NDArray[np.float32], gaps: NDArray[np.float32], reach: float) -> Correspondences:
-    """Return the pairs that are each other's best among those whose places differ by less than `reach`.
+    """Return the mutual best matches among the pairs closer than `reach` to their predicted positions.
 
     Args:
-        cosines: (K, L) of descriptors.
-        gaps: (K, L) squared distances between where a pose puts the first and where the second are.
-        reach: In the unit of the gaps' roots.
+        cosines: (K, L) cosines of descriptors.
+        gaps: (K, L) squared distances of the second key points from the predicted positions of the first.
+        reach: Largest distance, in the unit of the gaps' square roots.
     """
     if not cosines.size:
         return Correspondences(np.zeros(0, np.intp), np.zeros(0, np.intp))
@@ -86,9 +86,10 @@ def guided_matches(cosines: NDArray[np.float32], gaps: NDArray[np.float32], reac
 
 
 def ray_gaps(motion: CameraMotion, first: ImageFeatures, second: ImageFeatures) -> NDArray[np.float32]:
-    """Return the squared distances (K, L), as rays, of where key points should be to where the others are.
+    """Return the squared distances (K, L), as rays, of key points from their positions predicted by a motion.
 
-    The first image's are looked for in the second, and where they have no depth, the other way.
+    Key points of the first image with depth are projected into the second. For those without depth, the second image's
+    key points are projected into the first.
     """
     known = np.flatnonzero(first.depth)
     if len(known) == len(first.rays):
@@ -113,20 +114,20 @@ def _squared_gaps(places: NDArray[np.float32], rays: NDArray[np.float32]) -> NDA
 
 
 GUIDED_REACH = 0.02
-"""Having a first pose, key points are compared with those that lie so near to where it puts them, as rays."""
+"""Largest distance, as rays, of a guided match from its predicted position."""
 _USUAL_TILT_GAP_RAD = 0.05
 _MAX_TILT_GAP_RAD = 0.5
 
 
 class VerifiedMotion(NamedTuple):
-    """A motion from the first image's camera to the second's, and what speaks for it."""
+    """A motion from the first image's camera to the second's, and the evidence for it."""
 
     motion: CameraMotion
     evidence: Evidence
 
 
 def verify(first: ImageFeatures, second: ImageFeatures, camera: CameraModel, grid: ImageGrid) -> VerifiedMotion | None:
-    """Return the motion between two images; None where nothing speaks for any."""
+    """Return the motion between two images; None if too few key points support one."""
     cosines = similarities(first, second)
     proposed = _pairs(first, second, mutual_matches(cosines))
     if not (first.has_depth or second.has_depth):
@@ -153,7 +154,7 @@ class _GuidedMotion(NamedTuple):
 def _with_guided_matches(
     motion: CameraMotion, first: ImageFeatures, second: ImageFeatures, cosines: NDArray[np.float32]
 ) -> _GuidedMotion | None:
-    """Return the motion by the matches that it helps to find itself; None where too few agree."""
+    """Refine a motion with guided matches; None if too few agree."""
     found = _pairs(first, second, guided_matches(cosines, ray_gaps(motion, first, second), GUIDED_REACH))
     if len(found.first_depth) < MIN_SUPPORT:
         return None
@@ -182,7 +183,7 @@ def _from_key_points(
 def _from_surfaces(
     motion: CameraMotion, first: ImageFeatures, second: ImageFeatures, camera: CameraModel, grid: ImageGrid
 ) -> dict[str, float]:
-    """Return what the surfaces of both images say, by the names in `Evidence`."""
+    """Return the evidence of the surfaces of both images, by the names in `Evidence`."""
     there = surface_agreement(first, second, motion, camera, grid)
     back = surface_agreement(second, first, motion.inverse(), camera, grid)
     return {
@@ -214,7 +215,7 @@ def _verified_without_depth(
 
 
 def waypoint(motion: CameraMotion, first: ImageFeatures, second: ImageFeatures) -> Waypoint:
-    """Return the second image's place in the frame of the level robot that took the first, (3,)."""
+    """Return the waypoint (3,) to the second image, in the frame of the level robot that took the first."""
     back = motion.inverse()
     shift = first.level @ back.translation
     turn = first.level @ back.rotation @ second.level.T
@@ -232,7 +233,7 @@ def _pairs(first: ImageFeatures, second: ImageFeatures, matches: Correspondences
 
 
 def _visible_count(motion: CameraMotion, first: ImageFeatures, second: ImageFeatures, camera: CameraModel) -> int:
-    """Return how many of the first image's key points the second should show."""
+    """Return the number of the first image's key points that the second image should show."""
     source, way = (first, motion) if first.depth.any() else (second, motion.inverse())
     known = source.depth > 0
     pixels = camera.rays_to_pixels(projected(way, source.rays[known], source.depth[known]).astype(np.float64))
@@ -242,7 +243,7 @@ def _visible_count(motion: CameraMotion, first: ImageFeatures, second: ImageFeat
 
 
 def _least(first: ImageFeatures, second: ImageFeatures, there: float, back: float) -> float:
-    """Return the lesser of two shares, of which one is known where only one image has depth."""
+    """Return the lesser of two shares; only one is known if only one image has depth."""
     return min([there] * first.has_depth + [back] * second.has_depth, default=0.0)
 
 

@@ -5,5 +5,5 @@ from ltvn_core.predictors.request import PredictorRequest
 
 
 def open_network(request: PredictorRequest) -> NetworkPredictor:
-    """Open the weights asked for, the shipped ones where none are. Raises WeightsError."""
+    """Open the weights of the request, or the shipped ones if it names none. Raises WeightsError."""
     return load_predictor(request.weights)

@@ -1,4 +1,4 @@
-"""The card beside an ONNX model: a small TOML file that says what goes in and what comes out.
+"""The card beside an ONNX model: a small TOML file that describes its inputs and outputs.
 
     model = "gnm.onnx"                  # beside the card
 
@@ -10,7 +10,7 @@
     [inputs]
     source = "obs_img"                  # (N, 3 * (context + 1), height, width)
     target = "goal_img"                 # (N, 3, height, width)
-    context = 5                         # earlier images that the model takes beside the source
+    context = 5                         # number of earlier images besides the source
 
     [outputs]
     distance = "dist_pred"              # (N, 1), in steps
@@ -18,11 +18,11 @@
 
     [units]
     reachable_below = 10.0              # steps
-    distance_m = 0.12                   # metres a step
-    waypoint_m = 0.25                   # metres a unit of the waypoints
+    distance_m = 0.12                   # metres per step
+    waypoint_m = 0.25                   # metres per unit of the waypoints
 
 A place descriptor has the input `image` and the output `embedding` instead, and `same_place_above`, the cosine at which
-two images are as likely as not of one place. Owns the format and its checks.
+two images show one place with probability 0.5. Owns the format and its checks.
 """
 
 import math
@@ -46,7 +46,7 @@ _MOST_CONTEXT = 32
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OnnxCard:
-    """What a card says. Outputs that the model does not have are empty."""
+    """Contents of a card. Names of outputs that the model does not have are empty."""
 
     model: Path
     size: tuple[int, int]
@@ -56,33 +56,36 @@ class OnnxCard:
     std: tuple[float, float, float] = (1.0, 1.0, 1.0)
     """Standard deviation that divides each colour channel."""
     source: str = ""
-    """Name of an input, as are the next two."""
+    """Name of the input for source images."""
     target: str = ""
+    """Name of the input for target images."""
     image: str = ""
+    """Name of the input for the images of a place descriptor."""
     context: int = 0
-    """Earlier images that the model takes beside the source. A map compares single images: the source is repeated."""
+    """Number of earlier images besides the source. A map compares single images, so the source is repeated."""
     reachability: str = ""
-    """Name of an output (N,) or (N, 1), a probability, as are the names below."""
+    """Name of the output (N,) or (N, 1) for the probability of reachability."""
     distance: str = ""
-    """(N,) or (N, 1) in steps."""
+    """Name of the output (N,) or (N, 1) for the distance in steps."""
     pose: str = ""
-    """(N, 3): where the target is, x and y in units of `waypoint_m`, and the heading in radians."""
+    """Name of the output (N, 3) for the target's pose: x and y in units of `waypoint_m`, heading in radians."""
     waypoints: str = ""
-    """(N, T, 2) or (N, T, 4): the way to the target, x and y in units of `waypoint_m`, cos and sin of the heading."""
+    """Name of the output (N, T, 2) or (N, T, 4) for the path to the target: x and y in units of `waypoint_m`, then cos
+    and sin of the heading."""
     embedding: str = ""
-    """(N, D): a place descriptor."""
+    """Name of the output (N, D) for a place descriptor."""
     reachable_below: float = 10.0
     """Distance in steps at which r is 0.5."""
     distance_m: float = 0.12
-    """Metres a step."""
+    """Metres per step."""
     waypoint_m: float = 1.0
-    """Metres a unit of the waypoints."""
+    """Metres per unit of the waypoints."""
     same_place_above: float = 0.7
-    """Cosine of two embeddings at which it is as likely as not that they are of one place."""
+    """Cosine of two embeddings at which the probability of one place is 0.5."""
 
     @property
     def is_descriptor(self) -> bool:
-        """Whether the model describes places and compares no pairs."""
+        """Whether the model is a place descriptor, which does not compare pairs."""
         return bool(self.embedding)
 
     @property
@@ -94,7 +97,7 @@ class OnnxCard:
 
 
 def read_onnx_card(path: Path) -> OnnxCard:
-    """Read and check a card. Raises WeightsError, which says what is wrong with it."""
+    """Read and check a card. Raises WeightsError for an invalid one."""
     try:
         tables = parse_toml(path.read_text(encoding="utf-8"))
     except OSError as error:
@@ -139,7 +142,7 @@ def _checked(tables: Mapping[str, Any], folder: Path) -> OnnxCard:
 
 
 def _complete(card: OnnxCard) -> OnnxCard:
-    """Return the card if its inputs and outputs make a predictor."""
+    """Return the card if its inputs and outputs are complete, else raise ValueError."""
     if not all(spread > 0 for spread in card.std):
         raise ValueError("std must be above 0")
     if min(card.reachable_below, card.distance_m, card.waypoint_m) <= 0:
@@ -153,7 +156,7 @@ def _complete(card: OnnxCard) -> OnnxCard:
     if not (card.reachability or card.distance):
         raise ValueError("[outputs] needs reachability or distance, or embedding for a place descriptor")
     if not (card.pose or card.waypoints):
-        raise ValueError("[outputs] needs pose or waypoints, for a map must know where the target is")
+        raise ValueError("[outputs] needs pose or waypoints, because a map needs the pose of the target")
     return card
 
 

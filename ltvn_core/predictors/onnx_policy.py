@@ -1,8 +1,8 @@
-"""Other people's models by ONNX: policies in the manner of GNM, ViNT and NoMaD, and place descriptors.
+"""Third-party models in ONNX format: policies such as GNM, ViNT and NoMaD, and place descriptors.
 
-A policy says how many steps away the target is and where to drive; that becomes r and a waypoint. A descriptor proposes
-pairs, which `geometric` confirms. What a model takes and gives is in its card (`predictors.onnx_card`). Nothing is
-downloaded. Implements `ltvn_core.types.Predictor`.
+A policy predicts the distance to the target in steps and a path; they are converted to r and a waypoint. A place
+descriptor proposes pairs, which `geometric` verifies. The model's card describes its inputs and outputs
+(`predictors.onnx_card`). Nothing is downloaded. Implements `ltvn_core.types.Predictor`.
 """
 
 import hashlib
@@ -22,12 +22,12 @@ from ltvn_core.predictors.request import PredictorRequest
 from ltvn_core.types import Features, Observation, Prediction, Predictor
 
 _AT_ONCE = 64
-"""Pairs or images that the model takes together."""
+"""Number of pairs or images per call of the model."""
 _SHARPNESS = 5.0
-"""r falls from nearly 1 at no distance to 0.5 at `reachable_below`: a logistic of so many units."""
+"""Slope of the logistic function by which r falls from nearly 1 at distance 0 to 0.5 at `reachable_below`."""
 _SAME_PLACE_SLOPE = 20.0
 _LEAST_R, _MOST_R = 0.001, 0.999
-"""Never quite sure, because no evidence could revise such a belief."""
+"""Limits of r; never 0 or 1, because Eq. 3 could never revise that."""
 
 Array = NDArray[np.float32]
 
@@ -47,14 +47,14 @@ class OnnxModel:
     """A model on the CPU, with the inputs and outputs of its card."""
 
     def __init__(self, card: OnnxCard) -> None:
-        """Load it. Raises WeightsError where it is missing, damaged, or has other inputs or outputs."""
+        """Load the model. Raises WeightsError if it is missing, damaged, or has other inputs or outputs."""
         self.fingerprint = f"onnx-{_digest(card)}"
         options = onnxruntime.SessionOptions()
-        options.log_severity_level = 4  # What is wrong is raised, and said once.
+        options.log_severity_level = 4  # Errors are raised, so they need not be logged as well.
         options.inter_op_num_threads = 1
         try:
             self._session = onnxruntime.InferenceSession(str(card.model), options, providers=["CPUExecutionProvider"])
-        except Exception as error:  # Its exceptions are of a compiled module, and have no common class but this.
+        except Exception as error:  # The exceptions of its compiled module have no other common class.
             raise WeightsError(f"{card.model}: is no ONNX model that can be loaded ({_first_line(error)}).") from error
         has_inputs = [each.name for each in self._session.get_inputs()]
         has_outputs = [each.name for each in self._session.get_outputs()]
@@ -67,7 +67,7 @@ class OnnxModel:
         self._path = card.model
 
     def run(self, inputs: dict[str, Array]) -> dict[str, Array]:
-        """Return the outputs of the card for inputs of N rows each. Raises WeightsError where shapes do not fit."""
+        """Return the card's outputs for inputs of N rows each. Raises WeightsError if shapes do not fit."""
         count = len(next(iter(inputs.values())))
         try:
             found = self._session.run(self._outputs, inputs)
@@ -82,17 +82,17 @@ class OnnxModel:
 
 
 class OnnxPolicy:
-    """A policy as a predictor. Its features are the images as the model takes them, (N, 3 * height * width)."""
+    """A policy as a predictor. Its features are the preprocessed images, (N, 3 * height * width)."""
 
     def __init__(self, card: OnnxCard, model: OnnxModel, camera: CameraModel) -> None:
-        """Compare images of `camera` by `model`."""
+        """Compare images of `camera` with `model`."""
         self._card = card
         self._model = model
         self.camera = camera
         self.fingerprint = model.fingerprint
 
     def encode(self, observations: Sequence[Observation]) -> Features:
-        """Return (N, F) images, brought to the size of the model."""
+        """Return (N, F) images, resized and normalised for the model."""
         return prepared_images(observations, self._card).reshape(len(observations), -1)
 
     def predict(self, sources: Features, targets: Features) -> Prediction:
@@ -110,7 +110,7 @@ class OnnxPolicy:
         width, height = card.size
         shape = (len(targets), 3, height, width)
         source = np.broadcast_to(sources, targets.shape).astype(np.float32).reshape(shape)
-        # A map holds single images, so the model sees the source as if the robot had stood there.
+        # A map contains single images, so the source is repeated, as if the robot had not moved.
         history = np.tile(source, (1, card.context + 1, 1, 1))
         found = self._model.run({card.source: history, card.target: targets.astype(np.float32).reshape(shape)})
         rows = {name: np.asarray(each, np.float64).reshape(len(targets), -1) for name, each in found.items()}
@@ -130,7 +130,7 @@ class OnnxPolicy:
     def _waypoints(
         self, found: dict[str, Array], rows: dict[str, NDArray[np.float64]], steps: NDArray[np.float64] | None
     ) -> NDArray[np.float64]:
-        """Return (N, 3): where the target is, or, where the model knows the way alone, as far along it as it says."""
+        """Return waypoints (N, 3): the predicted pose or, without one, the end of the path, scaled to the distance."""
         card = self._card
         if card.pose:
             pose = rows[card.pose]
@@ -152,7 +152,7 @@ class OnnxDescriptor:
     """A place descriptor. Implements `ltvn_core.predictors.composed.Recogniser`."""
 
     def __init__(self, card: OnnxCard, model: OnnxModel) -> None:
-        """Describe by `model`."""
+        """Describe images with `model`."""
         self._card = card
         self._model = model
         self.fingerprint = model.fingerprint
@@ -174,7 +174,7 @@ class OnnxDescriptor:
 
 
 def prepared_images(observations: Sequence[Observation], card: OnnxCard) -> Array:
-    """Return images (N, 3, height, width) of the size, mean and spread that a model takes."""
+    """Return images (N, 3, height, width), resized and normalised for a model."""
     small = [cv2.resize(seen.rgb, card.size, interpolation=cv2.INTER_AREA) for seen in observations]
     images = np.stack(small).astype(np.float32) / 255 if small else np.empty((0, card.size[1], card.size[0], 3))
     return np.ascontiguousarray(((images - card.mean) / card.std).transpose(0, 3, 1, 2), np.float32)
@@ -185,7 +185,7 @@ def _logistic(x: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _digest(card: OnnxCard) -> str:
-    """Return what changes with the model or with what its card says of it."""
+    """Return a hash of the model file and the other fields of its card."""
     try:
         model = card.model.read_bytes()
     except OSError as error:

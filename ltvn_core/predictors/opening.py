@@ -1,8 +1,8 @@
-"""Predictors by name, opened; and the method with the constants that were measured for one.
+"""Opens predictors by name, and returns the method with the constants that were measured for a predictor.
 
-They are entry points of the group `ltvn.predictors`, each a function from a `PredictorRequest`. Owns the order of the
-names, the checks of what a factory makes, and the camera that a predictor is opened for. Which one is taken where
-nobody names one is `ltvn_core.predictors.choice`'s.
+Predictors are entry points of the group `ltvn.predictors`, each a function from a `PredictorRequest`. Owns the order of
+the names, the checks of a factory's result, and the camera with which a predictor is opened. The default predictor is
+in `ltvn_core.predictors.choice`.
 """
 
 import logging
@@ -28,7 +28,7 @@ COMPOSED = "composed"
 ORACLE = "oracle"
 
 OWN_PREDICTORS = (NETWORK, GEOMETRIC, ORACLE)
-"""Those of this package that come first in lists."""
+"""Predictors of this package that come first in lists."""
 
 
 def find_predictors() -> dict[str, Plugin]:
@@ -42,7 +42,7 @@ def predictor_names() -> tuple[str, ...]:
 
 
 def require_predictor(name: str) -> Plugin:
-    """Return the plug-in of that name. Raises OptionError with the names there are."""
+    """Return the plug-in with a name. Raises OptionError, which lists the installed names."""
     found = find_predictors()
     if name not in found:
         require_own(PREDICTORS, name, OWN_PREDICTORS)
@@ -54,9 +54,9 @@ def require_predictor(name: str) -> Plugin:
 
 
 def open_plugin(plugin: Plugin, request: PredictorRequest) -> Predictor:
-    """Import a predictor's factory, call it, and check what it makes.
+    """Import a predictor's factory, call it, and check its result.
 
-    Raises PluginError for a broken plug-in, and what the factory raises where the request is at fault.
+    Raises PluginError for a broken plug-in, and the factory's own errors for an invalid request.
     """
     factory = plugin.load()
     if not callable(factory):
@@ -75,7 +75,7 @@ def open_plugin(plugin: Plugin, request: PredictorRequest) -> Predictor:
 
 
 def check_predictor(made: object, plugin: Plugin) -> None:
-    """Raise PluginError where a part of the Protocol `Predictor` is missing."""
+    """Raise PluginError if a part of the Protocol `Predictor` is missing."""
     missing = [name for name in ("encode", "predict") if not callable(getattr(made, name, None))]
     fingerprint = getattr(made, "fingerprint", None)
     camera = getattr(made, "camera", None)
@@ -90,7 +90,7 @@ def check_predictor(made: object, plugin: Plugin) -> None:
 
 
 def simulated_robot(predictor: str) -> RobotSpec:
-    """Return the LoCoBot with a camera that suits the predictor of that name: key points need a larger picture."""
+    """Return the LoCoBot with a camera for the named predictor: key points need larger images."""
     if predictor not in (GEOMETRIC, COMPOSED):
         return LOCOBOT
     return replace(LOCOBOT, camera=LOCOBOT.camera.scaled(ORIGINAL_SIZE.long_side, ORIGINAL_SIZE.short_side))
@@ -99,16 +99,17 @@ def simulated_robot(predictor: str) -> RobotSpec:
 def open_predictor(
     name: str, scene_name: str = "", weights: Path | None = None, *, camera: CameraModel = LOCOBOT.camera
 ) -> Predictor:
-    """Return the predictor of that name.
+    """Return the predictor with a name.
 
     Args:
-        name: `network`, `geometric`, `oracle`, or what another package adds to the entry points `ltvn.predictors`.
-        scene_name: Where the images are taken; it matters to the oracle alone.
+        name: `network`, `geometric`, `oracle`, or a name that another package adds to the entry points
+            `ltvn.predictors`.
+        scene_name: Scene of the images; only the oracle needs it.
         weights: Weights to use instead of the shipped ones.
-        camera: Of the recording, the map or the robot; an image larger than 320 x 240 is made smaller.
+        camera: Camera of the recording, the map or the robot; images larger than 320 x 240 are scaled down.
 
     Raises:
-        OptionError: No predictor has that name; the message lists those there are.
+        OptionError: No predictor has that name; the message lists the installed ones.
         PluginError: Another package's predictor is broken.
         WeightsError: The weights are missing or damaged.
         MissingLibraryError: A library that it needs is not installed.
@@ -121,14 +122,14 @@ def _at_most_original_size(camera: CameraModel) -> CameraModel:
     scale = ORIGINAL_SIZE.scale_of(camera.width, camera.height)
     if scale < 1:
         camera = camera.scaled(max(round(camera.width * scale), 1), max(round(camera.height * scale), 1))
-    return replace(camera, depth_scale=1.0)  # Depth has come through the door and is in metres.
+    return replace(camera, depth_scale=1.0)  # Preprocessed depth is in metres.
 
 
 def open_method(name: str, predictor: Predictor, *, likelihoods: Likelihoods | None = None) -> Method:
     """Return a preset whose constants of Eq. 3 and Eq. 4 are those measured for the predictor.
 
-    `likelihoods` win over measured ones; where nothing was measured the preset's own stay. Raises OptionError for an
-    unknown preset and WeightsError for a damaged card.
+    `likelihoods` override measured ones; without either, the preset keeps its own. Raises OptionError for an unknown
+    preset and WeightsError for a damaged card.
     """
     method = preset(name)
     card = predictor_card(predictor)
@@ -138,8 +139,8 @@ def open_method(name: str, predictor: Predictor, *, likelihoods: Likelihoods | N
     constants = likelihoods or card.likelihoods
     if constants is None:
         log.info(
-            "Nobody measured this predictor; Eq. 3 and Eq. 4 use general constants. `ltvn measure --write` does it for "
-            "weights."
+            "This predictor has no measured constants, so Eq. 3 and Eq. 4 use default ones. `ltvn measure --write` "
+            "measures them for weights."
         )
         return method
     return replace(method, believing=replace(method.believing, **asdict(constants)))

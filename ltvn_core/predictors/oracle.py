@@ -6,5 +6,5 @@ from ltvn_core.simulation.scene_registry import load_scene
 
 
 def open_oracle(request: PredictorRequest) -> OraclePredictor:
-    """Ask the scene's clearance map. Raises SceneError where the scene is not simulated."""
+    """Return the oracle for the scene's clearance map. Raises SceneError if the scene is not simulated."""
     return OraclePredictor(load_scene(request.scene).clearance, request.camera)

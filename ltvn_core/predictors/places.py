@@ -1,4 +1,4 @@
-"""The composed predictor by name: EfficientNet's place descriptors propose, geometry confirms. An extra, `place`."""
+"""The composed predictor by name: EfficientNet proposes places and `geometric` verifies them. Needs extra `place`."""
 
 from ltvn_core.network.place_recogniser import EfficientNetRecogniser
 from ltvn_core.predictors.composed import ComposedPredictor
@@ -7,6 +7,6 @@ from ltvn_core.predictors.request import PredictorRequest
 
 
 def open_composed(request: PredictorRequest) -> ComposedPredictor:
-    """Take the camera of the request as it is, and a drive's own calibration as weights. Raises WeightsError."""
+    """Return the predictor for the request's camera; weights may name a drive's calibration. Raises WeightsError."""
     poser = GeometricPredictor(request.camera, calibration=requested_calibration(request), shortlist_from=None)
     return ComposedPredictor(EfficientNetRecogniser(), poser)

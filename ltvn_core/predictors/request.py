@@ -1,4 +1,4 @@
-"""What a predictor plug-in is asked for, and what it says of itself."""
+"""The request with which a predictor plug-in is opened, and the card that describes a predictor."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -11,43 +11,43 @@ from ltvn_core.types import Predictor
 
 
 class PredictorRequest(NamedTuple):
-    """What a predictor is opened for. A factory takes of it what it can use."""
+    """Arguments for opening a predictor. A factory ignores those that it cannot use."""
 
     scene: str = ""
-    """Name or path of the scene; empty where there is none, or nobody says. Only who may know the truth needs it."""
+    """Name or path of the scene; empty if none or unknown. Only a predictor that uses ground truth needs it."""
     weights: Path | None = None
     """Weights to use instead of the predictor's own."""
     camera: CameraModel = LOCOBOT.camera
-    """The camera of the recording, the map or the robot, at most 320 x 240, with depth in metres. A predictor that can
-    work with any camera takes this one as its own, so that images need not be rectified."""
+    """The camera of the recording, the map or the robot, at most 320 x 240, with depth in metres. A predictor for any
+    camera uses this one as its own, so that images need not be rectified."""
 
 
 PredictorFactory: TypeAlias = Callable[[PredictorRequest], Predictor]
-"""What an entry point of the group `ltvn.predictors` names."""
+"""Type of an entry point of the group `ltvn.predictors`."""
 
 
 class PredictorCard(NamedTuple):
-    """What a predictor says of itself."""
+    """Properties of a predictor."""
 
     fingerprint: str
-    """Changes whenever the same images give other numbers; maps remember it."""
+    """Identifier that changes whenever the same images give other results; stored in maps."""
     camera: CameraModel
-    """The camera whose images it takes."""
+    """Camera of its input images."""
     needs_depth: bool
-    """Whether it can compare nothing without depth."""
+    """Whether it needs depth for every comparison."""
     likelihoods: Likelihoods | None
-    """The constants of Eq. 3 and Eq. 4 as they were measured for it; None where nobody measured them."""
+    """Constants of Eq. 3 and Eq. 4 that were measured for it; None if they were not measured."""
     merge_distance: float | None
-    """Greatest D_m for maps built with it: nodes may not be farther apart than it recognises most images. None where
-    it sees as far as D_c."""
+    """Largest D_m for maps built with it, the distance within which it recognises most images; None if that is at least
+    D_c."""
     least_width_px: int
-    """In narrower images it finds too little; 0 where none is too narrow."""
+    """Least useful image width in pixels; 0 if it works with any width."""
 
 
 def predictor_card(predictor: Predictor) -> PredictorCard:
-    """Return what a predictor says of itself; all but the first two may be left out.
+    """Return the properties of a predictor; it must have the first two, and defaults replace the others.
 
-    Raises WeightsError where the constants beside weights are damaged.
+    Raises WeightsError if the constants beside weights are damaged.
     """
     return PredictorCard(
         fingerprint=predictor.fingerprint,

@@ -1,6 +1,7 @@
-"""Maps in which every image of the trajectory may be a node, as most baselines build them.
+"""Maps in which every image of the trajectory may be a node, as in most baselines.
 
-Owns comparing each image with all others, and the deltas of nodes and edges. Does not own which pairs are joined.
+Owns the comparison of each image with all others, and the deltas of nodes and edges. Each system decides which pairs it
+joins.
 """
 
 import itertools
@@ -22,22 +23,22 @@ from ltvn_core.types import Features, FrameId, Observation, Prediction, Predicto
 
 
 class EdgeCandidate(NamedTuple):
-    """A directed edge to be: from one image of the trajectory to another, both by their place in it."""
+    """A candidate for a directed edge, from one image of the trajectory to another, both by their row in it."""
 
     source: int
     target: int
     p: float
-    """Reachability as the network says."""
+    """Reachability, as predicted by the network."""
     waypoint: Waypoint
-    """(3,): the target in the frame of the source."""
+    """(3,) pose of the target in the frame of the source."""
 
     def reversed(self) -> "EdgeCandidate":
-        """Return the way back, driven in reverse."""
+        """Return the edge back, driven in reverse."""
         return EdgeCandidate(self.target, self.source, self.p, invert(self.waypoint))
 
 
 def consecutive_rows(ordered: Sequence[Observation], keyframes: KeyframeStore) -> list[tuple[int, int]]:
-    """Return which images followed each other on a drive, as rows; none across the beginning of another drive."""
+    """Return the pairs of consecutive images of the same drive, as rows."""
     drives = [keyframes.drive_of(seen.step) for seen in ordered]
     return [(row, row + 1) for row, (before, after) in enumerate(itertools.pairwise(drives)) if before == after]
 
@@ -45,9 +46,9 @@ def consecutive_rows(ordered: Sequence[Observation], keyframes: KeyframeStore) -
 def encode_trajectory(
     observations: Sequence[Observation], keyframes: KeyframeStore, predictor: Predictor, goals: Collection[FrameId]
 ) -> tuple[list[Observation], Features]:
-    """Return the usable images in the order they were taken and their features (N, F); `keyframes` holds just these.
+    """Return the usable images in order of time, and their features (N, F); `keyframes` keeps only these images.
 
-    Raises MapError as `usable_trajectory`.
+    Raises MapError like `usable_trajectory`.
     """
     ordered = sorted(usable_trajectory(observations, predictor, goals), key=lambda seen: seen.step)
     frames: list[FrameId] = [seen.step for seen in ordered]
@@ -59,7 +60,7 @@ def encode_trajectory(
 def predict_all_pairs(
     features: Features, predictor: Predictor, progress: ProgressCallback | None
 ) -> Iterator[Prediction]:
-    """Yield for each of N images what the network says of it and all N, itself among them."""
+    """Yield the predictions for each of N images against all N, including itself."""
     for k in range(len(features)):
         yield predictor.predict(features[k : k + 1], features)
         if progress is not None:
@@ -68,29 +69,29 @@ def predict_all_pairs(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AllPairs:
-    """What the network says of each of N images and each other."""
+    """Predictions for all ordered pairs of N images."""
 
     reachability: NDArray[np.float64]
-    """(N, N) r from the row to the column; 0 where there is no waypoint."""
+    """(N, N) r from the row to the column; 0 without a waypoint."""
     waypoints: NDArray[np.float64]
     """(N, N, 3)"""
 
     @classmethod
     def predict(cls, features: Features, predictor: Predictor, progress: ProgressCallback | None) -> "AllPairs":
-        """Ask about all pairs of N images."""
+        """Compare all ordered pairs of N images."""
         found = list(predict_all_pairs(features, predictor, progress))
         reachability = np.stack([np.where(has_no_waypoint(each.waypoints), 0.0, each.reachability) for each in found])
         return cls(reachability, np.stack([each.waypoints for each in found]))
 
     def link(self, source: int, target: int, p: float, *, may_reverse: bool = True) -> EdgeCandidate:
-        """Return a link with probability p; the way back, driven in reverse, where the network is surer of that."""
+        """Return an edge with probability p, along the reversed edge back if that has the higher r."""
         if may_reverse and self.reachability[target, source] > self.reachability[source, target]:
             return EdgeCandidate(target, source, p, self.waypoints[target, source]).reversed()
         return EdgeCandidate(source, target, p, self.waypoints[source, target])
 
 
 def surest_links(links: Iterable[EdgeCandidate], *, both_directions: bool) -> list[EdgeCandidate]:
-    """Return of links with the same ends the one of which the network is surest; each is its way back as well, too."""
+    """Return the link with the highest p for each pair of ends; `both_directions` adds the edge back of each link."""
     surest: dict[tuple[int, int], EdgeCandidate] = {}
     for link in links:
         for each in (link, link.reversed()) if both_directions else (link,):
@@ -101,7 +102,7 @@ def surest_links(links: Iterable[EdgeCandidate], *, both_directions: bool) -> li
 
 
 def cheapest_from_each(costs: NDArray[np.float64], count: int, *, below: float = np.inf) -> list[tuple[int, int]]:
-    """Return of each of N nodes the `count` edges of least cost (N, N), itself left out, and only those `below`."""
+    """Return, for each of N nodes, the `count` edges to other nodes with the least cost (N, N), if it is `below`."""
     edges = []
     for node, row in enumerate(costs):
         best = [int(other) for other in np.argsort(row, kind="stable") if other != node and row[other] < below]
@@ -110,14 +111,14 @@ def cheapest_from_each(costs: NDArray[np.float64], count: int, *, below: float =
 
 
 def has_no_waypoint(waypoints: Waypoint) -> NDArray[np.bool_]:
-    """Tell (N,) to which images the network gave no waypoint, because it only glanced at them."""
+    """Return a mask (N,) of the images without a waypoint, which the network did not compare in full."""
     return np.asarray(~waypoints.any(axis=-1))
 
 
 def all_image_deltas(
     observations: Sequence[Observation], candidates: Iterable[EdgeCandidate], config: BeliefConfig
 ) -> Iterator[NodeAdded | EdgeAdded]:
-    """Yield all images as nodes and then the links as edges."""
+    """Yield all images as nodes, then the candidates as edges."""
     for seen in observations:
         yield NodeAdded(node_from_observation(seen), Cause.BUILD)
     for candidate in candidates:

@@ -1,9 +1,9 @@
-"""BRM (Wu et al. 2019), "Bayesian Relational Memory", as far as a map of images has what it needs.
+"""BRM (Wu et al. 2019), "Bayesian Relational Memory", as far as it applies to a map of images.
 
-Owns its belief: an edge is a Bernoulli variable, what driving along it shows is a noisy observation of it, and the path
-is the most probable one. Its nodes are kinds of rooms, named by a classifier; here they are the images of our own map,
-and its numbers of observation noise are kept. So it tells what its update and its planning are worth beside ours. As a
-maintenance it can also ask an oracle which rooms its nodes lie in, and believe in ways between rooms.
+Owns its belief: an edge is a Bernoulli variable, an attempt to drive along it is a noisy observation, and the path is
+the most probable one. In BRM, nodes are types of rooms, predicted by a classifier; here they are the images of our own
+map, with BRM's constants of observation noise. This compares its update and its planning with ours. As a maintenance it
+can also use an oracle for the rooms of its nodes, and keep beliefs about connections between rooms.
 """
 
 from collections.abc import Callable, Iterator
@@ -23,11 +23,11 @@ from ltvn_core.systems.entry import SystemEntry
 from ltvn_core.types import NodeId
 
 ARRIVES_IF_JOINED, ARRIVES_IF_NOT = 0.95, 0.001
-"""Probability of arriving along an edge that is there, and along one that is not."""
+"""Probability of arriving along an edge that exists, and along one that does not."""
 _LEAST_P = 1e-6
 
 RoomOf: TypeAlias = Callable[[NodeId], int | None]
-"""Returns the room that a node lies in, None between rooms."""
+"""Returns the room of a node; None between rooms."""
 
 
 def brm_system(method: Method) -> NavigationSystem:
@@ -38,14 +38,14 @@ def brm_system(method: Method) -> NavigationSystem:
 
 @dataclass(frozen=True, slots=True)
 class BayesianEdges(NoMaintenance):
-    """The posterior of each edge after what driving along it showed; nothing is pruned and nothing is added."""
+    """Updates the posterior of each edge after an attempt; prunes and adds no edge."""
 
     room_of: RoomOf | None = None
-    """Tells the rooms of nodes. Two rooms are joined or not, as in BRM, so what driving from one to the other showed
-    holds for all edges between them. None where nobody knows rooms."""
+    """Function that returns the room of a node; None if rooms are unknown. As in BRM, two rooms are connected or not,
+    so an attempt to drive from one to the other updates all edges between them."""
 
     def after_attempt(self, graph: TopologicalGraph, attempt: AttemptEvidence) -> Deltas:
-        """Return the new belief of the edge that was driven, and of those between the same rooms."""
+        """Return the new beliefs of the driven edge, and of all edges between the same rooms."""
         driven = attempt.source, attempt.target
         if driven not in graph.edges:
             return ()
@@ -55,7 +55,7 @@ class BayesianEdges(NoMaintenance):
         )
 
     def _edges_beside(self, graph: TopologicalGraph, driven: EdgeKey) -> Iterator[EdgeKey]:
-        """Yield the other edges that lead from the same room to the same other room."""
+        """Yield the other edges from the same room to the same other room."""
         if self.room_of is None:
             return
         rooms = self._rooms(driven)
@@ -68,7 +68,7 @@ class BayesianEdges(NoMaintenance):
 
 
 def _updated(edge: Edge, *, succeeded: bool, attempts: int) -> BeliefUpdated:
-    """Return the new belief of an edge, of whose own attempts there were so many more."""
+    """Return the new belief of an edge, with `attempts` added to its own attempts."""
     belief = replace(edge.belief, p=posterior(edge.belief.p, succeeded=succeeded))
     successes = edge.successes + attempts * succeeded
     return BeliefUpdated(edge.source, edge.target, belief, edge.attempts + attempts, successes, Cause.ATTEMPT)

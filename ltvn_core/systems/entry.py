@@ -1,6 +1,6 @@
-"""A registry entry of a navigation system: all that the rest of the program needs to know about it.
+"""The registry entry of a navigation system, with everything that the rest of the program needs to know about it.
 
-Owns the fields. The table of names is `ltvn_core.systems.registry`.
+`ltvn_core.systems.registry` finds entries by name.
 """
 
 from collections.abc import Callable
@@ -18,42 +18,42 @@ if TYPE_CHECKING:  # The command line reads the names of systems and must not wa
 
 
 SystemFactory: TypeAlias = "Callable[[Method], NavigationSystem]"
-"""Makes a system with the thresholds of a method."""
+"""Function that returns a system with the thresholds of a method."""
 
 
 @dataclass(frozen=True, slots=True)
 class TemporalLearning:
-    """What a network learns by that knows no poses, only the steps between two images of a drive."""
+    """Settings for a network that learns from the number of steps between two images of a drive, without poses."""
 
     rule: "TemporalLabelRule"
-    """Labels a pair of images by the steps between them."""
+    """Rule that labels a pair of images by the number of steps between them."""
     even_distances: bool = True
-    """Draw positives evenly over distance; False learns from pairs as often as they occur."""
+    """Whether to draw positives uniformly over distance; False draws pairs as often as they occur."""
     added: "EnsembleArchitecture | None" = None
-    """Layers that learn in place of the shipped network, which stays as it is; None where all of it learns."""
+    """Trainable layers on top of the frozen default network; None trains the whole network."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SystemEntry:
-    """A navigation system by name: how to make it, what readers call it, and the network that it takes."""
+    """A navigation system by name, with its factory, its label and its network."""
 
     name: str
-    """What the command line, maps, recordings and results call it."""
+    """Name on the command line and in maps, recordings and results."""
     label: str
-    """What tables and figures call it."""
+    """Name in tables and figures."""
     factory: SystemFactory
-    """Returns the system with the thresholds of a method."""
+    """Function that returns the system with the thresholds of a method."""
     weights: Path = SHIPPED_WEIGHTS
-    """Weights of its network that are used unless others are named."""
+    """Default weights of its network."""
     learning: TemporalLearning | None = None
-    """How its network learns by time; None where it learns by odometry, as the paper's does."""
+    """Settings if its network learns from time; None if it learns from odometry, as in the paper."""
     preset_in_label: bool = False
-    """Whether readers must know the preset: True where presets change the system itself and not only the navigator."""
+    """Whether tables must name the preset, because presets change the system itself and not only the navigator."""
 
     def weights_for(self, predictor: str, wanted: Path | None = None) -> Path | None:
-        """Return the weights that a predictor of that name is to be opened with: those wanted, else its own.
+        """Return the weights for opening a predictor: the wanted ones, else the system's own for `network`.
 
-        Those of the system are of its network; other predictors bring theirs (None).
+        Other predictors use their own weights (None).
         """
         from ltvn_core.predictors.opening import NETWORK
 

@@ -1,14 +1,14 @@
-"""HTM (Liu et al. 2020), "Hallucinative Topological Memory", as far as a drive leaves it something to do.
+"""HTM (Liu et al. 2020), "Hallucinative Topological Memory", on the images of a drive.
 
-Owns its rules: nodes are images, every one is joined with every other, and an edge weighs the inverse of the share that
-a contrastive score gives to its target among all; the robot is at the image of the highest score, and drives to the
-first node of the cheapest path. Driving teaches nothing.
+Owns its rules: nodes are images in a complete graph. The cost of an edge is the inverse of its target's softmax share
+of a contrastive score. The robot is localised at the image with the highest score, and drives to the first node of the
+cheapest path. The map does not change while driving.
 
-Theirs are 300 images that a generative model draws for a place nobody has driven through. Here the robot has driven,
-so the images of its drive take their place, and nothing is hallucinated. Their score is a product of two embeddings,
-ours a last layer on the shipped network; both learn by contrastive prediction against 50 negatives, theirs of one step
-ahead, ours of five, since an image here is only 0.12 m or 10 degrees from the last. In a complete graph an edge to a
-place that cannot be seen is so dear that no path takes it, so each node keeps its fifty cheapest (ours).
+In HTM, nodes are 300 images that a generative model creates for an unseen place. Here the images of the robot's drive
+replace them, so nothing is hallucinated. HTM's score is a product of two embeddings; ours is an output layer on the
+default network. Both are trained by contrastive prediction against 50 negatives: HTM's one step ahead, ours up to five,
+because consecutive images here are only 0.12 m or 10 degrees apart. In a complete graph, an edge to a place out of
+sight is so expensive that no path uses it, so each node keeps only its 50 cheapest edges (ours).
 """
 
 from collections.abc import Collection, Sequence
@@ -38,13 +38,13 @@ from ltvn_core.systems.entry import SystemEntry, TemporalLearning
 from ltvn_core.types import Features, FrameId, Observation, Predictor
 
 EDGES_PER_NODE = 50
-"""A node keeps so many edges that lead from it, the cheapest ones."""
+"""Number of outgoing edges that a node keeps, the cheapest ones."""
 _LEAST_REACHABILITY = 1e-6
 _LEAST_SHARE = 1e-9
 
 
 def htm_system(method: Method) -> NavigationSystem:
-    """Return HTM; `method` has the thresholds of the controller and of judging."""
+    """Return HTM; `method` has the thresholds of the controller and of the success check."""
     return NavigationSystem(
         name="htm",
         method=method,
@@ -57,14 +57,14 @@ def htm_system(method: Method) -> NavigationSystem:
 
 
 def inverse_share(belief: Belief) -> float:
-    """Return what an edge weighs: the inverse of the share that its source's scores give to its target."""
+    """Return the cost of an edge: the inverse of its target's share of the source's scores."""
     return 1.0 / max(belief.p, _LEAST_SHARE)
 
 
 def shares(reachability: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return (N, N): the softmax over each row of the scores whose logistic function is r (N, N).
+    """Return the softmax (N, N) over each row of scores, which are the logits of r (N, N).
 
-    The inverse of a share is their weight, the sum over k of exp(score of k - score of this one).
+    The inverse of a share is HTM's edge weight, the sum over k of exp(score of k - score of this one).
     """
     r = np.clip(reachability, _LEAST_REACHABILITY, 1 - _LEAST_REACHABILITY)
     odds = r / (1 - r)
@@ -72,7 +72,7 @@ def shares(reachability: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _localise(features: Features, graph: TopologicalGraph, prior: LocalisationPrior, matcher: Matcher) -> Localisation:
-    """Find the node of the highest score, however low."""
+    """Find the node with the highest score, without a threshold."""
     matches = matcher.match(features, prior.candidates(graph))
     return best_localisation(matches, -matches.reachability, np.isfinite(matches.distances), GLOBAL)
 
@@ -87,7 +87,7 @@ def _build(
     goals: Collection[FrameId] = (),
     progress: ProgressCallback | None = None,
 ) -> Deltas:
-    """Return a map of all images; nothing is drawn with `rng`, and `goals` are nodes as every image is."""
+    """Return a map of all images, including `goals`; `rng` is not used."""
     ordered, features = encode_trajectory(observations, keyframes, predictor, goals)
     pairs = AllPairs.predict(features, predictor, progress)
     may_reverse = method.matching.both_directions
@@ -98,7 +98,7 @@ def _build(
 
 
 def cheapest_edges(share: NDArray[np.float64]) -> list[tuple[int, int]]:
-    """Return of each of N nodes the edges to the nodes with the largest shares (N, N), itself left out."""
+    """Return, for each of N nodes, the edges to the other nodes with the largest shares (N, N)."""
     return cheapest_from_each(-share, EDGES_PER_NODE)
 
 

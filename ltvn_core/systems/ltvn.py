@@ -1,4 +1,4 @@
-"""LTVN, the paper's own system, as the registry knows it. Its strategies are `ltvn_core.graph.ltvn`."""
+"""The registry entry of LTVN, the paper's own system, which is implemented in `ltvn_core.graph.ltvn`."""
 
 from ltvn_core.graph.ltvn import ltvn_system
 from ltvn_core.systems.entry import SystemEntry

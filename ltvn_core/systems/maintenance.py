@@ -1,6 +1,6 @@
-"""What driving teaches a map, by name: from nothing at all to the truth of the moment.
+"""Maintenance strategies by name: how driving changes a map.
 
-Owns what the names stand for. Any navigation system can have any of them; without a name it has its own.
+Owns the meaning of the names. Any navigation system can use any of them; by default it uses its own.
 """
 
 from dataclasses import replace
@@ -28,13 +28,13 @@ def with_maintenance(
     """Return the same system with another maintenance.
 
     Args:
-        system: What to change.
+        system: System to copy.
         name: One of `MAINTENANCE_NAMES`.
-        truth: What is open now, for `truth` alone.
-        room_of: Which rooms nodes lie in, for `brm-rooms` alone.
+        truth: Presence of edges by ground truth; only for `truth`.
+        room_of: Rooms of the nodes by ground truth; only for `brm-rooms`.
 
     Raises:
-        OptionError: There is no such name, or nobody knows the truth.
+        OptionError: There is no such name, or its ground truth is missing.
     """
     if name == "static":
         return replace(system, maintenance=NoMaintenance(), presence=ALWAYS_OPEN, views=None)
@@ -58,7 +58,7 @@ def _presence(name: str, truth: EdgePresence | None) -> EdgePresence:
 
 
 def _known(told: _Told | None, name: str, what: str) -> _Told:
-    """Return what the world told; raises OptionError where nobody knows."""
+    """Return the ground truth; raises OptionError if it is missing."""
     if told is None:
         raise OptionError(
             f"The maintenance {name!r} asks the world {what}; it is for simulated worlds that change. "
@@ -68,10 +68,10 @@ def _known(told: _Told | None, name: str, what: str) -> _Told:
 
 
 def recorded_filter(name: str) -> PresenceFilter | None:
-    """Return what judged which edges are open in a run whose recording names a maintenance, which may be empty.
+    """Return the presence filter of a recorded run by the name of its maintenance, which may be empty.
 
-    None where its plans took no account of that. Recordings that do not say, and those of filters that are no longer
-    part of the package, are looked at with the one that is.
+    None if its plans ignored presence. For an empty name, and for a filter that is no longer part of the package, the
+    current filter is returned.
     """
     if name in ("static", "paper", "robust", "brm", "brm-rooms"):
         return None
@@ -79,7 +79,7 @@ def recorded_filter(name: str) -> PresenceFilter | None:
 
 
 def recorded_maintenance(system: NavigationSystem) -> str:
-    """Return the name of the filter that judges which edges are open in a system; empty where none does."""
+    """Return the name of a system's presence filter; empty if it has none."""
     presence = system.presence
     judges = presence.presence_filter if isinstance(presence, FilteredPresence) else None
     return "persistent" if judges is PERSISTENT else ""

@@ -1,9 +1,10 @@
 """Meng et al. (2020), "Scaling Local Control to Large-Scale Topological Navigation", as the paper compares it.
 
-Owns its rules: anchors as far apart as the robot can just still see its way, older nodes used again where they serve as
-well, and edges between drives where a whole window of anchors can be reached. Paths are the most probable ones, and
-driving teaches nothing. The numbers are those of the published configuration (rmp_nav, `space8/graph_config.yaml`);
-what stands in for theirs is marked "ours". A tour counts as several trajectories, as their maps are made of many.
+Owns its rules: each anchor is the last image that is surely reachable from the one before, older nodes are reused where
+they can replace an anchor, and drives are joined where a whole window of anchors is reachable. Paths are the most
+probable ones, and the map does not change while driving. The constants are those of the published configuration
+(rmp_nav, `space8/graph_config.yaml`); replacements are marked "ours". A tour is split into several trajectories,
+because their maps are built from many.
 """
 
 import itertools
@@ -27,16 +28,16 @@ from ltvn_core.systems.entry import SystemEntry
 from ltvn_core.types import Features, FrameId, Observation, Predictor, Waypoint
 
 Reach = Callable[[Sequence[int], Sequence[int]], tuple[NDArray[np.float64], Waypoint]]
-"""Returns r (P,) and waypoints (P, 3) from P images of the tour to P others, all by their place in it."""
+"""Returns r (P,) and waypoints (P, 3) from P images of the tour to P others, all by their row in it."""
 _PAIRS_AT_ONCE = 512
-"""So many pairs are compared at once."""
+"""Number of pairs that are compared at once."""
 
 
 class RememberedReach:
-    """Asks about no pair twice, nor about its way back where the answer holds for both; the answers are the same."""
+    """Cache of compared pairs; with `both_directions`, one comparison also gives the result of the reversed pair."""
 
     def __init__(self, reach: Reach, *, both_directions: bool) -> None:
-        """Remember what `reach` says; `both_directions` means that it says the same of a way and the way back."""
+        """Cache the results of `reach`; `both_directions` means that r is the same for an edge and the edge back."""
         self._reach = reach
         self._both = both_directions
         self._known: dict[tuple[int, int], tuple[float, NDArray[np.float64]]] = {}
@@ -63,28 +64,28 @@ class RememberedReach:
 
 
 SURE_REACHABILITY = 0.9
-"""Least r of a pair of anchors (ours: theirs is 0.99, of a network that saturates; some predictors here say 0.95 at
-most)."""
+"""Least r of a pair of anchors (ours; theirs is 0.99, for a network that saturates, but some predictors here return at
+most 0.95)."""
 ADJACENT_P = 0.9999
 """Probability that the robot can go from one image of its drive to the next."""
 WINDOW = 2
-"""An edge between trajectories needs so many anchors before and after both of its ends to be reachable, too."""
+"""Number of anchors before and after both ends that must also be reachable for an edge between trajectories."""
 SAMPLED_NODES = 100
-"""Each trajectory is joined with at most so many older nodes."""
+"""Largest number of older nodes that are compared with a trajectory."""
 TRAJECTORY_IMAGES = 100
-"""A tour is taken for trajectories of so many images (ours)."""
+"""Number of images of a trajectory, into which a tour is split (ours)."""
 IMAGES_AHEAD = 64
-"""No anchor is farther from the one before it (ours; no image is)."""
+"""Largest number of images between consecutive anchors (ours; it is never reached)."""
 _IMAGES_AT_ONCE = 16
-"""So many images ahead are compared at once."""
+"""Number of images ahead that are compared at once."""
 AT_NODE_REACHABILITY = 0.9
-"""The robot, or the goal, is at a node with an r above this."""
+"""Least r of a node at which the robot, or the goal, is localised."""
 ON_PATH_REACHABILITY = 0.7
-"""The robot is at a node of the last path with an r above this."""
+"""Least r of a node on the last path at which the robot is localised."""
 
 
 def meng_system(method: Method) -> NavigationSystem:
-    """Return the system; `method` has the thresholds of the controller and of judging."""
+    """Return the system; `method` has the thresholds of the controller and of the success check."""
     return NavigationSystem(
         name="meng",
         method=method,
@@ -97,7 +98,7 @@ def meng_system(method: Method) -> NavigationSystem:
 
 
 def _localise(features: Features, graph: TopologicalGraph, prior: LocalisationPrior, matcher: Matcher) -> Localisation:
-    """Find the most reachable anchor of the last path, else of all."""
+    """Find the most reachable anchor on the last path, else among all."""
     ahead = [node for node in prior.plan if node in graph.nodes and node not in prior.doubted]
     near = matcher.match(features, ahead)
     if len(near) and near.reachability.max() > ON_PATH_REACHABILITY:
@@ -116,7 +117,7 @@ def _build(
     goals: Collection[FrameId] = (),
     progress: ProgressCallback | None = None,
 ) -> Deltas:
-    """Return a map of anchors, the goals among them; `rng` draws the older nodes that are compared."""
+    """Return a map of anchors, including `goals`; `rng` draws the older nodes that are compared."""
     ordered, features = encode_trajectory(observations, keyframes, predictor, goals)
     matcher = Matcher(predictor, keyframes, method.matching)
     both = method.matching.both_directions
@@ -143,9 +144,9 @@ def _build(
 
 
 def sparsify(reach: Reach, first: int, last: int, goals: Collection[int] = ()) -> list[int]:
-    """Return the anchors from one image of a tour to another: each the last one that is surely reachable from before.
+    """Return the anchors from one image of a tour to another, each the last image surely reachable from the one before.
 
-    Goals are anchors, too.
+    Goals are also anchors.
     """
     anchors = [first]
     while anchors[-1] < last:
@@ -171,22 +172,22 @@ class AnchorMap:
     def __init__(
         self, reach: Reach, goals: Collection[int], rng: np.random.Generator, *, both_directions: bool
     ) -> None:
-        """Begin without any; where a robot may reverse, what it drove is an edge `both_directions`."""
+        """Start with an empty map; `both_directions` adds the edge back of each edge, driven in reverse."""
         self._reach = reach
         self._goals = goals
         self._rng = rng
         self._both = both_directions
         self._window_of: dict[int, list[int]] = {}
-        """For each node the anchors around it in its own trajectory, (2 * WINDOW + 1)."""
+        """Anchors around each node in its own trajectory, (2 * WINDOW + 1)."""
         self.edges: dict[tuple[int, int], EdgeCandidate] = {}
 
     @property
     def nodes(self) -> list[int]:
-        """The anchors in the order in which they were seen."""
+        """The anchors in order of time."""
         return sorted(self._window_of)
 
     def add(self, first: int, last: int) -> None:
-        """Add a trajectory from one image of the tour to another; it begins where the last one ended."""
+        """Add a trajectory from one image of the tour to another, which starts at the end of the last one."""
         anchors = sparsify(self._reach, first, last, self._goals)
         old = [node for node in self.nodes if node != first]
         replaced = self._replace(anchors, old)
@@ -198,11 +199,11 @@ class AnchorMap:
         self._join_across([node for node in replaced if node in anchors], old)
 
     def _replace(self, anchors: Sequence[int], old: Sequence[int]) -> list[int]:
-        """Return the anchors, with older nodes in place of those that they can stand for; goals and ends stay."""
+        """Return the anchors, some replaced by older nodes that serve as well; goals and both ends stay."""
         replaced = list(anchors)
         latest = -1
         for place in range(1, len(anchors) - 1):
-            free = [node for node in old if node > latest]  # Else the trajectory would go back along an older one.
+            free = [node for node in old if node > latest]  # Otherwise the trajectory would go back along an older one.
             if anchors[place] in self._goals or not free:
                 continue
             there, _ = self._reach([replaced[place - 1]] * len(free), free)
@@ -224,7 +225,7 @@ class AnchorMap:
             self._join(EdgeCandidate(a, b, ADJACENT_P if b == a + 1 else float(r), waypoint))
 
     def _join_across(self, new: Sequence[int], old: Sequence[int]) -> None:
-        """Join new and older nodes where their whole windows are reachable from each other."""
+        """Join new and older nodes whose whole windows are reachable."""
         chosen = [old[k] for k in sorted(self._rng.permutation(len(old))[:SAMPLED_NODES])]
         pairs = [pair for a, b in itertools.product(new, chosen) for pair in ((a, b), (b, a))]
         for (source, target), r, waypoint in self._reachable_windows(pairs):
@@ -234,7 +235,7 @@ class AnchorMap:
     def _reachable_windows(
         self, pairs: Sequence[tuple[int, int]]
     ) -> Iterator[tuple[tuple[int, int], float, NDArray[np.float64]]]:
-        """Yield the pairs whose windows are surely reachable, with the least r of the window and the waypoint."""
+        """Yield the pairs whose windows are surely reachable, with the least r in the window and the waypoint."""
         if not pairs:
             return
         middle, waypoints = self._reach(*zip(*pairs, strict=True))

@@ -1,10 +1,10 @@
 """The localisation of PlaceNav (Suomela et al. 2024): a discrete Bayes filter over the nodes, on our own map.
 
-Owns that filter. A belief over the nodes moves along the edges as the robot does, and each image weighs it by how much
-it resembles the nodes; the robot is where the belief is greatest, so one image that resembles another place does not
-carry it off. Their states are the images of one route, and the robot moves 2 back to 10 ahead; a sparse map has one
-node for several images, so here it is a step or two along edges (ours). How sharply an image weighs is set from the
-spread of likeness over the first one, as they do (Xu et al. 2021).
+Owns that filter. The belief over the nodes is propagated along the edges, and each image updates it by its similarity
+to the nodes. The robot is at the node with the highest belief, so a single image that resembles another place does not
+mislead it. In PlaceNav, states are the images of one route, and the motion model allows 2 images back to 10 ahead; a
+sparse map has one node for several images, so here the robot moves up to two edges (ours). The sharpness of the update
+is set from the spread of similarities for the first image, as in PlaceNav (Xu et al. 2021).
 """
 
 from collections.abc import Mapping, Sequence
@@ -23,11 +23,11 @@ from ltvn_core.systems.entry import SystemEntry
 from ltvn_core.types import Features, NodeId
 
 STEPS_ALONG_EDGES = 2
-"""From one image to the next the robot may go so far."""
+"""Largest number of edges along which the robot moves between two images."""
 QUANTILES, RATIO = (0.025, 0.975), 5.0
-"""Between nodes at these quantiles of likeness one image makes a difference of this factor."""
+"""Ratio of the likelihoods of one image at these quantiles of similarity, which sets the sharpness."""
 _FAR = 3.0
-"""Nodes that are farther by d count as so far."""
+"""Upper limit to which d of nodes is clipped."""
 
 
 def placenav_system(method: Method) -> NavigationSystem:
@@ -42,19 +42,19 @@ class _Belief:
 
 
 class BayesFilter:
-    """Follows the robot through one query after the other; a query begins with no plan, and so does its belief."""
+    """Tracks the robot through all queries; a query without a plan is new and resets the belief."""
 
     def __init__(self) -> None:
-        """Know nothing."""
+        """Start without a belief."""
         self._belief: _Belief | None = None
 
     def __call__(
         self, features: Features, graph: TopologicalGraph, prior: LocalisationPrior, matcher: Matcher
     ) -> Localisation:
-        """Return the node of the greatest belief; it may not be one that is doubted."""
+        """Return the node with the highest belief, except doubted ones."""
         nodes = prior.candidates(graph)
         matches = matcher.match(features, nodes)
-        # Their descriptors tell near from nearer; where r is the same, the length of the waypoint does.
+        # Their descriptors rank near nodes by distance; here the length of the waypoint does, because r saturates.
         unlikeness = doubt(matches.reachability) + np.minimum(matches.distances, _FAR)
         if not prior.plan:
             self._belief = None
@@ -76,7 +76,7 @@ def _sharpness(unlikeness: NDArray[np.float64]) -> float:
 
 
 def _moved(belief: Mapping[NodeId, float], nodes: Sequence[NodeId], graph: TopologicalGraph) -> NDArray[np.float64]:
-    """Return (N,) the belief after a move: spread evenly over all nodes that the robot may have come to."""
+    """Return the belief (N,) after a move: spread evenly over all nodes that the robot may have reached."""
     spread = dict.fromkeys(nodes, 0.0)
     for node, weight in belief.items():
         if node not in graph.nodes:

@@ -1,9 +1,8 @@
-"""Navigation systems by name: those of this package, and those that other packages bring along.
+"""Navigation systems by name: those of this package, and plug-ins of other packages.
 
-Owns their order and how a name becomes an entry. All are entry points of the group `ltvn.systems`, which name a
-`SystemEntry`, or a function from a `Method` to a `NavigationSystem`; a new one here is one file in this folder, one
-line in pyproject.toml and one in `OWN_SYSTEMS`. It is imported when it is asked for, so that
-listing the names costs nothing.
+Owns their order and the loading of an entry by name. All are entry points of the group `ltvn.systems`, which name a
+`SystemEntry`, or a function from a `Method` to a `NavigationSystem`. A new one here is one file in this folder, one
+line in pyproject.toml and one in `OWN_SYSTEMS`. Entries are imported lazily, so that listing the names is fast.
 """
 
 from collections.abc import Iterator, Mapping
@@ -20,14 +19,14 @@ if TYPE_CHECKING:  # The command line reads the names of systems and must not wa
     from ltvn_core.graph.navigation_system import NavigationSystem
 
 DEFAULT_SYSTEM = "ltvn"
-"""The system where nobody names one, and that of maps and recordings that name none."""
+"""The default system, also for maps and recordings that name none."""
 
 OWN_SYSTEMS = ("ltvn", "sptm", "ving", "meng", "sgm", "sorb", "htm", "brm", "placenav")
 """The systems of this package in the order of tables."""
 
 
 def system_names() -> tuple[str, ...]:
-    """Return the names of all systems: first those of this package in the order of tables, then foreign ones."""
+    """Return the names of all systems: first those of this package in the order of tables, then plug-ins."""
     return tuple(_systems())
 
 
@@ -42,7 +41,7 @@ def baseline_systems() -> Iterator[SystemEntry]:
 
 
 def network_owner(name: str) -> str:
-    """Return the first system whose network begins and learns as that of the named one, which may be itself."""
+    """Return the first system with the same initial weights and learning as the named one, which may be itself."""
     entry = system_entry(name)
     alike = (each.name for each in own_systems() if (each.weights, each.learning) == (entry.weights, entry.learning))
     return next(alike, name)
@@ -61,11 +60,11 @@ def open_system(name: str, method: "Method") -> "NavigationSystem":
     """Return a navigation system by its name.
 
     Args:
-        name: `ltvn`, `sptm`, `ving`, or what another package adds to the entry points `ltvn.systems`.
-        method: The thresholds it is to use.
+        name: `ltvn`, `sptm`, `ving`, or a name that another package adds to the entry points `ltvn.systems`.
+        method: Thresholds of the system.
 
     Raises:
-        OptionError: No system has that name; the message lists those there are.
+        OptionError: No system has that name; the message lists the known ones.
     """
     return system_entry(name).factory(method)
 
@@ -73,7 +72,7 @@ def open_system(name: str, method: "Method") -> "NavigationSystem":
 def recorded_system(config: Mapping[str, Any]) -> SystemEntry:
     """Return the system that a map or a recording was made with, by its configuration.
 
-    Raises OptionError where it is not installed here, PluginError where it is broken.
+    Raises OptionError if it is not installed, and PluginError if it is broken.
     """
     name = str(config.get("system", DEFAULT_SYSTEM))
     if (found := known_system(name)) is None:
@@ -85,7 +84,7 @@ def recorded_system(config: Mapping[str, Any]) -> SystemEntry:
 
 
 def known_system(name: str) -> SystemEntry | None:
-    """Return the entry of a system, None where it is not installed here. Raises PluginError if it is broken."""
+    """Return the entry of a system; None if it is not installed. Raises PluginError if it is broken."""
     return system_entry(name) if name in system_names() else None
 
 
@@ -94,7 +93,7 @@ def _systems() -> dict[str, Plugin]:
 
 
 def load_system(plugin: Plugin) -> SystemEntry:
-    """Import a system's entry. Raises PluginError where it cannot be loaded or is none."""
+    """Import a system's entry. Raises PluginError if it cannot be loaded or is not an entry."""
     found = plugin.load()
     if isinstance(found, SystemEntry) and found.name == plugin.name:
         return found

@@ -1,10 +1,10 @@
 """SGM (Emmons et al. 2020), "Sparse Graphical Memory", as the paper compares it, on the temporal distance of ViNG.
 
-Owns its rules: an image merges with a node if both are as far from all neighbours of the node, going there and coming
-back (two-way consistency); of a node's edges the five shortest stay; paths count hops; an edge that fails is deleted.
-Theirs counts steps of a simulated point, of which ten are an edge; a step here is from one image of a drive to the
-next, of which ViNG's network tells eight apart, so all its cutoffs are scaled by that (ours). Its images are merged by
-a moving average of embeddings; here a node keeps its first image, because the robot must drive to it.
+Owns its rules: an image merges with a node if both have similar distances to and from all neighbours of the node
+(two-way consistency); each node keeps its five shortest edges; the cost of a path is its number of edges; an edge that
+fails is deleted. In SGM, a step is that of a simulated point, and an edge is at most ten steps. Here a step is from one
+image of a drive to the next, and ViNG's edges are at most eight steps, so all cutoffs are scaled by 8 / 10 (ours). SGM
+merges images by a moving average of embeddings; here a node keeps its first image, because the robot must drive to it.
 """
 
 from collections.abc import Collection, Sequence
@@ -40,34 +40,35 @@ from ltvn_core.systems.temporal_distance import (
 from ltvn_core.types import FrameId, Observation, Predictor
 
 MERGE_STEPS = 2.0
-"""Only nodes no farther than this, there and back, may stand for an image (ours, for a cutoff of embeddings)."""
+"""Largest distance, in both directions, of an image from a node that it merges with (ours, for SGM's cutoff of
+embeddings)."""
 CONSISTENCY_STEPS = 5.0 * EDGE_STEPS / 10.0
-"""Greatest difference of the distances of an image and a node from a neighbour of the node."""
+"""Largest difference between the distances of an image and a node to a neighbour of the node, in steps."""
 FAR_STEPS = 4 * EDGE_STEPS
-"""Images that are farther apart count as so far, as a learned distance saturates (ours)."""
+"""Upper limit of distances in steps, because a learned distance saturates (ours)."""
 NEAREST_COUNT = 5
-"""A node keeps so many edges that lead from it."""
+"""Number of outgoing edges that a node keeps."""
 
 Steps = NDArray[np.float64]
 """(N, N) temporal distances between images, from the row to the column, at most `FAR_STEPS`."""
 
 
 def sgm_system(method: Method) -> NavigationSystem:
-    """Return SGM; `method` has the thresholds of the controller and of judging, whose r is put into steps."""
+    """Return SGM; `method` has the thresholds of controller and success check, which are converted to steps."""
     scaled = with_step_thresholds(method)
     return NavigationSystem(
         name="sgm",
         method=scaled,
         build=partial(_build, method=scaled),
         edge_weight=hop_cost,
-        localise=NearestInTime(),  # However far.
+        localise=NearestInTime(),  # Without a limit.
         subgoal=choose_first_node,
         maintenance=DeleteOnFailure() if method.maintain else NoMaintenance(),
     )
 
 
 class DeleteOnFailure(NoMaintenance):
-    """An edge that the robot could not drive is deleted at once, which SGM calls cleanup."""
+    """Deletes an edge after its first failure, which SGM calls cleanup."""
 
     def after_attempt(self, graph: TopologicalGraph, attempt: AttemptEvidence) -> Deltas:
         """Prune the edge that failed."""
@@ -86,11 +87,11 @@ def _build(
     goals: Collection[FrameId] = (),
     progress: ProgressCallback | None = None,
 ) -> Deltas:
-    """Return a sparse map in which `goals` never merge; nothing is drawn with `rng`."""
+    """Return a sparse map in which `goals` never merge; `rng` is not used."""
     ordered, features = encode_trajectory(observations, keyframes, predictor, goals)
     pairs = AllPairs.predict(features, predictor, progress)
     reachability = pairs.reachability
-    # Where a robot may reverse, the way back counts as the way there.
+    # If the robot may reverse, an edge back is as good as the edge.
     may_reverse = method.matching.both_directions
     surer = np.maximum(reachability, reachability.T) if may_reverse else reachability
     steps = np.minimum(temporal_distances(surer), FAR_STEPS)
@@ -106,7 +107,7 @@ def _build(
 
 
 def merge_consistent(steps: Steps, kept: Collection[int] = ()) -> list[int]:
-    """Return which of N images become nodes, in their order; the others merge with one. Those `kept` never merge."""
+    """Return which of N images become nodes, in order; the others merge with a node. Images in `kept` never merge."""
     nodes: list[int] = []
     for image in range(len(steps)):
         near = [node for node in nodes if max(steps[image, node], steps[node, image]) <= MERGE_STEPS]
@@ -116,9 +117,9 @@ def merge_consistent(steps: Steps, kept: Collection[int] = ()) -> list[int]:
 
 
 def _are_consistent(steps: Steps, image: int, node: int, nodes: Sequence[int]) -> bool:
-    """Tell whether an image is as far as a node from all nodes that the node has edges from and to.
+    """Return whether an image and a node have similar distances to and from all nodes that the node is joined with.
 
-    A node without edges has nothing to compare with, and stands for no other image.
+    A node without edges has no neighbours to compare, so no image merges with it.
     """
     others = np.array([other for other in nodes if other != node], np.intp)
     before = others[steps[others, node] < EDGE_STEPS]
@@ -131,7 +132,7 @@ def _are_consistent(steps: Steps, image: int, node: int, nodes: Sequence[int]) -
 
 
 def nearest_edges(steps: Steps) -> list[tuple[int, int]]:
-    """Return the edges between N nodes: shorter than the cutoff, and of each node those to the nearest five."""
+    """Return the edges between N nodes: from each node to its five nearest ones, if shorter than the cutoff."""
     return cheapest_from_each(steps, NEAREST_COUNT, below=EDGE_STEPS)
 
 

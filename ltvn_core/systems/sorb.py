@@ -1,14 +1,15 @@
 """SoRB (Eysenbach et al. 2019), "Search on the Replay Buffer", as the paper compares it, on predicted steps.
 
-Owns its rules: of all images at most a thousand are nodes, joined where an ensemble says that they are near; the one
-that says farthest counts, because a single network that is wrong once makes a short cut through a wall. The robot
-drives to the first node of the shortest path, or to the goal itself where that is as near. Driving teaches nothing.
+Owns its rules: at most a thousand images are nodes, joined where an ensemble predicts that they are near. The largest
+distance of the members decides, because a single error of one network would make a shortcut through a wall. The robot
+drives to the first node of the shortest path, or to the goal itself if it is as near. The map does not change while
+driving.
 
-Theirs are three critics, each a distribution over steps (C51) learned by reinforcement. Ours are three last layers on
-the shipped network, which learn the steps of random walks as ViNG does, each from a third of the pairs; what they say
-is bounded as a distribution over bins is, and the pose estimator is that of all systems. The members alone learn from
-the robot's drive, too. Calibration is of the ensemble as a whole, so what it adds to the distance of one network is
-where its members disagree.
+SoRB has three critics, each a distribution over steps (C51) trained by reinforcement learning. Ours are three stacks of
+output layers on the default network, trained on the steps of random walks like ViNG, each on a third of the pairs.
+Their distances are bounded like a distribution over bins, and the pose estimator is the same as in all systems. Only
+these layers are fine-tuned on the robot's drive. The ensemble is calibrated as a whole, so it differs from a single
+network only where its members disagree.
 """
 
 from collections.abc import Callable, Collection, Iterator, Sequence
@@ -42,14 +43,14 @@ from ltvn_core.systems.temporal_distance import (
 from ltvn_core.types import Features, FrameId, NodeId, Observation, Predictor
 
 MAX_STEPS = 6.0 * EDGE_STEPS / 10.0
-"""MAXDIST: pairs that seem farther apart are not joined, and the robot is at no node that is farther. Theirs is 6 steps
-of a simulated point, of which SGM joins ten; a step here is an image of a drive, and scaled as for SGM (ours)."""
+"""MAXDIST: largest predicted distance of joined pairs, and of the node at which the robot is localised. SoRB's value is
+6 steps of a simulated point, for which SGM's edges are at most ten steps; it is scaled like SGM's cutoffs (ours)."""
 BUFFER_SIZE = 1000
-"""So many images are nodes at most, drawn from all; theirs is the size of the replay buffer. Goals are nodes always."""
+"""Largest number of images drawn as nodes, the size of the replay buffer in SoRB. Goals are always nodes."""
 
 
 def sorb_system(method: Method) -> NavigationSystem:
-    """Return SoRB; `method` has the thresholds of the controller and of judging, whose r is put into steps."""
+    """Return SoRB; `method` has the thresholds of controller and success check, which are converted to steps."""
     scaled = with_step_thresholds(method)
     return NavigationSystem(
         name="sorb",
@@ -63,7 +64,7 @@ def sorb_system(method: Method) -> NavigationSystem:
 
 
 def choose_goal_if_nearer(path: Sequence[NodeId], reachability: Callable[[NodeId], float]) -> int:
-    """Choose the goal itself where it seems within MAXDIST and no farther than the first node, else that node."""
+    """Choose the goal itself if it is predicted within MAXDIST and no farther than the first node, else that node."""
     goal = reachability(path[-1])
     nearer = goal >= reachability_of_steps(MAX_STEPS) and goal >= reachability(path[1])
     return len(path) - 1 if nearer else 1
@@ -79,7 +80,7 @@ def _build(
     goals: Collection[FrameId] = (),
     progress: ProgressCallback | None = None,
 ) -> Deltas:
-    """Return a map of images drawn with `rng`, and all `goals`."""
+    """Return a map of images drawn with `rng`, including all `goals`."""
     ordered, features = encode_trajectory(observations, keyframes, predictor, goals)
     drawn = {*rng.permutation(len(ordered))[:BUFFER_SIZE].tolist()}
     chosen = [k for k, seen in enumerate(ordered) if k in drawn or seen.step in goals]
@@ -91,7 +92,7 @@ def _build(
 
 
 def _near_pairs(features: Features, predictor: Predictor, progress: ProgressCallback | None) -> Iterator[EdgeCandidate]:
-    """Yield the links between N images that seem within MAXDIST."""
+    """Yield the links between N images that are predicted within MAXDIST."""
     for k, found in enumerate(predict_all_pairs(features, predictor, progress)):
         near = (found.reachability > reachability_of_steps(MAX_STEPS)) & ~has_no_waypoint(found.waypoints)
         near[k] = False

@@ -1,7 +1,8 @@
 """SPTM (Savinov et al. 2018) as the paper ran it: all images, consecutive ones joined, and the 2,000 best shortcuts.
 
-Owns its rules for edges, localisation and subgoals, with the numbers of its published configuration. Paths count hops,
-and driving teaches nothing. The robot's pose estimator and controller are those of all systems.
+Owns its rules for edges, localisation and subgoals, with the constants of its published configuration. The cost of a
+path is its number of edges, and the map does not change while driving. The robot's pose estimator and controller are
+the same as in all systems.
 """
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
@@ -32,23 +33,23 @@ from ltvn_core.systems.entry import SystemEntry, TemporalLearning
 from ltvn_core.types import Features, FrameId, NodeId, Observation, Predictor
 
 MAX_SHORTCUTS = 2000
-"""So many pairs of images become shortcuts, the closest ones."""
+"""Largest number of shortcuts; the pairs with the highest scores become shortcuts."""
 MIN_SHORTCUT_SCORE = 0.5
-"""A pair that seems rather far than close is no shortcut (ours; matters only for short trajectories)."""
+"""Least score of a shortcut (ours; matters only for short trajectories)."""
 MIN_STEPS_APART = 5
-"""Images no farther apart in time than this need no shortcut."""
+"""Number of steps up to which images need no shortcut."""
 MEDIAN_WINDOW = 10
-"""The score of a pair is the median over so many pairs before and after it."""
+"""Number of pairs before and after a pair in the median that is its score."""
 MAX_NODES_AHEAD = 7
-"""So many nodes ahead on the path may be the subgoal."""
+"""Largest number of nodes ahead on the path to the subgoal."""
 MIN_REACHABILITY, MIN_REACHABILITY_ON_PATH = 0.95, 0.7
-"""Least r of a subgoal and of the node the robot is at; the second holds on the last path."""
+"""Least r of a subgoal and of the node at which the robot is localised; the second value holds on the last path."""
 NEAREST_COUNT = 5
-"""Where the last path does not help, the robot is at the middle one in time of so many best nodes."""
+"""Number of best nodes whose median in time localises the robot if the last path does not."""
 
 
 def sptm_system(method: Method) -> NavigationSystem:
-    """Return SPTM; `method` has the thresholds of the controller and of judging."""
+    """Return SPTM; `method` has the thresholds of the controller and of the success check."""
     return NavigationSystem(
         name="sptm",
         method=method,
@@ -67,7 +68,7 @@ def choose_farthest_close_node(path: Sequence[NodeId], reachability: Callable[[N
 
 
 def _localise(features: Features, graph: TopologicalGraph, prior: LocalisationPrior, matcher: Matcher) -> Localisation:
-    """Find the best node at the beginning of the last path, else the middle one in time of the 5 best of all."""
+    """Find the best node at the beginning of the last path, else the median in time of the 5 best of all nodes."""
     ahead = [node for node in prior.plan[: MAX_NODES_AHEAD + 1] if node in graph.nodes and node not in prior.doubted]
     near = matcher.match(features, ahead)
     if len(near) and near.reachability.max() >= MIN_REACHABILITY_ON_PATH:
@@ -91,7 +92,7 @@ def _build(
     goals: Collection[FrameId] = (),
     progress: ProgressCallback | None = None,
 ) -> Deltas:
-    """Return a map of all images; nothing is drawn with `rng`, and `goals` are nodes as every image is."""
+    """Return a map of all images, including `goals`; `rng` is not used."""
     ordered, features = encode_trajectory(observations, keyframes, predictor, goals)
     rows = [found.reachability.astype(np.float32) for found in predict_all_pairs(features, predictor, progress)]
     pairs = [*consecutive_rows(ordered, keyframes), *select_shortcuts(np.stack(rows))]
@@ -101,8 +102,8 @@ def _build(
 def select_shortcuts(reachability: NDArray[np.float32]) -> Iterator[tuple[int, int]]:
     """Yield the closest pairs of N images that are far apart in time, the best first.
 
-    `reachability` (N, N) is asked both ways, and the surer answer counts, because the way back is driven in reverse. A
-    true match stays one while both images move on together, so the score is a median along the diagonal.
+    The higher r of both directions in `reachability` (N, N) counts, because an edge back is driven in reverse. A true
+    match remains one when both images advance together, so the score is a median along the diagonal.
     """
     both = np.maximum(reachability, reachability.T)
     lags = range(MIN_STEPS_APART + 1, len(both))
@@ -117,7 +118,7 @@ def select_shortcuts(reachability: NDArray[np.float32]) -> Iterator[tuple[int, i
 
 
 def _both_ways(pairs: Sequence[tuple[int, int]], features: Features, predictor: Predictor) -> Iterable[EdgeCandidate]:
-    """Yield the links of each pair there and back, along the waypoint of which the network is surer."""
+    """Yield the links of each pair in both directions, along the waypoint with the higher r."""
     if not pairs:
         return
     first, second = np.array(pairs).T

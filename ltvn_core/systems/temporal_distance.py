@@ -1,7 +1,6 @@
-"""What r means to systems that plan by time: r = exp(-steps / TAU), a step being from one image of a drive to the next.
+"""Temporal distance: r = exp(-steps / TAU), where a step is from one image of a drive to the next.
 
-Owns that scale, the localisation that goes with it, and what thresholds of the navigator mean on it. What is joined and
-where a path leads is each system's own.
+Owns that scale, localisation by it, and the thresholds of the navigator on it. Each system has its own edges and paths.
 """
 
 import math
@@ -19,7 +18,7 @@ from ltvn_core.network.training_data.temporal_rules import TAU_STEPS
 from ltvn_core.types import Features
 
 EDGE_STEPS = 8.0
-"""Images that seem no farther apart than this are joined by ViNG; other systems scale their limits by it."""
+"""Largest predicted distance in steps of an edge in ViNG; other systems scale their limits by it."""
 
 
 def reachability_of_steps(steps: float) -> float:
@@ -28,26 +27,26 @@ def reachability_of_steps(steps: float) -> float:
 
 
 def temporal_distances(reachability: ArrayLike) -> NDArray[np.float64]:
-    """Return the steps that r of any shape stands for."""
+    """Return the temporal distances in steps for r of any shape."""
     return TAU_STEPS * doubt(reachability)
 
 
 def temporal_cost(belief: Belief) -> float:
-    """Return the steps that an edge takes, at least one."""
-    # Nothing was ever labelled nearer than a step; where the network exaggerates, a detour would cost nothing.
+    """Return the length of an edge in steps, at least one."""
+    # Labels are at least one step; without this limit an overconfident network would make detours free.
     return max(1.0, float(temporal_distances(belief.p)))
 
 
 @dataclass(frozen=True, slots=True)
 class NearestInTime:
-    """Localisation: the robot is at the node at the least temporal distance, if that is near enough."""
+    """Localisation at the node with the least temporal distance, if it is near enough."""
 
     within_steps: float = math.inf
 
     def __call__(
         self, features: Features, graph: TopologicalGraph, prior: LocalisationPrior, matcher: Matcher
     ) -> Localisation:
-        """Find that node among all that are not doubted."""
+        """Find that node among all except doubted ones."""
         matches = matcher.match(features, prior.candidates(graph))
         steps = temporal_distances(matches.reachability)
         near = (steps <= self.within_steps) & np.isfinite(matches.distances)
@@ -55,7 +54,7 @@ class NearestInTime:
 
 
 def with_step_thresholds(method: Method) -> Method:
-    """Return the method with "looks reachable" meaning "no farther than an edge" wherever the navigator asks."""
+    """Return the method with the navigator's thresholds of r converted to temporal distances of an edge."""
     edge = reachability_of_steps(EDGE_STEPS)
     driving = replace(
         method.driving,

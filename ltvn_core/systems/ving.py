@@ -1,8 +1,9 @@
 """ViNG (Shah et al. 2021) as the paper ran it: all images, directed edges weighted with predicted temporal distance.
 
-Owns its rules for edges. Its network says r = exp(-steps / TAU), and images at most `EDGE_STEPS` apart are joined.
-Where the method asks the network both ways, an edge may be the way back of another, driven in reverse. Driving teaches
-nothing. The pose estimator and the controller are those of all systems; only their thresholds of r are put into steps.
+Owns its rules for edges. Its network predicts r = exp(-steps / TAU), and images at most `EDGE_STEPS` apart are joined.
+If the method compares both directions, an edge may also be another one driven in reverse. The map does not change while
+driving. The pose estimator and the controller are the same as in all systems; only their thresholds of r are converted
+to steps.
 """
 
 from collections.abc import Collection, Iterator, Sequence
@@ -37,7 +38,7 @@ from ltvn_core.types import Features, FrameId, Observation, Prediction, Predicto
 
 
 def ving_system(method: Method) -> NavigationSystem:
-    """Return ViNG; `method` has the thresholds of the controller and of judging, whose r is put into steps."""
+    """Return ViNG; `method` has the thresholds of controller and success check, which are converted to steps."""
     scaled = with_step_thresholds(method)
     return NavigationSystem(
         name="ving",
@@ -60,7 +61,7 @@ def _build(
     goals: Collection[FrameId] = (),
     progress: ProgressCallback | None = None,
 ) -> Deltas:
-    """Return a map of all images; nothing is drawn with `rng`, and `goals` are nodes as every image is."""
+    """Return a map of all images, including `goals`; `rng` is not used."""
     ordered, features = encode_trajectory(observations, keyframes, predictor, goals)
     followed = {row for row, _ in consecutive_rows(ordered, keyframes)}
     close = (
@@ -75,9 +76,9 @@ def _build(
 def _close_candidates(
     k: int, found: Prediction, features: Features, predictor: Predictor, *, is_followed: bool
 ) -> Iterator[EdgeCandidate]:
-    """Yield the links from image k to those that seem near, and to the next one, to which the drive went in a step.
+    """Yield the links from image k to the images predicted near, and to the next image, which is one step away.
 
-    `is_followed`: the drive went on after it.
+    `is_followed` tells whether the drive continued after image k.
     """
     near = (found.reachability >= reachability_of_steps(EDGE_STEPS)) & ~has_no_waypoint(found.waypoints)
     following = k + 1

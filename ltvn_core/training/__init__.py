@@ -1,4 +1,5 @@
-"""Joins training data, simulation and network: what networks are trained and judged on.
+"""Fine-tuning, and the data on which networks are trained and evaluated.
 
-Here `sim`, `data` and `model` meet, for the verbs, the page and the evaluation. Learning itself is `ltvn_core.network`.
+Connects simulation, recordings and network for the verbs, the page and the evaluation. The learning itself is in
+`ltvn_core.network`.
 """

@@ -1,8 +1,7 @@
-"""Fine-tuning of the geometric predictor: its calibration gets to know the images of one drive, in seconds.
+"""Fine-tuning of the geometric predictor: adapts its calibration to the images of one drive, in seconds.
 
-Owns which pairs of the drive are drawn and how they are labelled, the order of the parts, and what is on disk
-afterwards: the calibration with its card, whole, or nothing. Which weights are better is decided in
-`ltvn_core.predictors.geometric_adaptation`.
+Owns the sampling and the labels of the drive's pairs, the order of the steps, and the output: a complete calibration
+with its card, or no file. `ltvn_core.predictors.geometric_adaptation` fits and compares calibrations.
 """
 
 from collections.abc import Callable, Sequence
@@ -39,47 +38,47 @@ from ltvn_core.types import Observation
 MOST_CLOSE = 1000
 """Largest number of near pairs that are compared."""
 MOST_LOOKING = 200
-"""Largest number of images that are compared with far ones."""
+"""Largest number of images for which far images are searched and compared."""
 CLOSE_M = 2.0
 CLOSE_RAD = np.deg2rad(60)
 
 _SAME_WAY_RAD = np.deg2rad(25)
 _SAME_TURN_RAD = np.deg2rad(8)
 _LEAST_SHIFT_M = 0.08
-"""Shorter ways say nothing about the scale of distances."""
+"""Least distance, in metres, of a pair that measures the scale of guessed distances."""
 _FEWEST_SHIFTS = 15
-"""Fewer pairs say nothing about the scale of distances."""
+"""Least number of pairs that determine the scale of guessed distances."""
 _ROOM_DEPTHS_M = (0.3, 20.0)
 
 
 @dataclass(frozen=True, slots=True)
 class FoundPose:
-    """A pose between two images, before anything says how sure it is."""
+    """A pose between two images with its evidence, without a certainty."""
 
     evidence: Evidence
     pose: SurePose
-    """From the source."""
+    """Pose of the target relative to the source."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DrivePairs:
-    """P pairs of a drive, with what was found of each."""
+    """P compared pairs of a drive, with the pose found for each."""
 
     path: DrivePath
     features: Sequence[ImageFeatures]
     predictor: GeometricPredictor
     grid: ImageGrid
     source: NDArray[np.intp]
-    """(P,)"""
+    """(P,) rows of the source images."""
     target: NDArray[np.intp]
-    """(P,)"""
+    """(P,) rows of the target images."""
     found: Sequence[FoundPose | None]
-    """P poses, with distances as `epipolar_motion` guesses them where there is no depth."""
+    """P poses; without depth, their distances are guessed by `epipolar_motion`."""
     far_pairs: int
-    """Far pairs of the images that looked among them."""
+    """Number of all far pairs of the images for which far images were searched."""
 
     def labelled(self, room_depth_m: float) -> OwnPairs:
-        """Return the pairs as a fit takes them, with a guess of how far away things usually are."""
+        """Return the pairs with labels for a fit, with distances guessed from a room depth."""
         truth = self.path.waypoints(self.source, self.target)
         far = self.path.far(self.source, self.target)
         known = self.path.known(self.source, self.target)
@@ -89,7 +88,7 @@ class DrivePairs:
             if pose is not None:
                 share[k] = self._drivable_share(k, pose)
                 right[k] = known[k] and is_right(pose.waypoint, truth[k], measured=self._depths(k) > 0)
-                # Odometry that drifted still tells that a far place is not near.
+                # A pose that says near is certainly wrong for a far pair, in spite of drift.
                 known[k] |= far[k] and not _is_far(pose)
         return OwnPairs(
             source=self.source,
@@ -107,7 +106,7 @@ class DrivePairs:
         )
 
     def rescaled(self) -> Rescaled | None:
-        """Return the pairs with the room depth that fits the drive; None where depth measures it or nothing tells."""
+        """Return the pairs with the room depth that fits the drive; None if too few pairs without depth measure it."""
         truth = self.path.waypoints(self.source, self.target)
         known = self.path.known(self.source, self.target)
         ratios = [
@@ -124,7 +123,7 @@ class DrivePairs:
         return self.features[self.source[k]].has_depth + self.features[self.target[k]].has_depth
 
     def _seen_with(self, room_depth_m: float) -> Sequence[SurePose | None]:
-        """Return the P poses with a guess of how far away things usually are, which counts where depth is missing."""
+        """Return the P poses, those without depth scaled by a room depth."""
         return [
             found and (found.pose if self._depths(k) else found.pose.scaled(room_depth_m / ROOM_DEPTH_M))
             for k, found in enumerate(self.found)
@@ -156,9 +155,9 @@ def compare_drive(
     rng: np.random.Generator,
     progress: Callable[[int, int], object],
 ) -> DrivePairs:
-    """Compare pairs of a drive in full: close ones, and of the far ones those that a map would ask about.
+    """Compare pairs of a drive in full: close ones, and the far ones on the shortlist.
 
-    `progress` is called with the pairs done and in all.
+    `progress` is called with the number of pairs done and the number of all pairs.
     """
     close = _close_pairs(path, rng)
     far, far_pairs = _far_pairs(path, features, predictor, rng)
@@ -181,7 +180,7 @@ def compare_drive(
 
 
 def _close_pairs(path: DrivePath, rng: np.random.Generator) -> NDArray[np.intp]:
-    """Return pairs (P, 2) in both directions whose images are not far from each other, evenly over those there are."""
+    """Return pairs (P, 2) in both directions that are not far apart, half of them near, up to `MOST_CLOSE`."""
     count = len(path.poses)
     source, target = (rows.ravel() for rows in np.indices((count, count)))
     gap = path.waypoints(source, target)
@@ -196,7 +195,7 @@ def _close_pairs(path: DrivePath, rng: np.random.Generator) -> NDArray[np.intp]:
 def _far_pairs(
     path: DrivePath, features: Sequence[ImageFeatures], predictor: GeometricPredictor, rng: np.random.Generator
 ) -> tuple[NDArray[np.intp], int]:
-    """Return the far pairs (P, 2) that are most alike, and how many far pairs there are."""
+    """Return the most similar far pairs (P, 2), and the number of all far pairs."""
     count = len(features)
     total = 0
     chosen: list[tuple[int, int]] = []
@@ -212,7 +211,7 @@ def _far_pairs(
 def _found_pose(
     source: ImageFeatures, target: ImageFeatures, predictor: GeometricPredictor, grid: ImageGrid
 ) -> FoundPose | None:
-    """Return the pose of a pair, whichever way it is asked the same; None where nothing speaks for any."""
+    """Return the pose of a pair, computed in the same order for both directions; None if no pose is supported."""
     first, second = sorted((source, target), key=lambda each: each.key)
     verified = verify(first, second, predictor.camera, grid)
     if verified is None:
@@ -227,38 +226,38 @@ def _found_pose(
 
 
 MOST_IMAGES = 400
-"""Of a longer drive so many images are taken, evenly spaced."""
+"""Largest number of images of a drive; of a longer drive, evenly spaced images are used."""
 
 StepProgress = Callable[[str, int, int], object]
-"""Takes what is being done, how much of it is done, and how much there is."""
+"""Called with the current activity, the amount done and the total."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TunedCalibration:
-    """A calibration that learned from a drive, and figures before and after."""
+    """A calibration fitted to a drive, with metrics before and after."""
 
     weights: Path
-    """The file to name with --weights."""
+    """File of the calibration, for --weights."""
     fingerprint: str
     parent: str
     """Fingerprint of the calibration it started from."""
     changed: bool
-    """False where nothing was better than the parent, so that its numbers stay."""
+    """Whether it differs from the parent; False if no candidate was better."""
     poses: str
-    """By which the pairs were labelled: truth or odometry."""
+    """Source of the poses that labelled the pairs: truth or odometry."""
     images: int
     pairs: int
     """Number of pairs that were compared."""
     near_pairs: int
-    """Number of near pairs among them."""
+    """Number of near pairs among the compared ones."""
     far_pairs: int
-    """Number of all far pairs of the images that were compared with far ones."""
+    """Number of all far pairs of the images for which far images were searched."""
     room_depth_m: float
-    """What distances are guessed by without depth."""
+    """Room depth in metres, the scale of guessed distances without depth."""
     before: dict[str, float]
-    """By the parent: shares of near and far pairs that are accepted, and of wrong poses among the package's pairs."""
+    """Shares accepted by the parent: near pairs and far pairs of the drive, and wrong poses of the package's pairs."""
     after: dict[str, float]
-    """The same by calibrations fitted without the stretch of the drive that they are judged on."""
+    """Shares accepted by the adapted calibration, from cross-validation on sections of the drive."""
 
 
 def tune_calibration(
@@ -275,16 +274,15 @@ def tune_calibration(
 
     Args:
         recording: The drive, with true poses or odometry.
-        predictor: Made for the recording's camera; its calibration is the parent.
-        output: The calibration to write.
-        command: What makes it again, for the card.
-        part: Learn from this part of the drive alone.
-        seed: Draws the pairs.
-        on_progress: Hears of each image and pair.
+        predictor: Predictor for the recording's camera; its calibration is the parent.
+        output: File of the new calibration.
+        command: Command that reproduces the file, for its card.
+        part: Part of the drive to learn from.
+        seed: Seed for sampling the pairs.
+        on_progress: Called after each image and pair.
 
     Raises:
-        RecordingError: The drive is too short, nobody knows where it went, its images show nothing that can be
-            compared, or the output exists.
+        RecordingError: The drive is too short, has no poses, has no images that can be compared, or the output exists.
         ImageError: An image cannot be read.
     """
     require_new_path(output)
@@ -304,7 +302,7 @@ def tune_calibration(
     if not any(pairs.found):
         raise RecordingError(
             f"{recording.path}: no two of its {len(seen)} images have key points in common, so there is nothing to "
-            "learn from. Are they blurred or dark, or is the lens another one than the recording says?"
+            "learn from. Are they blurred or dark, or does the recording name a wrong lens?"
         )
     parent = predictor.calibration
     adaptation = adapt(pairs.labelled(parent.room_depth_m), parent, shipped_comparisons(), pairs.rescaled())
@@ -317,7 +315,7 @@ def tune_calibration(
 def _observations(
     recording: Recording, predictor: GeometricPredictor, part: DrivePart, on_progress: StepProgress
 ) -> list[Observation]:
-    """Read the images of a part, as the predictor takes them; where some have a true pose, those alone."""
+    """Read the images of a part for the predictor; if some have a true pose, only those."""
     frames = part.take(recording.frames)
     rows = np.linspace(0, len(frames) - 1, min(len(frames), MOST_IMAGES)).astype(int)
     seen = []
@@ -349,7 +347,7 @@ def _summary(adaptation: Adaptation, pairs: DrivePairs, path: DrivePath, output:
 def _card(
     tuned: TunedCalibration, adaptation: Adaptation, *, command: str, part: DrivePart, seed: int
 ) -> dict[str, Any]:
-    """Return what the file says of how it was made, as JSON has it."""
+    """Return the file's description of its origin, as JSON values."""
     told = {name: value for name, value in asdict(tuned).items() if name not in ("weights", "room_depth_m")}
     return told | {
         "command": command,

@@ -1,7 +1,7 @@
-"""Where the images of a drive were taken, by true poses or by odometry, and which pairs of them are near or far.
+"""Poses of the images of a drive, from ground truth or odometry, and near and far pairs by these poses.
 
-What stands between two images does not count. Owns the limits of near and far, and how far odometry may drift before it
-says nothing any more.
+Obstacles between two images are ignored. Owns the limits of near and far pairs, and the drift up to which odometry is
+trusted.
 """
 
 from collections.abc import Sequence
@@ -25,52 +25,52 @@ from ltvn_core.types import Observation, Pose, Waypoint
 
 @dataclass(frozen=True, slots=True)
 class TruthLimits:
-    """Limits of near and far pairs; a pair between them has no label."""
+    """Limits of near and far pairs; a pair between the limits has no label."""
 
     near_m: float = 0.6
-    """The target of a near pair lies nearer than this, in front of the source."""
+    """Largest distance of a near pair in metres; its target must lie in front of the source."""
     near_rad: float = radians(20)
-    """The target of a near pair is turned by less than this."""
+    """Largest difference of heading of a near pair, in radians."""
     far_m: float = 1.5
-    """The target of a far pair lies farther away than this, or is turned by more than `far_rad`."""
+    """Distance in metres above which a pair is far, whatever its headings."""
     far_rad: float = radians(60)
-    """The target of a far pair is turned by more than this, or lies farther away than `far_m`."""
+    """Difference of heading in radians above which a pair is far, whatever its distance."""
 
     def near(self, moves: Waypoint) -> NDArray[np.bool_]:
-        """Tell which true moves (..., 3), see `TrueViews.moves_to`, lead to a near target."""
+        """Return which true moves (..., 3), see `TrueViews.moves_to`, lead to a near target."""
         near = np.hypot(moves[..., 0], moves[..., 1]) < self.near_m
         return near & (np.abs(moves[..., 2]) < self.near_rad) & (moves[..., 0] > 0)
 
     def far(self, moves: Waypoint) -> NDArray[np.bool_]:
-        """Tell which true moves (..., 3) lead to a far target."""
+        """Return which true moves (..., 3) lead to a far target."""
         return (np.hypot(moves[..., 0], moves[..., 1]) > self.far_m) | (np.abs(moves[..., 2]) > self.far_rad)
 
 
 LIMITS = TruthLimits()
-"""What `ltvn judge` calls near and far."""
+"""Limits of near and far pairs in `ltvn judge`."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrueViews:
-    """Where N images were truly taken, and where their camera looked."""
+    """True poses of N images, and the orientations of their cameras."""
 
     poses: Pose
     """(N, 3)."""
     rotations: NDArray[np.float64]
-    """(N, 3, 3): from the camera's (forward, left, up) to the world's, its tilt included."""
+    """(N, 3, 3) rotations from the camera's axes (forward, left, up) to the world's, with its tilt."""
 
     def __len__(self) -> int:
         return len(self.poses)
 
     def take(self, rows: NDArray[np.intp] | Sequence[int]) -> "TrueViews":
-        """Return the chosen ones."""
+        """Return the chosen views."""
         return TrueViews(self.poses[rows], self.rotations[rows])
 
     def moves_to(self, targets: "TrueViews") -> Waypoint:
-        """Return the moves (N, T, 3) to all targets: metres ahead, metres left, and by how much the camera turns.
+        """Return the moves (N, T, 3) to all targets: metres ahead, metres left, and rotation of the camera.
 
-        The turn, in radians and never negative, is that of the camera in space: a camera in the hand that looks down
-        instead of up has turned, although its yaw is the same.
+        The rotation is the angle in space, in radians and never negative: a hand-held camera that looks down instead of
+        up has rotated, although its yaw is the same.
         """
         moves = relative(self.poses[:, None], targets.poses[None])
         # The trace of R_i^T R_j, for all pairs at once.
@@ -84,13 +84,13 @@ class TrueViews:
 
 
 def true_views(observations: Sequence[Observation], cameras: Sequence[CameraModel]) -> TrueViews:
-    """Return the true views of images that have a true pose, each with the camera that took it, tilt included."""
+    """Return the true views of images with true poses, each with its camera and tilt."""
     poses = np.array([seen.exact_pose for seen in observations], np.float64).reshape(-1, 3)
     return TrueViews(poses, camera_rotations(poses, cameras))
 
 
 def camera_rotations(poses: Pose, cameras: Sequence[CameraModel]) -> NDArray[np.float64]:
-    """Return how cameras were turned in the world (N, 3, 3), tilt included, by robots at poses (N, 3)."""
+    """Return the orientations (N, 3, 3) of cameras in the world, with their tilt, on robots at poses (N, 3)."""
     cos = np.cos(poses[:, 2])
     sin = np.sin(poses[:, 2])
     turned = np.zeros((len(poses), 3, 3))
@@ -102,7 +102,7 @@ def camera_rotations(poses: Pose, cameras: Sequence[CameraModel]) -> NDArray[np.
 
 
 def tilted_camera(seen: Observation, camera: CameraModel) -> CameraModel:
-    """Return a camera as it was tilted when it took an image."""
+    """Return a camera with the tilt that it had when it took an image."""
     if seen.tilt is None:
         return camera
     return replace(camera, pitch_rad=seen.tilt.pitch_rad, roll_rad=seen.tilt.roll_rad)
@@ -110,19 +110,19 @@ def tilted_camera(seen: Observation, camera: CameraModel) -> CameraModel:
 
 FEWEST_IMAGES = 20
 _EXACT_M, _EXACT_RAD = 0.06, radians(4)
-"""Odometry that may have drifted by less than this tells whether a pose is right."""
+"""Limits of possible drift, in metres and radians, within which odometry tells whether a pose is right."""
 _RULE = OdometryLabelRule()
 _SELECTION = KeyframeSelection()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DrivePath:
-    """Where N images were taken, in order."""
+    """Poses of N images of a drive, in order."""
 
     poses: Pose
     """(N, 3)"""
     is_exact: bool
-    """They are true poses; else odometry, which drifts."""
+    """Whether the poses are ground truth; otherwise they are odometry, which drifts."""
     piece: NDArray[np.intp]
     """(N,) number of the piece between jumps of the odometry."""
     travelled_m: NDArray[np.float64]
@@ -130,29 +130,29 @@ class DrivePath:
     turned_rad: NDArray[np.float64]
     """(N,) radians turned so far, to either side."""
     rotations: NDArray[np.float64]
-    """(N, 3, 3): from the camera's (forward, left, up) to the world's, its tilt included."""
+    """(N, 3, 3) rotations from the camera's axes (forward, left, up) to the world's, with its tilt."""
 
     def waypoints(self, source: NDArray[np.intp], target: NDArray[np.intp]) -> Waypoint:
-        """Return where targets (P,) are as seen from sources (P,), (P, 3), drift included."""
+        """Return the waypoints (P, 3) from sources (P,) to targets (P,), with drift."""
         return relative(self.poses[source], self.poses[target])
 
     def known(self, source: NDArray[np.intp], target: NDArray[np.intp]) -> NDArray[np.bool_]:
-        """Tell whether a waypoint between them is known well enough to judge a pose by, (P,)."""
+        """Return which waypoints (P,) are known well enough to decide whether a pose is right."""
         if self.is_exact:
             return np.ones(len(source), bool)
         drift_m, drift_rad = self._drift(source, target)
         return (self.piece[source] == self.piece[target]) & (drift_m < _EXACT_M) & (drift_rad < _EXACT_RAD)
 
     def near(self, source: NDArray[np.intp], target: NDArray[np.intp]) -> NDArray[np.bool_]:
-        """Tell which targets are certainly near and in front, (P,)."""
+        """Return which targets (P,) are certainly near and in front."""
         gap = self.waypoints(source, target)
-        # A camera in the hand that looks down instead of up has turned, although its yaw is the same.
+        # A hand-held camera that looks down instead of up has rotated, although its yaw is the same.
         traces = (self.rotations[source] * self.rotations[target]).sum((1, 2))
         turned = np.arccos(np.clip((traces - 1) / 2, -1, 1))
         return LIMITS.near(np.column_stack([gap[:, :2], turned])) & self.known(source, target)
 
     def far(self, source: NDArray[np.intp], target: NDArray[np.intp]) -> NDArray[np.bool_]:
-        """Tell which targets are certainly far, (P,)."""
+        """Return which targets (P,) are certainly far."""
         gap = self.waypoints(source, target)
         drift_m, drift_rad = self._drift(source, target)
         away = np.hypot(gap[:, 0], gap[:, 1]) - drift_m > LIMITS.far_m
@@ -161,7 +161,7 @@ class DrivePath:
     def _drift(
         self, source: NDArray[np.intp], target: NDArray[np.intp]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return by how many metres (P,) and radians (P,) odometry may have drifted in between."""
+        """Return the possible drift of odometry in between, in metres (P,) and radians (P,)."""
         if self.is_exact:
             return np.zeros(len(source)), np.zeros(len(source))
         driven = np.abs(self.travelled_m[target] - self.travelled_m[source])
@@ -170,13 +170,13 @@ class DrivePath:
 
 
 def drive_path(observations: Sequence[Observation], name: str, camera: CameraModel) -> DrivePath:
-    """Return where a camera took images: by their true poses if all have one, else by odometry.
+    """Return the poses of images: true poses if all images have one, else odometry.
 
-    Raises RecordingError where there are too few images, or nobody knows.
+    Raises RecordingError if there are too few images or no poses.
     """
     if len(observations) < FEWEST_IMAGES:
         raise RecordingError(
-            f"{name}: {len(observations)} images are too few to learn from; it takes {FEWEST_IMAGES}. Record or import "
+            f"{name}: {len(observations)} images are too few to learn from; it needs {FEWEST_IMAGES}. Record or import "
             "a longer drive, or learn from a larger part of it."
         )
     exact = [seen.exact_pose for seen in observations if seen.exact_pose is not None]

@@ -1,7 +1,7 @@
-"""Fine-tuning: weights get to know the place of one drive, for whoever asks (section IV of the paper).
+"""Fine-tuning: adapts weights to the environment of one drive (section IV of the paper).
 
-Owns the order of the parts, one progress over all of them, cancelling, and what is on disk afterwards: the new weights
-with their card, whole, or nothing. The command line, the page and the evaluation all call `fine_tune`.
+Owns the order of the steps, one progress over all of them, cancelling, and the output: complete new weights with their
+card, or no file. The command line, the page and the evaluation all call `fine_tune`.
 """
 
 import json
@@ -38,23 +38,23 @@ _FAR_METRICS = ("far_pairs", "far_fpr_at_tpr60", "far_fpr_at_half", "near_tpr_at
 
 
 class FineTuningReporter(Protocol):
-    """Hears how far a fine-tuning is; what it raises ends the work."""
+    """Callback for the progress of fine-tuning; an exception in it stops the work."""
 
     def __call__(self, share: float, doing: str, progress: "FineTuningProgress | None", /) -> None:
-        """Take the share that is done, in [0, 1], what is being done, for a person, and while learning the steps."""
+        """Receive the share done in [0, 1], the current activity as text and, while learning, its progress."""
         ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FineTuningProvenance:
-    """What the card says of a fine-tuning beside what the run itself knows."""
+    """Facts for the card of fine-tuned weights that the run itself does not know."""
 
     recording: str
     """Name of the drive."""
     system: str
-    """The navigation system whose labels are learned, see `ltvn_core.systems.registry`."""
+    """Name of the navigation system whose labels are learned, see `ltvn_core.systems.registry`."""
     command: str | None = None
-    """The command line that makes these weights again; None where there is none."""
+    """Command line that reproduces these weights; None if there is none."""
 
 
 @dataclass(frozen=True)
@@ -64,47 +64,47 @@ class FineTuningCard:
     parent: str
     """Fingerprint of the weights that fine-tuning started from."""
     parent_card: Mapping[str, Any]
-    """Their card."""
+    """Card of the parent weights."""
     recording: str
     """Name of the recording of the drive."""
     run: Mapping[str, Any]
     """The settings that identify this run; an equal run is not repeated."""
     command: str | None
-    """What makes these weights again, up to the time that learning took elsewhere; None where no command line does."""
+    """Command line that reproduces these weights, up to differences in training time; None if there is none."""
     seed: int
     images: int
     """Number of images of the drive that were used."""
     pieces: int
     """Number of pieces between jumps of the drive's odometry."""
     simulated_scenes: tuple[str, ...]
-    """Simulated scenes in the batches, against forgetting."""
+    """Simulated training scenes, which prevent forgetting."""
     validation_scenes: tuple[str, ...]
-    """Scenes of the simulated metrics and of the calibration."""
+    """Simulated scenes for the metrics and the calibration."""
     plan: "FineTuningPlan"
     steps: int
     pairs_compared: int
     minutes: float
     before: "FineTuningMetrics | None"
-    """None if the run was not evaluated."""
+    """Metrics before fine-tuning; None if the run was not evaluated."""
     after: "FineTuningMetrics | None"
 
 
 @dataclass(frozen=True)
 class FineTunedWeights:
-    """New weights, and figures before and after."""
+    """Fine-tuned weights, with metrics before and after."""
 
     weights: Path
     fingerprint: str
     parent: str
-    """Fingerprint of the weights it started from."""
+    """Fingerprint of the weights that fine-tuning started from."""
     images: int
-    """Images of the drive that were used."""
+    """Number of images of the drive that were used."""
     pieces: int
-    """Pieces of the drive between jumps of its odometry; 1 is what one wants."""
+    """Number of pieces of the drive between jumps of its odometry; 1 is ideal."""
     steps: int
     minutes: float
     before: dict[str, float]
-    """On the own drive by odometry, and in simulated scenes that are not learned from."""
+    """Metrics before fine-tuning, on the robot's own drive by odometry and in simulated validation scenes."""
     after: dict[str, float]
 
 
@@ -123,21 +123,21 @@ def fine_tune(
     """Fine-tune weights on a labelled drive and save them with a card; None, and nothing on disk, if cancelled.
 
     Args:
-        drive: the labelled pairs of the drive.
-        rehearsal: what is shown in between, so that nothing is forgotten.
-        start: the weights to start from, which stay as they are.
-        output: the weights to write. Weights of the very same run are returned and not made again.
-        plan: how to learn.
-        provenance: what the card says of it.
-        work_folder: holds a checkpoint meanwhile: a call that was killed goes on from there. None takes a temporary
-            folder beside the output.
-        on_progress: is called in this thread; what it raises ends the work.
-        cancelled: when it is set, the work ends at its next report of progress.
+        drive: Labelled pairs of the drive.
+        rehearsal: Data of other places that prevent forgetting.
+        start: Weights to start from; the file is not changed.
+        output: File of the new weights. Existing weights of the same run are returned without training.
+        plan: Settings of fine-tuning.
+        provenance: Further facts for the card.
+        work_folder: Folder for a checkpoint, from which a call that was killed is resumed. None uses a temporary folder
+            beside the output.
+        on_progress: Called in this thread; an exception in it stops the work.
+        cancelled: Event that stops the work at its next report of progress.
 
     Raises:
-        WeightsError: if `output` is something else, which is never overwritten, if `start` cannot be read, or if the
-            disk does not take the result.
-        DatasetError: if the rehearsal data cannot be had.
+        WeightsError: `output` exists and is something else, which is never overwritten; `start` cannot be read; or the
+            result cannot be written.
+        DatasetError: The rehearsal data are missing and cannot be made.
     """
     from ltvn_core.network.optimization.fine_tuning_loop import run_fine_tuning
 
@@ -162,11 +162,11 @@ def fine_tune(
 
 
 class _CancelledError(Exception):
-    """Somebody cancelled."""
+    """The user cancelled the run."""
 
 
 class _Progress:
-    """One progress over all parts; a part that reports after cancelling ends there."""
+    """Progress over all steps; a report after cancelling stops the work."""
 
     def __init__(self, on_progress: FineTuningReporter, cancelled: Event) -> None:
         self.cancelled = cancelled
@@ -188,14 +188,14 @@ class _Progress:
 
 
 def _report_to_nobody(share: float, doing: str, progress: "FineTuningProgress | None") -> None:
-    """Report progress to nobody."""
+    """Discard the progress."""
 
 
 @contextmanager
 def _work_folder(folder: Path | None, output: Path) -> Iterator[Path]:
-    """Yield a folder for checkpoints, gone once the work is over or cancelled; a named one outlives other ends."""
+    """Yield a folder for checkpoints, deleted when the work is done or cancelled; a named one survives errors."""
     if folder is None:
-        # Made beside the output, so that a folder that cannot be written is found out before minutes of learning.
+        # Created beside the output, so that a folder without write permission fails before minutes of learning.
         with TemporaryDirectory(prefix=".learning-", dir=output.parent, ignore_cleanup_errors=True) as temporary:
             yield Path(temporary)
         return
@@ -215,7 +215,7 @@ def _run_identity(
     plan: "FineTuningPlan",
     provenance: FineTuningProvenance,
 ) -> dict[str, Any]:
-    """Return what tells this run from others, as JSON holds it."""
+    """Return the settings that identify this run, as JSON values."""
     from ltvn_core.network.optimization.fine_tuning_loop import trajectory_fingerprint
     from ltvn_core.network.weights_file import weights_fingerprint
 
@@ -232,13 +232,13 @@ def _run_identity(
 
 
 def _finished_earlier(output: Path, run: Mapping[str, Any]) -> FineTunedWeights | None:
-    """Return the output if it is of this very run, None if there is none. Raises WeightsError if it is another's."""
+    """Return the existing output of the same run; None if there is no output. Raises WeightsError for another run's."""
     from ltvn_core.network.weights_file import matching_card
 
     if not output.exists():
         return None
     made_by = matching_card(output).get("run", {})
-    # Earlier versions wrote fewer keys, those of the evaluation with the plan; what they wrote must agree.
+    # Earlier versions wrote fewer keys, so only the keys that both have must agree.
     if (
         not isinstance(made_by, dict)
         or "plan" not in made_by
@@ -289,7 +289,7 @@ def _save(result: "FineTuningResult", output: Path, card: Mapping[str, Any]) -> 
 
 
 def _summary(weights: Path) -> FineTunedWeights:
-    """Read back what the card says."""
+    """Return the summary from the card of weights."""
     from ltvn_core.network.weights_file import read_card
 
     card = read_card(weights)

@@ -1,7 +1,7 @@
-"""What weights are fine-tuned on: a drive that labels itself, and rehearsal data that keep them from forgetting.
+"""Data for fine-tuning: a self-labelled drive, and rehearsal data that prevent forgetting.
 
-Owns where both come from, and which of two ways the network of a navigation system learns by: odometry, or time alone.
-Label rules are in `network.training_data`; learning is `training.fine_tuning`.
+Owns the sources of both, and the two kinds of labels for the network of a navigation system: from odometry, or from
+time alone. Label rules are in `network.training_data`; `training.fine_tuning` runs the learning.
 """
 
 from collections.abc import Callable, Sequence
@@ -23,22 +23,22 @@ if TYPE_CHECKING:
     from ltvn_core.systems.entry import SystemEntry, TemporalLearning
 
 ProgressReporter: TypeAlias = Callable[[float, str], None]
-"""Takes the share that is done, in [0, 1], and what is being done, for a person."""
+"""Called with the share done in [0, 1], and the current activity as text."""
 
 REHEARSAL_SCENES = ("train-00", "train-07", "train-14", "train-21")
-"""Scenes for rehearsal where no dataset is named."""
+"""Scenes for rehearsal if no dataset is named."""
 CALIBRATION_SCENES = ("tune-0", "tune-1")
-"""Scenes that check old knowledge and the calibration."""
+"""Validation scenes, which measure forgetting and fit the calibration."""
 _MOST_SCENES = 8
-"""More scenes of a dataset would fill the memory and are not needed for a few minutes."""
+"""Largest number of scenes of a dataset; more would fill the memory and are not needed for a few minutes."""
 
 
 def ignore_progress(share: float, doing: str) -> None:
-    """Report progress to nobody."""
+    """Discard the progress."""
 
 
 def read_labelled_drive(path: Path, rule: "LabelRule", part: DrivePart = WHOLE_DRIVE) -> "TrajectoryPairs":
-    """Read a part of a recording, as the network sees it, and label its pairs of images. Raises RecordingError."""
+    """Read a part of a recording for the network, and label its pairs of images. Raises RecordingError."""
     from ltvn_core.cameras.rectification import rectified_camera
     from ltvn_core.data.recording.reader import Recording
     from ltvn_core.network.architecture import NETWORK_CAMERA
@@ -56,7 +56,7 @@ def read_labelled_drive(path: Path, rule: "LabelRule", part: DrivePart = WHOLE_D
 def label_drive(
     observations: "Sequence[Observation]", name: str, *, camera: "CameraModel", rule: "LabelRule"
 ) -> "TrajectoryPairs":
-    """Label the pairs of images at hand by a rule. Raises RecordingError if they are no drive."""
+    """Label the pairs of images in memory by a rule. Raises RecordingError if they are not a usable drive."""
     import numpy as np
 
     from ltvn_core.network.training_data.trajectory_pairs import label_trajectory, select_keyframes
@@ -66,48 +66,48 @@ def label_drive(
 
 
 class RehearsalData(Protocol):
-    """Labelled images of other places, shown beside a drive so that the network forgets nothing."""
+    """Labelled images of other places, mixed with a drive so that the network does not forget."""
 
     @property
     def name(self) -> str:
-        """What tells these data from others."""
+        """Name that identifies these data."""
         ...
 
     @property
     def scenes(self) -> Sequence[str]:
-        """Scenes to learn from. Raises DatasetError if there are none."""
+        """Training scenes. Raises DatasetError if there are none."""
         ...
 
     def prepare(self, on_progress: ProgressReporter = ignore_progress) -> None:
-        """Make what is not on disk yet, once for all processes that will load it. Raises DatasetError."""
+        """Create missing files, once for all processes that will load them. Raises DatasetError."""
         ...
 
     def load(
         self, drive: "TrajectoryPairs", on_progress: ProgressReporter, *, with_validation_drives: bool
     ) -> "FineTuningData":
-        """Put these data beside a drive. Raises DatasetError.
+        """Return these data together with a drive. Raises DatasetError.
 
-        What `on_progress` raises ends the work, and what was made until then is kept. Drives through simulated rooms
-        are for judging alone, and left out where nobody judges.
+        An exception in `on_progress` stops the work and keeps the files made until then. Drives through simulated rooms
+        are only for evaluation; `with_validation_drives` includes them.
         """
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class SimulatedPairs:
-    """Pairs of simulated images, labelled by exact poses: of a dataset, or of a few scenes that are rendered once."""
+    """Pairs of simulated images, labelled by exact poses: from a dataset, or from a few scenes rendered once."""
 
     folder: Path | None = None
-    """Of `ltvn dataset`; None renders into the user's cache at the first use."""
+    """Folder of `ltvn dataset`; None renders into the user's cache at the first use."""
 
     @property
     def name(self) -> str:
-        """What tells these data from others."""
+        """Name that identifies these data."""
         return "simulated pairs" if self.folder is None else f"simulated pairs of {self.folder}"
 
     @property
     def scenes(self) -> Sequence[str]:
-        """Scenes to learn from. Raises DatasetError if the folder holds none."""
+        """Training scenes. Raises DatasetError if the folder has none."""
         from ltvn_core.network.training_data.shards import shard_scene
 
         if self.folder is None:
@@ -116,14 +116,14 @@ class SimulatedPairs:
         return [shard_scene(path) for path in learned]
 
     def prepare(self, on_progress: ProgressReporter = ignore_progress) -> None:
-        """Render what is not in the cache yet; a dataset is there already. Raises DatasetError."""
+        """Render scenes that are missing in the cache; a dataset needs none. Raises DatasetError."""
         if self.folder is None:
             _render_scenes(on_progress)
 
     def load(
         self, drive: "TrajectoryPairs", on_progress: ProgressReporter, *, with_validation_drives: bool
     ) -> "FineTuningData":
-        """Put the pairs beside a drive. Raises DatasetError."""
+        """Return the pairs together with a drive. Raises DatasetError."""
         from ltvn_core.network.optimization.fine_tuning_loop import FineTuningData
         from ltvn_core.network.training_data.shards import read_shard
 
@@ -142,24 +142,24 @@ class SimulatedPairs:
 
 @dataclass(frozen=True, slots=True)
 class LabelledWalks:
-    """Random walks through simulated rooms, labelled by time alone as the drive itself is."""
+    """Random walks through simulated rooms, labelled by time alone like the drive."""
 
     rule: "TemporalLabelRule"
     folder: Path | None = None
-    """Holds the folder `walks`; None takes the user's cache."""
+    """Parent of the folder `walks`; None uses the user's cache."""
 
     @property
     def name(self) -> str:
-        """What tells these data from others."""
+        """Name that identifies these data."""
         return "random walks" if self.folder is None else f"random walks of {self.folder}"
 
     @property
     def scenes(self) -> Sequence[str]:
-        """Scenes to learn from."""
+        """Training scenes."""
         return REHEARSAL_SCENES
 
     def prepare(self, on_progress: ProgressReporter = ignore_progress) -> None:
-        """Walk where nobody has walked yet. Raises DatasetError and SceneError."""
+        """Create the walks that are missing. Raises DatasetError and SceneError."""
         from ltvn_core.training.simulated_scenes import make_walks
 
         make_walks((*REHEARSAL_SCENES, *CALIBRATION_SCENES), self._walks, on_progress=_count_scenes(on_progress))
@@ -167,7 +167,7 @@ class LabelledWalks:
     def load(
         self, drive: "TrajectoryPairs", on_progress: ProgressReporter, *, with_validation_drives: bool
     ) -> "FineTuningData":
-        """Put the walks beside a drive; there are no drives to judge by. Raises DatasetError and SceneError."""
+        """Return the walks together with a drive, without validation drives. Raises DatasetError and SceneError."""
         from ltvn_core.network.optimization.fine_tuning_loop import FineTuningData
         from ltvn_core.training.simulated_scenes import labelled_walks
 
@@ -193,7 +193,7 @@ def _simulated_drive(name: str) -> "LabelledDrive":
 
 
 def _render_scenes(on_progress: ProgressReporter) -> tuple[list[Path], list[Path]]:
-    """Return shards of a few scenes in the user's cache to learn from and to check by, made there at the first call."""
+    """Return training and validation shards of a few scenes in the user's cache, rendered at the first call."""
     from platformdirs import user_cache_path
 
     from ltvn_core.network.training_data.shards import DatasetRecipe, generate_shards
@@ -210,17 +210,17 @@ def _render_scenes(on_progress: ProgressReporter) -> tuple[list[Path], list[Path
 
 
 def _count_scenes(on_progress: ProgressReporter) -> Callable[[int, int], None]:
-    """Return what reports how many of the scenes are there; the last fifth is left for what follows."""
+    """Return a callback that reports the number of finished scenes, in the first four fifths of the progress."""
 
     def report(count: int, total: int) -> None:
-        doing = f"drawing simulated rooms, once only: {count} of {total}"
+        doing = f"rendering simulated rooms, once only: {count} of {total}"
         on_progress(0.8 * count / total, "simulated rooms" if count == total else doing)
 
     return report
 
 
 def _select_shards(folder: Path) -> tuple[list[Path], list[Path]]:
-    """Return some shards of a dataset, evenly over its scenes. Raises DatasetError if there are none of a kind."""
+    """Return some training and validation shards of a dataset, evenly spread. Raises DatasetError without either."""
     from ltvn_core.errors import DatasetError
     from ltvn_core.network.training_data.shards import dataset_shards, shard_scene
 
@@ -240,39 +240,39 @@ class DriveSource:
     """A drive to learn from."""
 
     name: str
-    """What the card calls it."""
+    """Name of the drive in the card."""
     source: Path | Sequence[Observation]
     """A recording, or images in the order in which they were taken."""
 
     def label(self, rule: "LabelRule") -> "TrajectoryPairs":
-        """Label the drive's pairs of images. Raises RecordingError if it is no drive."""
+        """Label the drive's pairs of images. Raises RecordingError if it is not a usable drive."""
         if isinstance(self.source, Path):
             return read_labelled_drive(self.source, rule)
         return label_drive(self.source, self.name, camera=LOCOBOT.camera, rule=rule)
 
 
 class SystemTraining(Protocol):
-    """What a system's network learns from its own drives."""
+    """The kind of learning of a system's network: labels, rehearsal data and plan."""
 
     def label_rule(self) -> "LabelRule":
         """Return the rule that labels the pairs of a drive."""
         ...
 
     def rehearsal(self, folder: Path | None = None) -> RehearsalData:
-        """Return what is shown beside the drive; `folder` names data at hand, else they are made once and kept."""
+        """Return the rehearsal data; `folder` names existing ones, otherwise they are made once and kept."""
         ...
 
     def adapt_plan(self, plan: "FineTuningPlan") -> "FineTuningPlan":
-        """Return a plan of fine-tuning without what this system cannot know."""
+        """Return a fine-tuning plan that uses only information that this system has."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class OdometryTraining:
-    """Learning where one can drive: odometry and depth label the drive, exact poses the simulated pairs beside it."""
+    """Learning of reachability: odometry and depth label the drive, and exact poses the simulated rehearsal pairs."""
 
     def label_rule(self) -> "LabelRule":
-        """Return the rule of odometry."""
+        """Return the rule that labels by odometry."""
         from ltvn_core.network.training_data.trajectory_pairs import OdometryLabelRule
 
         return OdometryLabelRule()
@@ -282,18 +282,18 @@ class OdometryTraining:
         return SimulatedPairs(folder)
 
     def adapt_plan(self, plan: "FineTuningPlan") -> "FineTuningPlan":
-        """Return the plan as it is."""
+        """Return the plan unchanged."""
         return plan
 
 
 @dataclass(frozen=True, slots=True)
 class TemporalTraining:
-    """Learning by the steps between two images alone, of the drive and of random walks; no poses are known."""
+    """Learning from time alone: the number of steps labels the pairs of drive and random walks, without poses."""
 
     learning: "TemporalLearning"
 
     def label_rule(self) -> "LabelRule":
-        """Return the rule of time."""
+        """Return the rule that labels by time."""
         return self.learning.rule
 
     def rehearsal(self, folder: Path | None = None) -> RehearsalData:
@@ -301,12 +301,12 @@ class TemporalTraining:
         return LabelledWalks(self.learning.rule, folder)
 
     def adapt_plan(self, plan: "FineTuningPlan") -> "FineTuningPlan":
-        """Return the plan without hard negatives, which only poses can tell."""
+        """Return the plan without hard negatives, because mining them needs poses."""
         from ltvn_core.network.baseline_training import baseline_fine_tuning_plan
 
         return baseline_fine_tuning_plan(plan, even_distances=self.learning.even_distances)
 
 
 def system_training(entry: "SystemEntry") -> SystemTraining:
-    """Return how the network of a navigation system learns."""
+    """Return the kind of learning of a navigation system's network."""
     return OdometryTraining() if entry.learning is None else TemporalTraining(entry.learning)

@@ -1,7 +1,6 @@
-"""The scenes by which networks are chosen and judged, and the figures that come of it.
+"""The validation and test scenes of networks, and the metrics on them.
 
-Owns which scenes these are and how much is looked at there. The figures are defined in
-`ltvn_core.network.metrics`.
+Owns the choice of scenes and the amount of data from each. `ltvn_core.network.metrics` defines the metrics.
 """
 
 from collections.abc import Sequence
@@ -17,47 +16,47 @@ if TYPE_CHECKING:
     from ltvn_core.network.training_data.shards import Shard
 
 VALIDATION_SCENES = ("tune-0", "tune-1", "tune-2")
-"""Scenes by which the best weights are chosen."""
+"""Validation scenes, which choose the best weights."""
 
 TEST_SCENES = ("tune-3", "tune-4", "tune-5", "tune-6", "tune-7", "tune-8")
-"""Scenes on which the figures of the card are measured."""
+"""Test scenes, on which the metrics of the model card are measured."""
 
 
 CLUSTERS_PER_SCENE = 180
-"""Clusters of labelled pairs in each unseen scene."""
+"""Number of clusters of labelled pairs in each held-out scene."""
 
 IMAGES_PER_DRIVE = 300
-"""Images of the drive through each unseen scene: half a million ordered pairs in six."""
+"""Number of images of the drive through each held-out scene; six drives have half a million ordered pairs."""
 
 SUBSAMPLING_STEP = 2
-"""A network that looks at every pair from the pixels on sees every so manieth image of the drives, to save its time."""
+"""Step between the images of drives for networks that process each pair from pixels, which is slow."""
 
 
 @dataclass(frozen=True)
 class NetworkMetrics:
-    """How good weights are in scenes that they have not seen."""
+    """Metrics of weights in held-out scenes."""
 
     architecture: str
     fingerprint: str
     scenes: tuple[str, ...]
     far_fpr_at_tpr60: float
-    """False positive rate of far pairs at the threshold that accepts 60 % of the near ones, each pair by itself."""
+    """False positive rate of far pairs at the threshold that accepts 60 % of the near pairs."""
     far_pairs: int
     """Number of far pairs."""
     auc: float
-    """On labelled pairs, as are the following."""
+    """Area under the ROC curve on labelled pairs."""
     position_median_m: float
     position_median_1_to_1_5_m: float
-    """Of pairs that are 1 to 1.5 m apart."""
+    """Median position error of reachable pairs 1 to 1.5 m apart."""
     position_p90_m: float
     yaw_median_deg: float
     ece: float
     pairs: int
-    """Labelled pairs."""
+    """Number of labelled pairs."""
 
 
 def drives(names: Sequence[str], *, images: int) -> "list[LabelledDrive]":
-    """Look along a drive through each of the named scenes. Raises SceneError."""
+    """Render the images of a drive through each of the named scenes. Raises SceneError."""
     import numpy as np
 
     from ltvn_core.network.pair_evaluation import LabelledDrive
@@ -87,7 +86,7 @@ def measure_network(
     clusters: int = CLUSTERS_PER_SCENE,
     images: int = IMAGES_PER_DRIVE,
 ) -> "HeldOutMetrics":
-    """Measure weights on scenes, whose labelled pairs are kept in a folder. Raises SceneError and WeightsError."""
+    """Evaluate weights on scenes; their labelled pairs are cached in a folder. Raises SceneError and WeightsError."""
     import numpy as np
 
     from ltvn_core.network.architecture import StackedArchitecture
@@ -108,7 +107,7 @@ def measure_network(
 
 
 def figures(weights: Path, measured: "HeldOutMetrics") -> NetworkMetrics:
-    """Return the figures that matter most. Raises WeightsError."""
+    """Return the most important metrics. Raises WeightsError."""
     from ltvn_core.network.weights_file import load_weights, weights_fingerprint
 
     pairs = measured.pairs
@@ -130,7 +129,7 @@ def figures(weights: Path, measured: "HeldOutMetrics") -> NetworkMetrics:
 
 
 def training_data_summary(learned: Sequence["Shard"]) -> "TrainingDataSummary":
-    """Return what a card says of the shards that were learned from, with weights chosen by the validation scenes."""
+    """Return the summary of the training shards and validation scenes for a model card."""
     from ltvn_core.network.model_card import TrainingDataSummary
 
     return TrainingDataSummary(

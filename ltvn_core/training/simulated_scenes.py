@@ -1,6 +1,6 @@
-"""Simulated scenes as the generation of data sees them, and random walks through them, labelled as SPTM or ViNG do.
+"""Simulated scenes for data generation, and random walks through them with the labels of SPTM or ViNG.
 
-Owns the way from a name to a scene, where the walks lie and what seeds them.
+Owns the opening of a scene by name, and the folder and the seed of the walks.
 """
 
 import zlib
@@ -32,7 +32,7 @@ def make_walks(
     processes: int = 1,
     on_progress: Callable[[int, int], None] | None = None,
 ) -> list[Path]:
-    """Return the files of random walks through scenes; those that do not lie in the folder are made.
+    """Return the files of random walks through scenes; missing files are made.
 
     Raises DatasetError and SceneError.
     """
@@ -46,7 +46,7 @@ def make_walks(
 def labelled_walks(
     rule: "TemporalLabelRule", names: Sequence[str], folder: Path, *, seed: int = 0, processes: int = 1
 ) -> "list[Shard]":
-    """Return random walks through scenes, labelled by a rule; raises as `make_walks`."""
+    """Return random walks through scenes, labelled by a rule. Raises the errors of `make_walks`."""
     import numpy as np
 
     from ltvn_core.network.training_data.random_walk import label_walks

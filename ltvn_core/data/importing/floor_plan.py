@@ -36,11 +36,11 @@ class FloorPlanMode(Enum):
     """What brightness means to nav2's map server."""
 
     TRINARY = "trinary"
-    """Cells are free, occupied or unknown;"""
+    """Cells are free, occupied or unknown."""
     SCALE = "scale"
-    """or anything between free and occupied;"""
+    """Brightness between both thresholds is a share of occupied."""
     RAW = "raw"
-    """or what the pixel says, 0 to 100."""
+    """The pixel is the value of the cell, 0 to 100."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,6 +1,6 @@
-"""How long a thing stays in one state: mixtures of Weibull distributions, which are exponential at shape 1.
+"""Distributions of the time in one state: mixtures of Weibull distributions, which are exponential at shape 1.
 
-Owns the formulas, in logarithms. Learns nothing.
+Owns the formulas, in logarithms. `graph.presence.persistent` updates the weights.
 """
 
 from collections.abc import Sequence
@@ -14,14 +14,14 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DurationMixture:
-    """How long a state lasts: K kinds of stays, the same for all things (K,) or for each of N things (N, K)."""
+    """Mixture of K components for the duration of a state, shared by all things (K,) or for each of N things (N, K)."""
 
     scales_s: FloatArray
-    """Seconds after which 1 - 1/e of the stays of a kind are over; positive."""
+    """Weibull scales in seconds, after which 1 - 1/e of a component's durations are over; positive."""
     shapes: FloatArray
-    """1: a stay may end at any time; the greater, the more alike are the stays of a kind; positive."""
+    """Weibull shapes: at 1 a state may end at any time; larger ones give more similar durations; positive."""
     weights: FloatArray
-    """Share of the kinds; sums to 1 over the last axis."""
+    """Weights of the components, which sum to 1 over the last axis."""
 
     def __post_init__(self) -> None:
         """Raise ValueError for an invalid mixture."""
@@ -35,7 +35,7 @@ class DurationMixture:
 
     @classmethod
     def exponential(cls, scales_s: Sequence[float], weights: Sequence[float]) -> "DurationMixture":
-        """Return a mixture of stays that may end at any time."""
+        """Return a mixture of exponential distributions."""
         scales = np.asarray(scales_s, np.float64)
         return cls(scales_s=scales, shapes=np.ones_like(scales), weights=np.asarray(weights, np.float64))
 
@@ -50,11 +50,11 @@ class DurationMixture:
 
 
 def log_survival(ages_s: FloatArray, scales_s: FloatArray, shapes: FloatArray) -> FloatArray:
-    """Return ln of the probability that a stay is longer than an age; all arguments broadcast."""
+    """Return ln of the probability that a duration exceeds an age (survival function); all arguments broadcast."""
     return -((np.maximum(ages_s, 0.0) / scales_s) ** shapes)
 
 
 def log_ended_between(before: FloatArray, after: FloatArray) -> FloatArray:
-    """Return ln(exp(before) - exp(after)) for ln of survival at an age and at a later one; -inf where nothing ended."""
+    """Return ln(exp(before) - exp(after)) for the ln of survival at an age and a later age; -inf if they are equal."""
     with np.errstate(divide="ignore"):
         return before + np.log(-np.expm1(np.minimum(after - before, 0.0)))

@@ -1,6 +1,7 @@
-"""Which edges may be closed at a moment, and p(open) of each.
+"""Presence of edges: p(open) at a moment, for the edges that may be closed.
 
-Owns folding the observations that a map holds. The planner that uses them is `graph.presence.presence_plan`.
+Owns running the filter over the observations in a map. The planner that uses the result is
+`graph.presence.presence_plan`.
 """
 
 from collections.abc import Callable, Collection, Mapping
@@ -18,14 +19,14 @@ from ltvn_core.graph.presence.presence_observations import obstructed_deltas, se
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 
 EdgeProbabilities: TypeAlias = Mapping[EdgeKey, float]
-"""p(open) now of each edge that may be closed; edges that are not in it are open."""
+"""p(open) of each edge that may be closed; all other edges are open."""
 
 
 class EdgePresence(Protocol):
     """Predicts p(open) of edges."""
 
     def probabilities(self, graph: TopologicalGraph, now_s: float) -> EdgeProbabilities:
-        """Return the edges that may not be open at a moment on the clock of the world."""
+        """Return p(open) of the edges that may be closed at a moment on the clock of the world."""
         ...
 
     def observe(self, graph: TopologicalGraph, obstruction: Obstruction, stamp: float) -> tuple[PresenceObserved, ...]:
@@ -35,12 +36,12 @@ class EdgePresence(Protocol):
     def observe_open(
         self, graph: TopologicalGraph, seen: Collection[EdgeKey], stamp: float
     ) -> tuple[PresenceObserved, ...]:
-        """Return the deltas for ways that were seen to be free."""
+        """Return the deltas for edges whose paths were seen to be free."""
         ...
 
 
 class AlwaysOpen:
-    """Presence for a system that has no notion of it: every edge that exists is open."""
+    """Presence for a system that does not model it: every edge that exists is open."""
 
     def probabilities(self, graph: TopologicalGraph, now_s: float) -> EdgeProbabilities:
         """Return no edge."""
@@ -61,7 +62,7 @@ ALWAYS_OPEN = AlwaysOpen()
 
 
 class FilteredPresence:
-    """Presence by a filter over the observations that a map holds; an edge never seen blocked is open."""
+    """Presence from a filter over the observations in a map; an edge that was never seen blocked is open."""
 
     def __init__(self, presence_filter: PresenceFilter) -> None:
         """Start without a map."""
@@ -70,34 +71,33 @@ class FilteredPresence:
         self._tracks: PresenceTracks = presence_filter.follow(0)
 
     def probabilities(self, graph: TopologicalGraph, now_s: float) -> EdgeProbabilities:
-        """Return the edges ever seen blocked; linear in their number if there was no new observation since the last
-        call."""
+        """Return p(open) of the edges that were ever seen blocked; linear in their number without new observations."""
         if not graph.presence:
             return {}
         if graph.presence != self._known:
             self._known = dict(graph.presence)
             self._tracks = follow_histories(self.presence_filter, list(self._known.values()))
-        # Where a recording continues in another session its clock may start anew.
+        # When a recording continues in another session, its clock may restart.
         latest_s = max(seen[-1].stamp_s for seen in self._known.values())
         found = self._tracks.probability(max(now_s, latest_s))
         return dict(zip(self._known, map(float, found), strict=True))
 
     def observe(self, graph: TopologicalGraph, obstruction: Obstruction, stamp: float) -> tuple[PresenceObserved, ...]:
-        """Return that the edges whose ways it closes are blocked."""
+        """Return observations of all edges that it closes as blocked."""
         return obstructed_deltas(graph, obstruction, stamp)
 
     def observe_open(
         self, graph: TopologicalGraph, seen: Collection[EdgeKey], stamp: float
     ) -> tuple[PresenceObserved, ...]:
-        """Return that these edges are open, and the others that the same obstacle closed."""
+        """Return observations that these edges are open, and the others that the same obstacle closed."""
         return seen_open_deltas(graph, seen, stamp)
 
 
 class KnownPresence:
-    """The true presence, as only simulation knows it."""
+    """The true presence, which is only known in simulation."""
 
     def __init__(self, closed_edges: Callable[[TopologicalGraph], Collection[EdgeKey]]) -> None:
-        """Ask `closed_edges` which edges of a map are closed now."""
+        """Use `closed_edges`, which returns the edges of a map that are closed now."""
         self._closed_edges = closed_edges
 
     def probabilities(self, graph: TopologicalGraph, now_s: float) -> EdgeProbabilities:
@@ -105,11 +105,11 @@ class KnownPresence:
         return dict.fromkeys(self._closed_edges(graph), 0.0)
 
     def observe(self, graph: TopologicalGraph, obstruction: Obstruction, stamp: float) -> tuple[PresenceObserved, ...]:
-        """Return nothing: the truth is known without looking."""
+        """Return nothing, because the truth needs no observations."""
         return ()
 
     def observe_open(
         self, graph: TopologicalGraph, seen: Collection[EdgeKey], stamp: float
     ) -> tuple[PresenceObserved, ...]:
-        """Return nothing, for the same reason."""
+        """Return nothing, because the truth needs no observations."""
         return ()

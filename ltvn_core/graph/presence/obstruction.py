@@ -1,7 +1,7 @@
-"""An obstruction, and the edges whose ways it closes.
+"""An obstruction, and the edges that it closes.
 
-Owns the geometry: ways of edges as lines in the frame of one node, composed from nearby waypoints so that drift of
-odometry does not matter. Detects nothing and decides nothing.
+Owns the geometry: paths of edges as lines in the frame of one node, composed from nearby waypoints so that drift of
+odometry does not matter. The navigator detects obstructions and decides about them.
 """
 
 import heapq
@@ -22,22 +22,22 @@ from ltvn_core.types import NodeId, Pose
 FloatArray = NDArray[np.float64]
 
 BODY_M = 0.2
-"""Points farther than this from the line of an edge stand beside the robot's path."""
+"""Half the width of the robot's path, in metres; points farther from the line of an edge are beside it."""
 _MIDDLE_M = 0.07
-"""Points nearer than this to the line stand in the middle of the way."""
+"""Half the width of the middle of a path, in metres."""
 _LEAST_IN_MIDDLE = 2
-"""Minimum number of points in the middle of the way; fewer count as noise."""
+"""Least number of obstacle points in the middle of a path; fewer count as noise."""
 _BARRIER_M = 0.35
-"""Points within this distance before or behind an obstacle belong to the same barrier."""
+"""Largest distance, along the path, of points that belong to the same barrier, in metres."""
 _END_M = 0.2
-"""An obstacle within this distance behind the end of a way leaves the robot no room to stand there, as a door behind
-its sill."""
+"""Largest distance, behind the end of a path, of an obstacle that leaves the robot no room there, such as a door behind
+its sill, in metres."""
 _SAME_THING_M = 0.3
-"""Largest distance between points of one thing."""
+"""Largest distance between neighbouring points of one thing, in metres."""
 _SHORTEST_M = 0.05
-"""Shorter ways are turns on the spot."""
+"""Least length of a path in metres; shorter ones are turns on the spot."""
 _NEARBY_D = 4.0
-"""Nodes farther along the map than this d are ignored."""
+"""Largest d of nearby nodes, along the map."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,12 +49,12 @@ class Obstruction:
     points: FloatArray
     """(M, 2) points of the obstacle in metres, x forward and y left of the node."""
     known: FloatArray
-    """(M', 2) other solid points around, which were always there."""
+    """(M', 2) other obstacle points nearby, which were always there."""
     stopped: bool
-    """Whether it stopped the robot on the edge that it drove, whose source is the node."""
+    """Whether it stopped the robot on the driven edge, whose source is `node`."""
 
     def things(self) -> Iterator["Obstruction"]:
-        """Yield each thing separately; the other new points then count as its surroundings."""
+        """Yield each thing separately; the points of the other things are added to its `known` points."""
         if not len(self.points):
             return
         pairs = KDTree(self.points).query_pairs(_SAME_THING_M, output_type="ndarray")
@@ -67,15 +67,15 @@ class Obstruction:
 
 
 def edges_obstructed(graph: TopologicalGraph, obstruction: Obstruction) -> tuple[EdgeKey, ...]:
-    """Return the edges whose ways the points lie across; linear in the edges nearby."""
+    """Return the edges whose paths the obstruction closes; linear in the number of nearby edges."""
     ways = ways_nearby(graph, obstruction.node)
     return tuple(key for key, way in ways.items() if closes_way(obstruction, *way))
 
 
 def ways_nearby(graph: TopologicalGraph, node: NodeId) -> dict[EdgeKey, FloatArray]:
-    """Return the straight ways of the edges around one node, each (2, 2): start and end, metres in its frame.
+    """Return the straight paths of the edges near a node, each (2, 2): start and end, in metres in its frame.
 
-    An edge is around it where one of its ends is.
+    An edge is near if one of its ends is.
     """
     poses = nearby_poses(graph, node)
     edges = {(edge.source, edge.target): edge for around in poses for edge in _edges_at(graph, around)}
@@ -89,9 +89,9 @@ def ways_nearby(graph: TopologicalGraph, node: NodeId) -> dict[EdgeKey, FloatArr
 
 
 def closes_way(obstruction: Obstruction, start: FloatArray, end: FloatArray) -> bool:
-    """Tell whether obstacles leave the robot no room on the straight way from `start` (2,) to `end` (2,).
+    """Return whether obstacles leave the robot no room on the straight path from `start` (2,) to `end` (2,).
 
-    One stands in the middle of the way with no room on either side, such as a door between its jambs.
+    That is so if an obstacle is in the middle of the path without room on either side, like a closed door in its frame.
     """
     way = end - start
     length = float(np.hypot(way[0], way[1]))
@@ -109,16 +109,16 @@ def closes_way(obstruction: Obstruction, start: FloatArray, end: FloatArray) -> 
 
 
 def distances_to_way(points: FloatArray, start: FloatArray, end: FloatArray) -> FloatArray:
-    """Return (M,) metres from points (M, 2) to the straight way from `start` (2,) to `end` (2,)."""
+    """Return the distances (M,) in metres of points (M, 2) from the straight path from `start` (2,) to `end` (2,)."""
     way = end - start
     share = np.clip((points - start) @ way / max(float(way @ way), 1e-9), 0.0, 1.0)
     return np.linalg.norm(points - start - share[:, None] * way, axis=1)
 
 
 def nearby_poses(graph: TopologicalGraph, node: NodeId, *, without: Collection[EdgeKey] = ()) -> dict[NodeId, Pose]:
-    """Return the poses (3,) of the nodes around one node, in its frame, along the shortest chains of waypoints.
+    """Return the poses (3,) of the nodes near a node, in its frame, along the shortest chains of waypoints.
 
-    They are in order of the length of these chains. `without`: edges of which, in both directions, no chain is made.
+    They are in order of the length of these chains. Chains use no edge in `without`, in either direction.
     """
     left_out = {*without, *((target, source) for source, target in without)}
     found: dict[NodeId, Pose] = {}
@@ -148,7 +148,7 @@ def _edges_at(graph: TopologicalGraph, node: NodeId) -> list[Edge]:
 
 
 def _beyond(pose: Pose, edges: Sequence[Edge], here: NodeId) -> list[list[float]]:
-    """Return the poses (3,) of the other ends of edges, given the pose `here` (3,) of one end."""
+    """Return the poses (3,) of the other ends of edges, given the pose (3,) of the node `here` at one end."""
     if not edges:
         return []
     steps = np.array([edge.waypoint for edge in edges])

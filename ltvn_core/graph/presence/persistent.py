@@ -1,14 +1,14 @@
-"""The filter of things that stay for a while, go for a while and come back, and its constants for edges of a map.
+"""The persistence filter for things that disappear and come back, and its constants for edges of a map.
 
-A persistence filter (Rosen, Mason, Leonard, ICRA 2016) while a thing is there, its mirror image, an emergence filter,
-while it is away, both over mixtures of durations, and switching between them, as in Perpetua (Saavedra-Ruiz, Nashed,
-Gauthier, Paull, IROS 2025, arXiv 2507.18808). Four departures, ours: all kinds of stays count with their weight and
-not the likeliest alone; the weights of the next stay are learned from all stays that are over and not mostly from the
-last; a switch keeps the doubt there was; and the future is that of the renewal process of both states, by its integral
-equations on a grid of time, rather than one sequence of switches.
+A persistence filter (Rosen, Mason, Leonard, ICRA 2016) runs while a thing is present, and its counterpart, an emergence
+filter, while it is absent. Both use mixtures of durations, and the filter switches between them as in Perpetua
+(Saavedra-Ruiz, Nashed, Gauthier, Paull, IROS 2025, arXiv 2507.18808). Four changes are ours. All components of a
+mixture count by their weights, not only the likeliest one. Their weights are learned from all durations that are over,
+not mostly from the last one. A switch keeps the remaining uncertainty. Predictions use the renewal process of both
+states, by its integral equations on a time grid, instead of a single sequence of switches.
 
-The constants are ours, for edges that a robot drives now and then: a stay or an absence of an edge may be that of a
-person, of a piece of furniture or of a door, and what is true of this one it must learn from a handful of observations.
+The constants are ours, for edges that a robot drives occasionally. A person, a piece of furniture or a door may close
+an edge, and the filter must learn from a few observations which of them it is.
 """
 
 from dataclasses import dataclass
@@ -21,18 +21,18 @@ from ltvn_core.graph.presence.presence_filter import Rows
 
 
 def return_probabilities(own: FloatArray, other: FloatArray) -> FloatArray:
-    """Return (I, N) the probability of being back in a state at times 0, 1, ... I-1 after it was left.
+    """Return the probabilities (I, N) of being back in a state at times 0, 1, ... I-1 after leaving it.
 
-    With A the probability of being in the state after entering it, and B after leaving it, f the densities of the
-    lengths of stays and S their survival:
+    A is the probability of being in the state after entering it, B after leaving it, f the densities of durations and S
+    their survival functions:
 
         A(t) = S_own(t) + integral of f_own(u) B(t - u) du,    B(t) = integral of f_other(u) A(t - u) du.
 
-    Stays that begin and end within one step of the grid are taken in by solving both equations of a step together.
+    Both equations of a step are solved together, to include durations that begin and end within one step of the grid.
 
     Args:
-        own: (2 I - 1, N) survival of stays in the state, at every half step from 0 on.
-        other: (2 I - 1, N) survival of stays away from it.
+        own: (2 I - 1, N) survival function of the state, at every half step from 0 on.
+        other: (2 I - 1, N) survival function of the other state.
     """
     own_steps = _StepEnds(own)
     other_steps = _StepEnds(other)
@@ -49,27 +49,27 @@ def return_probabilities(own: FloatArray, other: FloatArray) -> FloatArray:
 
 
 class _StepEnds:
-    """How much of a stay ends within each step of the grid."""
+    """Probability that a duration ends within each step of the grid."""
 
     def __init__(self, half_steps: FloatArray) -> None:
-        """Take (2 I - 1, N) survival at every half step."""
+        """Use the survival function (2 I - 1, N) at every half step."""
         self.survival = half_steps[::2]
-        """(I, N) survival at whole steps."""
+        """(I, N) survival function at whole steps."""
         middles = half_steps[1::2]
         self.first = 1 - middles[0] if len(middles) else np.zeros_like(half_steps[0])
-        """(N,) stays that end within half a step."""
+        """(N,) probability of an end within the first half step."""
         self._around = middles[:-1] - middles[1:]
-        """(I - 2, N) stays that end within half a step of 1, 2, ..."""
+        """(I - 2, N) probability of an end within half a step around 1, 2, ..."""
         self.last = np.concatenate([np.zeros_like(half_steps[:1]), middles - self.survival[1:]])
-        """(I, N) stays that end within the half step before 0, 1, ..."""
+        """(I, N) probability of an end within the half step before 0, 1, ..."""
 
     def convolve(self, after: FloatArray, i: int) -> FloatArray:
-        """Return (N,) the sum over lags 1 to i - 1 of what ends there times what follows."""
+        """Return (N,) the sum over lags 1 to i - 1 of the probability of an end at the lag times `after` at i - lag."""
         return np.einsum("jn,jn->n", self._around[: i - 1], after[i - 1 : 0 : -1])
 
 
 _STEPS_AHEAD = 32
-"""Steps of the grid on which the future is computed."""
+"""Number of steps of the time grid for predictions."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,9 +77,9 @@ class SightErrors:
     """Error rates of observations."""
 
     miss: float
-    """P_M: share of looks at a thing that is there which miss it; between 0 and 1."""
+    """P_M: probability that an observation misses a thing that is present; between 0 and 1."""
     false_alarm: float
-    """P_F: share of looks at nothing which find a thing; between 0 and 1."""
+    """P_F: probability that an observation reports a thing that is absent; between 0 and 1."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -87,16 +87,16 @@ class PersistentFilter:
     """A persistence filter that switches to an emergence filter and back."""
 
     present: DurationMixture
-    """How long a thing stays."""
+    """Durations of presence."""
     absent: DurationMixture
-    """How long it stays away."""
+    """Durations of absence."""
     errors: SightErrors
     present_at_first: float = 0.9
-    """Probability that a thing is there before the first look."""
+    """Prior probability that a thing is present, before the first observation."""
     switch_below: float = 0.05
-    """A state whose probability falls below this is over."""
+    """Probability of a state below which the filter switches to the other state."""
     prior_stays: float = 2.0
-    """Number of observed stays that the prior weights of the kinds of stays count as."""
+    """Weight of the prior weights of the components, as a number of observed durations."""
 
     def follow(self, count: int) -> "PersistentTracks":
         """Start filters for several things."""
@@ -104,14 +104,15 @@ class PersistentFilter:
 
 
 class PersistentTracks:
-    """What the filter knows of N things, of K kinds of stays, in logarithms.
+    """State of the filter for N things and K components, in logarithms.
 
-    Of the state each thing is in: `stay`, ln of the likelihood of all observations since `since` if it lasts still, and
-    `left` (N, K), ln of their probability if it ended before the last of them. State 1 is present, 0 absent.
+    For the current state of each thing, `stay` is ln of the likelihood of all observations since `since` if the state
+    still lasts, and `left` (N, K) is ln of their probability if it ended before the last of them. State 1 is present,
+    0 absent.
     """
 
     def __init__(self, config: PersistentFilter, count: int) -> None:
-        """Start without knowledge of `count` things."""
+        """Start with the prior for `count` things."""
         kinds = max(config.present.scales_s.shape[-1], config.absent.scales_s.shape[-1])
         mixtures = [_padded(each.for_things(count), kinds) for each in (config.absent, config.present)]
         self._config = config
@@ -119,9 +120,9 @@ class PersistentTracks:
         self._shapes = np.stack([each.shapes for each in mixtures])
         self._prior = np.stack([each.weights for each in mixtures])
         self._counts = np.zeros_like(self._prior)
-        """(2, N, K) stays of each kind that are over, by state."""
+        """(2, N, K) expected numbers of past durations of each component, by state."""
         self._weights = self._prior.copy()
-        """(2, N, K) of the kinds of stays, by state, for a stay that begins."""
+        """(2, N, K) weights of the components for a new duration, by state."""
         self._state = np.ones(count, np.intp)
         self._since = np.full(count, np.nan)
         self._last = np.full(count, np.nan)
@@ -146,7 +147,7 @@ class PersistentTracks:
         self._switch(rows)
 
     def probability(self, at_s: float) -> FloatArray:
-        """Return (N,) the probability that each thing is there at a moment; the prior for a thing never looked for."""
+        """Return the probabilities (N,) that things are present at a moment; the prior for unobserved things."""
         everything = np.arange(len(self._state))
         same = np.full(len(everything), self._config.present_at_first)
         looked_for = everything[~np.isnan(self._last)]
@@ -158,7 +159,7 @@ class PersistentTracks:
         self._since[rows[fresh]] = self._last[rows[fresh]] = stamps_s[fresh]
 
     def _cross_silence(self, rows: Rows, present: NDArray[np.bool_], stamps_s: FloatArray) -> None:
-        """Start a new stay for things that have most probably gone and come back since the last look."""
+        """Restart the state of things that have most probably left it and come back since the last observation."""
         lasting = self._still(rows, stamps_s)
         silent = lasting < self._still(rows, self._last[rows]) - self._config.switch_below
         if not silent.any():
@@ -171,7 +172,7 @@ class PersistentTracks:
         self._restart(rows[again], stamps_s[again], same[again])
 
     def _switch(self, rows: Rows) -> None:
-        """Switch to the other state where this one is hardly possible any more."""
+        """Switch things to the other state if the probability of the current one is too low."""
         still = self._still(rows, self._last[rows])
         over = still <= self._config.switch_below
         if not over.any():
@@ -182,7 +183,7 @@ class PersistentTracks:
         self._restart(rows, self._last[rows], 1 - still)
 
     def _learn(self, rows: Rows, stamps_s: FloatArray) -> None:
-        """Update the weights of the kinds of stays with one that ended before a moment (M,)."""
+        """Update the weights of the components with a duration that ended before a moment (M,)."""
         state = self._state[rows]
         prior_stays = self._config.prior_stays
         survival = self._log_survival(rows, self._last[rows])
@@ -194,7 +195,7 @@ class PersistentTracks:
         self._weights[state, rows] = (prior_stays * self._prior[state, rows] + self._counts[state, rows]) / total
 
     def _restart(self, rows: Rows, stamps_s: FloatArray, probability: FloatArray) -> None:
-        """Let the state begin at a moment, with the probability that it is the current one."""
+        """Restart the state at a moment, with the probability that it is the right one."""
         self._since[rows] = self._last[rows] = stamps_s
         self._stay[rows] = np.log(probability)
         self._left[rows] = np.log(np.maximum(1 - probability, 1e-12))[:, None]
@@ -205,7 +206,7 @@ class PersistentTracks:
         return log_survival(ages[..., None], self._scales[state, rows], self._shapes[state, rows])
 
     def _still(self, rows: Rows, stamps_s: FloatArray) -> FloatArray:
-        """Return the probability that the state has lasted up to moments (..., M) from the last observation on."""
+        """Return the probability that the state lasts until moments (..., M) after the last observation."""
         weights = self._weights[self._state[rows], rows]
         stay = self._stay[rows, None]
         at_last = np.logaddexp(self._left[rows], stay + self._log_survival(rows, self._last[rows]))
@@ -215,7 +216,7 @@ class PersistentTracks:
         return (weights * lasting).sum(axis=-1) / evidence
 
     def _same_state(self, rows: Rows, stamps_s: FloatArray) -> FloatArray:
-        """Return (M,) the probability that things are in the same state at moments (M,), including absences in
+        """Return the probabilities (M,) that things are in the same state at moments (M,), even if they left it in
         between."""
         last = self._last[rows]
         ahead = np.maximum(stamps_s - last, 0.0)
@@ -229,13 +230,13 @@ class PersistentTracks:
         return np.clip(still[-1] + returned, 0.0, 1.0)
 
     def _fresh_survival(self, state: Rows, rows: Rows, ages_s: FloatArray) -> FloatArray:
-        """Return (..., M) the probability that a stay that has just begun is longer than ages (..., M)."""
+        """Return the survival function (..., M) of a new duration at ages (..., M)."""
         lasting = np.exp(log_survival(ages_s[..., None], self._scales[state, rows], self._shapes[state, rows]))
         return (self._weights[state, rows] * lasting).sum(axis=-1)
 
 
 def _padded(durations: DurationMixture, kinds: int) -> DurationMixture:
-    """Return the same mixture padded to `kinds` with kinds of zero weight."""
+    """Return the same mixture padded to `kinds` components, with components of zero weight."""
     missing = ((0, 0), (0, kinds - durations.scales_s.shape[-1]))
     return DurationMixture(
         scales_s=np.pad(durations.scales_s, missing, constant_values=1.0),
@@ -249,15 +250,15 @@ _HOUR_S = 3600.0
 _DAY_S = 86400.0
 
 EDGE_ERRORS = SightErrors(miss=0.005, false_alarm=0.005)
-"""An obstruction counts only if it lies across the way, and a success only at its end, so both rarely err."""
+"""Error rates for edges: low, because an obstruction must lie across the path, and a success is at its end."""
 
 USUALLY_PRESENT = 0.9
-"""Share of the time that an edge without observations is open."""
+"""Probability that an edge without observations is open."""
 
 PERSISTENT = PersistentFilter(
-    # A first observation of closed is mostly a door, which is opened and closed many times a day.
+    # The first obstruction of an edge is mostly a door, which is opened and closed many times a day.
     present=DurationMixture.exponential([30 * _MINUTE_S, 6 * _HOUR_S, 7 * _DAY_S], [0.4, 0.3, 0.3]),
-    # A person passes, a door is closed for a while, or something is put down for long.
+    # A person passes, a door is closed for a while, or an object stays for hours.
     absent=DurationMixture.exponential([15.0, 10 * _MINUTE_S, 5 * _HOUR_S], [0.25, 0.4, 0.35]),
     errors=EDGE_ERRORS,
     present_at_first=USUALLY_PRESENT,

@@ -1,6 +1,6 @@
-"""Presence filters: fold observations into the probability that a thing is there at a later moment.
+"""Presence filters: estimate from observations the probability that a thing is present at a later moment.
 
-Owns the interface, and folding whole histories. The filter in use is `graph.presence.persistent`.
+Owns the interface, and filtering whole histories. The default filter is `graph.presence.persistent`.
 """
 
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ from ltvn_core.graph.presence.durations import FloatArray
 
 
 class PresenceObservation(NamedTuple):
-    """A thing was seen to be there, or not to be there."""
+    """An observation that a thing is present or absent."""
 
     present: bool
     stamp_s: float
@@ -29,17 +29,17 @@ class PresenceTracks(Protocol):
     """State of a filter over N things."""
 
     def observe(self, rows: Rows, present: NDArray[np.bool_], stamps_s: FloatArray) -> None:
-        """Take in one observation of each of M different things, (M,) each; those of one thing come in order of time.
+        """Update with one observation of each of M different things; those of one thing come in order of time.
 
         Args:
-            rows: Which things.
-            present: Whether they were seen to be there.
-            stamps_s: When.
+            rows: (M,) rows of the things.
+            present: (M,) whether they were seen to be present.
+            stamps_s: (M,) times of the observations, in seconds on the clock of the world.
         """
         ...
 
     def probability(self, at_s: float) -> FloatArray:
-        """Return (N,) how probably each thing is there at a moment, not before its last observation."""
+        """Return the probabilities (N,) that things are present at a moment, not before their last observations."""
         ...
 
 
@@ -54,14 +54,14 @@ class PresenceFilter(Protocol):
 def presence_probability(
     presence_filter: PresenceFilter, observations: Sequence[PresenceObservation], now_s: float
 ) -> float:
-    """Return the probability that a thing is there at a moment, given its observations up to then."""
+    """Return the probability that a thing is present at a moment, given its observations up to then."""
     return float(presence_probabilities(presence_filter, [observations], now_s)[0])
 
 
 def presence_probabilities(
     presence_filter: PresenceFilter, histories: Sequence[Sequence[PresenceObservation]], now_s: float
 ) -> FloatArray:
-    """Return (N,) probabilities that things are there at a moment, given each one's observations up to then, in order
+    """Return the probabilities (N,) that things are present at a moment, given their observations up to then, in order
     of time.
 
     Linear in the longest history, with vectors over the things.

@@ -1,6 +1,6 @@
 """Maintenance that separates the existence of an edge from its presence: pure functions as in `graph.maintenance`.
 
-Owns when an attempt is an observation of presence, and prunes for ever only edges that never existed.
+Owns the decision whether an attempt is an observation of presence. Prunes permanently only edges that never existed.
 """
 
 from dataclasses import dataclass, replace
@@ -19,24 +19,25 @@ from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.types import NodeId
 
 _SAME_PLACE_M, _SAME_YAW_RAD = 0.4, 0.4
-"""Error against odometry within which an edge between consecutive images counts as driven when the map was made."""
+"""Largest difference from odometry, in metres and radians, at which an edge between consecutive images counts as driven
+during mapping."""
 _LEAST_FAILURES = 3
-"""Queries in which an edge must have failed before it may be pruned for ever."""
+"""Least number of queries in which an edge has failed before it may be pruned permanently."""
 
 
 @dataclass(frozen=True, slots=True)
 class PresenceMaintenance:
-    """The paper's maintenance, except that obstacles say nothing about existence."""
+    """The paper's maintenance, except that obstacles change presence and not existence."""
 
     method: Method
 
     def after_attempt(self, graph: TopologicalGraph, attempt: AttemptEvidence) -> Deltas:
-        """Observe presence, or else update the belief; prune only an edge that has never been driven."""
+        """Return an observation of presence or else an updated belief; prune only an edge that was never driven."""
         if attempt.obstruction is not None and not attempt.succeeded:
             blocked = obstructed_deltas(graph, attempt.obstruction, attempt.stamp, driven=_driven(attempt))
             if any((each.source, each.target) == _driven(attempt) for each in blocked):
                 return blocked
-            # New things in view make a place hard to recognise, and say little about the edge.
+            # New things in view make a place hard to recognise, so the failure is only weak evidence against the edge.
             return (*blocked, *self._believe(graph, replace(attempt, hindered=True)))
         opened = open_deltas(graph, _driven(attempt), attempt.stamp) if attempt.succeeded else ()
         return (*opened, *self._believe(graph, attempt))
@@ -49,11 +50,11 @@ class PresenceMaintenance:
     def no_path(
         self, graph: TopologicalGraph, source: NodeId, goal: NodeId, matcher: Matcher, rng: np.random.Generator
     ) -> Deltas:
-        """Search the reserve for a path."""
+        """Search the left-over images for a path."""
         return LifelongMaintenance(self.method).no_path(graph, source, goal, matcher, rng)
 
     def unrecognised(self, graph: TopologicalGraph, unrecognised: UnrecognisedObservation, matcher: Matcher) -> Deltas:
-        """Make a node of the image once looking around has not helped."""
+        """Make the image a node after looking around has failed."""
         return LifelongMaintenance(self.method).unrecognised(graph, unrecognised, matcher)
 
 
@@ -62,18 +63,18 @@ def _driven(attempt: AttemptEvidence) -> EdgeKey:
 
 
 def never_existed(graph: TopologicalGraph, pruned: EdgePruned) -> bool:
-    """Tell whether an edge that is to be pruned may never have been one that can be driven."""
+    """Return whether an edge to be pruned has probably never existed."""
     edge = graph.edges[pruned.source, pruned.target]
-    # The failure under way is not counted in the map yet.
+    # The current failure is not counted in the map yet.
     failures = edge.attempts + 1
     seen_blocked = (edge.source, edge.target) in graph.presence
     return failures >= _LEAST_FAILURES and not seen_blocked and not was_driven(graph, edge)
 
 
 def was_driven(graph: TopologicalGraph, edge: Edge) -> bool:
-    """Tell whether an edge was driven with success, or when the map was made.
+    """Return whether an edge was driven successfully, or during mapping.
 
-    The latter holds if it joins two consecutive images and agrees with odometry between them.
+    The latter is so if it joins two consecutive images and agrees with odometry between them.
     """
     if edge.successes:
         return True

@@ -1,6 +1,7 @@
 """Observations of presence as changes of the map: pure functions.
 
-Owns which edges one obstruction closes and one success opens, and counts a jam as one observation.
+Owns the choice of edges that one obstruction closes and one success opens, and counts many attempts at one blockage as
+one observation.
 """
 
 import itertools
@@ -11,17 +12,17 @@ from ltvn_core.graph.presence.obstruction import Obstruction, edges_obstructed
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 
 _SAME_S = 20.0
-"""Observations within this time are the same one, so that many attempts in one jam count once."""
+"""Time in seconds within which equal observations count as one, so that many attempts at one blockage count once."""
 _SEEN_SHARE = 0.3
-"""Share of the ways it closed that must be seen free before a thing counts as gone."""
+"""Least share of the edges closed by a thing that must be seen free before the thing counts as gone."""
 _ONE_THING_S = 1e-3
-"""Offset between the stamps of things seen at once, so that the map knows which one closed which edge."""
+"""Offset in seconds between the stamps of things seen at once, which identifies the edges that each of them closed."""
 
 
 def obstructed_deltas(
     graph: TopologicalGraph, obstruction: Obstruction, stamp: float, *, driven: EdgeKey | None = None
 ) -> tuple[PresenceObserved, ...]:
-    """Return that all edges whose ways are closed are blocked, and the driven one if it stopped the robot there."""
+    """Return observations that all closed edges are blocked, and the driven edge if the robot was stopped there."""
     stopped = [driven] if obstruction.stopped and driven in graph.edges and driven is not None else []
     closed: dict[EdgeKey, float] = dict.fromkeys(stopped, stamp)
     for number, thing in enumerate(obstruction.things()):
@@ -32,7 +33,7 @@ def obstructed_deltas(
 
 
 def _moment(graph: TopologicalGraph, keys: Collection[EdgeKey], stamp: float) -> float:
-    """Return when one thing was seen: the time of the first of several looks in one observation."""
+    """Return the stamp for a thing: the time of an earlier observation of the same blockage, or else `stamp`."""
     last = [graph.presence[key][-1] for key in keys if key in graph.presence]
     return max(
         (seen.stamp_s for seen in last if not seen.present and 0 <= stamp - seen.stamp_s < _SAME_S), default=stamp
@@ -40,7 +41,7 @@ def _moment(graph: TopologicalGraph, keys: Collection[EdgeKey], stamp: float) ->
 
 
 def open_deltas(graph: TopologicalGraph, driven: EdgeKey, stamp: float) -> tuple[PresenceObserved, ...]:
-    """Return that a driven edge is open, and all edges that the same thing closed; none if it was never blocked."""
+    """Return observations that a driven edge and all edges closed by the same thing are open; none if never blocked."""
     if driven not in graph.presence:
         return ()
     together = itertools.chain.from_iterable(_closed_together(graph, {driven}))
@@ -48,9 +49,9 @@ def open_deltas(graph: TopologicalGraph, driven: EdgeKey, stamp: float) -> tuple
 
 
 def seen_open_deltas(graph: TopologicalGraph, seen: Collection[EdgeKey], stamp: float) -> tuple[PresenceObserved, ...]:
-    """Return that edges are open whose ways were seen free, and the others that the same thing closed.
+    """Return observations that edges seen free are open, and the other edges that the same thing closed.
 
-    A large enough share of what it closed must be seen free, because a single way may only be touched by it.
+    The others need a large enough share of these edges to be seen free, because a thing may only touch a single path.
     """
     known = [key for key in seen if key in graph.presence]
     groups = _closed_together(graph, known)
@@ -60,9 +61,9 @@ def seen_open_deltas(graph: TopologicalGraph, seen: Collection[EdgeKey], stamp: 
 
 
 def _closed_together(graph: TopologicalGraph, keys: Collection[EdgeKey]) -> list[set[EdgeKey]]:
-    """Return for each moment at which one of `keys` was seen to be closed the edges that have been so since.
+    """Return, for each moment at which one of `keys` was seen closed, the edges whose last closing was then.
 
-    An edge that was closed once more, and without `keys`, is closed by something else.
+    An edge that was closed again at another moment is closed by something else.
     """
     groups = {seen.stamp_s: set[EdgeKey]() for key in keys for seen in graph.presence[key] if not seen.present}
     for key, history in graph.presence.items() if groups else ():
@@ -73,14 +74,14 @@ def _closed_together(graph: TopologicalGraph, keys: Collection[EdgeKey]) -> list
 
 
 def is_open(graph: TopologicalGraph, edge: EdgeKey) -> bool:
-    """Tell whether an edge was open at the last look; one never seen blocked is."""
+    """Return whether an edge was open at its last observation; an edge without observations is open."""
     return edge not in graph.presence or graph.presence[edge][-1].present
 
 
 def _observed(
     graph: TopologicalGraph, stamps: Mapping[EdgeKey, float], *, present: bool, driven: EdgeKey | None
 ) -> tuple[PresenceObserved, ...]:
-    """Return one observation of each edge, unless the same was observed a short time before."""
+    """Return one observation of each edge, except those with the same observation a short time before."""
     deltas = []
     for key, stamp in stamps.items():
         last = graph.presence[key][-1] if key in graph.presence else None

@@ -1,6 +1,6 @@
-"""Plans a detour, or a route through a closed edge when the expected cost is lower.
+"""Plans a detour, or a path through a closed edge if its expected cost is lower.
 
-Owns that choice, as a pure function of a planner. Observes and drives nothing.
+Owns that choice, as a pure function of a planner.
 """
 
 import itertools
@@ -15,7 +15,7 @@ from ltvn_core.types import NodeId
 OPEN_ABOVE = 0.5
 """p(open) below which an edge counts as closed."""
 HOPELESS_BELOW = 0.2
-"""p(open) below which a closed edge is not tried again, even if there is no other way."""
+"""p(open) below which a closed edge is not tried again, even if there is no other path."""
 
 
 def plan_by_presence(
@@ -28,20 +28,21 @@ def plan_by_presence(
     belief_weight: float,
     tries: int = 0,
 ) -> GraphPath:
-    """Return the way to take; empty if there is none, or none that is worth a try.
+    """Return the path to drive; empty if there is none, or none that is worth a try.
 
-    What is probably open costs `-belief_weight ln p` more, what is probably closed is left out. A way through a closed
-    edge is taken if it is expected to be cheaper: with probability p it is open, and else the robot has come as far as
-    the edge and must go round from there.
+    Edges that are probably open cost `-belief_weight ln p` more; a detour avoids edges that are probably closed. A path
+    through a closed edge is used if its expected cost is lower: with probability p the edge is open, otherwise the
+    robot must take a detour from there.
 
     Args:
-        planner: Of the map.
-        source: Where the robot is.
-        goal: Where it is to go.
-        penalties: What edges cost more in this query.
-        open_now: How probably edges are open.
-        belief_weight: What an edge costs more for each power of e that it is less probable.
-        tries: How often a closed edge was tried in this query; after the first time there must be hope.
+        planner: Planner of the map.
+        source: Node of the robot.
+        goal: Node to reach.
+        penalties: Additional costs of edges in this query.
+        open_now: p(open) of edges that may be closed.
+        belief_weight: Weight of -ln p in the cost of an edge.
+        tries: Number of times that a closed edge was tried in this query. After the first, a detour is preferred;
+            without one, a closed edge is tried again only if its p(open) is at least `HOPELESS_BELOW`.
     """
     closed = {edge for edge, p in open_now.items() if p < OPEN_ABOVE}
     costs = dict(penalties)

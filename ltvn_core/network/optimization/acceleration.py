@@ -1,8 +1,8 @@
-"""What makes training fast on a machine: several processes, and the precision that a short measurement chooses.
+"""Distributed data-parallel training, and mixed precision where a short measurement shows that it is faster.
 
 The processes have the same weights, different batches and averaged gradients. Each GPU has a process of its own. On a
 CPU, processes of one thread each are faster under load than one process with several threads, which waits at every
-layer for its slowest thread. Networks compute in float32 what needs it (`PairNetwork`: matching and geometry).
+layer for its slowest thread. `PairNetwork` always runs matching and geometry in float32.
 """
 
 import logging
@@ -44,7 +44,7 @@ class DistributedContext:
     size: int = 1
     """Number of processes."""
     device: torch.device = CPU
-    """Where this process learns."""
+    """Device of this process."""
 
     @property
     def is_leader(self) -> bool:
@@ -54,7 +54,7 @@ class DistributedContext:
     def synchronize_gradients(self, step: nn.Module) -> nn.Module:
         """Return a step whose backward pass averages the gradients of all processes.
 
-        Each process keeps the statistics of batch normalisation of its own batches; the leader's are saved.
+        Each process keeps the batch normalisation statistics of its own batches; the leader's are saved.
         """
         return DistributedDataParallel(step, broadcast_buffers=False)
 
@@ -73,7 +73,7 @@ SINGLE_PROCESS = DistributedContext()
 def run_distributed(work: Callable[[DistributedContext], Result], processes: int) -> Result:
     """Run `work` in several new processes and return the leader's result; an error in one stops all.
 
-    `work` must be picklable; each process loads its own data. With one process it runs right here.
+    `work` must be picklable; each process loads its own data. With one process it runs in the calling process.
     """
     if processes == 1:
         return work(DistributedContext(device=choose_device()))
@@ -98,7 +98,7 @@ def _worker_main(
     meeting: Path,
     results: "SimpleQueue[Result | LtvnError]",
 ) -> None:
-    # Torch interrupts members whose leader has died. A shell's background jobs would not hear it.
+    # Torch sends SIGINT to workers whose leader has died, but a shell's background jobs ignore that signal.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     torch.set_num_threads(1)
     device = choose_device(rank)
@@ -118,7 +118,7 @@ def _worker_main(
 
 
 _IMAGES = 48
-"""Of the step that is timed, and as many pairs."""
+"""Number of images, and of pairs, in the step that is timed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,7 +141,7 @@ class MixedPrecision:
 
 
 def choose_precision(network: BaseNetwork[FeaturesT]) -> MixedPrecision:
-    """Return bfloat16 where a training step on as many pairs as images is at least a tenth faster with it."""
+    """Return bfloat16 if a training step with as many pairs as images is at least a tenth faster with it."""
     device = device_of(network)
     rgb = torch.rand(_IMAGES, 3, NETWORK_CAMERA.height, NETWORK_CAMERA.width, device=device)
     depth = torch.rand(_IMAGES, NETWORK_CAMERA.height, NETWORK_CAMERA.width, device=device) * 4 + 0.5

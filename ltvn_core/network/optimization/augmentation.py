@@ -11,15 +11,15 @@ class Augmentation:
     """Strengths of the augmentations (all values are ours); zero switches one off."""
 
     hue: float = 0.5
-    """Share of scenes whose colours are turned round the colour circle, the same for all their images."""
+    """Share of scenes whose hues are rotated, by the same angle for all images of a scene."""
     gain: float = 0.25
-    """Brightness is scaled by up to this share, per image."""
+    """Largest change of brightness per image, as a share."""
     ramp: float = 0.2
-    """Light grows by up to this share from one side of the image to the other."""
+    """Largest change of brightness at the left and right border against the middle, as a share."""
     tint: float = 0.08
-    """Each colour channel is shifted by up to this, of a range of 1."""
+    """Largest shift of each colour channel, where colours range from 0 to 1."""
     contrast: float = 0.2
-    """Contrast is scaled by up to this share."""
+    """Largest change of contrast per image, as a share."""
     blur: float = 0.25
     """Share of images that are out of focus."""
     noise: float = 0.02
@@ -29,7 +29,7 @@ class Augmentation:
     depth_noise: float = 0.01
     """Standard deviation of the noise of the depth, as a share of the depth."""
     holes: float = 0.5
-    """Share of images whose depth loses a few patches."""
+    """Share of images whose depth has a few patches removed."""
 
 
 def augment(
@@ -56,7 +56,7 @@ def augment(
 
 
 def turn_hues(rgb: Tensor, scene: Tensor, share: float, generator: torch.Generator) -> Tensor:
-    """Turn the colours of a share of the scenes (B,) about the grey axis, each scene by an angle of its own."""
+    """Rotate the hues of a share of the scenes (B,) about the grey axis, each scene by its own angle."""
     number = int(scene.max()) + 1
     angle = (torch.rand(number, generator=generator, device=rgb.device) * 2 - 1) * torch.pi
     angle = angle * (torch.rand(number, generator=generator, device=rgb.device) < share)
@@ -69,7 +69,7 @@ def turn_hues(rgb: Tensor, scene: Tensor, share: float, generator: torch.Generat
 
 
 def defocus(rgb: Tensor, share: float, generator: torch.Generator) -> Tensor:
-    """Blur a share of the images with a mean over 3 x 3 pixels of random weight."""
+    """Blur a share of the images by blending each with its 3 x 3 mean, with a random weight."""
     strength, chosen = torch.rand(2, len(rgb), 1, 1, 1, generator=generator, device=rgb.device)
     strength = strength * (chosen < share)
     soft = torch.nn.functional.avg_pool2d(rgb, 3, stride=1, padding=1, count_include_pad=False)
@@ -77,7 +77,7 @@ def defocus(rgb: Tensor, share: float, generator: torch.Generator) -> Tensor:
 
 
 def holes(depth: Tensor, share: float, generator: torch.Generator) -> Tensor:
-    """Return (B, H, W): 0 in patches of 12 x 12 pixels without return, 1 elsewhere."""
+    """Return masks (B, H, W): 0 in random patches of 12 x 12 pixels, which lose their depth, 1 elsewhere."""
     cells = (len(depth), 1, depth.shape[1] // 12, depth.shape[2] // 12)
     patches = torch.rand(cells, generator=generator, device=depth.device)
     hit = torch.rand(len(depth), 1, 1, 1, generator=generator, device=depth.device) < share
@@ -86,5 +86,5 @@ def holes(depth: Tensor, share: float, generator: torch.Generator) -> Tensor:
 
 
 def mirror(rgb: Tensor, depth: Tensor) -> tuple[Tensor, Tensor]:
-    """Return the images as seen in a mirror; left becomes right, so dy and dtheta of waypoints change sign."""
+    """Return the images flipped left to right, which changes the sign of dy and dtheta of waypoints."""
     return rgb.flip(-1), depth.flip(-1)

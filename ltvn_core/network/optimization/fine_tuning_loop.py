@@ -1,6 +1,6 @@
 """Fine-tuning: adapts trained weights to the environment of a robot, with mining and evaluation between the steps.
 
-Weights are judged on the own drive of the robot, with labels from odometry and without ground truth, and in simulation.
+Weights are evaluated on the robot's own drive, with labels from odometry instead of ground truth, and in simulation.
 `ltvn_core.network.optimization.learning_loop` takes the steps, `ltvn_core.network.training_examples` draws their
 batches, `ltvn_core.network.metrics` defines the metrics.
 """
@@ -51,9 +51,9 @@ class TrajectoryMetrics:
     """Metrics on a robot's own drive, with labels from odometry."""
 
     pairs: PairMetrics
-    """On labelled pairs at most H images apart."""
+    """Metrics on labelled pairs at most H images apart."""
     far: DriveMetrics
-    """The reachable ones of them against pairs that are far apart whatever the drift of odometry."""
+    """Metrics on the reachable ones of these pairs, and on pairs farther apart than drift of odometry can explain."""
 
 
 def evaluate_trajectory(
@@ -97,11 +97,11 @@ class FineTuningPlan:
             groups=8, confusions=4, rate=2e-4, warm_up=0.1, average=0.98, augmentation=Augmentation(hue=0.0)
         )
     )
-    """What each step does: a tenth of the learning rate of training, and the place's own colours."""
+    """Hyperparameters of a step: a tenth of the learning rate of training, and no augmentation of hues."""
     minutes: float | None = 3.0
-    """Time to learn for; None learns for `steps`."""
+    """Training time in minutes; None trains for `steps`."""
     steps: int = 200
-    """Steps to learn for where no time is given."""
+    """Number of training steps if `minutes` is None."""
     minings: int = 6
     """Number of searches for hard negatives, the first one at the start."""
     validation_pairs: int = 1000
@@ -109,7 +109,7 @@ class FineTuningPlan:
     validation_far: int = 5000
     """Far pairs per validation drive, including the user's own."""
     judge: bool = True
-    """Evaluate the weights before and after; False saves that time where the metrics are not needed."""
+    """Whether to evaluate the weights before and after; False saves that time if the metrics are not needed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,11 +119,11 @@ class FineTuningData:
     drive: LabelledTrajectory
     """The robot's own drive."""
     scenes: Sequence[SceneExamples]
-    """Simulated scenes in the batches, against forgetting."""
+    """Simulated training scenes, which prevent forgetting."""
     validation: Sequence[SceneExamples]
-    """Simulated scenes to judge and to calibrate by."""
+    """Simulated scenes for evaluation and calibration."""
     drives: Sequence[LabelledDrive] = ()
-    """Simulated drives to count false long-range edges on."""
+    """Simulated drives on which false long-range edges are counted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,7 +140,7 @@ class FineTuningProgress:
     """Progress of fine-tuning."""
 
     share: float
-    """In [0, 1]."""
+    """Finished share of the training, in [0, 1]."""
     steps: int
     loss: float
     """Eq. 1, smoothed; nan before the first step."""
@@ -153,15 +153,16 @@ class FineTuningResult:
     """The result of fine-tuning."""
 
     network: AnyNetwork
-    """Averaged and calibrated."""
+    """The network with averaged and calibrated weights."""
     parent: str
-    """Fingerprint of the weights it started from."""
+    """Fingerprint of the weights that fine-tuning started from."""
     before: FineTuningMetrics | None
-    """None if the plan does not evaluate."""
+    """Metrics before fine-tuning; None if the plan does not evaluate."""
     after: FineTuningMetrics | None
+    """Metrics after fine-tuning; None if the plan does not evaluate."""
     steps: int
     pairs: int
-    """Pairs compared."""
+    """Number of pairs compared."""
     seconds: float
 
 
@@ -174,9 +175,9 @@ def run_fine_tuning(
     on_progress: Callable[[FineTuningProgress], None] | None = None,
     cancelled: Event | None = None,
 ) -> FineTuningResult | None:
-    """Fine-tune weights on a drive; return None if it was cancelled, in which case a checkpoint waits in `folder`.
+    """Fine-tune weights on a drive; return None if it was cancelled, which leaves a checkpoint in `folder`.
 
-    A checkpoint of the same run is resumed. The starting weights are read and never written. `on_progress` is called
+    A checkpoint of the same run is resumed. The file of the starting weights is never changed. `on_progress` is called
     in this thread, after every step. Raises WeightsError for weights that cannot be read, a checkpoint of another run
     and a full disk.
     """
@@ -244,11 +245,11 @@ class _FineTuningRun(LearningLoop):
         )
 
     def goes_on(self) -> bool:
-        """Return whether nobody has cancelled it."""
+        """Return True until the run is cancelled."""
         return not self.cancelled.is_set()
 
     def before_step(self, progress: float, precision: MixedPrecision) -> None:
-        """Search for hard negatives when that is due."""
+        """Mine hard negatives when they are due."""
         if (due := int(progress * self.plan.minings)) > self.minings and self.plan.minings:
             self._mine(precision)
             self.minings = due

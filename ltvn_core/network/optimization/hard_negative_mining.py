@@ -28,7 +28,7 @@ def mine_hard_negatives(
     candidates: int = 1000,
     above: float = 0.03,
 ) -> list[HardNegative]:
-    """Return the far pairs among some images of a scene that the network predicts as reachable, worst first.
+    """Return the far pairs among some images of a scene that the network predicts as reachable, highest r first.
 
     Only the `candidates` pairs with the best rough scores are compared in full; ties are broken at random.
     """
@@ -52,7 +52,7 @@ def hard_negatives_among(
     candidates: int = 1000,
     above: float = 0.03,
 ) -> list[HardNegative]:
-    """Return the pairs of images marked in `apart` (N, N) that the network predicts as reachable, worst first."""
+    """Return the pairs marked in `apart` (N, N) that the network predicts as reachable, highest r first."""
     features = _encode(network, precision, scene, rows)
     scores = network.rough_logits(features)
     scores[to_tensor(~apart, scores.device)] = -torch.inf

@@ -1,7 +1,7 @@
-"""The learning loop: steps until the time or the steps of a plan are over, with checkpoints on the way.
+"""The learning loop: runs steps until the time or the number of steps of a plan is reached, and saves checkpoints.
 
-Training and fine-tuning are this loop; `training_loop` and `fine_tuning_loop` say what each does between the steps.
-`ltvn_core.network.optimization.trainer` is one step.
+Training and fine-tuning share this loop; `training_loop` and `fine_tuning_loop` define what each does between steps.
+`ltvn_core.network.optimization.trainer` runs one step.
 """
 
 import math
@@ -20,12 +20,12 @@ from ltvn_core.network.training_examples import BatchSampler
 
 
 class LearningLoop(ABC):
-    """The state of one training or fine-tuning; a checkpoint in its folder is continued."""
+    """The state of one training or fine-tuning run; a checkpoint in its folder is resumed."""
 
     checkpoint_every_s: float
-    """Time between checkpoints."""
+    """Time between checkpoints, in seconds."""
     newest_share: float
-    """How much of the smoothed loss is that of the last step."""
+    """Weight of the last step in the smoothed loss (exponential moving average)."""
 
     def __init__(
         self,
@@ -37,7 +37,7 @@ class LearningLoop(ABC):
         steps: int,
         distributed_context: DistributedContext = SINGLE_PROCESS,
     ) -> None:
-        """Learn for so many minutes, or for `steps` where no time is given. Raises WeightsError."""
+        """Learn for `minutes`, or for `steps` if `minutes` is None. Raises WeightsError for an unusable checkpoint."""
         self.trainer = trainer
         self.sampler = sampler
         self.distributed_context = distributed_context
@@ -49,7 +49,7 @@ class LearningLoop(ABC):
         """Eq. 1, smoothed; nan before the first step."""
 
     def learn(self) -> bool:
-        """Take steps to the end; return False if `goes_on` ended them before."""
+        """Run all remaining steps; return False if `goes_on` stopped them early."""
         precision = choose_precision(self.trainer.network)
         start = time.monotonic() - self.elapsed_s
         saved = time.monotonic()
@@ -58,7 +58,7 @@ class LearningLoop(ABC):
                 return False
             self.before_step(before, precision)
             losses = self.trainer.step(self.sampler, precision, before, self.distributed_context)
-            # All processes must agree on the time, or one would wait for gradients for ever.
+            # All processes must agree on the time, or one would wait for gradients forever.
             self.elapsed_s = self.distributed_context.broadcast_from_leader(time.monotonic() - start)
             self._smooth(losses.loss)
             self.after_step(before, losses, precision)
@@ -68,7 +68,7 @@ class LearningLoop(ABC):
         return True
 
     def progress(self) -> float:
-        """Return the share of learning that is done; above 1 where the last step took longer than was left."""
+        """Return the finished share of the training; above 1 if the last step took longer than the remaining time."""
         if self._minutes is None:
             return self.trainer.steps / self._steps
         return self.elapsed_s / (60 * self._minutes)
@@ -79,7 +79,7 @@ class LearningLoop(ABC):
 
     @abstractmethod
     def goes_on(self) -> bool:
-        """Return whether another step is taken."""
+        """Return whether to run another step."""
 
     @abstractmethod
     def before_step(self, progress: float, precision: MixedPrecision) -> None:
@@ -87,7 +87,7 @@ class LearningLoop(ABC):
 
     @abstractmethod
     def after_step(self, before: float, losses: StepLosses, precision: MixedPrecision) -> None:
-        """Do what is due after a step, `before` which the progress was this."""
+        """Do what is due after a step; `before` is the progress before the step."""
 
     def _smooth(self, loss: float) -> None:
         share = self.newest_share

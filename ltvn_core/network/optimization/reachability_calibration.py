@@ -18,10 +18,10 @@ from ltvn_core.network.predictor import NetworkPredictor
 from ltvn_core.network.training_examples import LabelledTrajectory, SceneExamples
 
 PairSelection: TypeAlias = tuple[SceneExamples, NDArray[np.intp]]
-"""A scene and the rows of its labelled pairs that are used."""
+"""A scene and the rows of the labelled pairs to use."""
 
 _MOST_PAIRS = 10_000
-"""Of each scene, drawn at random."""
+"""Largest number of pairs of each scene, drawn at random."""
 
 
 def calibrate_after_fine_tuning(
@@ -29,9 +29,9 @@ def calibrate_after_fine_tuning(
 ) -> None:
     """Fit the network's calibration on simulated validation pairs and on the part of the drive that was held out.
 
-    The drive lacks the pairs whose label odometry leaves open, and these are the hard ones. So its pairs are at most as
-    many as the simulated ones, where there are any. A short drive has no held-out pairs; without simulation the
-    calibration then stays as it is.
+    The drive lacks the hard pairs, because odometry cannot label them. So at most as many pairs of the drive are used
+    as simulated ones, if there are any. A short drive has no held-out pairs; without simulated pairs the calibration
+    then stays unchanged.
     """
     rng = np.random.default_rng(0)
     selections: list[PairSelection] = [(scene, rng.permutation(len(scene.sources))[:_MOST_PAIRS]) for scene in scenes]

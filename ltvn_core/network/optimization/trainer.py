@@ -1,12 +1,12 @@
-"""The trainer: network, moving average of its weights and optimiser, updated step by step, and its checkpoints.
+"""The trainer: a network, the moving average of its weights and an optimiser, updated by steps, and checkpoints.
 
 Owns the hyperparameters, the forward pass of a step (augments and encodes images, chooses and compares pairs, sums the
 loss) and the update. The pass is a module, so that DistributedDataParallel can average the gradients of its backward
 pass. `ltvn_core.network.optimization.learning_loop` decides when to step and to save. Fine-tuning starts from trained
 weights and keeps the statistics of batch normalisation.
 
-A checkpoint is a safetensors file, written aside and then renamed. It has the state of the trainer and the time spent;
-everything else follows from the plan.
+A checkpoint is a safetensors file, written to a temporary name and then renamed. It contains the state of the trainer
+and the time spent; everything else follows from the plan.
 """
 
 import json
@@ -44,7 +44,7 @@ class Hyperparameters:
     """
 
     seed: int = 0
-    """Seeds initial weights, batches and augmentation."""
+    """Seed of the initial weights, the batches and the augmentation."""
     alpha: float = 3.0
     """Weight of the position error in Eq. 1."""
     beta: float = 3.0
@@ -54,29 +54,29 @@ class Hyperparameters:
     place: float = 0.1
     """Weight of the auxiliary loss on the cheap place score, in networks that have one."""
     groups: int = 10
-    """Clusters of images per step and process."""
+    """Number of image clusters per step and process."""
     pairs_per_group: int = 18
-    """Labelled pairs per cluster."""
+    """Number of labelled pairs per cluster."""
     evened: bool = True
-    """Draw positives evenly over distance and as many negatives; False draws pairs as they come."""
+    """Draw positives uniformly over distance and as many negatives; False draws pairs as often as they occur."""
     confusions: int = 2
-    """Hard negatives per step; the clusters of both images are added to the batch."""
+    """Number of mined hard negatives per step; the clusters of both images are added to the batch."""
     hard: int = 40
-    """Far pairs of the step's images with the highest rough scores, or random ones if the network has no score."""
+    """Number of far pairs per step with high rough scores; they are random if the network has no rough score."""
     hardness: float = 1.5
-    """How strongly high scores are preferred; 0 draws at random."""
+    """Preference for high scores, as the inverse temperature of the draw; 0 draws uniformly."""
     random: int = 12
-    """Far pairs drawn at random."""
+    """Number of far pairs per step drawn at random."""
     rate: float = 2e-3
     """Peak learning rate of AdamW."""
     warm_up: float = 0.03
-    """Share of training over which the rate rises."""
+    """Share of training for the linear warm-up of the learning rate."""
     decay: float = 0.01
     """Weight decay."""
     average: float = 0.998
-    """How much of the moving average of the weights stays at each step."""
+    """Decay of the moving average of the weights per step."""
     far: FarCriterion = field(default_factory=FarCriterion)
-    """Pairs that are certainly negatives."""
+    """Limits beyond which a pair is certainly a negative."""
     augmentation: Augmentation = field(default_factory=Augmentation)
     """Augmentation of the images."""
 
@@ -92,11 +92,11 @@ class TrainingStep(nn.Module):
     def forward(
         self, batch: TrainingBatch, precision: MixedPrecision, rng: np.random.Generator, generator: torch.Generator
     ) -> tuple[Tensor, Tensor, int]:
-        """Return Eq. 1, all that is minimised, and the number of pairs."""
+        """Return the loss of Eq. 1, the total loss with the auxiliary terms, and the number of pairs."""
         plan = self.plan
         device = device_of(self.network)
         features, mirrored = self._encode(batch, precision, rng, generator)
-        # Detached: choosing hard pairs shall not train the score that chooses them.
+        # Detached, so that no gradient reaches the score through the choice of hard pairs.
         sources, targets, reachable = self._pairs(batch, self.network.rough_logits(features).detach(), generator)
         true = batch.waypoints(sources.cpu().numpy(), targets.cpu().numpy())
         waypoints = to_tensor(true * [1, -1, -1] if mirrored else true, device).float()
@@ -130,7 +130,7 @@ class TrainingStep(nn.Module):
         far = self._far(batch)
         hard = sample_hardest(rough, far, self.plan.hard, generator, self.plan.hardness)
         same_scene = to_tensor(batch.scene[:, None] == batch.scene[None, :], device)
-        # Random ones come from the same scene, because pairs of different scenes are easy.
+        # Random pairs are drawn within a scene, because pairs of different scenes are easy.
         random = sample_hardest(torch.zeros_like(rough), far & same_scene, self.plan.random, generator)
         sources = torch.cat([to_tensor(batch.sources, device), hard[0], random[0]])
         targets = torch.cat([to_tensor(batch.targets, device), hard[1], random[1]])
@@ -165,7 +165,7 @@ class StepLosses:
 
 
 class Trainer:
-    """Network, average and optimiser; the n-th step is the same whether or not training was interrupted before."""
+    """Network, averaged weights and optimiser; an interrupted training repeats the same steps after resuming."""
 
     def __init__(self, plan: Hyperparameters, size: AnyArchitecture | None = None, device: torch.device = CPU) -> None:
         self.plan = plan
@@ -252,9 +252,9 @@ class FineTuningTrainer(Trainer):
 
 
 def freeze_batch_norm(network: nn.Module) -> None:
-    """Make batch normalisation use the statistics of training, until the next `train()`.
+    """Make batch normalisation use its stored statistics until the next `train()`.
 
-    The images of one drive are too uniform to estimate them again.
+    The images of one drive are too uniform for new estimates.
     """
     for module in network.modules():
         if isinstance(module, nn.BatchNorm2d):
@@ -262,7 +262,7 @@ def freeze_batch_norm(network: nn.Module) -> None:
 
 
 SCHEMA = "ltvn-checkpoint-1"
-"""Name of the file format; another one is refused."""
+"""Name of the file format; files of another format are refused."""
 
 
 def save_checkpoint(trainer: Trainer, path: Path, *, seconds: float) -> None:
@@ -328,7 +328,7 @@ def _part(tensors: dict[str, Tensor], prefix: str) -> dict[str, Tensor]:
 
 
 def _other_family(trainer: Trainer, metadata: dict[str, str]) -> str:
-    """Say that a checkpoint is of another family of networks, or nothing."""
+    """Return a note if a checkpoint is of another family of networks, else an empty text."""
     try:
         found = str(parse_json(metadata["plan"])[1]["name"])
     except (KeyError, IndexError, TypeError, ValueError):

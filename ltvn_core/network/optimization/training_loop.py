@@ -1,7 +1,6 @@
-"""Training: what is done between the steps of the learning loop, and the weights that are best in unseen scenes.
+"""The training loop: decides when to validate, to mine hard negatives and to stop early, and keeps the best weights.
 
-Decides when to validate, to mine hard negatives and to stop. Owns the record of a training: `validation.jsonl` and the
-best weights. The curves for TensorBoard, where it is installed, nothing reads back.
+Writes `validation.jsonl`, the best weights and, if TensorBoard is installed, curves for it, which are never read back.
 """
 
 import json
@@ -46,10 +45,10 @@ from ltvn_core.structured_text import parse_json
 log = logging.getLogger(__name__)
 
 _SCALARS_EVERY = 20
-"""Steps between points of the curves."""
+"""Number of steps between two points of the curves."""
 
 _BEST = "best.json"
-"""Metrics of the best weights so far."""
+"""Name of the file with the metrics of the best weights so far."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,25 +56,25 @@ class TrainingPlan:
     """Duration of training and schedule of validation and mining (all values are ours)."""
 
     learning: Hyperparameters = field(default_factory=Hyperparameters)
-    """What each step does."""
+    """Hyperparameters of a step."""
     architecture: AnyArchitecture = field(default_factory=PairArchitecture)
-    """The network to train."""
+    """Architecture of the network."""
     minutes: float | None = 45.0
-    """Time to train for; None trains for `steps`."""
+    """Training time in minutes; None trains for `steps`."""
     steps: int = 6000
-    """Steps to train for where no time is given."""
+    """Number of training steps if `minutes` is None."""
     validations: int = 7
-    """Number of validations, evenly over training; the best weights are kept."""
+    """Number of validations, evenly spaced over training; the best weights are kept."""
     minings: int = 14
-    """Number of searches for hard negatives, evenly over training after its first tenth."""
+    """Number of searches for hard negatives, evenly spaced over training after its first tenth."""
     mined_scenes: int = 4
-    """Training scenes that each process searches in each of them."""
+    """Number of training scenes per search for hard negatives and process."""
     patience: int = 4
-    """Stop after this many validations in a row without a better one."""
+    """Number of consecutive validations without improvement after which training stops early."""
     validation_pairs: int = 2500
-    """Labelled pairs per validation scene that are compared during training."""
+    """Number of labelled pairs per validation scene that are compared during training."""
     validation_far: int = 12000
-    """Far pairs per validation drive that are compared during training."""
+    """Largest number of near pairs, and of far pairs, per validation drive that are compared during training."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +87,7 @@ class ValidationMetrics:
 
     @property
     def score(self) -> float:
-        """Return the score that decides which weights are best: few false long-range edges first, then AUC and pose."""
+        """Return the score for choosing the best weights: few false long-range edges first, then AUC and pose."""
         false_edges = 0.0 if self.drives is None else -math.log10(self.drives.far_fpr_at_tpr60 + 1e-5)
         return false_edges + 20 * (self.pairs.auc or 0) - 5 * self.pairs.position_median_m
 
@@ -102,11 +101,11 @@ class TrainingResult:
     best: ValidationMetrics | None
     """Their metrics on validation, before calibration; only the leading process has them."""
     steps: int
-    """Steps in all."""
+    """Total number of steps."""
     pairs: int
-    """Pairs compared, about: all processes draw nearly the same number."""
+    """Approximate number of pairs compared; all processes draw nearly the same number."""
     seconds: float
-    """Time in all."""
+    """Total training time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,9 +115,9 @@ class TrainingData:
     scenes: Sequence[SceneExamples]
     """Scenes to train on."""
     validation: Sequence[SceneExamples]
-    """Scenes by which the best weights and the calibration are chosen."""
+    """Validation scenes, used to choose the best weights and the calibration."""
     drives: Sequence[LabelledDrive] = ()
-    """Drives to count false long-range edges on, in scenes that are not trained on."""
+    """Drives on which false long-range edges are counted, in scenes that are not trained on."""
 
 
 def train(
@@ -132,11 +131,11 @@ def train(
     """Train a network and keep the weights that are best on the validation data.
 
     Args:
-        data: What to train and validate on.
+        data: Training and validation data.
         plan: Settings of the training.
-        folder: Where checkpoint, log and best weights are written; a checkpoint in it is resumed.
-        distributed_context: This process among those that train together.
-        start: Trained weights to start from, on a CPU; their architecture replaces that of the plan.
+        folder: Folder for checkpoint, log and best weights; a checkpoint in it is resumed.
+        distributed_context: Rank and device of this process in distributed training.
+        start: Trained weights to start from, on the CPU; their architecture replaces that of the plan.
 
     Raises:
         WeightsError: The checkpoint belongs to another plan, or `start` cannot be read.
@@ -164,7 +163,7 @@ def _train_worker(
 
 
 class _TrainingRun(LearningLoop):
-    """The state of one training."""
+    """The state of one training run."""
 
     checkpoint_every_s = 60.0
     newest_share = 0.02
@@ -294,10 +293,10 @@ def _due(before: float, after: float, times: int, *, begin: float) -> bool:
 
 
 class TensorBoardLog:
-    """Named curves over the steps of one training."""
+    """Curves for TensorBoard over the steps of one training run."""
 
     def __init__(self, folder: Path) -> None:
-        """Write into a folder; does nothing without TensorBoard."""
+        """Write the curves to a folder; without TensorBoard, nothing is written."""
         self._writer: Any = None
         try:
             from torch.utils.tensorboard import SummaryWriter
@@ -325,7 +324,7 @@ class TensorBoardLog:
 
 
 class Validation:
-    """Compares the weights of one training, and keeps the best ones and all metrics in its folder."""
+    """Evaluates the weights of one training run, and saves the best ones and all metrics in its folder."""
 
     def __init__(self, data: TrainingData, plan: TrainingPlan, folder: Path, scalars: TensorBoardLog | None) -> None:
         self._data = data
@@ -334,12 +333,12 @@ class Validation:
         self._scalars = scalars
         self.weights = folder / "best.safetensors"
         self.best = _read_best(folder / _BEST)
-        """Metrics of the best weights so far, also of an interrupted training."""
+        """Metrics of the best weights so far, including those before an interruption."""
         self.without_improvement = 0
-        """Validations in a row without a better one."""
+        """Number of consecutive validations without improvement."""
 
     def validate(self, network: AnyNetwork, steps: int, *, seconds: float) -> None:
-        """Evaluate weights after so many steps and seconds, and keep them if they are the best so far."""
+        """Evaluate weights after the given steps and seconds, and keep them if they are the best so far."""
         found = self._evaluate(network, steps)
         log.info("step %d: score %.3f %s %s", found.steps, found.score, found.pairs, found.drives)
         is_best = self.best is None or found.score > self.best.score
@@ -375,8 +374,8 @@ class Validation:
                 (self._folder / _BEST).write_text(json.dumps(asdict(found)), encoding="utf-8")
         except OSError as error:
             raise WeightsError(
-                f"{self._folder}: figures could not be written ({error}); free some space and run again, which goes "
-                "on from the last checkpoint."
+                f"{self._folder}: metrics could not be written ({error}); free some space and run again to resume from "
+                "the last checkpoint."
             ) from error
 
 

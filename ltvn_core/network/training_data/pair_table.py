@@ -1,6 +1,6 @@
-"""The pairs of a shard as a table that can be filtered, and what there is to say and to draw of a pair.
+"""The pairs of a shard as a table that can be filtered, with explanations of failed criteria and waypoint outlines.
 
-Owns the words for each failed criterion, with the measured value and the limit, and the outline of a waypoint in an
+Owns the texts for each failed criterion, with the measured value and the limit, and the outline of a waypoint in an
 image. Draws nothing.
 """
 
@@ -31,9 +31,9 @@ class WaypointOutline(NamedTuple):
     ring: NDArray[np.float64]
     """Outline of the robot on the floor."""
     heading: NDArray[np.float64]
-    """From the centre of the robot in the direction of its heading."""
+    """Line from the centre of the robot in the direction of its heading."""
     mast: NDArray[np.float64]
-    """From the floor to the camera."""
+    """Line from the floor to the camera."""
 
 
 def project(points: NDArray[np.floating]) -> NDArray[np.float64]:
@@ -97,7 +97,7 @@ class LabelledPair:
     overlap: float
     """Share of the target's points that the source sees; nan where not measured."""
     path_ratio: float
-    """Length of the path against the straight line; nan where not measured."""
+    """Ratio of the path length to the straight line; nan where not measured."""
 
     @property
     def distance_m(self) -> float:

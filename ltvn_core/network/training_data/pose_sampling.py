@@ -1,13 +1,13 @@
-"""Samples what is rendered for training: clusters of neighbouring poses, pairs across clusters, and whole drives.
+"""Samples the poses of training images: clusters of neighbouring poses, pairs across clusters, and whole drives.
 
-What this needs of a simulated scene is given by Protocols: its free space and a renderer.
+A simulated scene is accessed through Protocols for its free space and its renderer.
 
-One image of a cluster serves in many pairs. The mounting and the field of view of the camera vary between clusters,
-because a network that was trained with a single mounting depends on its exact height and pitch, which no real robot
-keeps. Pairs across clusters are hard negatives, which a network easily mistakes for neighbours, of four kinds: pairs
-close by (many behind walls or round corners), perceptual aliases, opposite views of one place, and random pairs. They
-are only chosen here; some are reachable after all, which the labels decide. The field `strangers` of `DatasetRecipe`
-counts them: it keeps its old name, because recipes are stored in datasets.
+Each image of a cluster is used in many pairs. The mounting and the field of view of the camera vary between clusters,
+because a network that is trained with a single mounting depends on its exact height and pitch, which no real robot
+keeps. Pairs across clusters are candidates for hard negatives, which a network easily mistakes for neighbours, of four
+kinds: pairs close by (many behind walls or round corners), perceptual aliases, opposite views of one place, and random
+pairs. They are only chosen here; their labels are computed later, and some are reachable. The field `strangers` of
+`DatasetRecipe` counts them: it keeps its old name, because recipes are stored in datasets.
 
 Drives have no physics: poses along clear paths between random places, with full turns. All ordered image pairs of a
 drive are classified as near, far or neither, to count false positives. A tour with physics (`scripted_tour`) gives the
@@ -30,7 +30,7 @@ from ltvn_core.types import Pose, Renderer, Waypoint
 
 
 class FreeSpace(Protocol):
-    """Distances to obstacles and paths between them, for the centre of the robot."""
+    """Free space of a scene: distances to obstacles and paths between them, for the centre of the robot."""
 
     def at(self, xy: ArrayLike) -> NDArray[np.float64]:
         """Return the distances (...) in metres from points (..., 2) to the nearest obstacle."""
@@ -60,9 +60,9 @@ class DatasetScene:
     name: str
     """Name of the scene and of its shard."""
     floor: FreeSpace
-    """Where a robot can stand and drive."""
+    """Free space in which a robot can stand and drive."""
     camera: Renderer
-    """Renders the images."""
+    """Renderer of the images."""
 
 
 OpenDatasetScene: TypeAlias = Callable[[str], DatasetScene]
@@ -70,7 +70,7 @@ OpenDatasetScene: TypeAlias = Callable[[str], DatasetScene]
 
 
 _TRIES = 12
-"""Proposals per pose; if none is free, the robot turns on the spot instead."""
+"""Number of proposals per pose; if none is free, the robot turns on the spot instead."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,9 +78,9 @@ class ClusterSampling:
     """Distribution of the poses of a cluster (all values are ours)."""
 
     size: int = 8
-    """Poses per cluster; every ordered pair of them is labelled."""
+    """Number of poses per cluster; every ordered pair of them is labelled."""
     reach_m: float = 2.5
-    """Distances to neighbours are uniform up to this."""
+    """Largest distance to a neighbour, in metres; distances are uniform up to it."""
     from_anchor: float = 0.7
     """Share of neighbours drawn around the first pose rather than another one of the cluster."""
     ahead: float = 0.75
@@ -92,7 +92,7 @@ class ClusterSampling:
     turned: float = 0.1
     """Share of neighbours with a uniform heading, often backwards: the same place, but not reachable."""
     min_clearance_m: float = 0.2
-    """Least distance to obstacles."""
+    """Least distance to obstacles, in metres."""
 
 
 def cluster_poses(floor: FreeSpace, rng: np.random.Generator, count: int, spec: ClusterSampling) -> Pose:
@@ -136,7 +136,7 @@ def _steps(rng: np.random.Generator, shape: tuple[int, int], spec: ClusterSampli
 
 @dataclass(frozen=True, slots=True)
 class CameraVariation:
-    """Ranges of the variation (all values are ours)."""
+    """Ranges of the variation of camera mounting and field of view (all values are ours)."""
 
     share: float = 0.3
     """Share of the clusters with a camera other than the nominal one."""
@@ -164,13 +164,13 @@ class CameraVariation:
 
 
 NEAR_M = 3.0
-"""Images closer than this are neighbours, even with a wall between them."""
+"""Largest distance between neighbours, even with a wall between them, in metres."""
 
 BEHIND_M = 1.0
-"""Images closer than this with opposite headings are opposite views of one place."""
+"""Largest distance between opposite views of one place, in metres."""
 
 OPPOSITE_RAD = np.radians(120)
-"""Smallest difference of opposite headings."""
+"""Smallest difference between opposite headings, in radians."""
 
 _ALIAS_CANDIDATES = 5
 """A perceptual alias is drawn from this many of the most similar far images."""

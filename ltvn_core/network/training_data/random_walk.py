@@ -1,7 +1,7 @@
 """Random walks in simulated scenes: training data for the baselines that learn from time alone (SPTM, ViNG).
 
-Owns the walks, and how pairs of their images are drawn in groups and labelled by time; the labels themselves are
-`ltvn_core.network.training_data.temporal_rules`.
+Owns the walks and the sampling of image pairs in groups; `ltvn_core.network.training_data.temporal_rules` labels the
+pairs.
 """
 
 import json
@@ -37,7 +37,7 @@ class RandomPolicy:
     wobble_rad: float = radians(1.5)
     """Largest random change of heading in a step ahead, in radians."""
     clearance_m: float = 0.22
-    """Closer than this to an obstacle the robot turns until the path ahead is free."""
+    """Distance to an obstacle, in metres, below which the robot turns until the path ahead is free."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +64,7 @@ class WalkRecipe:
 
         Its groups are the walks, in order of time; it has no pairs yet.
         """
-        # The scene's name and not its position decides the generator, so that a scene more changes no other.
+        # The generator is seeded by the scene's name, not its position, so that adding a scene changes no other.
         rng = np.random.default_rng([self.seed, zlib.crc32(world.name.encode())])
         walks = [random_walk(world.floor, rng, self.images, self.policy) for _ in range(self.walks)]
         cameras = self.cameras.draw(rng, self.walks)
@@ -130,11 +130,11 @@ def _is_free_ahead(floor: FreeSpace, pose: Pose, policy: RandomPolicy) -> bool:
 
 
 _BLOCK = 48
-"""Consecutive images from which groups are drawn, a little more than the largest labelled distance."""
+"""Number of consecutive images from which groups are drawn, a little more than the largest labelled distance."""
 _GROUP = 12
-"""Images of a group; each is encoded once and used in many pairs."""
+"""Number of images of a group; each is encoded once and used in many pairs."""
 _CROSS_PAIRS = 16
-"""Pairs per group whose other end is in another group."""
+"""Number of pairs per group whose two images are in different groups."""
 
 
 def label_walks(shard: Shard, rule: TemporalLabelRule, rng: np.random.Generator) -> Shard:

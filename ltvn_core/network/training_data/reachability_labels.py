@@ -1,6 +1,6 @@
 """Labels pairs as reachable by the criteria of section III-B of the paper, with the limits of each criterion.
 
-Owns the limits, how the criteria combine to a label, and their geometry, each a small function over N pairs.
+Owns the limits, the combination of the criteria to a label, and the geometry of each criterion over N pairs.
 """
 
 from dataclasses import dataclass
@@ -18,11 +18,11 @@ from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.types import Pose, Waypoint
 
 POINT_STEP = 3
-"""Every third pixel of a row and of a column is sampled."""
+"""Step in pixels between the sampled pixels, along rows and columns."""
 
 _HORIZON_ABOVE_PX = 3
 _HORIZON_BELOW_PX = 10
-"""A camera at the target would appear in these rows around the horizon; its mast extends below it."""
+"""Rows around the horizon in which a camera at the target would appear; its mast extends below it."""
 
 OBSTACLE_LOW_M = 0.1
 OBSTACLE_HIGH_M = 0.9
@@ -69,8 +69,8 @@ def overlap(
 ) -> NDArray[np.float64]:
     """Return the share (N,) of the target's surface points that the source sees, from depths (N, H, W) in metres.
 
-    Not symmetric: after driving forward the target sees only a part of what the source sees, but the source sees most
-    of what the target sees.
+    The share is not symmetric: after driving forward, the target shows only a part of the source's view, but the source
+    shows most of the target's view.
     """
     rays = _rays(camera)
     half = POINT_STEP // 2
@@ -91,7 +91,7 @@ def clearance_from_depth(
 ) -> NDArray[np.float64]:
     """Return the distance in metres (P,) from the straight line to each waypoint to the nearest visible obstacle.
 
-    It replaces the clearance map where there is none. Obstacles that the source does not see are not noticed.
+    It replaces the clearance map if there is none. Obstacles that the source does not see are ignored.
 
     Args:
         waypoints: (P, 3) targets in the source's frame.

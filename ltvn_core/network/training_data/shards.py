@@ -2,7 +2,7 @@
 
 Files are written to a temporary name and then renamed; equal content gives equal bytes. Generation samples clusters of
 poses in a scene, renders their images and labels their pairs; interrupted work continues with the missing scenes.
-Scenes come in through the Protocols of `ltvn_core.network.training_data.pose_sampling`.
+Scenes are accessed through the Protocols of `ltvn_core.network.training_data.pose_sampling`.
 """
 
 import json
@@ -43,7 +43,7 @@ SCHEMA = "ltvn-pairs-1"
 """Name of the file format; files of another format are refused."""
 
 SHARD_SUFFIX = ".pairs.safetensors"
-"""How the names of shards end."""
+"""Suffix of the names of shards."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,29 +80,29 @@ _ARRAYS = tuple(field.name for field in fields(Shard) if field.name not in ("nam
 
 
 def shard_path(folder: Path, name: str) -> Path:
-    """Return where the shard of a scene lies."""
+    """Return the path of the shard of a scene."""
     return folder / f"{Path(name).stem}{SHARD_SUFFIX}"
 
 
 def shard_scene(path: Path) -> str:
-    """Return the scene that a shard is of, by its file's name."""
+    """Return the name of a shard's scene, from the name of its file."""
     return path.name.removesuffix(SHARD_SUFFIX)
 
 
 def dataset_shards(folder: Path) -> list[Path]:
-    """Return the files of a folder that are shards by their names, in order."""
+    """Return the files of a folder with the suffix of shards, in order."""
     return sorted(folder.glob(f"*{SHARD_SUFFIX}"))
 
 
 def split_shards(shards: Iterable[Shard], validation_scenes: Collection[str]) -> tuple[list[Shard], list[Shard]]:
-    """Part shards into those to learn from and those of the validation scenes, each in their order."""
+    """Split shards into training and validation scenes, each in their order."""
     every = list(shards)
     learned = [shard for shard in every if shard.name not in validation_scenes]
     return learned, [shard for shard in every if shard.name in validation_scenes]
 
 
 def write_shard(shard: Shard, path: Path) -> None:
-    """Write a shard so that the file is either complete or not there.
+    """Write a shard atomically.
 
     Raises:
         DatasetError: The file cannot be written.
@@ -148,7 +148,7 @@ def read_recipe(path: Path) -> str | None:
 
 
 def _check_arrays(shard: Shard, path: Path) -> None:
-    """Refuse arrays that do not belong together, as another program might write them."""
+    """Raise DatasetError for arrays that do not belong together, as another program might write them."""
     count = len(shard.poses)
     pairs = len(shard.sources)
     size = (LOCOBOT.camera.height, LOCOBOT.camera.width)
@@ -186,7 +186,7 @@ def _check_schema(metadata: dict[str, str], path: Path) -> None:
 
 
 _PAIRS_AT_ONCE = 4096
-"""Limits the memory of labelling."""
+"""Number of pairs labelled at once, which limits memory."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,11 +199,11 @@ class DatasetRecipe:
     seed: int = 0
     """Seed of the poses; each scene has its own generator."""
     clusters: int = 280
-    """Clusters of poses per scene."""
+    """Number of clusters of poses per scene."""
     sampling: ClusterSampling = field(default_factory=ClusterSampling)
     """Distribution of the poses within a cluster."""
     strangers: int = 28
-    """Hard negatives per cluster, see `pose_sampling`; the name is older than that term."""
+    """Number of hard negatives per cluster, see `pose_sampling`; the name is older than that term."""
     cameras: CameraVariation = field(default_factory=CameraVariation)
     """Variation of the camera between clusters."""
     limits: ReachabilityLimits = field(default_factory=ReachabilityLimits)
@@ -244,11 +244,11 @@ def generate_shards(
     Args:
         names: Names of the scenes.
         open_world: Opens a scene by name; must be picklable for several processes.
-        folder: Where the shards are written.
-        recipe: How they are generated.
+        folder: Folder for the shards.
+        recipe: Recipe that generates the shards.
         processes: Number of worker processes.
-        on_progress: Called with the number of finished shards and of all, at first and after each; an exception in it
-            stops the work.
+        on_progress: Called with the number of finished shards and of all shards, at the start and after each shard; an
+            exception in it stops the work.
     """
     paths = [shard_path(folder, name) for name in names]
     text = recipe.text()

@@ -1,9 +1,9 @@
 """Labels pairs by the number of steps between their images, as the baselines SPTM and ViNG do.
 
-Both rules serve random walks and the robot's own drive alike. A step is an image of a drive: about 0.12 m or 10
-degrees. A target a few steps *before* its source has no label: it is not known whether the robot could drive there
-forwards. At run time each direction of a pair is predicted by itself, and an edge back is driven in reverse, as in
-LTVN.
+Both rules work for random walks and for the robot's own drive. A step is from one image of a drive to the next: about
+0.12 m or 10 degrees. A target a few steps *before* its source has no label, because it is unknown whether the robot
+could drive there forwards. At run time each direction of a pair is predicted separately, and an edge back is driven in
+reverse, as in LTVN.
 """
 
 from abc import ABC, abstractmethod
@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from ltvn_core.network.training_data.trajectory_pairs import REACHABLE, UNKNOWN, UNREACHABLE, Trajectory
 
 TAU_STEPS = 8.0
-"""ViNG's temporal distance d becomes r = exp(-d / tau), so that cross-entropy can learn it (ours). ViNG's map reads r
-with the same tau."""
+"""Scale tau, in steps, that converts ViNG's temporal distance d to r = exp(-d / tau), so that it can be learned with
+cross-entropy (ours). ViNG's map converts r back with the same tau."""
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class TemporalLabelRule(ABC):
     """Labels a pair by the number of steps from its source to its target."""
 
     horizon: int = 40
-    """Pairs at most this many steps apart are drawn one by one; ViNG's largest distance d_max (value: ours)."""
+    """Largest number of steps between the images of a labelled pair; ViNG's largest distance d_max (value: ours)."""
 
     @property
     @abstractmethod
@@ -33,7 +33,7 @@ class TemporalLabelRule(ABC):
 
     @abstractmethod
     def labels_by_steps(self, steps: NDArray[np.integer], rng: np.random.Generator) -> NDArray[np.int8]:
-        """Return the labels (P,) of targets so many steps after their sources."""
+        """Return the labels (P,) of targets at the given numbers of steps (P,) after their sources."""
 
     def labels(
         self,
@@ -58,9 +58,9 @@ class TemporalClosenessRule(TemporalLabelRule):
     """SPTM's labels: close in time or not; pairs in between have no label (both limits are SPTM's)."""
 
     near_steps: int = 5
-    """A target is reachable up to this many steps after its source."""
+    """Largest number of steps after its source at which a target is reachable."""
     margin: int = 5
-    """A target is not reachable from this many times as many steps on."""
+    """Factor of `near_steps` from which on a target is not reachable."""
 
     @property
     def far_steps(self) -> int:
@@ -68,7 +68,7 @@ class TemporalClosenessRule(TemporalLabelRule):
         return self.near_steps * self.margin
 
     def labels_by_steps(self, steps: NDArray[np.integer], rng: np.random.Generator) -> NDArray[np.int8]:
-        """Return the labels (P,) of targets so many steps after their sources."""
+        """Return the labels (P,) of targets at the given numbers of steps (P,) after their sources."""
         near = (steps > 0) & (steps <= self.near_steps)
         far = np.abs(steps) >= self.far_steps
         return np.where(near, REACHABLE, np.where(far, UNREACHABLE, UNKNOWN)).astype(np.int8)
@@ -89,7 +89,7 @@ class TemporalDistanceRule(TemporalLabelRule):
         return self.horizon
 
     def labels_by_steps(self, steps: NDArray[np.integer], rng: np.random.Generator) -> NDArray[np.int8]:
-        """Return the labels (P,) of targets so many steps after their sources."""
+        """Return the labels (P,) of targets at the given numbers of steps (P,) after their sources."""
         drawn = rng.random(len(steps)) < np.exp(-np.clip(steps, 0, self.horizon) / self.tau)
         forward = np.where(drawn, REACHABLE, UNREACHABLE)
         backward = np.where(steps <= -self.far_steps, UNREACHABLE, UNKNOWN)

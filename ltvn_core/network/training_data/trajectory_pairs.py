@@ -1,8 +1,8 @@
 """A recorded drive as training data: its selected images, and their pairs labelled from odometry.
 
 The drive is split where odometry jumps. Pairs are reachable, not reachable, or unknown because odometry drifts. This is
-the self-supervision of fine-tuning: poses come from odometry and free space from depth; there is no map. Exact poses
-are never read.
+the self-supervision of fine-tuning: poses come from odometry and free space from depth; neither a map nor ground-truth
+poses are used.
 """
 
 import logging
@@ -33,18 +33,18 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, slots=True)
 class KeyframeSelection:
-    """Which images of a drive are kept, and where it is split (all values are ours)."""
+    """Thresholds for the selection of keyframes, and for splitting a drive at jumps (all values are ours)."""
 
     keep_m: float = 0.1
     """Distance since the last kept image after which the next is kept, in metres."""
     keep_rad: float = radians(8)
     """Change of heading since the last kept image after which the next is kept, in radians."""
     jump_m: float = 1.0
-    """Odometry that moves more than this between two recorded images has jumped, so that a new piece begins."""
+    """Distance in odometry between consecutive images above which it has jumped and a new piece begins, in metres."""
     jump_rad: float = radians(90)
-    """Odometry that turns more than this between two recorded images has jumped, so that a new piece begins."""
+    """Turn in odometry between consecutive images above which it has jumped and a new piece begins, in radians."""
     fewest: int = 20
-    """A drive with fewer kept images is refused."""
+    """Least number of kept images; a drive with fewer is refused."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,17 +59,17 @@ class Trajectory:
     poses: Pose
     """(N, 3) poses by odometry, which drifts; comparable within one piece only."""
     piece: NDArray[np.int32]
-    """(N,) number of the piece that an image belongs to."""
+    """(N,) number of the piece of each image."""
     travelled_m: NDArray[np.float64]
     """(N,) metres driven so far."""
     turned_rad: NDArray[np.float64]
     """(N,) radians turned so far, to either side."""
     camera: CameraModel
-    """The camera that took them."""
+    """Camera of the images."""
 
     @property
     def pieces(self) -> int:
-        """Return how many pieces there are."""
+        """Return the number of pieces."""
         return int(self.piece[-1]) + 1
 
 
@@ -139,7 +139,7 @@ def odometry_steps(odometry: Pose) -> tuple[NDArray[np.float64], NDArray[np.floa
 
 
 def odometry_jumps(odometry: Pose, selection: KeyframeSelection) -> NDArray[np.bool_]:
-    """Tell between which images (N - 1,) the odometry jumped."""
+    """Return between which consecutive images the odometry jumped, as a mask (N - 1,)."""
     driven, turned = odometry_steps(odometry)
     return (driven > selection.jump_m) | (turned > selection.jump_rad)
 
@@ -159,13 +159,13 @@ def _rows_with_depth(rows: NDArray[np.intp], observations: Sequence[Observation]
     """Leave out the images without depth, and log how many they are; a drive without any depth keeps them all."""
     seen = np.array([observations[row].has_depth for row in rows], bool)
     if seen.all() or not seen.any():
-        return rows  # Where none has depth the message about the camera is the better one.
+        return rows  # If no image has depth, a later message about the camera is more helpful.
     log.warning("%s: %d of %d images have no depth and teach nothing.", name, int((~seen).sum()), len(rows))
     return rows[seen]
 
 
 def _millimetres(observation: Observation) -> NDArray[np.uint16]:
-    # 65 m is the most that 16 bits hold in millimetres.
+    # 65 m is the largest depth in millimetres that fits in 16 bits.
     depth = observation.require_depth("fine-tuning")
     if not observation.has_depth:
         raise ImageError(
@@ -181,9 +181,9 @@ UNKNOWN = -1
 
 _PAIRS_AT_ONCE = 4096
 _MOST_PAIRS = 80_000
-"""A longer drive is reduced to a random sample of this many pairs."""
+"""Largest number of pairs of a drive; of more pairs, a random sample is used."""
 _HELD_OUT_EVERY = 7
-"""Every seventh section of the drive is held out for validation."""
+"""Every n-th section of the drive is held out for validation."""
 
 
 class LabelRule(Protocol):
@@ -255,7 +255,7 @@ class OdometryLabelRule:
 
 @dataclass(frozen=True, eq=False)
 class TrajectoryPairs:
-    """The labelled pairs of a drive. Implements the examples that training takes."""
+    """The labelled pairs of a drive, as training examples (`training_examples.LabelledTrajectory`)."""
 
     trajectory: Trajectory
     rule: LabelRule

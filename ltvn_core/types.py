@@ -94,7 +94,7 @@ class Observation:
         if self.depth is None:
             raise ImageError(
                 f"Image {self.step} has no depth, and {user} needs it. Use a robot with a depth camera, or a predictor "
-                "that works from colours alone."
+                "that works without depth."
             )
         return self.depth
 

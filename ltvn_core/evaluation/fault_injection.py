@@ -109,8 +109,8 @@ def spurious_edges(
             faults.append(_fault_of_edge(kind, nodes[row], nodes[other], waypoint, config.p_cap, config))
     if len(faults) < count:
         raise MapError(
-            f"This map has {len(faults)} pairs of nodes apart with a wall between them and a long way around, "
-            f"{count} are asked for; choose another map or fewer edges."
+            f"This map has {len(faults)} distant pairs of nodes with a wall between them and a long way around, "
+            f"but {count} are needed; choose another map or fewer edges."
         )
     return tuple(faults)
 
@@ -158,7 +158,7 @@ def perceptual_alias(
             best = (int(i[top]), int(j[top]), predicted.waypoints[top])
             surest = float(score[top])
     if best is None:
-        raise MapError("The network tells all places of this map apart; choose another map or other weights.")
+        raise MapError("The network confuses no places of this map; choose another map or other weights.")
     return _fault_of_edge(FaultKind.PERCEPTUAL_ALIAS, nodes[best[0]], nodes[best[1]], best[2], surest, config)
 
 

@@ -57,7 +57,7 @@ class GroundTruth:
             exact = self._observation(node).exact_pose
             if exact is None:
                 raise MapError(
-                    f"The image of node {node} has no exact pose, so nobody knows what is true; it was not taken in "
+                    f"The image of node {node} has no exact pose, because it was not taken in "
                     "simulation. Evaluate maps of drives through simulated scenes."
                 )
             self._poses[node] = exact

@@ -77,7 +77,7 @@ def workers(processes: int | None, cluster: str | None, folder: Path) -> Iterato
 
     Args:
         processes: Number of processes on this machine; None uses all cores.
-        cluster: A cluster instead: `ray://HOST:PORT` (Ray), `tcp://HOST:PORT` (Dask), or `local:N` (N Dask workers here).
+        cluster: A cluster instead: `ray://HOST:PORT` (Ray), `tcp://HOST:PORT` (Dask), or `local:N` (N workers of Dask).
         folder: Folder of the jobs' files.
 
     Raises:

@@ -144,14 +144,14 @@ class ObservationCheck:
 
     def _order(self, before: Observation, now: Observation) -> Iterator[tuple[_Doubt, Finding]]:
         if now.step == before.step:
-            text = f"Step {now.step} came twice, and only its first image can be kept; count on."
+            text = f"Step {now.step} came twice; only its first image is kept. Give each image a higher step."
             yield _Doubt.REPEATED_STEP, Finding(text)
         elif now.step < before.step:
-            text = f"Step {now.step} comes after step {before.step}; steps count on, also when a robot restarts."
+            text = f"Step {now.step} comes after step {before.step}; steps must increase, also after a restart."
             yield _Doubt.BACKWARD_STEP, Finding(text)
         if now.stamp < before.stamp:
             text = f"At step {now.step} the clock goes back from {before.stamp:.3f} s to {now.stamp:.3f} s."
-            yield _Doubt.BACKWARD_STAMP, Finding(text, remedy="Use one clock that only goes on.")
+            yield _Doubt.BACKWARD_STAMP, Finding(text, remedy="Use one clock that never goes back.")
         self._same_stamps = self._same_stamps + 1 if now.stamp == before.stamp else 1
         if self._same_stamps >= SAME_STAMPS:
             text = f"The last {SAME_STAMPS} images up to step {now.step} have the stamp {now.stamp:.3f} s."
@@ -171,7 +171,7 @@ class ObservationCheck:
         driven_m = float(np.hypot(*(now.odometry - self._alike_since)[:2]))
         if self._alike >= ALIKE_IMAGES and driven_m >= ALIKE_TRAVEL_M:
             text = f"The last {self._alike} images up to step {now.step} are equal, though the robot drove"
-            yield _Doubt.ALIKE, Finding(f"{text} {driven_m:.1f} m; does the camera stand still, or is it covered?")
+            yield _Doubt.ALIKE, Finding(f"{text} {driven_m:.1f} m; has the camera stopped, or is it covered?")
 
     def _begin_alike(self, observation: Observation) -> None:
         self._checksum = _checksum(observation)

@@ -39,7 +39,7 @@ def open_robot(wanted: str, installed: Mapping[str, Plugin] | None = None) -> Ro
     except LtvnError:
         raise
     except Exception as error:  # Another person's code may raise anything.
-        raise PluginError(f"The robot {wanted} could not be made ({type(error).__name__}: {error}).") from error
+        raise PluginError(f"The robot {wanted} could not be created ({type(error).__name__}: {error}).") from error
     check_robot(robot, wanted)
     return robot
 

@@ -241,7 +241,7 @@ class SimulatedRobot:
             WorldError: The change is impossible, or the robot has no world.
         """
         if self.world is None:
-            raise WorldError("This robot's scene does not change. Give the robot a world when it is made.")
+            raise WorldError("This robot's scene does not change. Give the robot a world when you create it.")
         self.world.apply(change)
 
     def teleport(self, pose: Pose) -> None:

@@ -45,7 +45,7 @@ class Freshness:
         if attachment.gid != self._gid:
             if arrived_s - self._heard_s < TAKE_OVER_S:
                 raise RobotError(
-                    f"{self._source} has two senders at once; the second is not listened to. End one of the programs, "
+                    f"{self._source} has two senders at once; the second is ignored. End one of the programs, "
                     "or give each robot its own ROS_DOMAIN_ID or namespace."
                 )
             self._gid = attachment.gid

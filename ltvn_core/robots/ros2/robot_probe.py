@@ -85,7 +85,7 @@ def _findings(report: RobotReport, streams: tuple[Stream, ...]) -> Iterator[Find
             "Nobody listens to commands: start `ltvn guard` beside the robot, or see `guarded` in the profile."
         )
     if report.driving is not None and None in (report.driving.moves_after_s, report.driving.stands_after_s):
-        text = "The robot did not do what it was told; keep a hand on its emergency stop."
+        text = "The robot did not follow the command; keep a hand on its emergency stop."
         yield Finding(text, Severity.ERROR)
 
 

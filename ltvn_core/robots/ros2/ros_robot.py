@@ -116,7 +116,7 @@ class CommandSender:
     def _turn(self, took_s: float) -> None:
         with self._lock:
             if self._moving and took_s > _BREAK_S:
-                self._break(f"this program stood still for {took_s:.1f} s while the robot drove")
+                self._break(f"this program was interrupted for {took_s:.1f} s while the robot drove")
             elif self._moving and not self._is_connected():
                 self._break("the link to the robot broke")
             twist = self.lease.command()
@@ -201,7 +201,7 @@ class RosRobot:
         age_s = time.monotonic() - moment.arrived_s
         if age_s > STALE_S:
             self._sender.interrupt(f"its images stopped for {age_s:.1f} s")
-            link = "" if self.link.is_connected else " The link is broken; it comes back by itself."
+            link = "" if self.link.is_connected else " The link is broken; it reconnects by itself."
             raise RobotError(
                 f"{self.profile.name}: its newest image is {age_s:.1f} s old, so it is not driven: "
                 f"{self.inbox.complaint(time.monotonic())}.{link}"
@@ -302,7 +302,7 @@ class RosRobot:
         info = self.inbox.camera_info
         topic = self.profile.topics.camera_info
         if not is_calibrated(info):
-            raise RobotError(f"{topic} says nothing of the lens: all zeros; calibrate the camera on the robot.")
+            raise RobotError(f"{topic} has no calibration of the lens, only zeros; calibrate the camera on the robot.")
         size = sensor_size(moment.colour, self.profile.topics.colour)
         try:
             return ros_camera(info, *size, rectified=self.profile.camera.rectified, topic=topic)

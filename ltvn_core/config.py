@@ -30,7 +30,7 @@ class MatchingConfig:
     mend_slips: bool = True
     """Correct odometry if two consecutive depth images show that the wheels slipped (ours)."""
     closure_reach: int = 10
-    """Number of images around both ends that must confirm an edge between two passes of a drive; 0 = off (ours)."""
+    """Number of images around both ends that are compared to confirm an edge between two passes; 0 = off (ours)."""
     closure_share: float = 0.5
     """Least share of these images whose predicted poses agree with the edge (ours)."""
 

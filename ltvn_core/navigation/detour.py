@@ -12,7 +12,7 @@ from ltvn_core.navigation.obstacle_avoidance import CLEARANCE_TOLERANCE_M, MAX_N
 
 _DETOUR_RANGES_M = np.array([0.1, 0.2, 0.3, 0.45, 0.6, 0.8])
 _DETOUR_BEARINGS_RAD = np.deg2rad(np.arange(-120.0, 121.0, 10.0))
-"""Bearings of via points relative to the waypoint's; none lies behind the robot, where nothing was seen."""
+"""Bearings of via points relative to the waypoint's; limited, because the area behind the robot is unseen."""
 _GOAL_OFFSETS_M = np.array([0.0, 0.03, -0.03, 0.06, -0.06])
 """Sideways offsets of the end of a way from the waypoint, which is a prediction."""
 _SAMPLES = 24

@@ -52,7 +52,7 @@ class PairSample:
     """Number of far pairs."""
 
     def thinned(self, most: PairCounts, rng: np.random.Generator) -> "PairSample":
-        """Return at most so many pairs of it."""
+        """Return a sample with at most `most` near and far pairs."""
         kinds = self.is_near, ~self.is_near
         chosen = [choose_evenly(np.flatnonzero(kind), count, rng) for kind, count in zip(kinds, most, strict=True)]
         kept = np.sort(np.concatenate(chosen))

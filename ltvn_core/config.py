@@ -1,8 +1,8 @@
 """Every threshold of the method, in one frozen dataclass, with two presets.
 
-`PAPER` is the literal method: every departure is off. `ROBUST`, the default, switches on what measurement showed to be
-needed; each departure is one named field. The authors published no values, so every number is ours; a docstring that
-says "paper" means that the quantity is theirs, "ours" that the quantity itself is a departure or a gap we filled.
+`PAPER` is the literal method: every departure is off. `ROBUST`, the default, switches on the departures that
+measurement showed to be needed; each is one named field. The authors published no values, so every number is ours. In a
+docstring, "paper" means that the quantity is theirs, "ours" that it is a departure or fills a gap in the paper.
 
 Distances d are Eq. 2, which mixes metres with sqrt(2) per radian. Owns no behaviour.
 """
@@ -16,23 +16,23 @@ from ltvn_core.terminal_text import which_name
 
 @dataclass(frozen=True, slots=True)
 class MatchingConfig:
-    """How two images are compared."""
+    """Comparison of two images."""
 
     both_directions: bool = True
-    """Ask the network both ways and keep the more reachable answer, its waypoint inverted if need be; our reading
-    of the paper's "only targets in front are positive, the way back is driven in reverse", on in both presets."""
+    """Predict a pair in both directions and keep the more reachable result, with an inverted waypoint if needed; our
+    reading of the paper's "only targets in front are positive, the way back is driven in reverse", in both presets."""
     reverse_within: float = 1.5
-    """Only nodes that seem nearer than this d are asked about the other way; must exceed D_c and D_l (ours)."""
+    """Greatest predicted d of a pair that is also predicted in the other direction; must exceed D_c and D_l (ours)."""
     temporal_support: bool = True
-    """Trust r only as far as the median with the frames before and after both images agrees (ours)."""
+    """Limit r to the median over the frames before and after both images (ours)."""
     support_gap: float = 0.8
-    """d by odometry within which two frames of a recording count as neighbours in time (ours)."""
+    """Greatest d by odometry of two frames of a recording that count as neighbours in time (ours)."""
     mend_slips: bool = True
-    """Put odometry right where two depth images in a row say that the wheels slipped (ours)."""
+    """Correct odometry if two consecutive depth images show that the wheels slipped (ours)."""
     closure_reach: int = 10
-    """An edge between two passes of a drive must hold for so many images around its ends too; 0 = off (ours)."""
+    """Number of images around both ends that are compared to confirm an edge between two passes; 0 = off (ours)."""
     closure_share: float = 0.5
-    """Share of the images asked about that must lie as the edge foretells (ours)."""
+    """Least share of these images whose predicted poses agree with the edge (ours)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,119 +40,120 @@ class BuildingConfig:
     """Algorithm 1: from a trajectory to a map."""
 
     merge_distance: float = 0.55
-    """D_m: an image nearer than this to a node adds nothing (paper)."""
+    """D_m: an image nearer than this to a node is merged (paper)."""
     merge_reachability: float = 0.6
     """Least r for merging (ours)."""
     merge_yaw_rad: float = 0.45
-    """Images turned by more than this never merge; pi switches the gate off (ours)."""
+    """Greatest yaw between two images that merge, in radians; pi switches the gate off (ours)."""
     connect_distance: float = 1.0
     """D_c: two images nearer than this are joined by an edge (paper)."""
     connect_reachability: float = 0.8
-    """R_c: least r for an edge (ours; the paper leaves it open)."""
+    """R_c: least r for an edge (ours; the paper does not specify it)."""
     second_pass_reachability: float = 0.6
-    """Least r for images that are left over after Algorithm 1; 0 switches the second pass off (ours)."""
+    """Least r for an edge of an image left over after Algorithm 1; 0 switches the second pass off (ours)."""
     second_pass_edges: int = 2
-    """Edges that a left-over image may get, the most reachable ones first (ours)."""
+    """Maximum number of edges of a left-over image, the most reachable ones first (ours)."""
     bridges: bool = True
-    """Images left over after the second pass may be connected with merged ones, which become nodes then, and where no
-    image helps, with the next image of the drive by odometry (ours)."""
+    """Connect images left over after the second pass to merged images, which then become nodes, or, without any, to the
+    next image of the drive by odometry (ours)."""
     tie_goals: bool = True
-    """Goals that are left over even then are joined by odometry along the drive, and where that knows no way, with the
-    image that agrees with them best, as an edge that is hardly believed (ours)."""
+    """Join goals that are still left over by odometry along the drive, or, without odometry, to the most reachable node
+    by an edge with a low belief (ours)."""
     odometry_drift: float = 0.04
-    """Metres that odometry may drift per metre driven; what contradicts it by more is no edge. 0 = not used (ours)."""
+    """Drift of odometry in metres per metre driven; an edge that contradicts odometry by more is rejected; 0 = off
+    (ours)."""
     close_loops: bool = True
-    """Correct the drive's odometry where it passes a place again, before anything is compared by it (ours)."""
+    """Correct the drive's odometry by loop closures before the map is built (ours)."""
     floor_edges: bool = True
-    """Join nodes with free floor between them that no image joins, where that makes a way much shorter (ours)."""
+    """Add edges over free floor between nodes that no image joins, if they make a way much shorter (ours)."""
     keep_merged: bool = True
     """Keep merged images in the reserve T', which Algorithm 1 would otherwise leave nearly empty (ours)."""
     largest_piece: bool = True
-    """Begin again among the images left over while they could make a larger piece, and keep the largest (ours)."""
+    """Build another piece of the map while the left-over images could form a larger one; keep the largest (ours)."""
 
 
 @dataclass(frozen=True, slots=True)
 class LocalisingConfig:
-    """Which node the robot is at."""
+    """Localisation: which node the robot is at."""
 
     distance: float = 1.1
-    """D_l: a node farther away than this is not where the robot is (paper)."""
+    """D_l: greatest d of a node that the robot is at (paper)."""
     reachability: float = 0.5
-    """Least r for a node to be where the robot is (ours)."""
+    """Least r of a node that the robot is at (ours)."""
     reachability_weight: float = 1.5
     """The score is d - weight * ln r; 0 is the paper's nearest node (ours)."""
     follow_places: bool = True
-    """Follow all places that images resemble until what is seen on the way tells which it is. Where that is sure, no
-    look-alike is taken for a node, a target or the goal (ours)."""
+    """Track all places that match the images, until later images decide between them; once the place is certain, no
+    perceptual alias is accepted as a node, a target or the goal (ours)."""
     doubt_after_failures: int = 3
-    """Failed attempts in one query after which the robot does not believe to be where they began; 0 = never (ours)."""
+    """Number of failed attempts from a node in one query after which localisation excludes it; 0 = never (ours)."""
 
 
 @dataclass(frozen=True, slots=True)
 class PlanningConfig:
-    """What a path costs."""
+    """Costs of a path."""
 
     belief_weight: float = 1.5
-    """An edge costs mu - weight * ln p; 0 is the paper's mu (ours)."""
+    """The cost of an edge is mu - weight * ln p; 0 is the paper's mu (ours)."""
     failure_penalty: float = 2.0
-    """What an edge that failed costs more for the rest of the query; 0 forgets at once (ours)."""
+    """Additional cost of a failed edge for the rest of the query; 0 = none (ours)."""
     repeat_limit: int = 2
-    """An edge driven more often than this in one query has failed, whatever it looks like; 0 = no limit (ours)."""
+    """Maximum number of attempts at an edge in one query; further ones count as failed; 0 = no limit (ours)."""
 
 
 @dataclass(frozen=True, slots=True)
 class DrivingConfig:
-    """The position-based controller and what makes it stop."""
+    """The position-based controller, and the conditions that stop it."""
 
     speed_m_s: float = 0.5
-    """Greatest forward speed (paper: position-based feedback; the value is ours)."""
+    """Maximum forward speed (paper: position-based feedback; the value is ours)."""
     turn_rad_s: float = 1.0
-    """Greatest turning rate (ours)."""
+    """Maximum turning rate (ours)."""
     position_tolerance_m: float = 0.08
-    """A waypoint nearer than this is reached (ours)."""
+    """Distance within which a waypoint is reached (ours)."""
     yaw_tolerance_rad: float = 0.06
-    """The final turn ends within this (ours)."""
+    """Greatest heading error at the end of the final turn (ours)."""
     leg_steps: int = 100
-    """Control steps of 0.1 s that an attempt may take (ours)."""
+    """Maximum number of control steps of 0.1 s in an attempt (ours)."""
     look_every_steps: int = 20
-    """Predict the waypoint anew after so many control steps; 0 = once, at departure (ours)."""
+    """Number of control steps after which the waypoint is predicted again; 0 = only at departure (ours)."""
     lost_reachability: float = 0.35
-    """A subgoal that falls below this on the way ends the attempt; used only where it is predicted anew (ours)."""
+    """The attempt ends if a new prediction gives the subgoal a lower r than this (ours)."""
     departure_reachability: float = 0.4
-    """Below this r at departure the robot goes to the node it is at first; 0 = it just sets off (ours)."""
+    """Least r of the target at departure; below it the robot first approaches the node it is at; 0 = off (ours)."""
     through_map: bool = True
-    """Where the node is in sight but its successor is not, aim along the edge's own waypoint (ours)."""
+    """Use the edge's own waypoint if the node is in view but its successor is not (ours)."""
     depth_veto: bool = True
-    """Refuse a command that would hit what the last depth images showed (ours)."""
+    """Refuse commands that would hit an obstacle in recent depth images (ours)."""
     swerve: bool = True
-    """Steer such a command aside before refusing it (ours)."""
+    """Bend such a command around the obstacle before refusing it (ours)."""
     back_up_clearance_m: float = 0.28
-    """The robot turns round rather than back up where anything is nearer than this to the way; 0 = never (ours)."""
+    """Least clearance of a way for backing up; on a narrower way the robot turns round; 0 = never (ours)."""
     bends: int = 3
-    """Detours that one attempt may take where steering aside does not help; 0 = never (ours)."""
+    """Maximum number of detours in one attempt if bending a command does not help; 0 = never (ours)."""
     veto_margin_m: float = 0.04
-    """How much wider than the robot the way must be (ours)."""
+    """Clearance on each side of the robot (ours)."""
     patience_s: float = 4.0
-    """How long one attempt waits while something moves close ahead; 0 = never (ours)."""
+    """Maximum time that one attempt waits while something moves close ahead; 0 = never (ours)."""
     back_off_m: float = 0.25
-    """How far to back off after a collision (ours; the paper says nothing)."""
+    """Distance to back off after a collision (ours; the paper does not specify it)."""
 
 
 @dataclass(frozen=True, slots=True)
 class JudgingConfig:
-    """When an attempt succeeded and when the goal is reached."""
+    """Conditions for the success of an attempt and for arrival at the goal."""
 
     success_distance: float = 0.7
-    """An attempt succeeded if its target is nearer than this, so that it fails where something blocks a short edge
-    (ours); 0 = isConnectable, within D_c (paper)."""
+    """Greatest d of the target after a successful attempt; less than D_c, so that an attempt at a blocked short edge
+    fails (ours); 0 = isConnectable, within D_c (paper)."""
     success_reachability: float = 0.5
     """Least r for a success (ours)."""
     arrive_distance: float = 0.45
-    """The goal is reached when it is nearer than this (ours)."""
+    """Greatest d of a goal that is reached (ours)."""
     arrive_reachability: float = 0.6
-    """Least r for the goal to be reached (ours)."""
+    """Least r of a goal that is reached (ours)."""
     arrive_yaw_rad: float = 0.25
-    """Greatest yaw to the goal; pi switches the gate off (ours)."""
+    """Greatest yaw to a goal that is reached; pi switches the gate off (ours)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,68 +172,68 @@ class Likelihoods:
 class BeliefConfig:
     """Eq. 3, Eq. 4 and pruning.
 
-    The first two and `sigma2` hold for a predictor that nobody measured; `predictors.opening.open_method` puts the
-    measured ones in their place.
+    The first two and `sigma2` are defaults for a predictor without measured values; `predictors.opening.open_method`
+    replaces them by measured ones.
     """
 
     p_success_if_reachable: float = 0.85
-    """p(s | r): how often an edge that exists is driven with success (paper; measured in simulation)."""
+    """p(s | r): probability of success on an edge that exists (paper; measured in simulation)."""
     p_success_if_not: float = 0.2
-    """p(s | not r): how often an edge that does not exist seems to be driven with success (paper)."""
+    """p(s | not r): probability of an apparent success on an edge that does not exist (paper)."""
     p_cap: float = 0.95
-    """No belief is ever more certain than this (ours)."""
+    """Upper limit of p (ours)."""
     sigma2: float = 0.02
-    """Variance of d as the network predicts it: of a new edge and of one measurement (paper)."""
+    """Variance of the predicted d, for a new edge and for one measurement (paper)."""
     prune_below: float = 0.5
-    """R_p: an edge that failed and whose p fell below this leaves the map (paper)."""
+    """R_p: an edge is pruned if it failed and its p is below this (paper)."""
     one_failure_per_query: bool = True
-    """However often an edge fails in one query, that is one piece of evidence (ours)."""
+    """Count all failures of an edge in one query as one (ours)."""
     hindered_weight: float = 0.15
-    """What a failure counts where something stood in the way or the robot went in circles; 1 is the paper's (ours)."""
+    """Weight of a failure with an obstacle in the way, or of a robot that drove in circles; 1 is the paper's (ours)."""
     hindered_prune_below: float = 0.05
-    """R_p where something stood in the way, for which it takes a long run of failures; `prune_below` is the paper's."""
+    """R_p of failures with an obstacle in the way, low so that many are needed; `prune_below` is the paper's (ours)."""
     prune_after_failures: int = 3
-    """Failures in different queries before an edge may leave; 1 is the paper's (ours)."""
+    """Least number of failures, in different queries, before an edge is pruned; 1 is the paper's (ours)."""
     failures_per_success: int = 2
-    """So many failures more for each success, so that only what mostly fails may leave; 0 is the paper's (ours)."""
+    """Further failures needed per success, so that only edges that mostly fail are pruned; 0 is the paper's (ours)."""
 
 
 @dataclass(frozen=True, slots=True)
 class ExpansionConfig:
-    """New nodes: novel images, and left-over images when there is no path."""
+    """New nodes from novel images, and from left-over images if there is no path."""
 
     novel_after_looks: int = 12
-    """Unrecognised observations before the current one becomes a node; 1 = at once (paper), 0 = never (ours)."""
+    """Number of unrecognised observations after which one becomes a node; 1 = at once (paper), 0 = never (ours)."""
     connect_factor: float = 1.3
-    """D_c grows by this for novel nodes (paper)."""
+    """Factor on D_c for novel nodes (paper)."""
     merge_factor: float = 0.6
-    """D_m shrinks by this for novel nodes (paper)."""
+    """Factor on D_m for novel nodes (paper)."""
     search_reserve: bool = True
-    """Search a path through left-over images where the map has none (paper); False = never (ours)."""
+    """Search a path through left-over images if the map has none (paper); False = never (ours)."""
     strict: bool = True
-    """Left-over images must pass R_c with temporal support and connect two nodes (ours)."""
+    """Require that a left-over image passes R_c with temporal support and connects two nodes (ours)."""
     sample_limit: int = 60
-    """Left-over images tried in one search, temporal neighbours of the gap first; 0 = all, at random (ours)."""
+    """Maximum number of left-over images in one search, those near the gap in time first; 0 = all, at random (ours)."""
     neighbour_limit: int = 24
-    """Nodes, nearest in time first, that a left-over image is compared with; 0 = all (ours)."""
+    """Maximum number of nodes that a left-over image is compared with, nearest in time first; 0 = all (ours)."""
 
 
 @dataclass(frozen=True, slots=True)
 class RecoveryConfig:
-    """What the robot does when it is lost or sees no path, and when it gives up."""
+    """Behaviour of a robot that is lost or has no path, and limits of a query."""
 
     turn_rad: float = 0.52
-    """Turn on the spot between two observations (paper: it turns; the value is ours)."""
+    """Angle of the turn on the spot between two observations (paper: it turns; the value is ours)."""
     looks_per_turn: int = 12
-    """Observations in a full turn (ours)."""
+    """Number of observations in a full turn (ours)."""
     wander_m: float = 0.3
-    """How far to drive ahead after a full turn without success; 0 = never (ours)."""
+    """Distance to drive ahead after a full turn without success; 0 = never (ours)."""
     give_up_after_looks: int = 48
-    """Unrecognised observations in a row that end a query (ours)."""
+    """Number of consecutive observations without a node or a path that ends a query (ours)."""
     step_limit: int = 2000
-    """K: control steps that end a query (paper: 1,000 in small maps, 2,000 in large ones)."""
+    """K: maximum number of control steps in a query (paper: 1,000 in small maps, 2,000 in large ones)."""
     collision_limit: int = 20
-    """More collisions than this end a query (paper)."""
+    """Maximum number of collisions in a query (paper)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -240,29 +241,29 @@ class Method:
     """All thresholds of building, localising, planning, driving and maintenance."""
 
     matching: MatchingConfig = field(default_factory=MatchingConfig)
-    """How two images are compared."""
+    """Comparison of two images."""
     building: BuildingConfig = field(default_factory=BuildingConfig)
     """Algorithm 1."""
     localising: LocalisingConfig = field(default_factory=LocalisingConfig)
-    """Which node the robot is at."""
+    """Localisation."""
     planning: PlanningConfig = field(default_factory=PlanningConfig)
-    """What a path costs."""
+    """Costs of a path."""
     driving: DrivingConfig = field(default_factory=DrivingConfig)
     """The controller."""
     judging: JudgingConfig = field(default_factory=JudgingConfig)
-    """When an attempt succeeded."""
+    """Success of an attempt and arrival at the goal."""
     believing: BeliefConfig = field(default_factory=BeliefConfig)
     """Eq. 3, Eq. 4 and pruning."""
     expanding: ExpansionConfig = field(default_factory=ExpansionConfig)
     """New nodes."""
     recovering: RecoveryConfig = field(default_factory=RecoveryConfig)
-    """Lost, no path, giving up."""
+    """Recovery, and limits of a query."""
     maintain: bool = True
-    """Change the map while navigating; False freezes it, as the paper's first test does."""
+    """Update the map during navigation; False freezes it, as in the paper's first test."""
 
 
 ROBUST = Method()
-"""The default: the paper's method with every departure that measurement showed to be needed."""
+"""The default: the paper's method with the departures that measurement showed to be needed."""
 
 PAPER = Method(
     matching=MatchingConfig(reverse_within=2.5, temporal_support=False, mend_slips=False, closure_reach=0),
@@ -306,17 +307,17 @@ PAPER = Method(
 """The literal method: every departure is off."""
 
 PRESETS: dict[str, Method] = {"robust": ROBUST, "paper": PAPER}
-"""The presets by the names the command line knows."""
+"""Presets by their names on the command line."""
 
 
 def preset(name: str) -> Method:
-    """Return the thresholds of the method by the name of a preset.
+    """Return the thresholds of a preset.
 
     Args:
-        name: `robust`, which is the default everywhere, or `paper`, the literal method.
+        name: `robust`, the default, or `paper`, the literal method.
 
     Raises:
-        OptionError: No preset has that name; the message lists those there are.
+        OptionError: No preset has that name; the message lists all names.
     """
     try:
         return PRESETS[name.lower()]

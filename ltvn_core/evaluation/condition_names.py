@@ -1,4 +1,4 @@
-"""The names of harder conditions for evaluations. Owns the names alone, so that listing them costs nothing."""
+"""The names of harder conditions for evaluations. Owns only the names, so that the module is quick to import."""
 
 from typing import Literal, TypeAlias, get_args
 

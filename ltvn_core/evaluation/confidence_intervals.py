@@ -40,16 +40,16 @@ class SampleGroup:
     """Cases that are not independent of each other, such as the episodes of one map seed."""
 
     stratum: str
-    """Groups are compared with others of the same stratum only."""
+    """Groups are compared only within the same stratum."""
     values: NDArray[np.float64]
     """(cases, quantities)"""
 
 
 class _Spread(NamedTuple):
     variance: NDArray[np.float64]
-    """(Q,) of the mean."""
+    """(Q,) variance of the mean."""
     freedom: NDArray[np.float64]
-    """(Q,) degrees of freedom; 0 where nothing is known."""
+    """(Q,) degrees of freedom; 0 if the variance is unknown."""
 
     def half_width(self) -> NDArray[np.float64]:
         quantile = student.ppf((1 + CONFIDENCE_LEVEL) / 2, np.maximum(self.freedom, 1))
@@ -79,7 +79,7 @@ def estimates(samples: Sequence[SampleGroup], minus: Sequence[SampleGroup] | Non
 
 
 def _mean(samples: Sequence[SampleGroup]) -> NDArray[np.float64]:
-    """Return (Q,)."""
+    """Return the means (Q,)."""
     if not samples or any(len(sample.values) == 0 for sample in samples):
         raise ValueError("A mean needs at least one trial, and at least one episode in each.")
     return np.mean([sample.values.mean(0) for sample in samples], axis=0)

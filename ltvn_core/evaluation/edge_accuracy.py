@@ -25,9 +25,9 @@ from ltvn_core.simulation.oracle_predictor import is_drivable
 from ltvn_core.types import NodeId, Pose
 
 DETOUR_RATIO = 3.0
-"""An edge is missing where the path through the map is longer than this many times the straight line (ours)."""
+"""Ratio of the path through the map to the straight line above which an edge is missing (ours)."""
 _SEARCHES_PER_CALL = 256
-"""Source nodes of one call of the shortest-path search, which limits its memory."""
+"""Number of source nodes per call of the shortest-path search, which limits its memory."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,11 +49,11 @@ class EdgeAccuracy:
     spurious: frozenset[EdgeKey]
     """Edges that are not drivable."""
     missing: tuple[MissingEdge, ...]
-    """The longest detours first."""
+    """Missing edges, the longest detours first."""
     neighbours: int
-    """Directed pairs of close nodes that are drivable."""
+    """Number of directed pairs of close nodes that are drivable."""
     linked: int
-    """Of these, pairs with an edge of their own."""
+    """Number of these pairs with an edge of their own."""
     precision: float | None
     """Share of edges that are drivable; None without edges."""
     recall: float | None
@@ -65,7 +65,7 @@ def edge_accuracy(
 ) -> EdgeAccuracy:
     """Compare a map with the ground truth; neighbours are closer than `near`, the method's D_c, by exact poses.
 
-    Raises MapError where a node has no exact pose. Takes O(N) searches of the map around each node.
+    Raises MapError if a node has no exact pose. Takes O(N) searches of the map around each node.
     """
     spurious = frozenset(truth.spurious(graph))
     edges = graph.edges
@@ -102,7 +102,7 @@ def _near_pairs(poses: Pose, near: float) -> tuple[NDArray[np.intp], NDArray[np.
 
 
 def _with_paths(graph: TopologicalGraph, pairs: Sequence[MissingEdge], limit: float) -> Iterator[MissingEdge]:
-    """Yield the pairs with the length of the path between them, infinite where it is longer than `limit`."""
+    """Yield the pairs with the length of the path between them, infinite if it is longer than `limit`."""
     nodes, costs = cost_matrix(graph, lambda belief: belief.mu)
     row = {node: k for k, node in enumerate(nodes)}
     sources = list(dict.fromkeys(pair.source for pair in pairs))
@@ -123,46 +123,46 @@ class CalibrationAttempt(NamedTuple):
     """One attempt at an edge: its p before, the outcome by the robot's own criterion, and the true outcome."""
 
     instant: Instant
-    """Of its end."""
+    """Time of its end."""
     query: int
     edge: EdgeKey
     p: float
-    """Before the attempt."""
+    """p of the edge before the attempt."""
     succeeded: bool
-    """By the robot's own judgement."""
+    """Whether it succeeded by the robot's own judgement."""
     arrived: bool | None
-    """By exact poses and the paper's criterion; None where the arrival image has no pose."""
+    """Whether it arrived by exact poses and the paper's criterion; None if the arrival image has no pose."""
 
     @property
     def drivable(self) -> bool:
-        """Whether the robot arrived: by exact poses where they are known, else by its own criterion."""
+        """Whether the robot arrived, by exact poses if they are known, else by its own criterion."""
         return self.succeeded if self.arrived is None else self.arrived
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AttemptCalibration:
-    """What p said before the attempts of some events, and what came of them."""
+    """Calibration of p over attempts: p before them, and their results."""
 
     attempts: int
     mean_p: float
     """Mean p before the attempts."""
     succeeded: float
-    """Share that succeeded by the robot's own judgement."""
+    """Share of attempts that succeeded by the robot's own judgement."""
     arrived: float | None
-    """Share that truly arrived; None where it is unknown."""
+    """Share of attempts that truly arrived; None if unknown."""
     brier: float
-    """Mean square of p minus true arrival (of the robot's judgement where that is unknown); 0 is best."""
+    """Mean square of p minus true arrival (or minus the robot's judgement if arrival is unknown); 0 is best."""
 
 
 def calibration_attempts(
     events: Sequence[StampedEvent], truth: GroundTruth | None = None
 ) -> tuple[CalibrationAttempt, ...]:
-    """Return all attempts at edges that the map had then, in order; linear in events."""
+    """Return all attempts at edges that the map had at that time, in order; linear in events."""
     return tuple(_attempts(events, truth))
 
 
 def attempt_calibration(attempts: Sequence[CalibrationAttempt]) -> AttemptCalibration | None:
-    """Return the calibration of p over attempts; None where there are none."""
+    """Return the calibration of p over attempts; None without any."""
     count = len(attempts)
     if not count:
         return None

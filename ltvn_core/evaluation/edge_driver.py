@@ -30,7 +30,7 @@ _STEP_LIMIT = 240
 _MAX_LOCALISATIONS = 3
 _START_DRAWS = 20
 _START_CLEARANCE_M = 0.2
-"""Clearance of the start, a little more than the robot's radius."""
+"""Clearance of the start, a little more than the robot's radius, in metres."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +39,7 @@ class MeasuredAttempt:
 
     edge: EdgeProposal
     succeeded: bool
-    """The decision of the method, s of Eq. 3."""
+    """Decision of the method, s of Eq. 3."""
     arrived: bool
     """Whether the robot truly is within 0.72 m and 0.4 rad of the target."""
     end: AttemptEnd
@@ -48,7 +48,7 @@ class MeasuredAttempt:
 
 
 class EdgeDriver:
-    """Drives edges in one scene, one after the other."""
+    """Drives edges in one scene, one by one."""
 
     def __init__(
         self,

@@ -1,11 +1,10 @@
-"""Encounters of the robot with people: how near they came, and whether an attentive driver would have touched anybody.
+"""Encounters of the robot with people: how close they came, and whether an attentive driver would have avoided contact.
 
-A person never walks into the robot, and steps aside when it comes too near, as far as there is room
-(`simulation.changes.people`). An attentive driver would have avoided a touch if the robot drove towards the
-person, and either backwards, which is to drive blindly, or although the camera had had the person in view, with nothing
-between them, in the last seconds before, early enough to brake. What touches a robot that stands, or that drives away,
-was none of the driver's doing, and neither is what came out of sight at the last moment. Reads exact poses; needs no
-navigation.
+A person never walks into the robot, and steps aside if it comes too close and there is room
+(`simulation.changes.people`). A contact was avoidable if the robot drove towards the person, and either drove
+backwards, without a view, or had the person unobstructed in its camera's view within the last seconds and early enough
+to brake. A contact is not avoidable if the robot stands or drives away, or if the person appears at the last moment.
+Reads exact poses; needs no navigation.
 """
 
 import math
@@ -25,10 +24,9 @@ from ltvn_core.types import CONTROL_STEP_S, ZERO_TWIST, Pose, Twist
 from ltvn_core.worlds import PersonMoved
 
 BEGINS_M, ENDS_M = 1.5, 2.0
-"""An encounter begins when a person is nearer than the first, and ends when farther than the second; from surface to
-surface, as all distances here."""
+"""Distances at which an encounter begins and ends, in metres; all distances here are from surface to surface."""
 _ATTENTION_S = 3.0
-"""A driver remembers a person for this time after they left the view."""
+"""Time for which a driver remembers a person after they left the view, in seconds."""
 _LOOK_S = 0.1
 """Reaction time of a driver before the robot brakes, in seconds."""
 _VIEWS = 40
@@ -37,20 +35,20 @@ _TOUCH_M = 0.003
 
 @dataclass(slots=True)
 class Encounter:
-    """The robot and one person, from when they came near until they parted."""
+    """An encounter of the robot with one person, from approach to parting."""
 
     person: str
     closest_m: float
-    """Least distance between the two surfaces."""
+    """Least distance between the two surfaces, in metres."""
     touched: bool = False
     gave_way: bool = False
     """Whether the person had to step aside."""
     avoidable: bool = False
     """Whether an attentive driver would not have touched the person."""
     stood_s: float = 0.0
-    """So long the robot stood still meanwhile."""
+    """Time for which the robot stood still meanwhile, in seconds."""
     seen_s: deque[float] = field(default_factory=lambda: deque(maxlen=_VIEWS))
-    """When the camera had the person in view, the last times."""
+    """Last times at which the camera had the person in view, in seconds on the robot's clock."""
 
     def was_seen(self, first_s: float, last_s: float) -> bool:
         """Tell whether the camera had the person in view between two moments."""
@@ -58,7 +56,7 @@ class Encounter:
 
 
 def count_encounters(encounters: Sequence[Encounter]) -> EncounterCounts:
-    """Return several encounters in numbers."""
+    """Return counts over several encounters."""
     return EncounterCounts(
         encounters=len(encounters),
         gave_way=sum(each.gave_way for each in encounters),
@@ -71,16 +69,16 @@ def count_encounters(encounters: Sequence[Encounter]) -> EncounterCounts:
 
 
 class EncounterLog:
-    """Watches robot and people at each control step."""
+    """Records encounters from the poses of robot and people at each control step."""
 
     def __init__(self, spec: RobotSpec = LOCOBOT) -> None:
-        """Know nothing yet."""
+        """Start without encounters."""
         self._spec = spec
         self._under_way: dict[str, Encounter] = {}
         self._places: dict[str, Pose] = {}
-        """Where people were at the control step before."""
+        """Poses of people at the previous control step."""
         self.over: list[Encounter] = []
-        """What has ended."""
+        """Encounters that have ended."""
 
     def take(
         self,
@@ -91,15 +89,15 @@ class EncounterLog:
         clearance: ClearanceMap,
         stepping_aside: Collection[str] = (),
     ) -> None:
-        """Take in where everybody is at `stamp` seconds.
+        """Update the encounters with the poses of robot and people.
 
         Args:
             stamp: Seconds on the robot's clock.
-            robot: Where it is, (3,).
-            speeds: How fast its wheels drive and turn it.
-            people: Where they are.
-            clearance: What hides them.
-            stepping_aside: Who makes room for the robot, see `World.stepping_aside`.
+            robot: Exact pose (3,) of the robot.
+            speeds: Speeds at which the wheels drive and turn the robot.
+            people: Poses of the people.
+            clearance: Obstacles that may hide people.
+            stepping_aside: People who make room for the robot, see `World.stepping_aside`.
         """
         for person in people:
             gap = self._gap(robot, person)
@@ -124,7 +122,7 @@ class EncounterLog:
         self._places = {each.person: np.array(each.pose) for each in people}
 
     def watch(self, robot: SimulatedRobot) -> None:
-        """Take in where a robot and the people of its world are now."""
+        """Update the encounters of a robot with the people of its world."""
         world = robot.world
         if world is not None and world.state.people:
             self.take(
@@ -137,14 +135,14 @@ class EncounterLog:
             )
 
     def finish(self) -> list[Encounter]:
-        """Return all encounters, those under way too."""
+        """Return all encounters, including those that have not ended."""
         self._part(set())
         return self.over
 
     def _gap(self, robot: Pose, person: PersonMoved) -> Pose:
-        """Return where a person is from the robot, (3,): now or just before, whichever was nearer.
+        """Return the pose (3,) of a person in the robot's frame: the nearer of now and the previous step.
 
-        People step aside after the robot has moved, so that a touch may be over when the step ends.
+        People step aside after the robot has moved, so that a contact may be over at the end of the step.
         """
         now = np.array(person.pose)
         gaps = relative(robot, np.array([now, self._places.get(person.person, now)]))
@@ -155,7 +153,7 @@ class EncounterLog:
             self.over.append(self._under_way.pop(name))
 
     def _is_avoidable(self, stamp: float, linear_m_s: float, encounter: Encounter) -> bool:
-        """Tell whether a driver who looks would have braked before a touch at `stamp`."""
+        """Tell whether an attentive driver would have braked before a contact at `stamp`."""
         if linear_m_s < 0:
             return True
         brake_s = _LOOK_S + linear_m_s / self._spec.accelerations.linear_braking_m_s2

@@ -1,7 +1,7 @@
 """Runs episodes with one map in one scene, and evaluates them with the ground truth: success, causes, checkpoints.
 
-Each query gets a robot and a random generator of its own, so that an episode is the same in every process and order,
-and can be repeated for its recording.
+Each query has its own robot and random generator, so that an episode is the same in every process and order, and can be
+repeated for its recording.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -34,35 +34,35 @@ from ltvn_core.simulation.surfaces import PLAIN_LIGHT, Light
 from ltvn_core.types import CONTROL_STEP_S, FrameId, Pose
 
 SPACING_M = 1.0
-"""Metres from one checkpoint to the next (ours)."""
+"""Distance between two checkpoints, in metres (ours)."""
 CROSSED_M = 0.72
-"""A robot that comes nearer than this crosses it: the distance at which the paper has a goal reached."""
+"""Distance within which the robot crosses a checkpoint, in metres: the paper's distance for reaching a goal."""
 
 
 class Checkpoints:
-    """Checkpoints along the way to a goal, and which of them the robot crossed: how far an episode came that failed.
+    """Checkpoints along the way to a goal; their crossed share measures the progress of a failed episode.
 
-    The measure of VISTA (arXiv 2606.17294). Reads the ground truth; the robot knows nothing of them.
+    The measure of VISTA (arXiv 2606.17294). Reads the ground truth; the robot does not use them.
     """
 
     def __init__(self, clearance: ClearanceMap, start: Pose, goal: Pose) -> None:
-        """Lay them along the way through the middle of the free space, the last at the goal; none without a way."""
+        """Place checkpoints on the way through the middle of free space, the last at the goal; none without a way."""
         way = clearance.path(start[:2], goal[:2])
         self._xy = np.empty((0, 2)) if way is None else _each_metre(way)
         self._crossed = np.zeros(len(self._xy), bool)
 
     def see(self, robot: Pose) -> None:
-        """Cross what lies around the exact pose (3,) of the robot."""
+        """Mark the checkpoints around the exact pose (3,) of the robot as crossed."""
         self._crossed |= np.hypot(*(self._xy - robot[:2]).T) < CROSSED_M
 
     @property
     def count(self) -> int:
-        """How many there are."""
+        """Number of checkpoints."""
         return len(self._xy)
 
     @property
     def crossed(self) -> int:
-        """How many were crossed so far, in whatever order."""
+        """Number of checkpoints crossed so far, in any order."""
         return int(self._crossed.sum())
 
 
@@ -73,7 +73,7 @@ def _each_metre(way: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 EventCallback = Callable[[Event, SimulatedRobot], None]
-"""Called with an event while the robot is still where it happened."""
+"""Called with an event while the robot is still at the place of the event."""
 
 
 StepCallback = Callable[[SimulatedRobot], None]
@@ -104,9 +104,9 @@ class EpisodeRunner:
         light: Light = PLAIN_LIGHT,
         world: World | None = None,
     ) -> None:
-        """Drive by a map; the robot's camera will have these perturbations, and see the scene in this light.
+        """Drive with a map; the robot's camera has these perturbations, and the scene has this light.
 
-        `world` may change around the robot, and has a light of its own.
+        `world` may change the scene, and has its own light.
         """
         self.scene = scene
         self.map = known
@@ -120,7 +120,7 @@ class EpisodeRunner:
         self._next_frame = max(known.keyframes.frames) + 1
 
     def save_map(self, path: Path, settings: Mapping[str, Any], *, origin: Path) -> None:
-        """Save the map as queries made it of the one at `origin`; `settings` say which."""
+        """Save the map as changed by queries from the one at `origin`, with `settings` that describe these queries."""
         self.map.save(path, config={"verb": "lifelong", **settings}, origin=origin)
 
     def run(
@@ -181,7 +181,7 @@ class EpisodeRunner:
         return None if world is None else lambda: world.time_s
 
     def _looking(self, robot: SimulatedRobot, query: int) -> Robot:
-        """Return the robot as its camera shows the world."""
+        """Return the robot with the perturbations of its camera."""
         return PerturbedRobot(robot, self._perturbations, seed=query) if self._perturbations else robot
 
     def _checkpoints(self, plan: EpisodePlan) -> Checkpoints:
@@ -190,9 +190,9 @@ class EpisodeRunner:
     def _judged(
         self, plan: EpisodePlan, result: QueryResult, classifier: FailureClassifier, checkpoints: Checkpoints
     ) -> QueryResult:
-        """Add what the ground truth says of a query."""
+        """Add the evaluation of a query by the ground truth."""
         cause = classifier.failure(result)
-        # The criterion asks for the robot's own decision: standing there by chance when time runs out does not count.
+        # The criterion includes the robot's own decision: being at the goal by chance at the step limit does not count.
         reached = result.reached and result.outcome == Outcome.ARRIVED
         return replace(
             result,
@@ -208,7 +208,7 @@ class EpisodeRunner:
         )
 
     def _without_goal(self, query: int, plan: EpisodePlan) -> QueryResult:
-        """Return the result of an episode whose goal is no node of the map; the robot does not start."""
+        """Return the result of an episode whose goal is not a node of the map; the robot does not start."""
         judged = judge_goal_reached(query, np.array(plan.start_pose), np.array(plan.goal_pose))
         return QueryResult(
             query=query,

@@ -35,7 +35,7 @@ class EpisodeSegment:
     begin: FrameId
     """Step of the image."""
     causes: set[FailureCause] = field(default_factory=set)
-    """The causes that apply to it."""
+    """Causes that apply to the segment."""
     collisions: int = 0
 
     @property

@@ -1,6 +1,6 @@
 """Injects faults into a correct map, to test the debugger: spurious edges, perceptual aliases and missing edges.
 
-The ground truth decides where. A fault is a list of graph deltas together with a query that meets it.
+The ground truth determines their places. A fault is a list of graph deltas together with a query that meets it.
 """
 
 from collections.abc import Iterator, Sequence
@@ -24,13 +24,13 @@ from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.types import NodeId, Pose, Predictor, Waypoint
 
 THROUGH_WALL_M = 2.5
-"""A spurious edge is no longer than this, so that only the wall makes it wrong."""
+"""Greatest length of a spurious edge, in metres, so that only the wall makes it wrong."""
 DETOUR_M = 3.5
 """Least length of the true path around the wall, in metres."""
 ALIAS_DISTANCE_M = 3.0
 """Least distance between two places that are perceptual aliases, in metres."""
 _APART_M = 1.0
-"""The ends of several spurious edges are so far apart, so that they do not all lead through one wall."""
+"""Least distance between several spurious edges, in metres, so that they do not all lead through one wall."""
 _ENDPOINT_MARGIN_M = 2.0
 """Distance that a cut keeps from the start and goal of the query."""
 _BATCH = 4096
@@ -93,7 +93,7 @@ def spurious_edges(
 ) -> tuple[Fault, ...]:
     """Connect pairs of nodes as `spurious_edge` does, each from another place, the longest true path first.
 
-    Raises MapError where there are fewer than `count` such pairs.
+    Raises MapError if there are fewer than `count` such pairs.
     """
     nodes = list(graph.nodes)
     poses = truth.poses(nodes)
@@ -109,8 +109,8 @@ def spurious_edges(
             faults.append(_fault_of_edge(kind, nodes[row], nodes[other], waypoint, config.p_cap, config))
     if len(faults) < count:
         raise MapError(
-            f"This map has {len(faults)} pairs of nodes apart with a wall between them and a long way around, "
-            f"{count} are asked for; choose another map or fewer edges."
+            f"This map has {len(faults)} distant pairs of nodes with a wall between them and a long way around, "
+            f"but {count} are needed; choose another map or fewer edges."
         )
     return tuple(faults)
 
@@ -158,7 +158,7 @@ def perceptual_alias(
             best = (int(i[top]), int(j[top]), predicted.waypoints[top])
             surest = float(score[top])
     if best is None:
-        raise MapError("The network tells all places of this map apart; choose another map or other weights.")
+        raise MapError("The network confuses no places of this map; choose another map or other weights.")
     return _fault_of_edge(FaultKind.PERCEPTUAL_ALIAS, nodes[best[0]], nodes[best[1]], best[2], surest, config)
 
 
@@ -179,7 +179,7 @@ def _is_ahead(waypoints: Waypoint) -> NDArray[np.bool_]:
 
 
 def _components(graph: TopologicalGraph) -> NDArray[np.intp]:
-    """Return the component of the map (N,) of each node; a fault that joined two would hide a missing edge."""
+    """Return the component of the map (N,) of each node; a fault between two components would hide a missing edge."""
     row = {node: k for k, node in enumerate(graph.nodes)}
     ends = np.array([(row[source], row[target]) for source, target in graph.edges], np.intp).reshape(-1, 2)
     joined = csr_array((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), (len(row), len(row)))
@@ -201,7 +201,7 @@ def _start_side_of_cut(
     both_ways = {*graph.edges, *((target, source) for source, target in graph.edges)}
     ends = np.array([(row[source], row[target]) for source, target in both_ways], np.intp).reshape(-1, 2)
     close = np.minimum(*(np.hypot(*(places - places[k]).T) for k in (start, goal))) < _ENDPOINT_MARGIN_M
-    # Edges near start and goal are too dear to cut.
+    # Edges near start and goal are too expensive to cut.
     room = np.where(close[ends].any(axis=1), len(ends), 1).astype(np.int32)
     capacity = csr_array((room, (ends[:, 0], ends[:, 1])), (len(nodes), len(nodes)))
     left = capacity - maximum_flow(capacity, start, goal).flow

@@ -1,7 +1,7 @@
 """The ground truth of a map in simulation: exact poses of its nodes, and which of its edges are drivable.
 
-`ltvn_core.simulation.oracle_predictor` defines "drivable"; a turn on the spot is so, too. Edges are directed: the two
-directions of one prediction are two edges, and driving in reverse counts as driving.
+`ltvn_core.simulation.oracle_predictor` defines "drivable"; a turn on the spot is also drivable. Edges are directed: the
+two directions of one prediction are two edges, and driving in reverse counts as driving.
 """
 
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -21,15 +21,15 @@ from ltvn_core.simulation.oracle_predictor import MIN_CLEARANCE_M, is_drivable, 
 from ltvn_core.types import FrameId, NodeId, Observation, Pose
 
 MISLOCALISED_M = 1.5
-"""A robot farther than this from a node is not at it (ours; D_l is about 1 m)."""
+"""Distance from a node beyond which a robot is not at it (ours; D_l is about 1 m)."""
 MISLOCALISED_YAW_RAD = float(np.deg2rad(60))
-"""A robot whose heading differs from a node's by more than this is not at it."""
+"""Difference of heading from a node beyond which a robot is not at it."""
 MISLOCALISED_PATH_M = 2.0
-"""A robot with a longer path to a node than this, around a wall, is not at it."""
+"""Length of the path to a node, around a wall, beyond which a robot is not at it."""
 AT_ONE_PLACE_M = 0.5
-"""Between poses nearer than this, with nothing in between, the robot mostly turns."""
+"""Distance of two poses, without an obstacle between them, below which an edge is mainly a turn."""
 RECOGNISABLE_DISTANCE = 0.75
-"""A robot closer to a node than this d (Eq. 2) should recognise it: half a metre and 20 degrees (ours; within D_l)."""
+"""d (Eq. 2) within which a robot should recognise a node: half a metre and 20 degrees (ours; within D_l)."""
 
 
 class GroundTruth:
@@ -42,7 +42,7 @@ class GroundTruth:
         *,
         poses: Mapping[FrameId, Pose] | None = None,
     ) -> None:
-        """Ask `observation` for the image of a node, once per node not in `poses`.
+        """Call `observation` for the image of a node, once per node that is not in `poses`.
 
         Node ids are frame ids and nodes never move, so results are cached even when the map changes.
         """
@@ -57,7 +57,7 @@ class GroundTruth:
             exact = self._observation(node).exact_pose
             if exact is None:
                 raise MapError(
-                    f"The image of node {node} has no exact pose, so nobody knows what is true; it was not taken in "
+                    f"The image of node {node} has no exact pose, because it was not taken in "
                     "simulation. Evaluate maps of drives through simulated scenes."
                 )
             self._poses[node] = exact
@@ -111,14 +111,14 @@ class GroundTruth:
 
 
 def _is_turn(clearance: ClearanceMap, sources: Pose, targets: Pose) -> NDArray[np.bool_]:
-    """Tell for N pairs of poses (N, 3) whether they are at one place: there a robot can turn, however far."""
+    """Return whether N pairs of poses (N, 3) are at one place, where a robot can turn by any angle."""
     turns = np.hypot(*(targets - sources)[:, :2].T) <= AT_ONE_PLACE_M
     turns[turns] = is_line_free(clearance, sources[turns], targets[turns])
     return turns
 
 
 def shortest_m(clearance: ClearanceMap, start: Pose, goal: Pose) -> float:
-    """Return the metres of the shortest feasible path between poses (3,), for SPL; inf if there is none.
+    """Return the length in metres of the shortest feasible path between poses (3,), for SPL; inf if there is none.
 
     At most 3 % too long, because ways around corners follow the grid of the clearance map.
     """

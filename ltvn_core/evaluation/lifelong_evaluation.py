@@ -1,8 +1,8 @@
-"""The lifelong evaluation: queries with maintenance, and at intervals the static test with the map of that time.
+"""The lifelong evaluation: queries with maintenance, and at intervals the static test with the current map.
 
 A query goes from a random image of the mapping drive to a random node. Edges that it prunes are driven afterwards to
-find out whether they were bad; the map does not use that. The queries of one map run one after the other; those of
-different maps, and the static tests of existing maps, run in parallel.
+check whether they were bad; the map does not use the result. The queries of one map run one by one; those of different
+maps, and the static tests of existing maps, run in parallel.
 """
 
 from collections.abc import Iterable, Sequence
@@ -46,7 +46,7 @@ from ltvn_core.types import FrameId
 
 
 class LifelongDrive:
-    """A map after some queries, which further ones change."""
+    """A map after some queries, which further queries change."""
 
     def __init__(self, plan: TrialPlan, files: TrialFiles, first: int) -> None:
         """Load the map after `first` queries, with its scene and network."""
@@ -56,7 +56,7 @@ class LifelongDrive:
         self._runner = open_runner(plan, files, first, maintain=True)
         self._drive_truth = prepare(plan, files)
         self._pruned: dict[int, tuple[Edge, ...]] = {}
-        """The edges that each query pruned, as they were before it."""
+        """The edges that each query pruned, in their state before the query."""
 
     def run(self, query: int) -> QueryResult:
         """Drive a query."""
@@ -84,7 +84,7 @@ class LifelongDrive:
         )
 
     def save_map(self, queries: int) -> None:
-        """Save the map as it is after a number of queries."""
+        """Save the map after a number of queries."""
         plan = self._plan
         settings = {"seed": plan.seed, "queries": queries}
         self._runner.save_map(self._files.map(queries), settings, origin=self._files.map(self._first))
@@ -114,15 +114,15 @@ class LifelongDrive:
                 )
 
     def _first_frame(self, query: int) -> FrameId:
-        """Return the number of a query's first image: no query takes more images than it has steps."""
+        """Return the number of a query's first image; a query takes at most one image per step."""
         steps = self._plan.protocol.steps_in(self._runner.scene)
         return max(self._drive_truth.frames) + 1 + query * (steps + 1)
 
 
 ATTEMPTS_PER_EDGE = 4
-"""Attempts at each edge (ours)."""
+"""Number of attempts at each edge (ours)."""
 _MAX_STARTS = 3 * ATTEMPTS_PER_EDGE
-"""An attempt does not count if the robot does not localise at the source, so some more are allowed."""
+"""Maximum number of starts per edge, more than attempts, because a robot that is not localised does not count."""
 
 
 def bad_edges(runner: EpisodeRunner, pruned: Iterable[Edge], seed: int) -> set[EdgeKey]:
@@ -181,14 +181,14 @@ def _imaged_scene(runner: EpisodeRunner) -> ImagedScene:
 
 @dataclass(frozen=True, slots=True)
 class LifelongSchedule:
-    """Number of queries, and when the map is tested."""
+    """Number of queries, and interval of the tests."""
 
     queries: int = 700
-    """With maintenance (paper)."""
+    """Number of queries with maintenance (paper)."""
     every: int = 100
-    """Queries between two static tests (paper)."""
+    """Number of queries between two static tests (paper)."""
     episodes: int = 500
-    """Of each static test (paper)."""
+    """Number of episodes in each static test (paper)."""
 
     def __post_init__(self) -> None:
         if min(self.queries, self.every, self.episodes) < 1:
@@ -204,7 +204,7 @@ class LifelongSchedule:
 
     @property
     def segments(self) -> tuple[Queries | Episodes, ...]:
-        """The static tests, and the queries between them."""
+        """The static tests and the queries between them."""
         tests = (Episodes(at, self.episodes) for at in self.points)
         return (*tests, *(Queries(first, until) for first, until in pairwise(self.points)))
 
@@ -226,8 +226,8 @@ def run_lifelong(
 ) -> list[LifelongResult]:
     """Run the lifelong evaluation of several plans, one scene and seed each; existing results are only read.
 
-    A `part` runs its share of the plans, and returns the results of all that are done by then, whoever ran them. Raises
-    OptionError if the folder has results of other settings.
+    A `part` runs its share of the plans, and returns the results of all finished plans of all parts. Raises OptionError
+    if the folder has results with other settings.
     """
     jobs = prepare_all(part.of(plans), folder, parallel, progress)
     run_segments([_scheduled(plan, files, schedule) for plan, files in jobs], parallel, progress)

@@ -1,7 +1,7 @@
 """Measures the constants of Eq. 3 and Eq. 4, and the errors of r and waypoints, on drives through simulated scenes.
 
-Half of the attempts are at true edges and half at false ones, with the same number in each scene. What one scene gave
-may be kept in a file, so that scenes can be measured apart.
+Half of the attempts are at true edges and half at false ones, with the same number in each scene. The results of one
+scene can be saved to a file, so that scenes can be measured separately.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -40,20 +40,20 @@ _ATTEMPTS = np.dtype([("true", "?"), ("connected", "?"), ("succeeded", "?"), ("a
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SceneFigures:
-    """The figures of one scene."""
+    """Measurements in one scene."""
 
     scene: str
     images: int
     errors: Columns
-    """Of each reachable pair: of its position, of d, its straight distance and overlap, and whether it is an edge."""
+    """Per reachable pair: errors of position and d, straight distance, overlap, and whether it is an edge."""
     pairs: Columns
-    """Of each ordered pair: r, and the truth."""
+    """Per ordered pair: r, and whether it is reachable."""
     attempts: Columns
-    """Of each edge that was driven: whether it is true and joined, and whether the robot said and did arrive."""
+    """Per driven edge: whether it is true, joined, judged a success, and truly reached."""
     not_begun: int
 
     def save(self, path: Path) -> None:
-        """Write a file, whole or not at all. Raises OSError."""
+        """Write a file atomically. Raises OSError."""
         with atomic_replacement(path) as part, part.open("wb") as file:
             np.savez_compressed(
                 file,
@@ -67,7 +67,7 @@ class SceneFigures:
 
     @classmethod
     def load(cls, path: Path) -> "SceneFigures":
-        """Read what `save` wrote. Raises OptionError for any other file."""
+        """Read a file from `save`. Raises OptionError for any other file."""
         try:
             with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
                 return cls(
@@ -85,7 +85,7 @@ class SceneFigures:
 def scene_figures(
     drive: PredictedDrive, edges: NDArray[np.bool_], attempted: Sequence[MeasuredAttempt], *, not_begun: int
 ) -> SceneFigures:
-    """Return the figures of a drive, of its edges (N, N) and of those that were driven."""
+    """Return the measurements of a drive, of its edges (N, N) and of the driven edges."""
     true, predicted = (waypoints[drive.reachable] for waypoints in (drive.waypoints, drive.predicted.waypoints))
     errors = np.empty(len(true), _ERRORS)
     errors["position_m"] = np.hypot(*(predicted - true)[:, :2].T)
@@ -110,7 +110,7 @@ def scene_figures(
 
 DISTANCE_BINS_M = (0.0, 0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 2.5)
 OVERLAP_BINS = tuple(np.linspace(ReachabilityLimits().overlap, 1, 5).tolist())
-"""Pairs with less overlap are not reachable."""
+"""Limits of bins of overlap; pairs with less overlap are not reachable."""
 
 AttemptCallback = Callable[[], object]
 """Called after every attempt."""
@@ -129,7 +129,7 @@ def measure_scene(
     spec: RobotSpec = LOCOBOT,
     body: BodyName = "auto",
 ) -> SceneFigures:
-    """Predict all pairs of a drive, and let a robot of `spec` drive `attempts` of its edges or all if there are fewer.
+    """Predict all pairs of a drive, and let a robot of `spec` drive `attempts` of its edges, or all if there are fewer.
 
     Raises SceneError.
     """

@@ -27,19 +27,19 @@ class EvaluationMetrics:
     trials: int
     episodes: int
     success_rate: Estimate
-    """Its interval is never narrower than Wilson's over all episodes, which is not empty at 0 % and 100 %."""
+    """Success rate; its interval is never narrower than Wilson's, which is not empty at 0 % and 100 %."""
     spl: Estimate
     """Success weighted by path length."""
     collisions_per_episode: Estimate
     steps_per_episode: Estimate
     time_s: Estimate
-    """Simulated time of an episode."""
+    """Mean simulated time of an episode, in seconds."""
     path_m: Estimate
-    """Driven length of an episode."""
+    """Mean driven length of an episode, in metres."""
     failures: dict[str, int]
-    """Episodes by cause, every cause that there is."""
+    """Number of failed episodes by cause, for all causes."""
     nodes: float
-    """Mean over trials, as the following fields."""
+    """Mean number of nodes over trials; the following fields are also means."""
     edges: float
     spurious_edges: float
     pieces: float
@@ -88,18 +88,18 @@ def count_failures(trials: Sequence[TrialResult]) -> dict[str, int]:
 
 @dataclass(frozen=True, slots=True)
 class RecognitionShares:
-    """How far episodes came, and how often the robot took a place for another; nan where there is nothing to share."""
+    """Progress of episodes, and shares of wrong localisations and arrivals; nan for a share of nothing."""
 
     crossed: float
-    """Share of the checkpoints that were crossed, each episode counting the same (see `episode_runner.Checkpoints`)."""
+    """Share of crossed checkpoints, with equal weight per episode (see `episode_runner.Checkpoints`)."""
     mislocalised: float
-    """Share of the localisations that named a node where the robot was not."""
+    """Share of localisations at a node where the robot was not."""
     wrong_arrivals: float
-    """Share of the arrivals that the robot declared and that were none."""
+    """Share of the robot's declared arrivals that were wrong."""
 
 
 def recognition_of(trials: Sequence[TrialResult]) -> RecognitionShares | None:
-    """Return the shares over all episodes; None for results that were made before they were counted."""
+    """Return the shares over all episodes; None for older results without these counts."""
     episodes = _episodes(trials)
     if any(each.crossed is None for each in episodes):
         return None
@@ -123,7 +123,7 @@ class MethodDifference:
     collisions_per_episode: Estimate
     steps_per_episode: Estimate
     paired: bool
-    """Whether episodes were compared one by one, because both methods drove the same ones."""
+    """Whether episodes were compared in pairs, because both methods drove the same ones."""
 
 
 def compare_methods(first: Sequence[TrialResult], second: Sequence[TrialResult]) -> MethodDifference:
@@ -185,14 +185,14 @@ class StaticTestMetrics:
     """Metrics of the static test after a number of queries."""
 
     queries: int
-    """Number of queries before it."""
+    """Number of queries before the test."""
     success_rate: float
     success_low: float
-    """95 % interval."""
+    """Lower end of the 95 % interval."""
     success_high: float
     collisions_per_episode: float
     nodes: float
-    """Mean over the maps, as are the edges."""
+    """Mean number of nodes over the maps; the number of edges is also a mean."""
     edges: float
     spurious_share: float
     """Share of the edges that are spurious."""
@@ -207,20 +207,20 @@ class LifelongMetrics:
     after: StaticTestMetrics
     """The static test with the maps after all queries."""
     queries: int
-    """With maintenance, in all maps together."""
+    """Number of queries with maintenance, in all maps together."""
     reached_share: float
-    """Of these queries."""
+    """Share of these queries that reached the goal."""
     collisions_per_query: float
     pruned: int
-    """Edges that left the maps."""
+    """Number of pruned edges."""
     pruned_bad_share: float | None
-    """Share of them that are spurious or that the robot could not drive; None if none was pruned."""
+    """Share of pruned edges that are spurious or that the robot could not drive; None if none was pruned."""
     pruned_spurious: int
-    """Number of them that are spurious by the ground truth."""
+    """Number of pruned edges that are spurious by the ground truth."""
     added_nodes: int
     added_edges: int
     added_spurious: int
-    """Added edges that are spurious."""
+    """Number of added edges that are spurious."""
 
 
 def lifelong_metrics(results: Sequence[LifelongResult]) -> LifelongMetrics:

@@ -1,7 +1,7 @@
-"""What goes wrong with a robot's camera: each a function of one observation, with a strength in physical units.
+"""Perturbations of a robot's camera: functions of one observation, with a strength in physical units.
 
-Owns their names and a robot with such a camera. Light is linear in these computations and pictures are not, so pictures
-are taken to the power of 2.2 and back; what goes wrong with colours leaves depth as it is.
+Owns their names and a robot with such a camera. Colours are converted to linear light, by a power of 2.2, and back.
+Perturbations of colours do not change depth.
 """
 
 import math
@@ -25,7 +25,7 @@ _GAMMA = 2.2
 
 @dataclass(frozen=True, slots=True)
 class MotionBlur:
-    """The robot turns while the shutter is open: everything becomes a streak along the rows."""
+    """Motion blur along the rows, because the robot turns while the shutter is open."""
 
     camera: CameraModel
     swept_rad: float = 0.03
@@ -41,10 +41,10 @@ class MotionBlur:
 
 @dataclass(frozen=True, slots=True)
 class WrongExposure:
-    """The shutter is open too long or too short, as after the step from a corridor to a window."""
+    """Wrong exposure time, as after the step from a corridor to a window."""
 
     stops: float = 1.5
-    """By so many stops, each a factor of two in light, up or down."""
+    """Error in stops, each a factor of two in light, up or down."""
 
     def __call__(self, seen: Observation, rng: np.random.Generator) -> Observation:
         """Return the observation too bright or too dark."""
@@ -53,15 +53,15 @@ class WrongExposure:
 
 @dataclass(frozen=True, slots=True)
 class Flare:
-    """A lamp or the sun shines into the lens: a bright spot, and a veil over the whole picture."""
+    """Flare of a lamp or the sun in the lens: a bright spot, and a veil over the whole image."""
 
     camera: CameraModel
     spot_rad: float = math.radians(8)
     """Radius of the spot, where its light has fallen to 60 %."""
     spot_light: float = 2.0
-    """Light in its middle; 1 is what makes a pixel white."""
+    """Light in the middle of the spot; 1 makes a pixel white."""
     veil_light: float = 0.15
-    """Light that is added everywhere."""
+    """Light that is added to the whole image."""
 
     def __call__(self, seen: Observation, rng: np.random.Generator) -> Observation:
         """Return the observation with a light somewhere in its upper half."""
@@ -76,10 +76,10 @@ class Flare:
 
 @dataclass(frozen=True, slots=True)
 class SensorNoise:
-    """Few photons reach the sensor, as in a dark room: noise that grows with the root of the light."""
+    """Sensor noise with few photons, as in a dark room; it grows with the square root of the light."""
 
     full_well: float = 400.0
-    """Photons that make a pixel white; a good picture has ten thousand."""
+    """Number of photons that make a pixel white; ten thousand in a good image."""
     read_noise: float = 4.0
     """Standard deviation of reading a pixel, in photons."""
 
@@ -93,7 +93,7 @@ class SensorNoise:
 
 @dataclass(frozen=True, slots=True)
 class WrongWhiteBalance:
-    """The camera takes lamp light for daylight, or the reverse: red and blue are wrong against each other."""
+    """Wrong white balance between lamp light and daylight: the ratio of red to blue is wrong."""
 
     gain: float = 1.35
     """Red grows by this factor while blue shrinks by it, or the reverse; about 1,500 kelvin."""
@@ -106,10 +106,10 @@ class WrongWhiteBalance:
 
 @dataclass(frozen=True, slots=True)
 class StrongCompression:
-    """The picture came over a poor link, as a JPEG of low quality."""
+    """JPEG of low quality, as over a poor link."""
 
     quality: int = 15
-    """Of 100."""
+    """JPEG quality, from 0 to 100."""
 
     def __call__(self, seen: Observation, rng: np.random.Generator) -> Observation:
         """Return the observation as it is after compression."""
@@ -134,7 +134,7 @@ _MOST_TRIES = 100
 
 @dataclass(frozen=True, slots=True)
 class DepthHoles:
-    """Glass, shine and black surfaces return nothing, and what does return is noisy."""
+    """Holes in depth, as on glass, shiny and black surfaces, and noise elsewhere."""
 
     share: float = 0.4
     """Share of the pixels in holes."""
@@ -142,7 +142,7 @@ class DepthHoles:
     """Standard deviation of depth, as a share of it per metre: a structured-light camera's grows with the square."""
 
     def __call__(self, seen: Observation, rng: np.random.Generator) -> Observation:
-        """Return the observation with worse depth; one without depth as it is."""
+        """Return the observation with worse depth; one without depth unchanged."""
         if seen.depth is None:
             return seen
         spread = self.noise_per_m * seen.depth**2
@@ -165,14 +165,14 @@ class DepthHoles:
 
 @dataclass(frozen=True, slots=True)
 class OtherLens:
-    """The lens is not the one that was calibrated: a little longer, and with barrel distortion that nobody corrects."""
+    """A lens other than the calibrated one: a little longer, and with uncorrected barrel distortion."""
 
     camera: CameraModel
-    """As calibrated."""
+    """The camera as calibrated."""
     focal_factor: float = 1.06
-    """Its focal length against the calibrated one."""
+    """Ratio of the focal length to the calibrated one."""
     barrel: float = -0.08
-    """Its first radial coefficient, k1."""
+    """First radial coefficient of the distortion, k1."""
 
     def __call__(self, seen: Observation, rng: np.random.Generator) -> Observation:
         """Return the observation as the other lens takes it."""
@@ -190,12 +190,12 @@ class OtherLens:
 
 @dataclass(frozen=True, slots=True)
 class FrameLoss:
-    """Frames do not arrive, several in a row, as over a busy link."""
+    """Bursts of lost frames, as over a busy link."""
 
     share: float = 0.4
-    """Of all frames."""
+    """Share of lost frames."""
     burst: float = 6.0
-    """Frames that are lost in a row, on average."""
+    """Mean number of consecutive lost frames."""
 
     def is_lost(self, rng: np.random.Generator, *, was_lost: bool) -> bool:
         """Draw whether the next frame is lost."""
@@ -212,7 +212,7 @@ class FrameLoss:
 
 
 DROPPED_FRAMES = "dropped-frames"
-"""Not a change of one image, so not in the table: `FrameLoss` draws which frames never arrive."""
+"""Name of the loss of frames, which `FrameLoss` draws; not in the table, because it changes no image."""
 ALL = "all"
 
 
@@ -220,7 +220,7 @@ class Perturbation(Protocol):
     """Makes one observation worse."""
 
     def __call__(self, seen: Observation, rng: np.random.Generator) -> Observation:
-        """Return a worse observation of the same size; the one that comes in stays as it is."""
+        """Return a worse observation of the same size; the argument is not changed."""
         ...
 
 
@@ -236,13 +236,13 @@ _TABLE: Mapping[str, Callable[[CameraModel], Perturbation]] = {
 }
 
 PERTURBATIONS = (*_TABLE, DROPPED_FRAMES)
-"""All names."""
+"""All names of perturbations."""
 
 
 def chosen_perturbations(names: Sequence[str]) -> tuple[str, ...]:
-    """Return names of perturbations, each once; `all` stands for every one.
+    """Return names of perturbations, each once; `all` stands for all of them.
 
-    Raises OptionError for a name that is none.
+    Raises OptionError for an unknown name.
     """
     chosen = tuple(dict.fromkeys(names))
     if chosen == (ALL,):
@@ -261,18 +261,18 @@ def open_perturbation(name: str, camera: CameraModel) -> Perturbation:
 
 
 def perturb_all(observations: Sequence[Observation], perturbation: Perturbation, *, seed: int) -> list[Observation]:
-    """Return worse observations; what happens to an image depends on the seed and on its step alone."""
+    """Return worse observations; the perturbation of an image depends only on the seed and on its step."""
     return [perturbation(seen, np.random.default_rng([seed, abs(seen.step)])) for seen in observations]
 
 
 class PerturbedRobot(RobotView):
-    """Makes worse what a robot sees.
+    """A robot with perturbations of its camera.
 
-    A frame that is lost leaves the picture of the last one that arrived, with the odometry of now.
+    A lost frame is replaced by the image of the last one that arrived, with the current odometry.
     """
 
     def __init__(self, robot: Robot, perturbations: Sequence[str], *, seed: int) -> None:
-        """Look through all of `perturbations` at once, names of `PERTURBATIONS`; `seed` draws what varies."""
+        """Apply all of `perturbations`, names of `PERTURBATIONS`, to each image; `seed` draws their random parts."""
         names = [name for name in perturbations if name != DROPPED_FRAMES]
         super().__init__(robot)
         self._seed = seed

@@ -1,9 +1,9 @@
 """A simulated mapping drive with labels and predictions for all ordered image pairs, and its edges for measuring Eq. 3.
 
-Such edges are those that the method would put into a map, true and false ones. An edge is true if the pair is reachable
-in the direction of the prediction, or, where the method predicts both directions and drives one in reverse, in either.
-It is false if the robot could not drive it. Pairs in between (drivable, but with too little overlap to be labelled
-reachable) are no evidence for Eq. 3. No robot is driven.
+These are the edges that the method would add to a map, true and false ones. An edge is true if the pair is reachable in
+the direction of the prediction, or, if the method predicts both directions and drives one in reverse, in either one. It
+is false if the robot could not drive it. Pairs in between (drivable, but with too little overlap to be labelled
+reachable) are no evidence for Eq. 3. Drives no robot.
 """
 
 from collections.abc import Iterator, Mapping
@@ -45,7 +45,7 @@ class ImagedScene:
     """The robot that took the images."""
 
     def farthest_from(self, source: FrameId, *, other_than: FrameId) -> FrameId:
-        """Return the image taken farthest from `source`, which is neither that one nor `other_than`."""
+        """Return the image taken farthest from `source`, other than `source` and `other_than`."""
         here = self.poses[source]
         others = [frame for frame in self.poses if frame not in (source, other_than)]
         return max(others, key=lambda frame: float(np.hypot(*(self.poses[frame] - here)[:2])))
@@ -66,11 +66,11 @@ class PredictedDrive:
     waypoints: Waypoint
     """(N, N, 3) true pose of the target in the frame of the source."""
     reachable: NDArray[np.bool_]
-    """(N, N) by the criteria of the dataset."""
+    """(N, N) whether a pair is reachable by the criteria of the dataset."""
     overlap: NDArray[np.float32]
-    """(N, N) share of the target's points that the source sees; nan where not measured."""
+    """(N, N) share of the target's points that the source sees; nan if not measured."""
     predicted: Prediction
-    """(N, N) and (N, N, 3)."""
+    """Predicted r (N, N) and waypoints (N, N, 3)."""
     spec: RobotSpec = LOCOBOT
     """The robot that took the images."""
 
@@ -95,7 +95,7 @@ def predict_drive(
     keyframes = KeyframeStore(predictor)
     keyframes.add(observations)
     first, second = np.divmod(np.arange(images**2), images)
-    # Labels are of poses and not of cameras, so they come from the depth of the dataset's.
+    # Labels depend on poses instead of cameras, so they are computed with depth of the dataset's camera.
     depth_mm = np.rint(np.stack([renderer.render(pose, LOCOBOT.camera)[1] for pose in poses]) * 1000).astype(np.uint16)
     labels = label_image_pairs(
         DatasetScene(scene.name, scene.clearance, renderer), poses, depth_mm, first, second, ReachabilityLimits()
@@ -122,7 +122,7 @@ def _observe(renderer: Renderer, pose: Pose, frame: int, spec: RobotSpec) -> Obs
 
 
 _MIN_FRAME_GAP = 2
-"""Of pairs whose images are closer in time than this many frames, only one is used."""
+"""Number of frames below which two pairs count as nearly the same, so that only one is used."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -132,20 +132,20 @@ class EdgeProposal:
     source: FrameId
     target: FrameId
     waypoint: Waypoint
-    """(3,) as the method would write it into the map."""
+    """(3,) waypoint that the edge would have in the map."""
     reachability: float
-    """The method's r, with temporal support where the method asks for it."""
+    """The method's r, with temporal support if the method uses it."""
     true: bool
     """Whether the edge is true."""
     connected: bool
-    """Whether the method would put it into the map."""
+    """Whether the method would add the edge to the map."""
 
 
 class EdgeProposals:
     """The edges of one drive."""
 
     def __init__(self, drive: PredictedDrive, predictor: Predictor, method: Method) -> None:
-        """Compare all pairs as the method would, but for temporal support, which is asked for one by one."""
+        """Compare all pairs as the method would, without temporal support, which is computed per pair on demand."""
         self._drive = drive
         self._method = method
         self._matcher = Matcher(predictor, drive.keyframes, method.matching)
@@ -175,8 +175,7 @@ class EdgeProposals:
     def false_edges(self, rng: np.random.Generator) -> Iterator[EdgeProposal]:
         """Yield false edges: first those that the method would add, then the others in order of r.
 
-        It ends at the r below which the method would stop an attempt: pairs with a lower r are nothing like an edge of
-        a map.
+        Ends at the r below which the method would stop an attempt, because no edge of a map has a lower r.
         """
         likely = self._near() & (self._reachability > self._method.driving.lost_reachability)
         pairs = rng.permutation(np.argwhere(self._false & likely))

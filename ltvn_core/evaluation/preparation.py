@@ -1,6 +1,6 @@
 """Prepares a trial: mapping drive, goals and episodes, fine-tuned weights, and map.
 
-Each file is written once, complete or not at all, so that an interrupted evaluation continues where it stopped.
+Each file is written once and atomically, so that an interrupted evaluation continues where it stopped.
 """
 
 import json
@@ -38,7 +38,7 @@ from ltvn_core.types import FrameId, Observation, is_usable
 _LOG = logging.getLogger(__name__)
 
 _BUILDS_WITH = ("matching", "building", "planning", "believing")
-"""Groups of thresholds that a build reads; methods that differ in others alone share their map."""
+"""Groups of thresholds that affect a build; methods that differ only in other groups share their map."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,9 +49,9 @@ class DriveGroundTruth:
     poses: tuple[PoseRow, ...]
     goals: tuple[FrameId, ...]
     collisions: int
-    """Collisions during the drive."""
+    """Number of collisions during the drive."""
     without_depth: int = 0
-    """Images without depth; none of them is a goal, and no map is built from them."""
+    """Number of images without depth, which are neither goals nor part of a map."""
 
     def episodes(self, count: int, seed: int) -> tuple[EpisodePlan, ...]:
         """Draw episodes; a larger number begins with the same ones."""
@@ -70,10 +70,10 @@ def prepare(plan: TrialPlan, files: TrialFiles) -> DriveGroundTruth:
 
 
 def _weights(plan: TrialPlan, files: TrialFiles, log: PreparationLog) -> Path:
-    """Return the weights of a plan, fine-tuned on its drive if it says so; weights of the same run are made once."""
+    """Return the weights of a plan, fine-tuned on its drive if the plan asks for it; equal plans share them."""
     if not plan.finetuned:
         return plan.start_weights
-    # Only here, because learning takes long to load and a map that is there already needs none.
+    # Imported here, because learning takes long to import and an existing map does not need it.
     from ltvn_core.network.optimization.fine_tuning_loop import FineTuningPlan
     from ltvn_core.training.fine_tuning import FineTuningProvenance, fine_tune
     from ltvn_core.training.fine_tuning_data import label_drive
@@ -152,7 +152,7 @@ def _build(
     weights: Path,
     log: PreparationLog,
 ) -> None:
-    """Build the map of a plan, or take it from another plan that builds the same one from the same drive."""
+    """Build the map of a plan, or share that of another plan with the same drive and settings."""
     scene = load_scene(plan.scene)
     predictor = open_predictor(plan.predictor, plan.scene, weights)
     system = open_planned_system(plan, predictor, scene, maintain=False)
@@ -177,7 +177,7 @@ def _built_map(
     plan: TrialPlan, files: TrialFiles, drive_truth: DriveGroundTruth, empty: TopologicalMap, log: PreparationLog
 ) -> TopologicalMap:
     observations = _observations(files.drive)
-    # A drive of an earlier version may have a goal without depth, which then is no node: its episodes find no path.
+    # A drive of an earlier version may have a goal without depth, which does not become a node.
     usable = {seen.step for seen in observations if is_usable(seen, empty.predictor)}
     goals = [goal for goal in drive_truth.goals if goal in usable]
     empty.build(
@@ -193,7 +193,7 @@ def _built_map(
 
 
 def _share(built: Path, wanted: Path) -> None:
-    """Let a second path lead to a file that nobody changes, by a copy where the disk knows no links."""
+    """Link a read-only file at a second path, or copy it if the file system has no links."""
     wanted.parent.mkdir(parents=True, exist_ok=True)
     try:
         os.link(built, wanted)

@@ -1,7 +1,7 @@
 """The evaluation protocol of the paper (section V): a mapping drive, ten goal images, and random episodes.
 
-Every method gets the same drive, goals and episodes, under the usual conditions or under harder ones, whose names are
-in `condition_names`. Drives no robot.
+All methods get the same drive, goals and episodes, under the usual conditions or under harder ones, whose names are in
+`condition_names`. Drives no robot.
 """
 
 from collections.abc import Collection, Sequence
@@ -25,9 +25,9 @@ if TYPE_CHECKING:
 USUAL_LOOPS = 3
 _SMALL_M2 = 100.0
 _MIN_EPISODE_M = 1.0
-"""Smallest straight distance between start and goal."""
+"""Least straight distance between start and goal, in metres."""
 _MIN_GOAL_GAP_M = 1.5
-"""Goals are at least this far apart where the scene is large enough."""
+"""Least distance between two goals if the scene is large enough, in metres."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,24 +35,24 @@ class EvaluationProtocol:
     """Parameters of the evaluation."""
 
     loops: int = USUAL_LOOPS
-    """Rounds of the mapping drive (paper: 3 to 4)."""
+    """Number of loops of the mapping drive (paper: 3 to 4)."""
     goals: int = 10
-    """Goal images (paper)."""
+    """Number of goal images (paper)."""
     episodes: int = 500
-    """Random episodes (paper)."""
+    """Number of random episodes (paper)."""
     distance_noise: float = 0.02
     """Standard deviation of odometry's error in distance, as a share of the distance (ours)."""
     angle_noise: float = 0.01
     """Standard deviation of odometry's error in angle, as a share of the angle (ours)."""
     step_limit: int | None = None
-    """K: control steps of 0.1 s after which an episode failed; None is the paper's, 1,000 below 100 m2 of floor and
+    """K: maximum number of control steps of 0.1 s in an episode; None is the paper's, 1,000 below 100 m2 of floor and
     2,000 above."""
     collision_limit: int = 20
-    """An episode with more collisions than this fails (paper)."""
+    """Maximum number of collisions in an episode that does not fail (paper)."""
     slips_per_m: float = 0.0
-    """How often the wheels slip, per metre driven or radian turned."""
+    """Number of wheel slips per metre driven or radian turned."""
     body: BodyName = "auto"
-    """What moves the simulated robot."""
+    """Body of the simulated robot, see `ltvn_core.simulation.body_selection`."""
 
     def __post_init__(self) -> None:
         if self.loops < 1 or self.goals < 2 or self.episodes < 1 or self.collision_limit < 0:
@@ -101,7 +101,7 @@ def choose_goals(
     while len(chosen) < count:
         for pool in pools[: count - len(chosen)]:
             chosen.append(_apart(np.setdiff1d(pool, chosen), poses, chosen, rng))
-        # Where the rooms have too few images, those taken between them will do.
+        # If the rooms have too few images, goals may lie between rooms.
         pools = [pool for pool in pools if len(np.setdiff1d(pool, chosen))] or [np.arange(len(frames))]
     return tuple(frames[k] for k in chosen)
 
@@ -109,9 +109,9 @@ def choose_goals(
 def draw_episodes(
     frames: Sequence[FrameId], poses: Pose, goals: Sequence[FrameId], count: int, rng: np.random.Generator
 ) -> tuple[EpisodePlan, ...]:
-    """Draw episodes from a random image to a random goal that is somewhere else.
+    """Draw episodes from a random image to a random goal at another place.
 
-    `poses` (N, 3) are the exact poses of the N frames. Raises OptionError where none is far enough from any goal.
+    `poses` (N, 3) are the exact poses of the N frames. Raises OptionError if none is far enough from any goal.
     """
     row = {frame: k for k, frame in enumerate(frames)}
     from_goals = poses[None, :, :2] - poses[[row[goal] for goal in goals], None, :2]
@@ -130,7 +130,7 @@ def draw_episodes(
 
 
 def _images_by_room(scene: "Scene", poses: Pose) -> list[np.ndarray]:
-    """Return the images taken in each room, the largest room first; all of them where no room has any."""
+    """Return the images taken in each room, the largest room first; all images if no room has any."""
     x = poses[:, 0]
     y = poses[:, 1]
     rooms = sorted(scene.rooms, key=lambda room: -room.area_m2)
@@ -139,7 +139,7 @@ def _images_by_room(scene: "Scene", poses: Pose) -> list[np.ndarray]:
 
 
 def _apart(pool: np.ndarray, poses: Pose, chosen: Sequence[int], rng: np.random.Generator) -> int:
-    """Draw one of a pool of images, away from those already chosen if possible."""
+    """Draw an image from a pool, far from those already chosen if possible."""
     if chosen:
         gaps = np.linalg.norm(poses[pool, None, :2] - poses[None, list(chosen), :2], axis=-1).min(1)
         pool = pool[gaps >= min(_MIN_GOAL_GAP_M, gaps.max())]
@@ -153,29 +153,29 @@ _HALF_LIGHT = Light.of(0.5, 0.0)
 
 
 def protocol_under(protocol: EvaluationProtocol, conditions: Collection[str]) -> EvaluationProtocol:
-    """Return the protocol as it is under some conditions."""
+    """Return the protocol under some conditions."""
     if "slip" in conditions:
         protocol = replace(protocol, **_SLIPPING)
     return replace(protocol, loops=1) if "one-loop" in conditions else protocol
 
 
 def light_under(conditions: Collection[str]) -> Light:
-    """Return the light in which the episodes are driven."""
+    """Return the light of the episodes under some conditions."""
     return _HALF_LIGHT if "half-light" in conditions else PLAIN_LIGHT
 
 
 def drive_conditions(conditions: Collection[str]) -> tuple[str, ...]:
-    """Return those conditions under which the mapping drive is another one, in order."""
+    """Return the conditions that change the mapping drive, in order."""
     return tuple(name for name in _OF_THE_DRIVE if name in conditions)
 
 
 def episode_conditions(conditions: Collection[str]) -> tuple[str, ...]:
-    """Return those that change the episodes alone, in order."""
+    """Return the conditions that change only the episodes, in order."""
     return tuple(name for name in CONDITION_NAMES if name in conditions and name not in _OF_THE_DRIVE)
 
 
 def told_conditions(protocol: EvaluationProtocol, conditions: Collection[str]) -> tuple[str, ...]:
-    """Return what tables name: the conditions in order, and another number of rounds than the usual one."""
+    """Return the conditions for tables, in order, and the number of mapping loops if it is not the usual one."""
     named = tuple(name for name in CONDITION_NAMES if name in conditions)
     usual = protocol.loops == USUAL_LOOPS or "one-loop" in named
     return named if usual else (*named, f"{protocol.loops} mapping loop{'s' if protocol.loops > 1 else ''}")

@@ -1,9 +1,9 @@
-"""What became of a query, as one row of a table, and the log of such rows.
+"""The result of a query, as one row of a table, and the log of such rows.
 
-Every runner of queries fills the columns that it knows. Field names are the keys of the JSON files and of the logs, so
-they stay; `CONVERTER` knows older ones. The log of an unfinished test has one line of JSON for each query, on disk as
-soon as the query is over: a test that is begun again reads it and runs only what is missing. Several processes that
-share a folder may append to one; a query that stands there twice counts once, by its last line.
+Each runner of queries fills the columns that it knows. Field names are the keys of the JSON files and of the logs, so
+they must not change; `CONVERTER` reads older ones. The log of an unfinished test has one line of JSON per query, on
+disk as soon as the query is over: a restarted test reads it and runs only the missing queries. Several processes that
+share a folder may append to one log; if a query has two lines, the last one counts.
 """
 
 import json
@@ -22,20 +22,20 @@ from ltvn_core.types import FrameId, NodeId
 
 
 class FailureCause(StrEnum):
-    """The cause to which the failure of an episode is attributed, by the ground truth."""
+    """Cause of the failure of an episode, by the ground truth."""
 
     WRONG_ARRIVAL = "wrong arrival"
-    """The robot decided that it had arrived, and had not."""
+    """The robot decided that it had arrived, but it had not."""
     SPURIOUS_EDGE = "spurious edge"
-    """It spent its time on spurious edges."""
+    """The robot spent its time on spurious edges."""
     MISLOCALISED = "mis-localised"
-    """It localised at a node where it was not."""
+    """The robot localised at a node where it was not."""
     COLLISION = "collision"
     """The controller collided too often, or was blocked."""
     NO_PATH = "no path"
     """The map has no path to the goal."""
     STEP_LIMIT = "step limit"
-    """It reached the step limit without another cause."""
+    """The robot reached the step limit without another cause."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +51,7 @@ class PresenceBin:
 
 @dataclass(frozen=True, slots=True)
 class PresenceScore:
-    """How good the predictions of one moment were, over the edges that the world ever closes."""
+    """Score of the predictions for one time, over the edges that the world ever closes."""
 
     predictions: int
     brier: float
@@ -62,23 +62,23 @@ class PresenceScore:
 
 @dataclass(frozen=True, slots=True)
 class EncounterCounts:
-    """Several encounters with people in numbers."""
+    """Counts over several encounters with people."""
 
     encounters: int = 0
     gave_way: int = 0
-    """In which the person had to step aside."""
+    """Number of encounters in which the person had to step aside."""
     touched: int = 0
     avoidable: int = 0
-    """Touches that an attentive driver would have avoided."""
+    """Number of contacts that an attentive driver would have avoided."""
     closest_m: float | None = None
-    """Least distance from surface to surface; None where nobody was met."""
+    """Least distance from surface to surface, in metres; None without encounters."""
     closest_each_m: tuple[float, ...] = ()
-    """The same of each encounter, in whole millimetres."""
+    """Least distance of each encounter, in metres, rounded to millimetres."""
     stood_s: float = 0.0
-    """Seconds for which the robot stood still in encounters; twice where there were two at once."""
+    """Time for which the robot stood still in encounters, in seconds; simultaneous encounters count separately."""
 
     def __add__(self, other: "EncounterCounts") -> "EncounterCounts":
-        """Count both."""
+        """Return the sums of two counts."""
         closest = [each for each in (self.closest_m, other.closest_m) if each is not None]
         return EncounterCounts(
             encounters=self.encounters + other.encounters,
@@ -93,14 +93,15 @@ class EncounterCounts:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class QueryResult:
-    """What became of one query; a column that its runner does not know holds its default."""
+    """Result of one query; columns that its runner does not know have their defaults."""
 
     query: int
     """Number of the query or episode in its test, from 0."""
     reached: bool
-    """Within 0.72 m and 0.4 rad (paper), and in episodes by the robot's own decision; by its belief without truth."""
+    """Whether the robot ended within 0.72 m and 0.4 rad (paper), in episodes also by its own decision; without ground
+    truth, whether the robot believes so."""
     outcome: str
-    """How it ended, as the robot sees it, see `navigation.events.Outcome`; "gone" where the map had lost the goal."""
+    """Outcome as the robot sees it, see `navigation.events.Outcome`; "gone" if the map had lost the goal."""
     start: FrameId | None = None
     """Image of the mapping drive at whose exact pose the robot started."""
     goal: NodeId | None = None
@@ -108,11 +109,11 @@ class QueryResult:
     steps: int = 0
     collisions: int = 0
     path_m: float = 0.0
-    """Driven length by odometry."""
+    """Driven length by odometry, in metres."""
 
-    # What it changed in the map.
+    # Changes of the map.
     pruned: int = 0
-    """Edges that left the map."""
+    """Number of pruned edges."""
     added_nodes: int = 0
     added_edges: int = 0
     nodes: int = 0
@@ -122,69 +123,69 @@ class QueryResult:
 
     # By the ground truth.
     failure: FailureCause | None = None
-    """None where the goal was reached."""
+    """Cause of the failure; None if the goal was reached."""
     trigger: FailureCause | None = None
     """The first cause since the last correct localisation; may differ from the one with most steps."""
     shortest_m: float | None = None
     """Length of the shortest feasible path from start to goal when the query began."""
     position_error_m: float | None = None
-    """Distance from the goal at the end."""
+    """Distance from the goal at the end, in metres."""
     yaw_error_rad: float | None = None
     checkpoints: int | None = None
-    """Checkpoints on the way from start to goal, see `episode_runner.Checkpoints`."""
+    """Number of checkpoints on the way from start to goal, see `episode_runner.Checkpoints`."""
     crossed: int | None = None
-    """How many of them the robot crossed."""
+    """Number of checkpoints that the robot crossed."""
     localised: int | None = None
-    """Localisations that found a node."""
+    """Number of localisations that found a node."""
     mislocalised: int | None = None
-    """Those of them at a node where the robot was not, most often one that looks alike."""
+    """Number of localisations at a node where the robot was not, usually a perceptual alias."""
     spurious_edges: int = 0
-    """Spurious edges in the map afterwards."""
+    """Number of spurious edges in the map afterwards."""
     pruned_bad: int = 0
-    """Pruned edges that are spurious or could not be driven by the robot."""
+    """Number of pruned edges that are spurious or could not be driven by the robot."""
     pruned_spurious: int = 0
-    """Pruned edges that are spurious."""
+    """Number of pruned edges that are spurious."""
     added_spurious: int = 0
-    """Added edges that are spurious."""
+    """Number of added edges that are spurious."""
 
     # In a world that changes.
     at_s: float = 0.0
-    """When it began: seconds from midnight of the first day."""
+    """Start of the query, in seconds from midnight of the first day."""
     cut_off: bool = False
-    """It failed, and at its end there was no way to the goal any more."""
+    """Whether it failed and no way to the goal was open at its end."""
     detour_m: float = 0.0
-    """How much longer the shortest way was than in the scene as it was made."""
+    """Additional length of the shortest way compared with the original scene, in metres."""
     blocked_tries: int = 0
-    """Attempts along edges that were closed at that moment."""
+    """Number of attempts along edges that were closed at that time."""
     door_tries: int | None = None
-    """Attempts through doors that were closed at that moment; None in older results, of worlds where only doors move,
-    so that they are the same as `blocked_tries`."""
+    """Number of attempts through doors that were closed at that time; None in older results of worlds in which only
+    doors move, where it equals `blocked_tries`."""
     doors_tried: tuple[int, ...] = ()
-    """Closed doors that it met: on these edges, or on edges of which the map learned that they are closed."""
+    """Closed doors that the robot met: on these edges, or on edges that the map learned to be closed."""
     doors_wanted: tuple[int, ...] = ()
-    """Doors that the map's best way led through at the beginning, if one knew which edges were open."""
+    """Doors on the best way in the map at the beginning, given which edges were truly open."""
     doors_used: tuple[int, ...] = ()
-    """Doors on edges that were driven with success."""
+    """Doors on edges that were driven successfully."""
     now: PresenceScore | None = None
-    """Predictions at the beginning for that moment."""
+    """Score of the predictions at the beginning for that time."""
     later: PresenceScore | None = None
-    """Predictions at the beginning for an hour later."""
+    """Score of the predictions at the beginning for an hour later."""
     lost_edges: int = 0
-    """True edges of the first map that are gone for ever."""
+    """Number of true edges of the first map that are missing now."""
     people: EncounterCounts = EncounterCounts()
-    """Whom the robot met on the way."""
+    """Encounters with people on the way."""
 
     # In a log of single queries.
     phase: str | None = None
-    """Part of a test on a robot to which it belongs."""
+    """Part of a test on a robot that the query belongs to."""
     judged_by: str | None = None
-    """Who says whether it was reached, on a robot: truth (its true pose), person, or belief (the robot itself)."""
+    """Source of `reached` on a real robot: truth (its true pose), person, or belief (the robot itself)."""
     seconds: float | None = None
-    """Time on the wall's clock that it took."""
+    """Duration of the query in real time, in seconds."""
 
     @property
     def spl(self) -> float:
-        """Success weighted by path length (Anderson et al. 2018), in [0, 1]; 0 where no path length is known."""
+        """Success weighted by path length (Anderson et al. 2018), in [0, 1]; 0 if the path length is unknown."""
         if not self.reached or self.shortest_m is None:
             return 0.0
         return self.shortest_m / max(self.path_m, self.shortest_m, 1e-9)
@@ -192,21 +193,21 @@ class QueryResult:
 
 @dataclass(frozen=True, slots=True)
 class QueryBatch:
-    """The results of some queries that were run one after the other."""
+    """The results of consecutive queries."""
 
     queries: tuple[QueryResult, ...]
     wall_s: float
 
 
 CONVERTER = cattrs.Converter(forbid_extra_keys=True)
-"""Reads and writes results of evaluations; a row is written without the columns that nobody filled."""
+"""Reads and writes results of evaluations; columns with default values are not written."""
 
 _OLDER_COLUMNS = {"episode": "query", "number": "query", "away_m": "position_error_m", "added": "added_edges"}
-"""Keys of older rows; of `added` it is not known any more how many were nodes."""
+"""Keys of older rows; `added` does not tell nodes from edges."""
 
 
 def _read_older(kind: type, older: Mapping[str, str]) -> None:
-    """Let records of a kind be read that have older keys."""
+    """Accept older keys in records of a kind."""
     read = make_dict_structure_fn(kind, CONVERTER, _cattrs_forbid_extra_keys=True)
     CONVERTER.register_structure_hook(
         kind, lambda found, _: read({older.get(name, name): value for name, value in found.items()}, kind)
@@ -221,7 +222,7 @@ CONVERTER.register_unstructure_hook(
 
 
 def read_query_log(path: Path) -> list[QueryResult]:
-    """Return the finished queries in order; a line that was cut off is left out, so that its query is run again."""
+    """Return the finished queries in order; an incomplete line is ignored, so that its query runs again."""
     if not path.exists():
         return []
     found: dict[tuple[str, int], QueryResult] = {}
@@ -235,12 +236,12 @@ def read_query_log(path: Path) -> list[QueryResult]:
 
 
 def append_to_log(path: Path, result: QueryResult) -> None:
-    """Add a finished query; it is on the disk when this returns. Raises OptionError where it cannot be written."""
+    """Append a finished query and flush it to disk. Raises OptionError if it cannot be written."""
     line = json.dumps(CONVERTER.unstructure(result), separators=(",", ":"))
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with path.open("a", encoding="utf-8") as file:
-            # The line break stands first, so that a line that was cut off spoils no other.
+            # The line break comes first, so that an incomplete line does not damage the next one.
             file.write(f"\n{line}" if file.tell() else line)
             file.flush()
             os.fsync(file.fileno())

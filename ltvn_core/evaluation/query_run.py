@@ -1,7 +1,7 @@
-"""The loop that runs queries, one or several in turn, and the paper's verdict on their ends.
+"""The loop that runs one or several queries, and the paper's criterion of arrival.
 
-Lets time pass and counts what became of the map. Exact poses come in from a caller who has a simulator; the navigator
-never sees them.
+Lets time pass and counts the changes of the map. Exact poses come from a caller with a simulator; the navigator never
+reads them.
 """
 
 from collections import Counter
@@ -21,9 +21,9 @@ from ltvn_core.navigation.navigator import Navigator
 from ltvn_core.types import NodeId, Pose
 
 SUCCESS_DISTANCE_M = 0.72
-"""The robot must end nearer than this to the goal (paper)."""
+"""Greatest distance to a reached goal, in metres (paper)."""
 SUCCESS_YAW_RAD = 0.4
-"""And turned less than this away from it (paper)."""
+"""Greatest difference of heading at a reached goal, in radians (paper)."""
 
 
 def judge_goal_reached(query: int, robot: Pose, goal: Pose) -> Judged:
@@ -35,18 +35,18 @@ def judge_goal_reached(query: int, robot: Pose, goal: Pose) -> Judged:
 
 
 class QueryRun:
-    """A query under way: yields its events, counts what they change in the map, and ends with a verdict.
+    """A running query: yields its events, counts their changes of the map, and ends with a verdict.
 
-    Whoever iterates decides when time passes: at each `Tick`. Closing it ends the query at once.
+    The caller lets time pass at each `Tick`. Closing the iterator ends the query at once.
     """
 
     def __init__(
         self, navigator: Navigator, goal: NodeId, query: int, *, verdict: Callable[[], Judged | None] | None = None
     ) -> None:
-        """Begin a query. Raises MapError at once if the goal is not in the map.
+        """Start a query. Raises MapError at once if the goal is not in the map.
 
-        `verdict` judges the robot where it stands at the end, unless a person cancelled the query; without one, or
-        where it returns None, what the robot believes counts.
+        `verdict` judges the robot's final pose, unless a person cancelled the query; without one, or if it returns
+        None, the robot's own decision counts.
         """
         self._query = query
         self._goal = goal
@@ -72,7 +72,7 @@ class QueryRun:
 
     @property
     def result(self) -> QueryResult:
-        """What became of the query, which is over."""
+        """Result of the finished query."""
         ended = self._ended
         judged = self._judged
         assert ended is not None  # A query that is not closed always ends with its event.
@@ -101,15 +101,15 @@ def run_query(
     verdict: Callable[[], Judged] | None = None,
     consume: Callable[[Event], None] | None = None,
 ) -> QueryResult:
-    """Run a query to its end; it is closed too where `advance` or `consume` raises.
+    """Run a query to its end; it is also closed if `advance` or `consume` raises.
 
     Args:
-        navigator: What drives the robot.
+        navigator: Drives the robot.
         goal: Node to drive to.
         query: Number of the query.
         advance: Lets one control step of 0.1 s pass.
-        verdict: Judges the robot where it stands at the end. Without it, what the robot believes counts.
-        consume: Gets every event, the verdict last.
+        verdict: Judges the robot's final pose. Without it, the robot's own decision counts.
+        consume: Called with every event, the verdict last.
     """
     run = QueryRun(navigator, goal, query, verdict=verdict)
     with closing(run.events()) as events:
@@ -131,7 +131,7 @@ def run_queries(
     before: Callable[[int], None] | None = None,
     consume: Callable[[Event], None] | None = None,
 ) -> Iterator[QueryResult]:
-    """Run a query to each goal in turn and yield its result; `before` may put the robot somewhere else."""
+    """Run a query to each goal in turn and yield its result; `before` may move the robot to another place."""
     for query, goal in enumerate(goals, first_query):
         if before is not None:
             before(query)

@@ -1,8 +1,8 @@
-"""The results of evaluations as plain data, maps, trials, and tests with maintenance, and the files that hold them.
+"""Results of evaluations as plain data (maps, trials, and tests with maintenance), and their files.
 
-Field names are the keys of the JSON files, so they stay. A file may be kept gzipped: `NAME.json.gz` stands for
-`NAME.json` wherever results are read, and its bytes do not depend on when it was packed. The drawing of a map is a file
-of its own beside the results. `query_result` has the rows; `metrics` and `world_metrics` compute the metrics.
+Field names are the keys of the JSON files, so they must not change. A file may be gzipped: `NAME.json.gz` replaces
+`NAME.json` wherever results are read, and its bytes do not depend on the time of packing. The drawing of a map is a
+separate file beside the results. `query_result` has the rows; `metrics` and `world_metrics` compute the metrics.
 """
 
 import gzip
@@ -24,30 +24,30 @@ from ltvn_core.structured_text import parse_json
 
 SUFFIX = ".gz"
 MAX_BYTES = 256_000_000
-"""Of an unpacked file; 50 times the largest result that was ever written."""
+"""Maximum size of an unpacked file; 50 times the largest result so far."""
 
 
 def packed_path(path: Path) -> Path:
-    """Return where a result lies that is kept gzipped."""
+    """Return the path of the gzipped file of a result."""
     return path.with_name(path.name + SUFFIX)
 
 
 def is_stored(path: Path) -> bool:
-    """Tell whether there is a result of this name, packed or not."""
+    """Tell whether a result exists at a path, gzipped or not."""
     return path.exists() or packed_path(path).exists()
 
 
 def stored_results(folder: Path, pattern: str) -> Iterator[Path]:
-    """Yield the results below a folder whose names match, in order; a plain file goes before its packed twin."""
+    """Yield the results below a folder whose names match, in order; a plain file precedes its gzipped one."""
     plain = set(folder.rglob(pattern))
     packed = {path for path in folder.rglob(pattern + SUFFIX) if path.with_suffix("") not in plain}
     yield from sorted(plain | packed)
 
 
 def read_result_text(path: Path) -> str:
-    """Return the text of a result, which may lie gzipped beside its name.
+    """Return the text of a result, which may be gzipped.
 
-    Raises OSError, OptionError for what is no gzip file or too large, and ValueError for what is no text.
+    Raises OSError, OptionError for an invalid gzip file or one that is too large, and ValueError for invalid text.
     """
     if path.suffix != SUFFIX and not path.exists() and packed_path(path).exists():
         path = packed_path(path)
@@ -55,7 +55,7 @@ def read_result_text(path: Path) -> str:
 
 
 def pack(path: Path) -> Path:
-    """Replace a result by its gzipped twin and return that. Raises RecordingError if there is one already."""
+    """Replace a result by its gzipped file and return the new path. Raises RecordingError if that file exists."""
     packed = packed_path(path)
     with atomic_output(packed) as part:
         part.write_bytes(gzip.compress(path.read_bytes(), compresslevel=9, mtime=0))
@@ -80,19 +80,19 @@ class MapTruthMetrics:
 
     nodes: int
     edges: int
-    """Directed ones."""
+    """Number of directed edges."""
     spurious_edges: int
-    """Directed edges that are spurious."""
+    """Number of directed edges that are spurious."""
     pieces: int
     """Number of strongly connected components; 1 is ideal."""
     goals_connected: int
-    """Goals that can be reached from most of the map."""
+    """Number of goals that can be reached from most of the map."""
     goals_told: int | None = None
     """Number of goals that the map reports as doubtful before any drive; None in older results."""
     goals_told_rightly: int | None = None
     """Number of doubtful goals to which no drivable way leads from most of the map."""
     goals_untold: int | None = None
-    """Goals that have no such way either, and the map claims to hold them."""
+    """Number of goals without such a way that the map does not report as doubtful."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,29 +126,30 @@ class TrialResult:
     queries: int
     """Queries with maintenance before these episodes; 0 is the map as it was built."""
     images: int
-    """Of the mapping drive."""
+    """Number of images of the mapping drive."""
     fingerprint: str
-    """Of the weights in use."""
+    """Fingerprint of the weights in use."""
     map: MapTruthMetrics
     floorplan: MapDrawing | None
-    """None in a file: the drawing lies beside it, see `save_drawing`. Older files hold it themselves."""
+    """Drawing of the map; None in a file, because the drawing is a separate file (see `save_drawing`), except in older
+    ones."""
     episodes: tuple[QueryResult, ...]
     wall_s: float
-    """Time that the episodes took, over all processes."""
+    """Real time of the episodes, summed over all processes, in seconds."""
     version: str
     command: str
     """Command that reproduces this result."""
     without_depth: int = 0
-    """Images of the mapping drive that have no depth."""
+    """Number of images of the mapping drive without depth."""
     perturbations: tuple[str, ...] = ()
-    """What was wrong with the robot's camera in the episodes."""
+    """Perturbations of the robot's camera in the episodes."""
     conditions: tuple[str, ...] = ()
-    """What was harder than usual, see `evaluation.protocol`."""
+    """Harder conditions than usual, see `evaluation.protocol`."""
 
 
 @dataclass(frozen=True, slots=True)
 class EdgeCalibrationBin:
-    """Edges whose p is in one bin, and how many of them are drivable."""
+    """Edges with p in one bin, and the number of drivable ones among them."""
 
     low: float
     high: float
@@ -177,12 +178,12 @@ class LifelongResult:
     without: tuple[str, ...]
     seed: int
     points: tuple[LifelongPoint, ...]
-    """At 0, 100, 200, ... queries."""
+    """The map and the static tests after 0, 100, 200, ... queries."""
     queries: tuple[QueryResult, ...]
     version: str
     command: str
     maintenance: str | None = None
-    """None is what the system does."""
+    """Name of the maintenance; None is that of the system."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -214,11 +215,11 @@ class WorldResult:
     days: float
     maintenance: str
     nodes: int
-    """Of the map before the first query."""
+    """Number of nodes of the map before the first query."""
     edges: int
-    """Of the map before the first query."""
+    """Number of edges of the map before the first query."""
     true_edges: int
-    """Edges of that map that are not spurious."""
+    """Number of edges of that map that are not spurious."""
     doors: tuple[DoorMove, ...]
     queries: tuple[QueryResult, ...]
     wall_s: float
@@ -227,12 +228,12 @@ class WorldResult:
 
 
 def save_results(path: Path, results: Any) -> None:
-    """Write one of these dataclasses as JSON to a new file, whole or not at all. Raises RecordingError."""
+    """Write one of these dataclasses as JSON to a new file, atomically. Raises RecordingError."""
     write_text_atomically(path, json.dumps(CONVERTER.unstructure(results), separators=(",", ":")))
 
 
 def load_results(path: Path, kind: type) -> Any:
-    """Read results of a kind that `save_results` wrote, gzipped or not. Raises OptionError for any other file."""
+    """Read results from `save_results`, gzipped or not. Raises OptionError for any other file."""
     try:
         return CONVERTER.structure(parse_json(read_result_text(path)), kind)
     except OSError as error:
@@ -242,16 +243,16 @@ def load_results(path: Path, kind: type) -> Any:
 
 
 _PER_METRE = 1000
-"""Poses are kept to the millimetre and the milliradian, p to the thousandth: more than any figure shows."""
+"""Resolution of stored poses and p, per metre, radian or 1: finer than any figure shows."""
 
 
 def drawing_path(folder: Path, label: str, queries: int) -> Path:
-    """Return where the drawing of a method's map lies after so many queries with maintenance."""
+    """Return the path of the drawing of a method's map after a number of queries with maintenance."""
     return folder / f"{label}-map-{queries:04d}.npz"
 
 
 def save_drawing(path: Path, drawing: MapDrawing) -> None:
-    """Write a drawing to a new file, whole or not at all. Raises RecordingError.
+    """Write a drawing to a new file, atomically. Raises RecordingError.
 
     Nodes and edges are sorted and stored as differences, because those compress well.
     """
@@ -276,7 +277,7 @@ def save_drawing(path: Path, drawing: MapDrawing) -> None:
 
 
 def load_drawing(path: Path) -> MapDrawing:
-    """Read what `save_drawing` wrote. Raises OptionError for a file that is none."""
+    """Read a drawing from `save_drawing`. Raises OptionError for any other file."""
     try:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
             return _drawing({name: arrays[name] for name in arrays.files})

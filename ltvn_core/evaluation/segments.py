@@ -1,10 +1,10 @@
-"""Runs schedules: lists of segments, which are queries that teach the map or episodes that leave it as it is.
+"""Runs schedules: lists of segments, which are queries that change the map or episodes that do not.
 
-A static test is one segment of episodes, a lifelong test has both in turn, and a test in a changing world is one
-segment of queries. A finished batch is a file, so an interrupted test goes on where it stopped, on all machines that
-share the folder: episodes are logged one by one, and a batch of queries begins with the map that the one before it
-saved. Random generators, frame numbers and the world depend on the number of the query alone, so interruptions do not
-change results.
+A static test is one segment of episodes, a lifelong test alternates both, and a test in a changing world is one segment
+of queries. Each finished batch is a file, so an interrupted test continues where it stopped, on all machines that share
+the folder: episodes are logged one by one, and a batch of queries starts with the map that the previous batch saved.
+Random generators, frame numbers and the world depend only on the number of the query, so interruptions do not change
+results.
 """
 
 import time
@@ -30,33 +30,33 @@ from ltvn_core.predictors.opening import open_predictor
 from ltvn_core.simulation.scene_registry import load_scene
 
 BATCH_SIZE = 25
-"""Queries or episodes in a batch: few are lost by an interruption, the cores finish together, and maps are not loaded
-too often."""
+"""Number of queries or episodes in a batch: an interruption loses few, the cores finish together, and maps are loaded
+rarely."""
 
 
 def batch_ranges(first: int, until: int) -> list[tuple[int, int]]:
-    """Return the first query or episode of each batch, and the one after its last."""
+    """Return the first query or episode of each batch, and the one after the last."""
     return [(begin, min(begin + BATCH_SIZE, until)) for begin in range(first, until, BATCH_SIZE)]
 
 
 class LearningDrive(Protocol):
-    """A map after some queries, which further ones change."""
+    """A map after some queries, which further queries change."""
 
     def run(self, query: int) -> QueryResult:
         """Drive the next query."""
         ...
 
     def save_map(self, queries: int) -> None:
-        """Save the map as it is after a number of queries."""
+        """Save the map after a number of queries."""
         ...
 
     def check(self, results: Sequence[QueryResult]) -> tuple[QueryResult, ...]:
-        """Add to the results of a batch what takes longer to find out."""
+        """Add checks that take longer to the results of a batch."""
         ...
 
 
 class QueryFiles(Protocol):
-    """The paths of what queries teach."""
+    """Paths of the maps and results of queries."""
 
     def map(self, queries: int) -> Path:
         """Return the map after a number of queries."""
@@ -69,7 +69,7 @@ class QueryFiles(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Queries:
-    """Queries that teach the map, from `first` up to `until`, one after the other."""
+    """Queries that change the map, from `first` up to `until`, one by one."""
 
     first: int
     until: int
@@ -82,7 +82,7 @@ class Episodes:
     first: int
     count: int
     batches: tuple[tuple[int, int], ...] | None = None
-    """Only these batches of them; None is all."""
+    """Selected batches; None is all."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,13 +93,13 @@ class ScheduledTest:
     files: TrialFiles
     segments: tuple[Queries | Episodes, ...]
     open_drive: Callable[[int], LearningDrive] | None = None
-    """Opens the map after a number of queries for those that follow; needed by queries alone."""
+    """Opens the map after a number of queries for further ones; needed only by segments of queries."""
     query_files: QueryFiles | None = None
-    """Where what queries teach is kept, if not among the files of the plan."""
+    """Files of the maps and results of queries, if not the files of the plan."""
 
     @property
     def learned(self) -> QueryFiles:
-        """Where what queries teach is kept."""
+        """Files of the maps and results of queries."""
         return self.query_files or self.files
 
     def jobs(self, kind: type[Queries | Episodes], first: int) -> Iterator[Any]:
@@ -116,7 +116,7 @@ class ScheduledTest:
                     yield delayed(run_episode_batch)(self.plan, self.files, first, begin, drawn[begin:end])
 
     def unfinished(self) -> int:
-        """Return how many queries and episodes are done in jobs that are not."""
+        """Return the number of finished queries and episodes in unfinished jobs."""
         done = 0
         if any(isinstance(segment, Episodes) for segment in self.segments):
             done += sum(len(read_query_log(part)) for part in self.files.unfinished_batches())
@@ -132,9 +132,9 @@ class ScheduledTest:
 
 
 def run_segments(tests: Sequence[ScheduledTest], parallel: Workers, progress: EvaluationProgress) -> None:
-    """Run what is not done of some tests: all segments that begin with the map of a number of queries at a time.
+    """Run the unfinished parts of tests, in groups of segments that start after the same number of queries.
 
-    Among these queries come first, because they take long and cannot run in parallel.
+    In each group, queries come first, because they take long and cannot run in parallel.
     """
     with told_repeatedly(lambda: progress.unfinished(sum(test.unfinished() for test in tests))):
         for first in sorted({segment.first for test in tests for segment in test.segments}):
@@ -178,7 +178,7 @@ def run_episode_batch(
 ) -> int:
     """Run episodes, numbered from `first`, with the map after a number of queries; return their number.
 
-    Each is saved when it is over, and the next call runs only what is missing.
+    Each is saved when it is over, and the next call runs only the missing ones.
     """
     path = files.episodes(queries, first, first + len(episodes))
     if not path.exists():

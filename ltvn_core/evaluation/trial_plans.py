@@ -1,7 +1,7 @@
 """Trial plans (one method in one scene with one map seed), the paths of their files, and methods without single parts.
 
 Guarantees that results of different plans are never mixed. Runs nothing. Parts of the method are switched off by
-thresholds; fine-tuning, which is a property of the weights, is a matter of the plan.
+thresholds; fine-tuning is a setting of the plan, because it is a property of the weights.
 """
 
 import hashlib
@@ -47,17 +47,17 @@ def _without_merging(method: Method) -> Method:
 
 
 def _without_pruning(method: Method) -> Method:
-    """Remove no edge, however low its p: R_p = 0."""
+    """Prune no edge, even with a low p: R_p = 0."""
     return replace(method, believing=replace(method.believing, prune_below=0.0, hindered_prune_below=0.0))
 
 
 def _without_expansion(method: Method) -> Method:
-    """Add no nodes while navigating."""
+    """Add no nodes during navigation."""
     return replace(method, expanding=replace(method.expanding, novel_after_looks=0, search_reserve=False))
 
 
 def _as_in_paper(group: str, names: Collection[str]) -> Callable[[Method], Method]:
-    """Return a change that sets some thresholds of a group to the paper's."""
+    """Return a function that sets some thresholds of a group to the paper's."""
     paper = {name: getattr(getattr(PAPER, group), name) for name in names}
 
     def plain(method: Method) -> Method:
@@ -72,12 +72,12 @@ _KEPT_FIELDS = frozenset(
 
 
 def _thresholds(group: str) -> list[str]:
-    """Return the names of a group's thresholds; limits and measured constants are none."""
+    """Return the names of a group's thresholds, without limits and measured constants."""
     return [each.name for each in fields(getattr(ROBUST, group)) if each.name not in _KEPT_FIELDS]
 
 
 def _departures(group: str) -> list[str]:
-    """Return those of which our value is not the paper's."""
+    """Return the names of a group's thresholds whose value differs from the paper's."""
     ours, paper = getattr(ROBUST, group), getattr(PAPER, group)
     return [name for name in _thresholds(group) if getattr(ours, name) != getattr(paper, name)]
 
@@ -90,14 +90,14 @@ PARTS: dict[str, Callable[[Method], Method]] = {
     "expansion": _without_expansion,
     **{f"our-{group}": _as_in_paper(group, _thresholds(group)) for group in _GROUPS},
 }
-"""What can be left out, by the names the command line knows; `our-driving` leaves out our departures in driving."""
+"""Parts that can be switched off, by their names on the command line; `our-driving` is our departures in driving."""
 RULES = {f"{group}.{name}": _as_in_paper(group, [name]) for group in _GROUPS for name in _departures(group)}
-"""Each of our departures alone, for instance "driving.swerve"; the command line takes these names too."""
+"""Each of our departures by itself, such as "driving.swerve"; the command line also accepts these names."""
 
 
 _FINE_TUNING = "fine-tuning"
 _LONGEST_LABEL = 120
-"""Characters; file systems allow 255 for a name, to which endings are added."""
+"""Maximum number of characters of a label; file systems allow 255 for a name including its endings."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,26 +105,26 @@ class TrialPlan:
     """One method in one scene with one map seed."""
 
     scene: str
-    """A name, or the path of a mesh."""
+    """Name of the scene, or path of a mesh."""
     seed: int
-    """Draws the drive, the map, the goals and the episodes."""
+    """Seed of the drive, the map, the goals and the episodes."""
     system: str = DEFAULT_SYSTEM
     preset: str = "robust"
-    """Of the navigator, which is the same for all systems."""
+    """Preset of the navigator, which is the same for all systems."""
     parts_off: tuple[str, ...] = ()
     """Parts of the method that are switched off, see `method_parts`."""
     predictor: str = NETWORK
-    """What compares images, by name."""
+    """Name of the predictor."""
     perturbations: tuple[str, ...] = ()
-    """What is wrong with the robot's camera in the episodes, but not in the mapping drive."""
+    """Perturbations of the robot's camera in the episodes, not in the mapping drive."""
     conditions: tuple[str, ...] = ()
-    """What is harder than usual, see `evaluation.protocol`; the protocol is already as it is under them."""
+    """Harder conditions than usual, see `evaluation.protocol`; the plan's protocol already includes them."""
     weights: Path | None = None
     """Weights to start from instead of the shipped ones of the system."""
     finetune_steps: int = 40
-    """Steps of fine-tuning on the mapping drive."""
+    """Number of steps of fine-tuning on the mapping drive."""
     maintenance: str | None = None
-    """What driving teaches the map in lifelong tests, by name; None is what the system does."""
+    """Name of the maintenance in lifelong tests; None is that of the system."""
     protocol: EvaluationProtocol = field(default_factory=EvaluationProtocol)
 
     def __post_init__(self) -> None:
@@ -147,7 +147,7 @@ class TrialPlan:
 
     @property
     def label(self) -> str:
-        """Name the method in file names; what would be longer than file systems allow ends in a fingerprint."""
+        """Name of the method in file names; a name that is too long is shortened and ends in a hash."""
         words = [self.system]
         words += [] if self.preset == "robust" else [self.preset]
         words += [] if self.predictor == NETWORK else [self.predictor]
@@ -176,17 +176,17 @@ def open_planned_system(plan: TrialPlan, predictor: Predictor, scene: Scene, *, 
 
 @dataclass(frozen=True, slots=True)
 class TrialFiles:
-    """The paths of a plan's files: all methods share the drive, and those whose network learns the same the weights."""
+    """Paths of a plan's files. All methods share the drive; methods with the same training share the weights."""
 
     folder: Path
-    """Of the scene, the conditions of the mapping drive, and the seed."""
+    """Folder of the scene, the conditions of the mapping drive, and the seed."""
     label: str
     network_owner: str = ""
-    """System whose weights they are; empty where only files of the drive and of single episodes are asked for."""
+    """System that owns the weights; empty if only files of the drive and of single episodes are needed."""
 
     @classmethod
     def of(cls, plan: TrialPlan, folder: Path) -> "TrialFiles":
-        """Name the files of a plan below a folder."""
+        """Return the files of a plan below a folder."""
         place = "-".join([Path(plan.scene).stem, *drive_conditions(plan.conditions), str(plan.seed)])
         return cls(folder / place, plan.label, network_owner(plan.system))
 
@@ -197,7 +197,7 @@ class TrialFiles:
 
     @property
     def drive_truth(self) -> Path:
-        """The exact poses of its images."""
+        """The exact poses of the images of the drive."""
         return self.folder / "drive.json"
 
     @property
@@ -206,16 +206,16 @@ class TrialFiles:
         return self.folder / f"{self.network_owner}.safetensors"
 
     def map(self, queries: int = 0) -> Path:
-        """Return the map after so many queries."""
+        """Return the map after a number of queries."""
         return self.folder / self.label / f"map-{queries:04d}.rrd"
 
     def built(self, digest: str) -> Path:
-        """Return a map that all methods share which build it with the same settings."""
+        """Return the map shared by all methods that build it with the same settings."""
         return self.folder / f"built-{digest}.rrd"
 
     @property
     def preparation(self) -> Path:
-        """Where a worker says how far it is with drive, weights and map."""
+        """Progress of a worker's preparation of drive, weights and map."""
         return self.folder / self.label / "preparation.txt"
 
     def drawing(self, queries: int = 0) -> Path:
@@ -228,15 +228,15 @@ class TrialFiles:
 
     @staticmethod
     def unfinished_batch(episodes: Path) -> Path:
-        """Return where the finished episodes of an unfinished batch are."""
+        """Return the log of the finished episodes of an unfinished batch."""
         return episodes.with_suffix(".part")
 
     def unfinished_batches(self) -> Iterator[Path]:
-        """Yield all of these that there are."""
+        """Yield all existing logs of unfinished batches."""
         return (self.folder / self.label).glob("episodes-*.part")
 
     def query_batch(self, first: int, until: int) -> Path:
-        """Return what the queries from `first` up to `until` did to the map."""
+        """Return the results of the queries from `first` up to `until`."""
         return self.folder / self.label / f"queries-{first:04d}-{until:04d}.json"
 
     def trial(self, episodes: int) -> Path:
@@ -248,20 +248,20 @@ class TrialFiles:
         return self.folder / f"{self.label}-{queries}-every-{every}-{episodes}.lifelong.json"
 
     def failure(self, episode: int) -> Path:
-        """Return the recording of an episode that failed."""
+        """Return the recording of a failed episode."""
         return self.folder / self.label / f"failure-{episode:04d}.rrd"
 
 
 def planned_weights(plan: TrialPlan, files: TrialFiles) -> Path:
-    """Return where the weights of a plan lie once they are made."""
+    """Return the path of the weights of a plan."""
     return files.weights if plan.finetuned else plan.start_weights
 
 
 def claim_files(plan: TrialPlan, files: TrialFiles) -> None:
     """Write the settings of a plan beside its files. Raises OptionError if the files have other settings.
 
-    How many episodes are run makes no difference: the first ones stay the same. The drive and the weights have a note
-    of their own, because other methods use them too.
+    The number of episodes is not compared, because the first ones stay the same. The drive and the weights have their
+    own settings, because other methods also use them.
     """
     from ltvn_core.network.weights_file import weights_fingerprint
 
@@ -278,7 +278,7 @@ def claim_files(plan: TrialPlan, files: TrialFiles) -> None:
     }
     learned = {"weights": weights, "finetune_steps": steps}
     made_by = {**settings, **learned, "version": version("ltvn")}
-    if not plan.perturbations:  # As conditions, these came later.
+    if not plan.perturbations:  # Plans of older versions have no perturbations.
         del made_by["perturbations"]
     if plan.maintenance is None:
         del made_by["maintenance"]
@@ -289,9 +289,9 @@ def claim_files(plan: TrialPlan, files: TrialFiles) -> None:
 
 
 def plan_settings(plan: TrialPlan) -> dict[str, Any]:
-    """Return the settings of a plan as they are noted; folders made before there were conditions do not name them.
+    """Return the stored settings of a plan.
 
-    Nor do those made when PyBullet's was the only body.
+    Conditions and body are left out at their defaults, because older folders do not name them.
     """
     settings = asdict(plan)
     settings["protocol"]["body"] = body = choose_body(plan.protocol.body)
@@ -315,7 +315,7 @@ def _settings_in(path: Path) -> Mapping[str, Any]:
 
 
 def claim_settings(path: Path, settings: Mapping[str, Any]) -> None:
-    """Write settings to a file beside what is made with them. Raises OptionError if it holds others."""
+    """Write settings to a file beside the results. Raises OptionError if it holds other settings."""
     made_by = json.loads(json.dumps(settings, default=str))
     if not path.exists():
         write_text_atomically(path, json.dumps(made_by, indent=1))

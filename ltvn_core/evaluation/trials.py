@@ -1,7 +1,7 @@
 """Runs trials (many episodes with one map each), in parallel on any number of processes or machines.
 
-Failed episodes can be driven once more, exactly as before, and recorded; such a recording begins with the map, so
-`ltvn replay` needs no other file.
+Failed episodes can be repeated exactly and recorded; such a recording begins with the map, so `ltvn replay` needs no
+other file.
 """
 
 from collections.abc import Sequence
@@ -51,12 +51,12 @@ def run_trials(
     """Run the static test of several plans, one scene and seed each; existing results are only read.
 
     A `part` runs its share of the episodes, and returns the results of the plans that all parts together have finished.
-    Raises OptionError if the folder has results of other settings.
+    Raises OptionError if the folder has results with other settings.
     """
     mine = _share(plans, episodes, part)
     jobs = prepare_all(list(dict.fromkeys(plan for plan, _ in mine)), folder, parallel, progress)
     run_segments([_static_test(plan, files, episodes, mine) for plan, files in jobs], parallel, progress)
-    # Read from the files, because batches finish in any order, and other parts may have run some.
+    # Read from files, because batches finish in any order, and other parts may have run some.
     whole = [(plan, files) for plan, files in _all_files(plans, folder) if _is_complete(files, episodes)]
     list(parallel(delayed(_finish)(plan, files, episodes, command) for plan, files in whole))
     return [load_results(files.trial(episodes), TrialResult) for _, files in whole]
@@ -65,13 +65,13 @@ def run_trials(
 def _static_test(
     plan: TrialPlan, files: TrialFiles, episodes: int, mine: Sequence[tuple[TrialPlan, tuple[int, int]]]
 ) -> ScheduledTest:
-    """Return the test of a plan: its batches among mine."""
+    """Return the static test of a plan with its batches among `mine`."""
     batches = tuple(batch for each, batch in mine if each == plan)
     return ScheduledTest(plan, files, (Episodes(0, episodes, batches),))
 
 
 def episodes_to_run(plans: Sequence[TrialPlan], episodes: int, part: Part) -> int:
-    """Return how many episodes a part of the static tests of some plans has."""
+    """Return the number of episodes in a part of the static tests of some plans."""
     return sum(until - first for _, (first, until) in _share(plans, episodes, part))
 
 
@@ -85,7 +85,7 @@ def _all_files(plans: Sequence[TrialPlan], folder: Path) -> list[tuple[TrialPlan
 
 
 def _is_complete(files: TrialFiles, episodes: int) -> bool:
-    """Tell whether all episodes of a static test are done, by this command or by others."""
+    """Tell whether all episodes of a static test are finished, by this command or by others."""
     batches = (files.episodes(0, first, until) for first, until in batch_ranges(0, episodes))
     return is_stored(files.trial(episodes)) or (files.map().exists() and all(batch.exists() for batch in batches))
 
@@ -93,7 +93,7 @@ def _is_complete(files: TrialFiles, episodes: int) -> bool:
 def prepare_all(
     plans: Sequence[TrialPlan], folder: Path, parallel: Workers, progress: EvaluationProgress
 ) -> list[tuple[TrialPlan, TrialFiles]]:
-    """Create drives, weights and maps in parallel; raises as `run_trials`."""
+    """Create drives, weights and maps in parallel; raises the same errors as `run_trials`."""
     jobs = _all_files(plans, folder)
     for plan, files in jobs:
         claim_files(plan, files)
@@ -118,7 +118,7 @@ def _finish(plan: TrialPlan, files: TrialFiles, episodes: int, command: str) -> 
 
 
 def keep_drawing(plan: TrialPlan, files: TrialFiles, queries: int) -> None:
-    """Draw the map after so many queries, unless that is done."""
+    """Draw the map after a number of queries, unless the drawing exists."""
     if not files.drawing(queries).exists():
         runner = cached_runner(plan, files, queries)
         save_drawing(files.drawing(queries), floorplan(runner.map.graph, runner.truth))

@@ -1,8 +1,8 @@
 """Workers of an evaluation: the cores of this machine, or a Ray or Dask cluster, through joblib.
 
-Jobs share nothing but files, so on a cluster the folder of the evaluation must have the same path on all machines. A
-worker of another version, with other weights or without that folder refuses its job. Where no engine joins the
-machines, each command may do a part of the work.
+Jobs share only files, so on a cluster the folder of the evaluation must have the same path on all machines. A worker
+with another version, with other weights or without that folder refuses its job. Without a cluster engine, the command
+can run on each machine with a part of the work.
 """
 
 import re
@@ -26,13 +26,13 @@ Work = TypeVar("Work")
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """One of several shares of nearly the same size; together they are everything, and no two have anything in common.
+    """One of several disjoint shares of the work, of nearly the same size.
 
-    What follows on another in the list of work is mostly in the same share, because it needs the same maps.
+    Consecutive items of the list of work are mostly in the same share, because they need the same maps.
     """
 
     number: int = 1
-    """From 1 to `count`."""
+    """Number of the share, from 1 to `count`."""
     count: int = 1
 
     def __post_init__(self) -> None:
@@ -40,12 +40,12 @@ class Part:
             raise OptionError(f"--part is I/N with I from 1 to N, got {self}.")
 
     def __str__(self) -> str:
-        """Return it as the option has it."""
+        """Return the part in the format of the option."""
         return f"{self.number}/{self.count}"
 
     @classmethod
     def parse(cls, text: str) -> "Part":
-        """Read `I/N`; nothing is the whole. Raises OptionError."""
+        """Read `I/N`; an empty text is all of the work. Raises OptionError."""
         if not text:
             return WHOLE
         if not (found := re.fullmatch(r"(\d{1,6})/(\d{1,6})", text.strip())):
@@ -59,30 +59,30 @@ class Part:
 
 
 WHOLE = Part()
-"""Everything."""
+"""All of the work."""
 
 
 Workers: TypeAlias = Callable[[Iterable[Any]], Iterable[Any]]
 """Runs joblib's delayed calls and yields their results in any order."""
 
 _WORKERS_START_S = 300.0
-"""A worker on a busy machine takes its time to start."""
+"""Time to wait for the start of workers, in seconds; long, because the machine may be busy."""
 _JOBS_PER_WORKER = 2
-"""Ray gets so many jobs at once, because joblib cannot stream results from it."""
+"""Number of jobs per worker that Ray gets at once, because joblib cannot stream results from it."""
 
 
 @contextmanager
 def workers(processes: int | None, cluster: str | None, folder: Path) -> Iterator[Workers]:
-    """Yield something that runs joblib's delayed calls, and hands their results back as they come.
+    """Yield a function that runs joblib's delayed calls, and yields their results as they finish.
 
     Args:
-        processes: So many of this machine; None takes all cores.
-        cluster: Instead `ray://HOST:PORT` (Ray), `tcp://HOST:PORT` (Dask), or `local:N`: N workers of Dask, here.
-        folder: Where the files of the jobs are.
+        processes: Number of processes on this machine; None uses all cores.
+        cluster: A cluster instead: `ray://HOST:PORT` (Ray), `tcp://HOST:PORT` (Dask), or `local:N` (N workers of Dask).
+        folder: Folder of the jobs' files.
 
     Raises:
         OptionError: There is no such cluster, or the package that it needs is not installed.
-        EngineError: While it runs: a worker is not like this machine.
+        EngineError: During a run, a worker differs from this machine.
     """
     if cluster is not None:
         with ExitStack() as stack:
@@ -117,12 +117,12 @@ def _on_cluster(address: str) -> Iterator[Workers]:
 @contextmanager
 def _on_dask(address: str) -> Iterator[Workers]:
     with _needs("distributed", address):
-        dask: Any = import_module("dask.distributed")  # Its types are of its asynchronous half.
+        dask: Any = import_module("dask.distributed")  # Its type hints describe the asynchronous interface.
 
     with ExitStack() as stack:
         if address.startswith("local:"):
             count = int(address.removeprefix("local:"))
-            # Any free port, so that two of these can run on one machine.
+            # Any free port, so that two clusters can run on one machine.
             local = dask.LocalCluster(count, threads_per_worker=1, processes=True, dashboard_address="127.0.0.1:0")
             address = stack.enter_context(local).scheduler_address
         with _refusing(address, OSError):
@@ -149,7 +149,7 @@ def _on_ray(address: str) -> Iterator[Workers]:
 
 
 def _connect(ray: Any, address: str) -> None:
-    """Connect, and once more where what Ray starts for a client died as it started: gRPC may abort it there."""
+    """Connect, with a second try if Ray's process for the client dies at its start, because gRPC may abort it."""
     try:
         ray.init(address)
     except ConnectionAbortedError:
@@ -181,11 +181,11 @@ def _needs(package: str, address: str) -> Iterator[None]:
 
 @dataclass(frozen=True, slots=True)
 class _Stamp:
-    """What a worker must have in common with the machine that gives it jobs."""
+    """Properties that a worker must share with the machine that sends it jobs."""
 
     version: str
     weights: str
-    """Fingerprint of those that came with the package."""
+    """Fingerprint of the shipped weights."""
     token: Path
     """A file in the shared folder."""
 
@@ -210,7 +210,7 @@ def _shipped_fingerprint() -> str:
 
 
 def _run_alike(stamp: _Stamp, function: Callable[..., Any], args: tuple[Any, ...], kwargs: dict[str, Any]) -> Any:
-    """Run a job, but only on a worker that is like the machine which gave it. Raises EngineError."""
+    """Run a job if the worker matches the machine that sent it. Raises EngineError otherwise."""
     if not stamp.token.exists():
         raise EngineError(
             f"A worker does not see the folder {stamp.token.parent}; on a cluster all machines must have it at the "

@@ -1,6 +1,6 @@
-"""One attempt: drives to a waypoint, predicts it again on the way, and reports why it ended.
+"""One attempt: drives to a waypoint, predicts it again on the way, and reports why the drive ended.
 
-Owns the loop between two control steps. Does not judge whether the robot reached its node.
+Owns the control loop of the attempt. Does not judge whether the robot reached its node.
 """
 
 from collections.abc import Generator
@@ -25,21 +25,20 @@ from ltvn_core.robots.robot_spec import RobotSpec
 from ltvn_core.types import CONTROL_STEP_S, NodeId, Pose, Twist, Waypoint
 
 _MAX_WAYPOINT_M = 2.5
-"""Longest waypoint that is believed: the range in which the network was trained, in metres."""
+"""Maximum length of a waypoint, in metres: the range in which the network was trained."""
 _DETOUR_TOLERANCE_M = 0.04
-"""Where a way is narrow enough to need a detour, the robot must pass its via point closely."""
+"""Position tolerance at the via point of a detour, in metres; small, because detours lead through narrow places."""
 _FRAMES_AROUND_NODE = 8
 """Number of images of the drive before and after a node that show its surroundings."""
 _LOOK_AGAIN_STEPS = 3
 """Control steps after which a waiting robot looks again."""
 _WAITED_FOR_M = 1.5
-"""The robot waits for people in its way who are nearer than this, in metres."""
+"""Distance within which the robot waits for people in its way, in metres."""
 _CAREFUL_M, _SLOW_M_S, _SLOWER_1_S = 0.25, 0.15, 0.5
-"""Within the first distance of a person the robot drives at most at the second speed; the third is the additional speed
-per metre beyond it."""
+"""Speed limit near people: the second value up to the first distance; beyond it, the third is added per metre."""
 _TURNED_RAD, _SLOWEST_TURN_RAD_S = 0.05, 0.2
 _ARC_ROOM_M = 0.2
-"""Free way that a car needs for one arc of a turn, in metres."""
+"""Length of free way that a car needs for one arc of a turn, in metres."""
 _FINAL_APPROACH_M = 0.3
 """Distance within which the waypoint is not predicted again, in metres."""
 
@@ -51,7 +50,7 @@ class AttemptResult:
     end: AttemptEnd
     steps: int
     goal: Pose
-    """(3,): the waypoint last driven to, in the odometry frame."""
+    """(3,) last waypoint that the robot drove to, in the odometry frame."""
 
 
 class AttemptDriver:
@@ -83,9 +82,9 @@ class AttemptDriver:
     def drive(
         self, target: NodeId, waypoint: Waypoint, *, is_known: bool = False
     ) -> Generator[Event | Tick, None, AttemptResult]:
-        """Drive to a waypoint (3,) given in the robot's frame now, at which `target` should be.
+        """Drive to the waypoint (3,) of `target`, given in the robot's frame at departure.
 
-        Where it `is_known` to be there, an image on the way that puts it elsewhere, or nowhere, is not believed.
+        If the waypoint `is_known`, predictions on the way that contradict it, or do not find the target, are ignored.
         """
         motion = self._motion
         config = self._config
@@ -93,7 +92,7 @@ class AttemptDriver:
         collisions_before = motion.collisions
         self._reset(target, waypoint)
         for step in range(config.leg_steps):
-            # Where the image has no depth, the robot drives on to the waypoint it had.
+            # If the image cannot be compared, the robot keeps its waypoint.
             if self._needs_new_waypoint(step, goal) and (yield from self._perception.can_compare()):
                 node_match = self._perception.node_match(target)
                 if node_match.reachability < config.lost_reachability and not is_known:
@@ -118,13 +117,12 @@ class AttemptDriver:
         return AttemptResult(AttemptEnd.TIMEOUT, config.leg_steps, goal)
 
     def _lets_pass(self, twist: Twist) -> bool:
-        """Tell whether to stand, because something moves close ahead, and there is patience left in this attempt."""
+        """Tell whether to stop because something moves close ahead, as long as this attempt has patience left."""
         may_wait = twist.linear_m_s > 0 and self._patience_steps > 0
         return may_wait and self._obstacles.moves_ahead(self._motion.odometry)
 
     def _waits_for_somebody(self) -> bool:
-        """Tell whether to wait where no way is free, because people may move out of it; all ways are tried again
-        afterwards."""
+        """Tell whether to wait because people nearby may clear the way; if so, allow all detours again."""
         if self._patience_steps <= 0:
             return False
         people = transform_points(self._obstacles.people(self._motion.stamp), invert(self._motion.odometry))
@@ -148,7 +146,7 @@ class AttemptDriver:
         return bool(every and step and step % every == 0 and np.hypot(left[0], left[1]) > _FINAL_APPROACH_M)
 
     def _reset(self, target: NodeId, waypoint: Waypoint) -> None:
-        """Forget how the last attempt went."""
+        """Forget the previous attempt, and choose whether to back up or to turn round."""
         behind = drives_backwards(waypoint)
         # A robot that backs up does not see approaching people, so with people nearby it turns round, too.
         about = self._obstacles.people_are_about(self._motion.stamp)
@@ -159,8 +157,7 @@ class AttemptDriver:
         self._patience_steps = round(self._config.patience_s / CONTROL_STEP_S)
 
     def _is_narrow(self, target: NodeId, waypoint: Waypoint) -> bool:
-        """Tell whether a way back is narrow, by images of the mapping drive, because the robot's camera does not see
-        it."""
+        """Tell whether the way backwards is narrow, by images of the mapping drive, because the camera faces ahead."""
         if not self._config.back_up_clearance_m:
             return False
         spec = self._spec
@@ -171,7 +168,7 @@ class AttemptDriver:
         return path_clearance_m(waypoint[:2], np.concatenate(seen)) < self._config.back_up_clearance_m
 
     def _next(self, goal: Pose) -> Twist | AttemptEnd:
-        """Return the next command, or how the attempt ends here."""
+        """Return the next command, or the reason why the attempt ends here."""
         while True:
             aim, config = (goal, self._config) if self._detour is None else (self._detour, self._detour_config)
             error = relative(self._motion.odometry, aim)
@@ -188,7 +185,7 @@ class AttemptDriver:
                 return AttemptEnd.BLOCKED
 
     def _try_another_way(self, goal: Pose) -> bool:
-        """Turn round where backing up is blocked, for the camera faces ahead; else search a detour, a few times."""
+        """Turn round if backing up is blocked, because the camera faces ahead; otherwise plan a detour, a few times."""
         if not self._detours_left:
             return False
         if self._backwards:
@@ -200,7 +197,7 @@ class AttemptDriver:
         return self._detour is not None
 
     def _plan_detour(self, goal: Pose) -> Pose | None:
-        """Return where to turn, and how to stand there, on the way to a pose (3,) that is not straight ahead."""
+        """Return the via pose (3,) of a detour to a goal pose (3,), both in the odometry frame; None without any."""
         odometry = self._motion.odometry
         ahead = relative(self._motion.odometry, goal)[:2]
         place = find_detour(ahead, self._obstacles.nearby_points(odometry), radius_m=self._spec.clear_radius_m)
@@ -210,12 +207,12 @@ class AttemptDriver:
         return compose(odometry, np.array([*place, np.arctan2(onward[1], onward[0])]))
 
     def _drivable(self, wish: Twist, length_m: float) -> Twist | None:
-        """Return what this body can drive in place of a wish, clear of obstacles; None if nothing is."""
+        """Return a collision-free command that this body can drive instead of the desired one; None without any."""
         ways = self._turning.commands(wish, self._motion.odometry)
         return next((free for way in ways if (free := self.avoid_obstacles(way, length_m)) is not None), None)
 
     def turn(self, angle_rad: float) -> Generator[Event | Tick, None, None]:
-        """Turn on the spot by an angle, by odometry; a car that has no room for its arcs stops."""
+        """Turn on the spot by an angle, measured by odometry; a car without room for its arcs stops."""
         rate_rad_s = self._config.turn_rad_s
         motion = self._motion
         goal_rad = motion.odometry[2] + angle_rad
@@ -244,7 +241,7 @@ class AttemptDriver:
         return collision_free_command(twist, points, length_m, self._config, radius_m=self._spec.clear_radius_m)
 
     def _careful(self, twist: Twist) -> Twist:
-        """Return a command slowed down for the people near the way, those passed already left out."""
+        """Return a command slowed down near people; people whom the robot has passed are ignored."""
         odometry = self._motion.odometry
         people = transform_points(self._obstacles.people(self._motion.stamp), invert(odometry))
         people = people[people[:, 0] * np.sign(twist.linear_m_s) > 0]
@@ -255,7 +252,7 @@ class AttemptDriver:
         return Twist(float(np.clip(twist.linear_m_s, -limit, limit)), twist.angular_rad_s)
 
     def solid_points(self) -> NDArray[np.float64]:
-        """Return (M, 2) solid points near the robot, in its frame, as images of the last moments showed them."""
+        """Return (M, 2) solid points near the robot that recent images showed, in the robot's frame."""
         return self._obstacles.nearby_points(self._motion.odometry, keeping_from_people=False)
 
     def wander(self, length_m: float) -> Generator[Event | Tick, None, None]:
@@ -282,7 +279,7 @@ class AttemptDriver:
 
 
 def clip_waypoint(waypoint: Waypoint) -> Waypoint:
-    """Return a waypoint (3,) no farther away than any the network was trained on."""
+    """Return a waypoint (3,), shortened to the range in which the network was trained."""
     length_m = float(np.hypot(waypoint[0], waypoint[1]))
     scale = min(1.0, _MAX_WAYPOINT_M / length_m) if length_m > 0 else 1.0
     return np.array([waypoint[0] * scale, waypoint[1] * scale, waypoint[2]])

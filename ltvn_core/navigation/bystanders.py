@@ -1,6 +1,6 @@
-"""People around the robot: who moved, and where each was seen last, also while the camera looks elsewhere.
+"""People around the robot: remembers the last position of each, also while the camera looks elsewhere.
 
-A person is remembered until an image shows the place to be free, or for some seconds while none shows it. People are
+A person is forgotten when an image shows the position to be free, or some seconds after the last sighting. People are
 detected by motion alone (`navigation.obstacle_memory`); a person who never moved counts as an obstacle. Decides
 nothing.
 """
@@ -19,28 +19,28 @@ from ltvn_core.geometry import relative
 BODY_M = 0.25
 """Radius of a person seen from above, in metres."""
 _KEPT_S = 12.0
-"""Time for which a person is remembered while no image shows the place, in seconds."""
+"""Time for which a person is remembered after the last sighting, in seconds."""
 _ABOUT_S = 1800.0
-"""Time after motion was seen during which a person may come from anywhere, in seconds."""
+"""Time after the last motion during which a person may come from anywhere, in seconds."""
 _ONE_BODY_M = 0.3
 """Moving points nearer to each other than this belong to one body."""
 _POINTS = 8
-"""Number of moving points that make a person."""
+"""Least number of moving points that count as a person."""
 _STEP_M = 0.7
-"""Distance within which a moving person is the same as one seen before, in metres."""
+"""Distance within which a moving person is matched to one seen before, in metres."""
 _MIDDLE_M = 0.1
-"""Half width of the strip in which the middle of a body is looked for, in metres."""
+"""Half width of the strip of the scan that shows the middle of a body, in metres."""
 _THROUGH_M = 0.08
-"""A place is free if an image shows nothing there nearer than this before the middle of the body, in metres."""
+"""A person is gone if the scan reaches to within this distance of the middle of the body, in metres."""
 
 
 class Bystander(NamedTuple):
     """A person who was seen to move."""
 
     place: NDArray[np.float64]
-    """(2,) the middle of the body in the odometry frame."""
+    """(2,) middle of the body in the odometry frame."""
     seen_s: float
-    """When it was seen there last."""
+    """Time of the last sighting, in seconds on the robot's clock."""
 
 
 class Bystanders:
@@ -52,20 +52,20 @@ class Bystanders:
         self._known: list[Bystander] = []
 
     def are_about(self, stamp: float) -> bool:
-        """Tell whether motion was seen so recently before `stamp` seconds that a person may be anywhere now."""
+        """Tell whether motion was seen in the time before `stamp` seconds, so that a person may come from anywhere."""
         return 0 <= stamp - self._moved_s < _ABOUT_S
 
     def near(self, stamp: float) -> NDArray[np.float64]:
-        """Return (N, 2) where people are at `stamp` seconds, as far as is known, in the odometry frame."""
+        """Return (N, 2) last known positions of people at `stamp` seconds, in the odometry frame."""
         kept = [each.place for each in self._known if 0 <= stamp - each.seen_s < _KEPT_S]
         return np.array(kept, np.float64).reshape(-1, 2)
 
     def noticed(self, stamp: float) -> None:
-        """Remember that a person moves, but too far away to locate."""
+        """Remember the motion of a person who is too far away to locate."""
         self._moved_s = stamp
 
     def look(self, scan: DepthScan, moving: NDArray[np.float64]) -> None:
-        """Take in an image: its scan, and the points (M, 2) in the odometry frame that have moved."""
+        """Update the people from an image: its scan, and its moving points (M, 2) in the odometry frame."""
         stamp = scan.stamp
         seen = [Bystander(_centred(_middle(scan, body), scan), stamp) for body in _bodies(moving)]
         if seen:
@@ -81,7 +81,7 @@ class Bystanders:
 
 
 def _bodies(moving: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-    """Return the moving points (M, 2) of each body, (K, 2)."""
+    """Split moving points (M, 2) into bodies, each with its points (K, 2)."""
     if len(moving) < _POINTS:
         return []
     near = KDTree(moving).sparse_distance_matrix(KDTree(moving), _ONE_BODY_M, output_type="coo_matrix")
@@ -91,7 +91,7 @@ def _bodies(moving: NDArray[np.float64]) -> list[NDArray[np.float64]]:
 
 
 def _middle(scan: DepthScan, body: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return (2,) the middle of a body whose nearer side an image shows, (K, 2)."""
+    """Return the middle (2,) of a body from the points (K, 2) of its near side."""
     gaps = body - scan.pose[:2]
     away_m = np.hypot(*gaps.T)
     direction = (gaps / np.maximum(away_m, 1e-6)[:, None]).mean(axis=0)
@@ -112,14 +112,14 @@ def _looked_for(known: Bystander, scan: DepthScan) -> Bystander | None:
     if nearest_m > away_m - _THROUGH_M:
         return None
     if nearest_m < away_m - 2 * BODY_M:
-        return known  # Something stands before the place.
+        return known  # Something hides the place.
     gap = known.place - scan.pose[:2]
     place = scan.pose[:2] + gap / max(away_m, 1e-6) * (nearest_m + BODY_M)
     return Bystander(_centred(place, scan), scan.stamp)
 
 
 def _centred(place: NDArray[np.float64], scan: DepthScan) -> NDArray[np.float64]:
-    """Return the middle of a body near `place` (2,), if what the image shows there is as wide as a body."""
+    """Return the middle (2,) of the body that a scan shows at `place` (2,); `place` if its width is not a body's."""
     bearings, ranges_m = scan.things()
     gap = place - scan.pose[:2]
     aside = np.stack([np.cos(bearings), np.sin(bearings)], axis=-1) * ranges_m[:, None] - gap

@@ -38,9 +38,9 @@ class NavigationContext:
     bystanders: Bystanders = field(default_factory=Bystanders)
     """The people around the robot."""
     world_time: Callable[[], float] | None = None
-    """Tells the time of the world in seconds where it is another one than that of the robot's clock."""
+    """Returns the time of the world in seconds; None if the robot's clock shows the time of the world."""
     attempt_numbers: Iterator[int] = field(default_factory=lambda: itertools.count(1))
-    """Numbers the attempts."""
+    """Numbers of the next attempts."""
 
     @property
     def method(self) -> Method:
@@ -48,7 +48,7 @@ class NavigationContext:
         return self.system.method
 
     def world_time_s(self, stamp: float) -> float:
-        """Return the time of the world at `stamp` on the robot's clock, which is now."""
+        """Return the current time of the world in seconds; `stamp` is the current time on the robot's clock."""
         return stamp if self.world_time is None else self.world_time()
 
     @classmethod
@@ -64,7 +64,7 @@ class NavigationContext:
         bystanders: Bystanders | None = None,
         world_time: Callable[[], float] | None = None,
     ) -> "NavigationContext":
-        """Put the parts together."""
+        """Create a context with a matcher and a planner for the map."""
         matcher = Matcher(predictor, keyframes, system.method.matching, views=graph.views, view_config=system.views)
         planner = Planner(graph, system.method.planning, weight=system.edge_weight)
         return cls(
@@ -83,7 +83,7 @@ class NavigationContext:
     def apply_deltas(
         self, deltas: Iterable[GraphDelta], query: int, attempt: int | None = None
     ) -> Iterator[GraphChanged]:
-        """Apply deltas to the map, each with its event."""
+        """Apply deltas to the map, and yield an event for each."""
         for delta in deltas:
             self.graph.apply(delta)
             self.planner.mirror_delta(delta)

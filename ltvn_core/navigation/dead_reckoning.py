@@ -1,7 +1,7 @@
-"""Dead reckoning: the robot's place by odometry, used where the world has changed so that the place looks different.
+"""Dead reckoning: estimates the robot's place by odometry if the world has changed so much that no image matches.
 
-Owns that estimate, and detects by depth that a place must look different from when the map was made. A robot that
-merely fails to recognise a place gets no estimate. Decides nothing.
+Owns that estimate, and the test by depth whether a place has changed since the map was made. A robot that fails to
+recognise an unchanged place gets no estimate. Decides nothing.
 """
 
 from collections.abc import Callable, Collection, Sequence
@@ -22,14 +22,14 @@ from ltvn_core.navigation.perception import Perception
 from ltvn_core.types import NodeId, Pose, Waypoint
 
 _AT_NODE_DISTANCE = 0.35
-"""The robot is at a node that is nearer than this d."""
+"""Greatest d at which the robot counts as being at a node."""
 _RANGE_M = 4.0
 """Range at which depth is capped, in metres."""
 _DIRECTIONS = 24
 _CHANGED_M, _CHANGED_PART = 0.25, 0.15
-"""Difference of the distance to the nearest obstacle, in metres and as a share, that makes a direction changed."""
+"""Least change of the distance to the nearest obstacle in a changed direction, in metres and as a share."""
 _CHANGED_SHARE = 0.35
-"""Share of changed directions from which a place looks different."""
+"""Share of changed directions above which a place counts as changed."""
 _CERTAIN = 1.0
 
 
@@ -45,13 +45,13 @@ class DeadReckoning:
         self._arrival: tuple[NodeId, Waypoint, Pose] | None = None
 
     def recognise(self, localisation: Localisation) -> None:
-        """Remember where the robot recognised a node, if that is sure."""
+        """Remember a localisation as the start of dead reckoning, if it is certain."""
         sure = localisation.reachability > self._context.method.localising.reachability
         if localisation.node is not None and sure:
             self._seen = localisation.node, localisation.waypoint, self._motion.odometry
 
     def localise(self) -> Localisation | None:
-        """Return the node at which the robot is where that cannot look as it did; None if there is none."""
+        """Return the node that the robot is at by odometry, if the place has changed; None otherwise."""
         places = self.places()
         if not places:
             return None
@@ -61,11 +61,11 @@ class DeadReckoning:
     def arrive(
         self, segment: Sequence[NodeId], *, is_recognised: bool, fits_depth: Callable[[NodeId, Waypoint], bool]
     ) -> bool:
-        """Tell whether the robot stands at the last node of a segment, and remember it.
+        """Tell whether the robot is at the last node of a segment by odometry, and remember the arrival.
 
-        It is there if odometry says so and the place is recognised or must look different. Edges that were never driven
-        may be false, and every place looks different from the node at the end of a false edge. There `fits_depth` must
-        confirm that the surroundings are those of the node, at a waypoint (3,).
+        The place must also be recognised, or have changed. An edge that was never driven may be false, and at the end
+        of a false edge every place looks changed; on such edges `fits_depth` must confirm that the surroundings are
+        those of the node at a waypoint (3,).
         """
         graph = self._context.graph
         target = segment[-1]
@@ -83,7 +83,7 @@ class DeadReckoning:
         return False
 
     def take_arrival(self) -> Localisation | None:
-        """Return where the robot has arrived by reckoning, if it has not moved since; once."""
+        """Return the last arrival by dead reckoning, once, if the robot has not moved since."""
         arrival, self._arrival = self._arrival, None
         if arrival is None or arrival[0] not in self._context.graph.nodes:
             return None
@@ -93,7 +93,7 @@ class DeadReckoning:
         return Localisation(node, float(distance(waypoint)), _CERTAIN, waypoint, None, np.inf, LOCAL)
 
     def is_at(self, node: NodeId) -> bool:
-        """Tell whether the robot stands at a node as at a goal, where that cannot look as it did."""
+        """Tell whether the robot is at a goal node by odometry, if the place has changed."""
         places = self.places()
         return node in places and self._stands_at(places[node]) and self._at(node, places[node]) is not None
 
@@ -108,9 +108,9 @@ class DeadReckoning:
         return Localisation(node, away, _CERTAIN, waypoint, None, np.inf, LOCAL)
 
     def places(self, *, without: Collection[EdgeKey] = ()) -> dict[NodeId, Waypoint]:
-        """Return the nodes around where the robot was recognised last, each (3,) in its frame now; none if unknown.
+        """Return the waypoints (3,) by odometry of the nodes around the last recognised one; empty if there is none.
 
-        `without`: edges that are not believed here.
+        `without`: edges that are left out.
         """
         if (
             not self._context.system.follows_presence
@@ -124,7 +124,7 @@ class DeadReckoning:
         return {other: relative(here, pose) for other, pose in poses.items()}
 
     def _looks_different(self, node: NodeId, waypoint: Waypoint) -> bool:
-        """Compare how far it is to the next thing in each direction, now and when the node's image was taken."""
+        """Compare the distances to the nearest obstacle in each direction, now and in the node's image."""
         camera = self._context.spec.camera
         seen = self._perception.observation
         image, _ = next(self._perception.observations_around(node, 0))
@@ -141,7 +141,7 @@ class DeadReckoning:
 
 
 def _nearest(points: NDArray[np.float64], half_fov_rad: float) -> NDArray[np.float64]:
-    """Return (_DIRECTIONS,) the metres to the nearest of points (M, 2) in each direction within a field of view."""
+    """Return (_DIRECTIONS,) distances in metres to the nearest of points (M, 2) per direction in a field of view."""
     nearest = np.full(_DIRECTIONS, _RANGE_M)
     bearings = np.arctan2(points[:, 1], points[:, 0])
     inside = np.abs(bearings) < half_fov_rad

@@ -1,6 +1,6 @@
-"""Detours: one turn on the way round what stands between the robot and its waypoint. Pure functions.
+"""Detours: ways over one via point around obstacles between the robot and its waypoint. Pure functions.
 
-Owns which via points are tried, and which of the ways over them is best. Steering aside within the next moment is
+Owns which via points are tried, and which of the ways over them is best. Steering around obstacles close ahead is in
 `navigation.obstacle_avoidance`.
 """
 
@@ -12,14 +12,14 @@ from ltvn_core.navigation.obstacle_avoidance import CLEARANCE_TOLERANCE_M, MAX_N
 
 _DETOUR_RANGES_M = np.array([0.1, 0.2, 0.3, 0.45, 0.6, 0.8])
 _DETOUR_BEARINGS_RAD = np.deg2rad(np.arange(-120.0, 121.0, 10.0))
-"""Bearings of detours relative to the waypoint's; what lies behind the robot has not been seen."""
+"""Bearings of via points relative to the waypoint's; limited, because the area behind the robot is unseen."""
 _GOAL_OFFSETS_M = np.array([0.0, 0.03, -0.03, 0.06, -0.06])
-"""How far beside the waypoint the way may end, because the waypoint is predicted."""
+"""Sideways offsets of the end of a way from the waypoint, which is a prediction."""
 _SAMPLES = 24
 _FAR_M = 0.5
 """Distance from a way beyond which obstacles are ignored, in metres."""
 _COMFORT_MARGIN_M = 0.06
-"""Clearance beside the robot that detours should have, in metres."""
+"""Preferred clearance beside the robot on a detour, in metres."""
 _CLEARANCE_COST = 20.0
 """Cost of each metre of missing clearance, in metres of path."""
 
@@ -27,9 +27,9 @@ _CLEARANCE_COST = 20.0
 def find_detour(
     goal: NDArray[np.float64], points: NDArray[np.float64], *, radius_m: float
 ) -> NDArray[np.float64] | None:
-    """Return where (2,) to turn towards a waypoint (2,), None if no single via point leads there.
+    """Return the via point (2,) of the best way to a waypoint (2,); None if no single via point leads there.
 
-    All in the robot's frame; `points` (M, 2) are solid.
+    All points are in the robot's frame; `points` (M, 2) are obstacles.
     """
     if len(points) <= MAX_NOISE_POINTS:
         return None
@@ -38,8 +38,8 @@ def find_detour(
     places, ends = _candidates(goal)
     here = np.zeros_like(places)
     now_m = float(_obstacle_distances_m(tree, here[:1])[0])
-    # A robot that is too near already may move away, but not nearer.
-    ways = len(places) // len(_GOAL_OFFSETS_M)  # The first part of a way does not depend on where it ends.
+    # A robot that is already too close may move away, but not closer.
+    ways = len(places) // len(_GOAL_OFFSETS_M)  # The way to the via point does not depend on the end of the way.
     first_m = np.tile(_path_clearances_m(tree, here[:ways], places[:ways]), len(_GOAL_OFFSETS_M))
     open_at_first = first_m > min(least_m, now_m - CLEARANCE_TOLERANCE_M)
     if not open_at_first.any():
@@ -56,14 +56,14 @@ def find_detour(
 
 
 def path_clearance_m(goal: NDArray[np.float64], points: NDArray[np.float64]) -> float:
-    """Return the least metres from the straight way to `goal` (2,) to anything solid, `points` (M, 2); inf if far."""
+    """Return the clearance in metres of the straight way to `goal` (2,) from obstacles (M, 2); inf if it is large."""
     if len(points) <= MAX_NOISE_POINTS:
         return float("inf")
     return float(_path_clearances_m(KDTree(points), np.zeros((1, 2)), goal[None])[0])
 
 
 def _candidates(goal: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return (C, 2) via points, and (C, 2) where the way ends then."""
+    """Return (C, 2) via points and the (C, 2) ends of the ways over them."""
     away_m, bearing = (
         part.ravel() for part in np.meshgrid(_DETOUR_RANGES_M, np.arctan2(goal[1], goal[0]) + _DETOUR_BEARINGS_RAD)
     )
@@ -77,12 +77,12 @@ def _candidates(goal: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray
 
 
 def _path_clearances_m(tree: KDTree, starts: NDArray[np.float64], ends: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return (C,) the least metres to a solid point on straight ways from (C, 2) to (C, 2), their starts left out."""
+    """Return (C,) clearances in metres of straight ways from (C, 2) to (C, 2), without their start points."""
     share = np.linspace(0, 1, _SAMPLES + 1)[1:, None, None]
     return _obstacle_distances_m(tree, starts + share * (ends - starts)).min(axis=0)
 
 
 def _obstacle_distances_m(tree: KDTree, places: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return (...) metres from places (..., 2) to the nearest believable point, inf where it is far."""
+    """Return (...) distances in metres from places (..., 2) to the nearest obstacle, without noise; inf if far."""
     gaps, _ = tree.query(places, k=MAX_NOISE_POINTS + 1, distance_upper_bound=_FAR_M)
     return np.asarray(gaps)[..., -1]

@@ -1,8 +1,8 @@
 """Describes an event or a change of the map in one line, and names its edge or node.
 
 The only place where events are put into words: the Rerun log, marks on the slider, breakpoints and the debugger show
-these lines. The exact event is stored beside each line, so nothing parses the text. A new kind of event or change gets
-its `case` here; pyright names this file until it has one.
+these lines. The exact event is stored beside each line, so nothing parses the text. A new kind of event or change needs
+a `case` here; pyright reports this file until it has one.
 """
 
 import math
@@ -25,12 +25,12 @@ class EventDescription:
     """An event in words."""
 
     text: str
-    """One line without a full stop, beginning with a small letter unless a person wrote it."""
+    """One line without a full stop; it begins with a lower-case letter unless a person wrote it."""
     severity: e.Severity = e.Severity.INFO
     edge: EdgeKey | None = None
     """The edge that was driven or changed; for an attempt its first node and its subgoal."""
     node: NodeId | None = None
-    """The node at which the robot is, for which it heads, or which changed."""
+    """The node that the robot is at or drives to, or that changed."""
 
     @property
     def sentence(self) -> str:
@@ -78,7 +78,7 @@ def describe_event(event: e.Event) -> EventDescription:
 
 
 def describe_delta(delta: d.GraphDelta) -> EventDescription:
-    """Put a change of the map into words; its cause stands in brackets."""
+    """Put a change of the map into words, with its cause in brackets."""
     match delta:
         case d.NodeAdded(node, cause):
             return EventDescription(f"node {node.id} added ({cause})", node=node.id)
@@ -124,7 +124,7 @@ def describe_delta(delta: d.GraphDelta) -> EventDescription:
 
 
 def edge_text(edge: EdgeKey) -> str:
-    """Name an edge, as it can be typed."""
+    """Return the name of an edge, in the form that a person can type."""
     return f"edge {edge[0]}->{edge[1]}"
 
 

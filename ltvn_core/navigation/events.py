@@ -1,8 +1,8 @@
 """Everything that happens while the robot navigates, as data.
 
-The navigator yields these; the recording stores them; the page and the analysis read them back. An event says what
-happened and the numbers that decided it, so that "why" can be answered later without running anything again.
-`StampedEvent` adds the moment. Owns no behaviour.
+The navigator yields events; the recording stores them; the page and the analysis read them back. An event holds what
+happened and the numbers behind the decision, so that the decision can be explained later without running it again.
+`StampedEvent` adds the time. Owns no behaviour.
 """
 
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ class AttemptEnd(StrEnum):
     """Why the robot stopped driving towards a subgoal."""
 
     REACHED = "reached"
-    """The controller's waypoint was reached."""
+    """The controller reached the waypoint."""
     COLLISION = "collision"
     """The bumper hit something."""
     BLOCKED = "blocked"
@@ -38,25 +38,25 @@ class AttemptEnd(StrEnum):
     TIMEOUT = "timeout"
     """The attempt used up its steps."""
     LOST = "lost"
-    """The subgoal stopped looking reachable on the way."""
+    """The subgoal's reachability fell too low on the way."""
     CANCELLED = "cancelled"
     """A person took over."""
 
     @property
     def failure(self) -> str:
-        """Return the failure that an attempt with this ending had, if it was judged a failure."""
+        """The failure in words, for an attempt with this end that was judged a failure."""
         return "failed, though it got there" if self is AttemptEnd.REACHED else f"failed ({self})"
 
 
 OBSTRUCTED_ENDS = (AttemptEnd.COLLISION, AttemptEnd.BLOCKED)
-"""Something was in the way."""
+"""Ends of attempts that an obstacle stopped."""
 
 
 class Outcome(StrEnum):
     """How a query ended, as the robot sees it."""
 
     ARRIVED = "arrived"
-    """The robot judged that it is at the goal; only the evaluation knows whether it is right."""
+    """The robot judged that it is at the goal; only the evaluation knows whether that is true."""
     NO_PATH = "no path"
     LOST = "lost"
     STEP_LIMIT = "step limit"
@@ -66,14 +66,14 @@ class Outcome(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class StateChanged:
-    """The navigator went over to another state."""
+    """The navigator changed its state."""
 
     state: NavigatorState
 
 
 @dataclass(frozen=True, slots=True)
 class QueryStarted:
-    """A query began: the robot is to go to a node."""
+    """A query started, with a node as its goal."""
 
     query: int
     goal: NodeId
@@ -87,7 +87,7 @@ class Localised:
     frame: FrameId
     """The image that was compared."""
     node: NodeId | None
-    """Where it thinks it is; None when no node is near enough."""
+    """The node that the robot is at; None if no node is near enough."""
     distance: float
     """d of the best node, whether or not it was near enough; infinite in an empty map."""
     reachability: float
@@ -111,18 +111,18 @@ class Planned:
 
 @dataclass(frozen=True, slots=True)
 class AttemptStarted:
-    """The robot sets off towards a subgoal."""
+    """The robot departs towards a subgoal."""
 
     query: int
     attempt: int
-    """Counts attempts within the recording."""
+    """Number of the attempt within the recording."""
     source: NodeId | None
-    """The node it starts from; None when it only approaches the localised node."""
+    """The node at departure; None if the robot only approaches the node it is localised at."""
     target: NodeId
     frame: FrameId
     """The image o_a at departure."""
     waypoint: PoseRow
-    """The target as predicted from that image."""
+    """Waypoint of the target at departure, in the robot's frame."""
     reachability: float
 
 
@@ -142,9 +142,10 @@ class AttemptEnded:
     reachability: float
     succeeded: bool
     reason: str
-    """Which rule decided, in words."""
+    """Reason for the verdict, in words."""
     rule: str = ""
-    """The rule's name in `config`, such as judging.success_distance; empty in older recordings, and without any."""
+    """Name in `config` of the rule that decided, such as judging.success_distance; empty without any and in older
+    recordings."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,7 +176,7 @@ class QueryEnded:
     steps: int
     collisions: int
     path_m: float
-    """Driven length by odometry."""
+    """Driven length by odometry, in metres."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,7 +196,7 @@ class Note:
     text: str
     severity: Severity = Severity.INFO
     rule: str = ""
-    """Name in `config` of the rule that decided it; empty where none did."""
+    """Name in `config` of the rule behind the note; empty without any."""
 
 
 class ChangedBy(StrEnum):
@@ -207,7 +208,7 @@ class ChangedBy(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class WorldChanged:
-    """In simulation, the world is another one from now on. The method never reads it."""
+    """In simulation, the world changed. The method never reads this event."""
 
     change: WorldChange
     by: ChangedBy = ChangedBy.SCRIPT
@@ -234,7 +235,7 @@ Event: TypeAlias = (
 
 
 class StampedEvent(NamedTuple):
-    """An event and its moment."""
+    """An event and its time."""
 
     step: FrameId
     stamp: float

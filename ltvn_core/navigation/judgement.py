@@ -1,7 +1,7 @@
 """Verdicts with their reasons: whether an attempt succeeded, and whether the robot is at the goal.
 
-The network that made a false edge also accepts its end, so the robust method asks for independent evidence: the place
-belief, which uses all images on the way. Owns the rules.
+The network that created a false edge also accepts the end of it. The robust method therefore needs independent
+evidence: the place belief, which uses all images on the way. Owns the rules.
 """
 
 from collections.abc import Callable
@@ -21,7 +21,7 @@ _BY_PLACE = "localising.follow_places"
 
 
 class GoalCheck:
-    """Asks whether the robot is at the goal of a query."""
+    """Checks whether the robot is at the goal of a query."""
 
     def __init__(
         self,
@@ -31,9 +31,9 @@ class GoalCheck:
         reckoning: DeadReckoning,
         place: Callable[[], BelievedPlace | None],
     ) -> None:
-        """Ask for `goal`.
+        """Check for `goal`.
 
-        `reckoning` knows where a goal is that cannot be recognised any more; `place` tells where the robot probably is.
+        `reckoning` locates a goal that has changed beyond recognition; `place` returns the robot's most probable place.
         """
         self._method = method
         self._perception = perception
@@ -42,7 +42,7 @@ class GoalCheck:
         self._place = place
 
     def check(self) -> EventGenerator[bool]:
-        """Tell whether this is the goal: it looks so, also to its neighbours in time, and the robot can be there."""
+        """Tell whether this is the goal: its image and its neighbours in time match, and the place belief allows it."""
         seen = self._perception.node_match(self._goal)
         if not is_at_goal(seen.reachability, seen.waypoint, self._method.judging):
             return self._reckoning.is_at(self._goal)
@@ -63,9 +63,9 @@ class AttemptVerdict(NamedTuple):
     succeeded: bool
     reason: str
     hindered: bool = False
-    """It failed, but that says little about the edge."""
+    """Whether the attempt failed for a reason that says little about the edge."""
     rule: str = ""
-    """Name of that rule in `config`; empty where it has none."""
+    """Name of the rule in `config`; empty if it has none."""
 
 
 def judge_attempt(
@@ -78,17 +78,17 @@ def judge_attempt(
     hindered: bool = False,
     driven_too_often: bool = False,
 ) -> AttemptVerdict:
-    """Judge an attempt by its target seen from the arrival image: it succeeded if the target is near.
+    """Judge an attempt by the arrival image o_d: it succeeded if the target is reachable and near.
 
-    `odometry_error`: where odometry puts the waypoint (3,) now. `fits_place`: the target may be there after all that
-    was seen on the way. `hindered`: something stood in the way. `driven_too_often`: the robot drove the edge too often
-    to be getting anywhere.
+    `odometry_error`: (3,) rest of the waypoint by odometry. `fits_place`: the place belief does not exclude the target.
+    `hindered`: an obstacle or the step limit ended the attempt. `driven_too_often`: the attempts along the edge exceed
+    their limit in this query.
     """
     judging = method.judging
     within = judging.success_distance or method.building.connect_distance
     needed = judging.success_reachability if judging.success_distance else method.building.connect_reachability
     if reachability <= needed:
-        # Where it looks as near as odometry says, the target is probably there and merely hard to recognise.
+        # If image and odometry both place the target here, it is probably here and only hard to recognise.
         at_target = max(target_distance, float(distance(odometry_error))) < _AT_TARGET_DISTANCE
         why = f"target does not look reachable: r = {reachability:.2f}, needs {needed:.2f}"
         return AttemptVerdict(False, why, hindered or at_target, rule=_SUCCESS_REACHABILITY)
@@ -114,4 +114,4 @@ def is_at_goal(reachability: float, waypoint: Waypoint, config: JudgingConfig) -
 
 
 _AT_TARGET_DISTANCE = 0.3
-"""A target nearer than this d is here."""
+"""The robot is at a target that is nearer than this d."""

@@ -1,6 +1,6 @@
-"""What a query teaches the map: the end of an attempt, and obstacles seen ahead before one.
+"""Map updates from a query: the result of each attempt, and the obstacles seen before it.
 
-Owns the evidence that is passed to the system's maintenance and presence, which decide what follows from it.
+Owns the evidence; the system's maintenance and presence decide how it changes the map.
 """
 
 import itertools
@@ -23,9 +23,9 @@ from ltvn_core.navigation.query_memory import MOST_OBSTRUCTIONS, QueryMemory
 from ltvn_core.types import NodeId, Waypoint
 
 _STEPS_OF_A_WAY = 10
-"""Control steps below which the robot has hardly left the place of the last attempt."""
+"""Number of control steps from which the robot counts as having left the place of the last attempt."""
 _EDGES_IN_SIGHT = 4
-"""Edges of a plan that a robot at its beginning may look along."""
+"""Number of edges at the beginning of a plan that are checked for obstacles."""
 
 
 class MapLearner:
@@ -41,7 +41,7 @@ class MapLearner:
         query: int,
         goal: NodeId,
     ) -> None:
-        """Learn for the map of `context` on the way to `goal`."""
+        """Update the map of `context` on the way to `goal`."""
         self._context = context
         self._perception = perception
         self._memory = memory
@@ -54,19 +54,19 @@ class MapLearner:
         return self._context.world_time_s(self._perception.observation.stamp)
 
     def depart(self, localisation: Localisation) -> None:
-        """Remember where the robot is before an attempt."""
+        """Remember the robot's localisation before an attempt."""
         self._obstructions.depart(localisation)
 
     def knows_surroundings(self, source: NodeId) -> bool:
-        """Tell whether images of the map show most of what the robot sees, if it set off from a node."""
+        """Tell whether images of the map show most of the robot's surroundings, if it departed from `source`."""
         return self._obstructions.knows_surroundings(source)
 
     def fits_depth(self, node: NodeId, waypoint: Waypoint) -> bool:
-        """Tell whether the robot sees what images of a node show, if the node is at a waypoint (3,) from here."""
+        """Tell whether the robot's surroundings are those in the images of a node at a waypoint (3,) from here."""
         return self._obstructions.fits_depth(node, waypoint)
 
     def look(self, path: GraphPath) -> Generator[Event, None, bool]:
-        """Look around before an attempt; tell whether something new closes the way ahead, so that it is not tried."""
+        """Look for obstacles before an attempt; tell whether a new one closes the way, so that the robot replans."""
         context = self._context
         presence = context.system.presence
         now_s = self._now_s
@@ -78,7 +78,7 @@ class MapLearner:
             return False
         self._memory.saw_change = True
         yield from context.apply_deltas(presence.observe(context.graph, obstruction, now_s), self._query)
-        # Obstacles beside a goal may seem to close the ways to it.
+        # Obstacles beside a goal may seem to close the edges to it.
         ahead = (edge for edge in itertools.pairwise(in_sight) if edge in across and edge[1] != self._goal)
         closed = [edge for edge in ahead if not is_open(context.graph, edge)]
         if not closed or self._memory.obstructions >= MOST_OBSTRUCTIONS:
@@ -111,7 +111,7 @@ class MapLearner:
             if obstruction is not None and obstruction.stopped:
                 memory.obstructions += 1
             else:
-                memory.record_failure_from(segment[0])  # Nothing explains it, so perhaps the robot is not there.
+                memory.record_failure_from(segment[0])  # No obstacle explains the failure.
         evidence = AttemptEvidence(
             source=segment[0],
             target=segment[-1],

@@ -1,6 +1,6 @@
-"""Motion of the robot during one query: one control step at a time, counted.
+"""Motion of the robot during one query, one control step at a time.
 
-Owns the counts and their limits. Every step returns control to the caller with a `Tick`.
+Owns the numbers of steps and collisions and their limits. Every step returns control to the caller with a `Tick`.
 """
 
 from collections.abc import Callable, Generator, Iterator
@@ -20,7 +20,7 @@ EventGenerator: TypeAlias = Generator[Event | Tick, None, _T]
 
 
 class QueryAborted(Exception):
-    """A limit was hit, or a person took over, in the middle of something."""
+    """The query ended early, because a limit was reached or a person cancelled it."""
 
     def __init__(self, outcome: Outcome) -> None:
         super().__init__(outcome.value)
@@ -44,21 +44,21 @@ class MotionExecutor:
 
     @property
     def odometry(self) -> Pose:
-        """(3,) in the odometry frame."""
+        """(3,) pose of the robot in the odometry frame."""
         return self._state.odometry
 
     @property
     def stamp(self) -> float:
-        """Seconds on the robot's clock."""
+        """Time of the last state, in seconds on the robot's clock."""
         return self._state.stamp
 
     @property
     def in_collision(self) -> bool:
-        """The bumper is in contact."""
+        """Whether the bumper is in contact."""
         return self._state.bumper_pressed
 
     def observe(self) -> Observation:
-        """Take an observation now, which may tell that the wheels have slipped."""
+        """Take an observation now; correct odometry if the observation shows that the wheels slipped."""
         seen = self._robot.observe()
         if self._slips is None:
             return seen
@@ -81,13 +81,13 @@ class MotionExecutor:
         yield from self._update_state()
 
     def wait_one_step(self) -> Iterator[Event | Tick]:
-        """Stand still for one control step, so that no loop of thoughts is endless."""
+        """Stand still for one control step; it counts against the step limit, so that no loop is endless."""
         yield from self.move(ZERO_TWIST)
 
     def drive_straight(
         self, length_m: float, speed_m_s: float, *, goes_on: Callable[[], bool] = lambda: True
     ) -> Iterator[Event | Tick]:
-        """Drive straight by a length, backwards if negative, until a collision; `goes_on` is asked before each step."""
+        """Drive straight by a length, backwards if negative; stop at a collision, or when `goes_on` returns False."""
         start = self.path_m
         for _ in range(2 + int(2 * abs(length_m) / (speed_m_s * CONTROL_STEP_S))):
             if self.path_m - start >= abs(length_m) or not goes_on():

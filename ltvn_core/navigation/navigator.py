@@ -1,6 +1,6 @@
 """The navigator: from a goal node to a stream of events and ticks.
 
-Owns the start and the end of a query, and stops the robot afterwards whatever happened. The query itself is
+Owns the start and the end of a query, and always stops the robot afterwards. The query itself is in
 `navigation.query_runner`. A query is a generator: it yields events, and a `Tick` whenever the caller should let one
 control step of 0.1 s pass.
 """
@@ -27,7 +27,7 @@ from ltvn_core.types import NodeId, Observation, Predictor
 
 
 class Navigator:
-    """Drives a robot to goal nodes of a map, and maintains the map from what it learns."""
+    """Drives a robot to goal nodes of a map, and updates the map on the way."""
 
     def __init__(
         self,
@@ -42,11 +42,11 @@ class Navigator:
         bystanders: Bystanders | None = None,
         world_time: Callable[[], float] | None = None,
     ) -> None:
-        """Navigate in `graph`, whose images `keyframes` holds; both change on the way if the system maintains.
+        """Navigate in `graph`, with its images in `keyframes`; maintenance changes both on the way.
 
-        Without a `system` it is the paper's with `method`; with one, that system's own thresholds hold.
+        Without a `system`, the paper's system runs with `method`; a given `system` uses its own thresholds.
         `bystanders` are the people that the robot met before, under another navigator.
-        `world_time` tells the time in seconds where the world has another clock than the robot.
+        `world_time` returns the time of the world in seconds, if the robot's clock does not show it.
         """
         method = system.method if system is not None else method
         self._robot = robot
@@ -63,7 +63,7 @@ class Navigator:
         )
         self._motion: MotionExecutor | None = None
         self.view: Observation | None = None
-        """The last observation in use. Events name it by its step, so it must be recorded along with them."""
+        """The last observation that was used. Events name it by its step, so it must be recorded along with them."""
 
     def query(self, goal: NodeId, query: int) -> Iterator[Event | Tick]:
         """Drive to a node: yield events, and ticks at which the caller lets time pass.

@@ -1,6 +1,6 @@
-"""Obstacle avoidance: steers a command aside that would end in contact, or refuses it. Pure functions.
+"""Obstacle avoidance: bends a command that would end in contact, or refuses it. Pure functions.
 
-Owns the short arcs that the robot can drive in the next moment. Plans nothing beyond that.
+Owns the short arcs that the robot can drive next. Plans nothing beyond their horizon.
 """
 
 import numpy as np
@@ -12,12 +12,12 @@ from ltvn_core.types import Twist
 _HORIZON_S = 0.8
 _STEPS = 6
 _TURN_OFFSETS_RAD_S = (0.0, 0.3, -0.3, 0.6, -0.6, 0.9, -0.9)
-"""How much an arc may be bent, the least first."""
+"""Changes of the turning rate that are tried, the smallest first."""
 MAX_NOISE_POINTS = 2
 """Number of stray points that are ignored as noise."""
 CLEARANCE_TOLERANCE_M = 0.005
 _NARROW_SPEED_FACTOR, NARROW_MARGIN_M = 0.4, 0.02
-"""Speed factor in narrow places, and the clearance kept there for errors of depth."""
+"""Speed factor in narrow places, and the clearance kept there for errors of depth, in metres."""
 
 
 def collision_free_command(
@@ -33,7 +33,7 @@ def collision_free_command(
     now_m = float(_obstacle_distances_m(np.zeros((1, 2)), points)[0])
     for turn_offset in _TURN_OFFSETS_RAD_S if config.swerve else _TURN_OFFSETS_RAD_S[:1]:
         turn = float(np.clip(twist.angular_rad_s + turn_offset, -config.turn_rad_s, config.turn_rad_s))
-        # Steering aside slows down, so that there is time to see what comes into view.
+        # A bent command is slower, because the robot needs time to see what comes into view.
         adjusted = Twist(twist.linear_m_s * (1 - 0.5 * abs(turn_offset) / config.turn_rad_s), turn)
         if _is_free(adjusted, points, reach_m, _clear_m(radius_m + config.veto_margin_m, now_m)):
             return adjusted
@@ -42,9 +42,9 @@ def collision_free_command(
 
 
 def _clear_m(clear_m: float, now_m: float) -> float:
-    """Return the distance to keep from obstacles, the nearest of which is `now_m` away.
+    """Return the distance to keep from obstacles, in metres, if the nearest one is `now_m` away.
 
-    A robot that is too near already may move away, but not nearer.
+    A robot that is already too close may move away, but not closer.
     """
     return min(clear_m, now_m - CLEARANCE_TOLERANCE_M)
 
@@ -54,7 +54,7 @@ def _is_free(twist: Twist, points: NDArray[np.float64], reach_m: float, clear_m:
 
 
 def _arc(twist: Twist, reach_m: float) -> NDArray[np.float64]:
-    """Return (_STEPS, 2) places on the way of a command."""
+    """Return (_STEPS, 2) places along the arc of a command."""
     seconds = reach_m / abs(twist.linear_m_s)
     yaw = twist.angular_rad_s * seconds * np.arange(1, _STEPS + 1) / _STEPS
     along = twist.linear_m_s * seconds * np.arange(1, _STEPS + 1) / _STEPS
@@ -64,7 +64,7 @@ def _arc(twist: Twist, reach_m: float) -> NDArray[np.float64]:
 
 
 def _obstacle_distances_m(places: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return (P,) metres from places (P, 2) to the nearest believable point."""
+    """Return (P,) distances in metres from places (P, 2) to the nearest obstacle, without noise."""
     ahead, left = (places[:, None, axis] - points[:, axis] for axis in (0, 1))
     # Squares are ordered as distances are, and only one root for each place is needed.
     squares = np.partition(ahead**2 + left**2, MAX_NOISE_POINTS, axis=1)

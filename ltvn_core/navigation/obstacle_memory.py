@@ -1,7 +1,7 @@
-"""Obstacle memory: obstacles in the robot's way, as its depth images of the last moments showed them.
+"""Obstacle memory: obstacles near the robot, from recent depth images and collisions.
 
-Owns the points and how long each is remembered: a door frame leaves the image before the robot has passed it. Contains
-nothing that no image showed, and nothing low and close. Decides nothing: `navigation.obstacle_avoidance` does.
+Owns the points and how long each is remembered: a door frame leaves the image before the robot has passed it. Does not
+contain low obstacles close to the robot, which no image shows. Decides nothing: `navigation.obstacle_avoidance` does.
 """
 
 from collections import deque
@@ -24,19 +24,19 @@ from ltvn_core.robots.robot_spec import RobotSpec
 from ltvn_core.types import FrameId, Observation, Pose
 
 _YOUNGEST_S, _OLDEST_S = 0.3, 3.0
-"""Age of the earlier images that an image is compared with, in seconds."""
+"""Least and greatest age of the earlier images that an image is compared with, in seconds."""
 _SAME_PLACE_M = 0.2
-"""A point within this of one in an earlier image stands still, in metres."""
+"""Distance to a point of an earlier image within which a point counts as static, in metres."""
 MOVING_POINTS = 8
-"""Number of moving points nearby that make a person."""
+"""Least number of moving points close ahead that count as a person."""
 _SOMEBODY_POINTS, _SOMEBODY_BEARINGS = 16, 4
-"""Number of moving points, and of bearings, that make a person farther away, rather than a pole between two pixels."""
+"""Least numbers of moving points and of bearings that count as a person, rather than as a pole between two pixels."""
 _PLACED_M = 2.5
 """Distance beyond which a moving person is noticed but not located, in metres."""
 
 
 class MovingObstacles:
-    """Remembers the depth images of the last seconds."""
+    """Detects moving points by comparison with the depth images of the last seconds."""
 
     def __init__(self, bystanders: Bystanders) -> None:
         """Start with an empty memory; moving people are reported to `bystanders`."""
@@ -73,13 +73,13 @@ class MovingObstacles:
 
 
 def _are_somebody(moving: NDArray[np.float64], scan: DepthScan) -> bool:
-    """Tell whether moving things (M, 2) in the odometry frame are as wide as a person."""
+    """Tell whether moving points (M, 2) in the odometry frame are as wide as a person."""
     bearings = bearing_bins(scan.polar(moving)[1], scan.half_rad)
     return len(bearings) >= _SOMEBODY_POINTS and len(np.unique(bearings)) >= _SOMEBODY_BEARINGS
 
 
 def _votes(scan: DepthScan, points: NDArray[np.float64]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Return where (M,) an earlier image saw free floor, and where it saw a thing."""
+    """Return which points (M,) an earlier image showed as free floor, and which as an obstacle."""
     away_m, bearing = scan.polar(points)
     inside = scan.inside(bearing)
     beside = scan.beside(bearing)
@@ -88,23 +88,23 @@ def _votes(scan: DepthScan, points: NDArray[np.float64]) -> tuple[NDArray[np.boo
 
 
 _REMEMBERED_IMAGES = 40
-"""Number of images that cover the last metres and a full turn."""
+"""Number of images that are remembered; they cover the last metres and a full turn."""
 _UPDATE_AFTER_M = 0.07
 _UPDATE_AFTER_RAD = 0.08
 """Turn after which the memory is updated; an image stays valid for longer than a control step, and each update costs as
 much as the rest of the step."""
 _COLLISION_MEMORY_STEPS = 100
-"""Control steps after which a collision is forgotten, because its place is a guess that may close a door."""
+"""Control steps after which a collision is forgotten, because its assumed place may block a door."""
 _BUMPER_MARGIN_M = 0.02
 """Distance outside the robot at which a collision is assumed, in metres."""
 _AHEAD_M, _ASIDE_M = 1.1, 0.5
-"""Rectangle before the robot in which moving things are close ahead."""
+"""Length and half width of the area in front of the robot in which moving things are close ahead, in metres."""
 _ATTENTIVE_S = 0.08
-"""With people near, an image older than this is replaced, even if the robot has not moved."""
+"""Age at which an image is replaced if people are near, even if the robot has not moved, in seconds."""
 _KEEP_M = 0.12
 """Extra distance that the robot keeps from people, in metres."""
 _NEXT_TO_M = 0.1
-"""Radius around a person within which points count as part of the person, in metres."""
+"""Distance from a person's body within which points count as part of the person, in metres."""
 _AROUND = np.linspace(-np.pi, np.pi, 40, endpoint=False).repeat(3)
 _RING = (BODY_M + _KEEP_M) * np.stack([np.cos(_AROUND), np.sin(_AROUND)], axis=-1)
 """Points (N, 2) around a person, wider than the person by `_KEEP_M`. Each counts three times, so that none is filtered
@@ -114,18 +114,18 @@ _SIDES_M = 0.15 * np.array([(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)])
 _HIT_WIDTH_M, _HIT_POINTS = 0.5, 11
 """Assumed width of an obstacle that was hit, and the number of points that represent it."""
 _COLLISION_BEARINGS_RAD = np.deg2rad(np.repeat([-12.0, 0.0, 12.0], 3))
-"""Each point counts three times, so that it is not taken for noise."""
+"""Bearings of the points of a collision; each point counts three times, so that it is not filtered as noise."""
 
 
 def _widened(moving: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-    """Return points (M, 2) that move as they may be in the next moment: here, or a little to any side."""
+    """Return moving points (M, 2) and copies shifted a little to each side, where they may be next."""
     return [moving, *(moving + side for side in _SIDES_M)] if len(moving) else []
 
 
 class _Collision(NamedTuple):
     step: FrameId
     rim: NDArray[np.float64]
-    """(M, 2) where the bumper was, in the odometry frame."""
+    """(M, 2) points of the bumper at the collision, in the odometry frame."""
     backwards: bool
 
 
@@ -150,7 +150,7 @@ class ObstacleMemory:
     def is_outdated(self, odometry: Pose, stamp: float) -> bool:
         """Tell whether a robot at `odometry` (3,) at `stamp` seconds needs a new image.
 
-        It does where it has moved since the last, and all the time while people are near.
+        It does after it has moved, and again and again while people are near.
         """
         if self._last_pose is None:
             return True
@@ -160,7 +160,7 @@ class ObstacleMemory:
         return stamp - self._last_stamp > _ATTENTIVE_S and len(self.people(stamp)) > 0
 
     def add(self, observation: Observation) -> None:
-        """Remember the obstacles in an image; a repeated image changes nothing, and one without depth hides nothing."""
+        """Remember the obstacles in an image; a repeated image, or one without depth, leaves them unchanged."""
         if observation.step == self._last_step:
             return
         while self._collisions and observation.step - self._collisions[0].step > _COLLISION_MEMORY_STEPS:
@@ -180,13 +180,13 @@ class ObstacleMemory:
         moves = self._movement.moving(scan, things, nearby)
         points = things[nearby & ~moves]
         self._moving = things[nearby & moves]
-        # People are remembered by themselves: their points would stay when they have gone.
+        # People are remembered separately, because their points would stay after they have left.
         for place in self.people(observation.stamp):
             points = points[np.hypot(*(points - place).T) > BODY_M + _NEXT_TO_M]
         self._seen.append(points)
 
     def _read(self, observation: Observation) -> tuple[DepthScan, NDArray[np.float64], NDArray[np.bool_]]:
-        """Return an image from above, its solid points (M, 2) in the odometry frame, and which are nearby (M,)."""
+        """Return the scan of an image, its solid points (M, 2) in the odometry frame, and which are nearby (M,)."""
         depth = observation.require_depth("obstacle avoidance")
         seen = points_within(depth, self._camera, RANGE_M)
         depths_m = depths_within(depth, RANGE_M)
@@ -196,11 +196,11 @@ class ObstacleMemory:
         return scan, things, depths_m[solid] < RELEVANT_RANGE_M
 
     def people(self, stamp: float) -> NDArray[np.float64]:
-        """Return (N, 2) where people are at `stamp` seconds, as far as is known, in the odometry frame."""
+        """Return (N, 2) last known positions of people at `stamp` seconds, in the odometry frame."""
         return np.empty((0, 2)) if self._bystanders is None else self._bystanders.near(stamp)
 
     def people_are_about(self, stamp: float) -> bool:
-        """Tell whether anybody was seen moving not long before `stamp` seconds, so that they may be anywhere now."""
+        """Tell whether motion was seen in the time before `stamp` seconds, so that a person may come from anywhere."""
         return self._bystanders is not None and self._bystanders.are_about(stamp)
 
     def moves_ahead(self, odometry: Pose) -> bool:
@@ -210,10 +210,10 @@ class ObstacleMemory:
         return bool(np.count_nonzero(close) >= MOVING_POINTS)
 
     def bump(self, odometry: Pose, *, backwards: bool) -> None:
-        """Remember a collision before, or behind, a robot at `odometry` (3,).
+        """Remember a collision in front of, or behind, a robot at `odometry` (3,).
 
-        No image need show the obstacle. The place on the bumper is unknown, so a narrow piece in the middle is assumed;
-        a wider obstacle is found by further collisions.
+        The obstacle may be in no image. The point of contact on the bumper is unknown, so a narrow obstacle in the
+        middle is assumed; a wider obstacle causes further collisions.
         """
         yaw = float(odometry[2]) + (np.pi if backwards else 0.0)
         directions = yaw + _COLLISION_BEARINGS_RAD
@@ -235,10 +235,10 @@ class ObstacleMemory:
     def nearby_points(
         self, odometry: Pose, *, backwards: bool = False, keeping_from_people: bool = True
     ) -> NDArray[np.float64]:
-        """Return (M, 2) all remembered points near a robot at `odometry` (3,), in its frame.
+        """Return all remembered points (M, 2) near a robot at `odometry` (3,), in its frame.
 
-        Collisions while backing up count only for backing up; ahead the camera knows better. Around people, points are
-        added at the distance to keep, unless these are not wanted.
+        Collisions from backing up count only for backing up, because the camera shows obstacles ahead better. With
+        `keeping_from_people`, points are added around each person at the distance to keep.
         """
         collision_points = [bump.rim for bump in self._collisions if backwards or not bump.backwards]
         people = [place + _RING for place in self.people(self._last_stamp)] if keeping_from_people else []

@@ -1,7 +1,7 @@
 """Finds obstacles around the robot that were not there when the map was made.
 
-Owns the distinction between new and known obstacles, and between those on the way and those beside it. Which edges they
-close is `graph.presence.obstruction`. `FreeView` says how far the floor is free in each direction.
+Owns the distinction between new and known obstacles, and between obstacles on the way and beside it. The edges that
+they close are found by `graph.presence.obstruction`. `FreeView` holds how far the floor is free in each direction.
 """
 
 import itertools
@@ -33,29 +33,29 @@ from ltvn_core.navigation.perception import Perception
 from ltvn_core.types import Depth, NodeId, Pose, Waypoint
 
 _BEARING_STEP_RAD = math.radians(2.2)
-"""Wider than a pair of pixels, so that every direction has some."""
+"""Width of one direction; wider than two pixels, so that every direction contains some."""
 _EDGE_RAD = math.radians(3.0)
 """Margin at the edge of an image within which nothing is known, in radians."""
 _FREE_RANGE_M = 3.5
-"""Farther away a leaf that is seen aslant may be taken for a gap."""
+"""Range up to which floor may count as free, in metres; farther away, a door leaf seen at an angle looks like a gap."""
 _BEHIND_M = 0.15
-"""A place is free if nothing is seen up to this distance behind it."""
+"""A place is free if nothing is seen up to this distance behind it, in metres."""
 _BEYOND_M = 0.25
-"""Length before and behind a way that must be free, too."""
+"""Length before and behind a way that must also be free, in metres."""
 _UNDERFOOT_M = 0.3
-"""Radius of the area that the robot itself covers."""
+"""Radius of the area that the robot itself covers, in metres."""
 _STEP_M = 0.08
-"""Spacing of the places at which a way is checked."""
+"""Spacing of the places at which a way is checked, in metres."""
 
 
 class FreeView:
-    """What one image shows of the floor."""
+    """Free floor that one image shows."""
 
     def __init__(self, depth: Depth | None, camera: CameraModel) -> None:
-        """Look at a depth image; without one nothing is seen."""
+        """Read a depth image; without one, no floor is free."""
         self._half_rad = camera.horizontal_fov_rad / 2
         self._ranges_m = np.zeros(int(2 * self._half_rad / _BEARING_STEP_RAD) + 1)
-        """To the nearest solid thing per bearing; `_FREE_RANGE_M` where there is none, 0 where nothing is known."""
+        """Range in metres to the nearest obstacle per bearing; over `_FREE_RANGE_M` without any, 0 if unknown."""
         if depth is not None:
             seen = points_within(depth, camera, 2 * _FREE_RANGE_M)
             columns = self._columns(np.arctan2(seen[:, 1], seen[:, 0]))
@@ -64,9 +64,9 @@ class FreeView:
             np.minimum.at(self._ranges_m, columns[solid], np.hypot(seen[solid, 0], seen[solid, 1]))
 
     def shows_free(self, way: NDArray[np.float64]) -> bool:
-        """Tell whether all of a straight way (2, 2), start and end in the robot's frame, is seen to be free.
+        """Tell whether a whole straight way (2, 2), start and end in the robot's frame, is seen to be free.
 
-        The robot must have room at its ends, too, because an obstacle may stand just behind them.
+        Both ends need free room as well, because an obstacle may stand just behind them.
         """
         along = (way[1] - way[0]) / max(float(np.hypot(*(way[1] - way[0]))), 1e-9)
         start = way[0] - _BEYOND_M * along
@@ -88,23 +88,23 @@ class FreeView:
 
 
 _RANGE_M = 2.5
-"""Things farther away are not placed well enough."""
+"""Range up to which depth locates obstacles well enough, in metres."""
 _KNOWN_WITHIN_M = 0.18
-"""Points within this of a point in an image of the map count as known."""
+"""Distance to a point in an image of the map within which a point counts as known, in metres."""
 _NODES = 12
 """Number of nearest nodes whose images show what was there."""
 _IMAGES_AROUND = 3
-"""Number of images of the mapping drive before and after each of these nodes that are used, too."""
+"""Number of images of the mapping drive before and after each of these nodes that are also used."""
 _SURE_REACHABILITY = 0.8
 _KNOWN_SHARE, _KNOWN_SHARE_IF_UNSURE = 0.5, 0.75
-"""Share of known surroundings below which the robot is probably not where it thinks it is. Of 62 checks in two
-apartments with closed doors these rules kept all 50 at the right place and none of 12 at a wrong one."""
+"""Share of known surroundings below which the robot's localisation is probably wrong. In 62 checks in two apartments
+with closed doors, these rules accepted all 50 at the right place and none of the 12 at a wrong one."""
 _LEAST_POINTS = 8
 """Minimum number of new points that count as an obstruction."""
 _LEAST_ON_WAY = 4
 """Minimum number of new points inside the robot's swept path."""
 _GRID_M = 0.05
-"""Of points within such a cell one is kept."""
+"""Width of a grid cell in which only one point is kept, in metres."""
 _CELLS = 1 << 32
 """Stride of a row of cells, larger than any row."""
 
@@ -125,7 +125,7 @@ class ObstructionFinder:
         self._needed_share = _KNOWN_SHARE
 
     def depart(self, localisation: Localisation) -> None:
-        """Remember where the robot sets off, if that is certain and the system uses observations of presence."""
+        """Remember the place of departure, if it is certain enough and the system uses observations of presence."""
         unsure = localisation.reachability < _SURE_REACHABILITY
         self._needed_share = _KNOWN_SHARE_IF_UNSURE if unsure else _KNOWN_SHARE
         believed = localisation.reachability > self._context.method.localising.reachability
@@ -134,7 +134,7 @@ class ObstructionFinder:
         self._departure = (localisation.waypoint, self._motion.odometry) if is_of_use else None
 
     def open_ways(self) -> list[EdgeKey]:
-        """Return the edges that were closed when they were last seen and whose ways are seen to be free now."""
+        """Return the edges that were last seen closed, and whose ways are now seen to be free."""
         if self._departure is None or self._node is None:
             return []
         graph = self._context.graph
@@ -156,7 +156,7 @@ class ObstructionFinder:
         return self.find(segment) if edges_obstructed(self._context.graph, anything) else None
 
     def knows_surroundings(self, source: NodeId) -> bool:
-        """Tell whether enough of the surroundings is known for a robot that set off from `source`."""
+        """Tell whether images of the map show enough of the surroundings of a robot that departed from `source`."""
         if self._departure is None or self._node != source:
             return False
         here = self._here()
@@ -172,8 +172,8 @@ class ObstructionFinder:
     def find(self, segment: Sequence[NodeId], *, blocked: bool = False, again: bool = False) -> Obstruction | None:
         """Return the new obstacles around the robot on its way along nodes; None without any.
 
-        Nothing is reported while the robot's place is uncertain. `blocked`: an obstacle stopped the robot; `again`: for
-        a repeated time, so that it is in the way even if no image shows it there.
+        Nothing is reported while the robot's place is uncertain. `blocked`: an obstacle stopped the robot; `again`: it
+        did so before, so it counts as being in the way even if no image shows it there.
         """
         if self._departure is None or len(segment) < 2:
             return None
@@ -191,19 +191,18 @@ class ObstructionFinder:
         return Obstruction(node=segment[0], points=new, known=solid[~is_new], stopped=stopped)
 
     def _here(self) -> Pose:
-        """Return where the robot is (3,) in the frame of the node that it set off from."""
+        """Return the robot's pose (3,) in the frame of the node that it departed from."""
         assert self._departure is not None
         node_seen, odometry = self._departure
         return compose(invert(node_seen), relative(odometry, self._motion.odometry))
 
     def _solid_points(self, here: Pose) -> NDArray[np.float64]:
-        """Return (M, 2) points that a robot at a pose (3,) sees now, and saw near it in the last moments, thinned
-        out."""
+        """Return (M, 2) solid points that a robot at a pose (3,) sees now or saw nearby recently, thinned out."""
         seen = obstacle_points(self._perception.observation.depth, self._context.spec.camera, _RANGE_M)
         return _thinned(transform_points(np.concatenate([seen, self._driver.solid_points()]), here))
 
     def _hit_unseen(self, node: NodeId, here: Pose) -> NDArray[np.float64]:
-        """Return (M, 2) points of a collision that no image showed, as while backing up, in the frame of a node.
+        """Return (M, 2) points of a collision that no image showed, as in backing up, in the frame of a node.
 
         Collisions with known obstacles, or beside them, are left out.
         """
@@ -211,7 +210,7 @@ class ObstructionFinder:
         return hit if self._is_new(hit, node, here).all() else hit[:0]
 
     def _is_new(self, points: NDArray[np.float64], node: NodeId, here: Pose) -> NDArray[np.bool_]:
-        """Tell (M,) which points, in the frame of a node, are not near to anything that images of the map show."""
+        """Return which points (M,), in the frame of a node, are near to no point in the images of the map."""
         poses = nearby_poses(self._context.graph, node)
         nearest = sorted(poses, key=lambda other: float(np.hypot(*(poses[other] - here)[:2])))[:_NODES]
         return _is_new_to(points, self._images_of([(other, poses[other]) for other in nearest]))
@@ -228,7 +227,7 @@ class ObstructionFinder:
         )
 
     def _is_on_way(self, points: NDArray[np.float64], segment: Sequence[NodeId]) -> bool:
-        """Tell whether points in the frame of the first node stand where the robot's body would pass."""
+        """Tell whether points in the frame of the first node lie where the robot's body would pass."""
         start = np.zeros(3)
         for edge in itertools.pairwise(segment):
             end = compose(start, np.array(self._context.graph.edges[edge].waypoint))
@@ -239,7 +238,7 @@ class ObstructionFinder:
 
 
 def _is_new_to(points: NDArray[np.float64], mapped: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Tell (M,) which points are not near to any of others (N, 2)."""
+    """Return which points (M,) are near to none of the mapped points (N, 2)."""
     mapped = _thinned(mapped)
     if not len(mapped) or not len(points):
         return np.ones(len(points), np.bool_)

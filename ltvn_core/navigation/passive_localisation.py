@@ -1,4 +1,4 @@
-"""Localises the images of a finished drive, or of one that somebody else steers, in a map. Drives nothing."""
+"""Localises the images of a recorded drive, or of a robot under other control, in a map. Drives nothing."""
 
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.localiser import Localisation, LocalisationPrior
@@ -11,12 +11,12 @@ from ltvn_core.types import Observation, Predictor, is_usable
 
 
 class PassiveLocaliser:
-    """Localises one image after the other, as the navigator does at the beginning of a query."""
+    """Localises images one by one, as the navigator does at the beginning of a query."""
 
     def __init__(
         self, graph: TopologicalGraph, keyframes: KeyframeStore, predictor: Predictor, system: NavigationSystem
     ) -> None:
-        """Localise in `graph`, which stays as it is."""
+        """Localise in `graph`, which is not changed."""
         self._graph = graph
         self._predictor = predictor
         self._system = system
@@ -25,7 +25,7 @@ class PassiveLocaliser:
         self._places = PlaceTracker(graph, self._matcher, system)
 
     def localise(self, seen: Observation) -> Localisation | None:
-        """Return where the next image of the drive was taken; None where it cannot be compared, as without depth."""
+        """Return where the next image of the drive was taken; None if it cannot be compared, as without depth."""
         if not is_usable(seen, self._predictor):
             return None
         features = self._predictor.encode([seen])

@@ -17,7 +17,7 @@ from ltvn_core.types import Features, NodeId, Observation, Pose, Predictor, Wayp
 
 
 class NodeMatch(NamedTuple):
-    """A node as seen from here."""
+    """The prediction for a node from the current observation."""
 
     reachability: float
     distance: float
@@ -25,7 +25,7 @@ class NodeMatch(NamedTuple):
     waypoint: Waypoint
     """(3,): the node in the robot's frame."""
     by_view: bool = False
-    """It was recognised by one of its views, not by its own image."""
+    """Whether the node was recognised by one of its views, not by its own image."""
 
     def with_waypoint(self, waypoint: Waypoint) -> "NodeMatch":
         """Return the same match with a better waypoint."""
@@ -44,7 +44,7 @@ class Perception:
         self._matcher = matcher
         self._on_look = on_look
         self.trail = ObservationTrail()
-        """The observations on the way that were encoded."""
+        """The encoded observations of the way so far."""
         self._told_of_no_depth = False
         self._at_step = -1
         self._observation: Observation | None = None
@@ -68,7 +68,7 @@ class Perception:
         return is_usable(self.observation, self._predictor)
 
     def can_compare(self) -> Generator[Note, None, bool]:
-        """Return whether the current observation is usable; where images without depth begin, yield a note first."""
+        """Return whether the current observation is usable; yield a note at the first one in a row that is not."""
         usable = self.is_usable
         if not usable and not self._told_of_no_depth:
             text = f"Image {self.observation.step} has no depth; the robot goes on by what it believed before."
@@ -86,7 +86,7 @@ class Perception:
         return self._features
 
     def node_match(self, node: NodeId) -> NodeMatch:
-        """Compare the current observation with a node; one that is not usable resembles nothing."""
+        """Compare the current observation with a node; r is 0 if the observation is not usable."""
         if not self.is_usable:
             return NodeMatch(reachability=0.0, distance=np.inf, waypoint=np.zeros(3))
         found = self._match(node)
@@ -95,7 +95,7 @@ class Perception:
         )
 
     def observations_around(self, node: NodeId, reach: int) -> Iterator[tuple[Observation, Pose]]:
-        """Yield the image of a node and those of the drive before and after it, with the poses (3,) seen from it."""
+        """Yield the image of a node and its neighbours in time, each with its pose (3,) in the frame of the node."""
         keyframes = self._matcher.keyframes
         odometry = keyframes.observation(node).odometry
         for frame in (node, *keyframes.temporal_window(node, reach)):
@@ -103,7 +103,7 @@ class Perception:
             yield image, relative(odometry, image.odometry)
 
     def with_node_support(self, node: NodeId) -> NodeMatch:
-        """Compare the current observation with a node; r counts only as far as its temporal neighbours agree."""
+        """Compare the current observation with a node; r is limited to what the node's neighbours in time support."""
         supported = self._matcher.with_node_support(self._match(node), self.features)
         return self.node_match(node)._replace(reachability=float(supported.reachability[0]))
 

@@ -15,17 +15,17 @@ from ltvn_core.types import NodeId, Pose
 
 
 class PlaceTracker:
-    """Follows the robot through one query; a system that takes each image by itself never knows a place."""
+    """Tracks the robot through one query; returns no place if the system localises by single images."""
 
     def __init__(self, graph: TopologicalGraph, matcher: Matcher, system: NavigationSystem) -> None:
-        """Know nothing yet."""
+        """Start without a place."""
         self._matcher = matcher
         self._config = system.method.localising
         self._belief = PlaceBelief(graph) if system.follows_places else None
         self._seen = self._beginnings = 0
 
     def place(self, trail: ObservationTrail, odometry: Pose, doubted: Collection[NodeId] = ()) -> BelievedPlace | None:
-        """Return where the robot probably is at an odometry pose (3,), after all of the trail; None if unknown."""
+        """Return the most probable place of a robot at an odometry pose (3,), given the trail; None if unknown."""
         if self._belief is None:
             return None
         if trail.beginnings != self._beginnings:

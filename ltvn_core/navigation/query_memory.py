@@ -1,7 +1,7 @@
-"""Memory of one query: which edges were driven and which failed. It ends with the query.
+"""Memory of one query: which edges were driven and which failed. It is discarded after the query.
 
-Owns the rules against driving in circles: penalties, repeats, and the node that the robot is assumed at after an
-attempt without a step. Beliefs that outlive the query belong to the map.
+Owns the rules against driving in circles: penalties, the limit of repeats, and the node that the robot is assumed at
+after an attempt without a step. Beliefs that outlive the query belong to the map.
 """
 
 import itertools
@@ -14,7 +14,7 @@ from ltvn_core.navigation.events import Outcome
 from ltvn_core.types import NodeId
 
 MOST_OBSTRUCTIONS = 4
-"""Number of obstructions in one query after which the robot no longer doubts them."""
+"""Number of obstructions in one query after which the robot plans no more ways through edges that seem closed."""
 
 
 _MOST_FRESH_HOPES = 2
@@ -25,7 +25,7 @@ class QueryMemory:
     """Edges driven and failed in one query."""
 
     def __init__(self, config: PlanningConfig, localising: LocalisingConfig) -> None:
-        """Remember nothing yet."""
+        """Start with an empty memory."""
         self._config = config
         self._patience = localising.doubt_after_failures
         self._driven: Counter[EdgeKey] = Counter()
@@ -36,32 +36,32 @@ class QueryMemory:
         self.penalties: dict[EdgeKey, float] = {}
         """Extra costs of edges for the rest of the query."""
         self.plan: tuple[NodeId, ...] = ()
-        """The last plan; the robot is looked for around it first."""
+        """Nodes of the last plan; localisation searches around them first."""
         self.assumed_node: NodeId | None = None
         """Node that the robot is assumed at, because an attempt to reach it took no step; used once."""
         self.consecutive_failures = 0
         """Consecutive observations without a node or without a path."""
         self.give_up_outcome = Outcome.LOST
-        """Outcome if the query is given up: no path takes precedence over being lost on the way."""
+        """Outcome if the query is given up; `NO_PATH` takes precedence over `LOST`."""
         self.approached: NodeId | None = None
         """The node that was approached last instead of its successor."""
         self.obstructions = 0
-        """How often something was seen to lie across the way."""
+        """Number of obstructions on the way so far."""
         self._fresh_hopes = 0
         self.saw_change = False
-        """Something was seen to close an edge, so that places nearby may look different."""
+        """Whether an obstacle was seen to close an edge, so that places nearby may look different."""
         self.felt_closed: set[EdgeKey] = set()
-        """Edges on which something stopped the robot, or that the same thing closes: sight does not open them again."""
+        """Edges that are closed by an obstacle that stopped the robot; an image of a free way does not reopen them."""
         self.doubted: set[NodeId] = set()
-        """Nodes the robot does not believe to be at any more."""
+        """Nodes that localisation excludes, because attempts from them or to them failed."""
 
     def count_drive(self, edge: EdgeKey) -> bool:
-        """Count one more attempt along an edge; tell whether that is so often that it must have failed."""
+        """Count an attempt along an edge; tell whether the number of attempts exceeds the limit of repeats."""
         self._driven[edge] += 1
         return 0 < self._config.repeat_limit < self._driven[edge]
 
     def should_expand_from(self, start: NodeId) -> bool:
-        """Tell, once per start, that a search for a path from there is worth its time."""
+        """Tell whether a search for a path from a start is new; True once per start."""
         fresh = start not in self._searched
         self._searched.add(start)
         return fresh
@@ -71,13 +71,13 @@ class QueryMemory:
         return edge in self._failed
 
     def record_failure(self, edge: EdgeKey) -> None:
-        """Remember a failure, and make the edge dearer."""
+        """Remember a failure, and raise the cost of the edge."""
         self._failed.add(edge)
         if self._config.failure_penalty:
             self.penalties[edge] = self.penalties.get(edge, 0.0) + self._config.failure_penalty
 
     def record_stop(self, edge: EdgeKey) -> bool:
-        """Remember that something stopped the robot on an edge; tell whether it had done so before."""
+        """Remember that an obstacle stopped the robot on an edge; tell whether this happened before."""
         again = edge in self._stopped
         self._stopped.add(edge)
         return again
@@ -88,13 +88,13 @@ class QueryMemory:
             self.record_failure(edge)
 
     def record_failure_from(self, node: NodeId) -> None:
-        """Remember that an attempt from a node failed; where that happens often, the robot is somewhere else."""
+        """Remember that an attempt from a node failed; after several failures, doubt that the robot is there."""
         self._failed_from[node] += 1
         if 0 < self._patience <= self._failed_from[node]:
             self.doubted.add(node)
 
     def begin_anew(self) -> None:
-        """Trust every node again and, a few times, try closed ways again; extra costs of edges are kept."""
+        """Trust all nodes again and, a few times per query, allow closed ways again; the penalties are kept."""
         self._fresh_hopes += 1
         if self._fresh_hopes <= _MOST_FRESH_HOPES:
             self.obstructions = 0
@@ -110,6 +110,6 @@ class QueryMemory:
         self.plan = ()
 
     def take_assumed_node(self) -> NodeId | None:
-        """Return the node that the robot is assumed at, once."""
+        """Return the node that the robot is assumed at, and forget it."""
         node, self.assumed_node = self.assumed_node, None
         return node

@@ -1,4 +1,4 @@
-"""Runs one query: the loop of the paper, step by step.
+"""Runs one query: the navigation loop of the paper (Section III), step by step.
 
 Owns the order of the steps and the events that report them. The decisions are elsewhere: in the strategies of
 `graph.navigation_system`, in `graph.planner`, `navigation.attempt_driver` and `navigation.judgement`.
@@ -41,20 +41,20 @@ from ltvn_core.navigation.way_planner import WayPlanner
 from ltvn_core.types import NodeId, Waypoint
 
 _AT_NODE_DISTANCE = 0.3
-"""A node nearer than this d need not be approached once more."""
+"""A node nearer than this d is not approached before its successor."""
 _INCONCLUSIVE_ENDS = (AttemptEnd.BLOCKED, AttemptEnd.COLLISION, AttemptEnd.TIMEOUT)
-"""An attempt that ended so says something about the surroundings, not about the edge."""
+"""Ends of attempts that say something about the surroundings, not about the edge."""
 _AT_TARGET_M = 0.35
-"""There it is at the target of an attempt."""
+"""Distance within which the robot is at the target of an attempt, in metres."""
 
 
 class QueryRunner:
-    """Goes to one node."""
+    """Drives the robot to one goal node."""
 
     def __init__(
         self, context: NavigationContext, motion: MotionExecutor, perception: Perception, goal: NodeId, query: int
     ) -> None:
-        """Begin a query that nothing is known of yet."""
+        """Start a query to `goal` with an empty memory."""
         self._context = context
         self._method = context.method
         self._motion = motion
@@ -128,14 +128,14 @@ class QueryRunner:
         return localisation
 
     def _localisation_at(self, node: NodeId) -> Localisation:
-        """Return that the robot is at a node, seen where the place belief puts it, or else where the image shows it."""
+        """Return a localisation at a given node, with its waypoint from the place belief, or else from the image."""
         match = self._perception.node_match(node)
         known = self._known_waypoint(node, LIKELY)
         match = match if known is None else match.with_waypoint(known)
         return Localisation(node, match.distance, match.reachability, match.waypoint, None, np.inf, LOCAL)
 
     def _plan(self, start: NodeId) -> EventGenerator[GraphPath]:
-        """Find the cheapest path; where there is none, the system may extend the map."""
+        """Find the cheapest path; if there is none, the system may extend the map."""
         yield from self._enter(NavigatorState.PLANNING)
         context = self._context
         stamp = self._perception.observation.stamp
@@ -149,7 +149,7 @@ class QueryRunner:
         return path
 
     def _follow(self, localisation: Localisation, path: GraphPath) -> EventGenerator[bool]:
-        """Drive to the subgoal; tell whether the robot stands at the goal with nothing left to drive."""
+        """Drive to the subgoal; tell whether the robot is at the goal and has nothing left to drive."""
         segment = self._subgoal_segment(path)
         node_match = self._departure(localisation, segment)
         if node_match is None:
@@ -166,22 +166,22 @@ class QueryRunner:
             return False
         yield from self._motion.wait_one_step()
         if result.end is AttemptEnd.BLOCKED:
-            # From the same place it would be blocked again, so the robot looks for another way from aside.
+            # The same attempt would be blocked again, so the robot turns to look for another way.
             yield from self._recovery.turn()
             return False
-        # An attempt without a step would be planned again for ever, so the robot counts as arrived.
+        # An attempt without a step would be repeated for ever, so the robot counts as arrived.
         self._memory.assumed_node = target
         return source is None and target == self._goal
 
     def _subgoal_segment(self, path: GraphPath) -> tuple[NodeId, ...]:
-        """Return the path up to the subgoal; at the goal already, it is the goal alone."""
+        """Return the path up to the subgoal; only the goal if the robot is already there."""
         if len(path.nodes) == 1:
             return path.nodes
         chosen = self._context.system.subgoal(path.nodes, lambda node: self._perception.node_match(node).reachability)
         return path.nodes[: chosen + 1]
 
     def _departure(self, localisation: Localisation, segment: tuple[NodeId, ...]) -> NodeMatch | None:
-        """Return the target as seen from here; None if the robot had better go to the node it is at first."""
+        """Return the prediction of the target at departure; None if the robot should first approach its own node."""
         source, target = _ends(segment)
         node_match = self._perception.node_match(target)
         driving = self._method.driving
@@ -200,7 +200,7 @@ class QueryRunner:
         return node_match.with_waypoint(self._along(localisation.waypoint, segment))
 
     def _along(self, waypoint: Waypoint, nodes: Sequence[NodeId]) -> Waypoint:
-        """Return where the last of some nodes is (3,), by their edges, if the first is at a waypoint (3,)."""
+        """Return the waypoint (3,) of the last of `nodes`, by the edges from the first one at `waypoint` (3,)."""
         for edge in itertools.pairwise(nodes):
             waypoint = compose(waypoint, np.array(self._context.graph.edges[edge].waypoint))
         return waypoint
@@ -228,17 +228,17 @@ class QueryRunner:
         yield self._ended(attempt, source, target, result.end, verdict)
         usable = yield from self._perception.can_compare()
         if verdict.succeeded and not result.steps and self._context.system.follows_presence:
-            return result  # Without moving, the robot has learned nothing about what is open.
+            return result  # Without moving, the robot has learned nothing about open edges.
         if source is not None and usable:
             yield from self._map_learner.learn(attempt, segment, node_match, verdict, result)
         elif source is not None:
-            self._memory.record_failures(segment)  # So that it is not driven for ever; the map learns nothing.
+            self._memory.record_failures(segment)  # So that it is not driven for ever; the map stays unchanged.
         elif self._context.system.follows_presence and result.end in OBSTRUCTED_ENDS:
-            self._memory.doubted.add(target)  # The robot may see past a place that was wrongly taken for an obstacle.
+            self._memory.doubted.add(target)  # Its approach is blocked, so the robot is probably not there.
         return result
 
     def _is_by_odometry(self, segment: Sequence[NodeId]) -> bool:
-        """Tell whether an edge of a segment joins images that need not show the same."""
+        """Tell whether a segment has an edge by odometry, whose two images may show nothing in common."""
         return any(self._context.graph.edges[edge].by_odometry for edge in itertools.pairwise(segment))
 
     def _judge(self, segment: Sequence[NodeId], result: AttemptResult) -> AttemptVerdict:
@@ -262,7 +262,7 @@ class QueryRunner:
         known = self._known_waypoint(target, SURE) if is_unsure and source is not None else None
         if known is not None and np.hypot(known[0], known[1]) < _AT_TARGET_M:
             if not self._is_recognised(seen):
-                self._memory.assumed_node = target  # The image can say nothing, so the place alone tells.
+                self._memory.assumed_node = target  # The image does not show the target, so only the place counts.
             why = "by all that it saw on its way the robot is there"
             return AttemptVerdict(True, why, rule="localising.follow_places")
         may_have_arrived = is_unsure and source is not None and self._map_learner.knows_surroundings(source)
@@ -314,6 +314,6 @@ class QueryRunner:
 
 
 def _ends(segment: Sequence[NodeId]) -> tuple[NodeId | None, NodeId]:
-    """Return where an attempt begins and ends; to a single node the robot only makes its approach."""
+    """Return the source and the target of an attempt; an approach of a single node has no source."""
     source = None if len(segment) == 1 else segment[0]
     return source, segment[-1]

@@ -1,4 +1,4 @@
-"""Recovery of a robot that is lost or has no path: look around, move on a little, give up.
+"""Recovery of a robot that is lost or has no path: it looks around, moves on a little, and finally gives up.
 
 Owns the order of these steps and when an unrecognised image is offered to the map.
 """
@@ -15,7 +15,7 @@ from ltvn_core.navigation.query_memory import QueryMemory
 
 
 class Recovery:
-    """Looks around in one query."""
+    """Recovers the robot in one query."""
 
     def __init__(
         self,
@@ -36,7 +36,7 @@ class Recovery:
         self._query = query
 
     def recover(self, why: Outcome) -> EventGenerator[None]:
-        """Turn on the spot to look again; after a full turn move on a little; in the end give up.
+        """Turn on the spot to look again; after a full turn move on a little; finally give up.
 
         Raises:
             QueryAborted: If the robot has looked around often enough.
@@ -58,18 +58,18 @@ class Recovery:
         yield from self.turn()
 
     def turn_to_see(self) -> EventGenerator[None]:
-        """Turn as a lost robot does, but keep the plan, around which the robot is looked for first."""
+        """Turn as a lost robot does, but keep the plan, because localisation searches around it first."""
         plan = self._memory.plan
         self._memory.assumed_node = None  # After a turn the assumed node no longer holds.
         yield from self.recover(Outcome.LOST)
         self._memory.plan = plan
 
     def turn(self) -> Iterator[Event | Tick]:
-        """Turn on to where the next look is taken."""
+        """Turn on the spot to the direction of the next observation."""
         yield from self._driver.turn(self._config.turn_rad)
 
     def _remember_novel(self) -> Iterator[Event]:
-        """Let the system make a node of an unrecognised image."""
+        """Offer an unrecognised image to the system, which may make it a node."""
         context = self._context
         seen = self._perception.observation
         unrecognised = UnrecognisedObservation(seen, self._perception.features, self._memory.consecutive_failures)

@@ -1,8 +1,8 @@
-"""Steering: from where a waypoint lies to velocities that this body can drive.
+"""Steering: velocities towards a waypoint that the robot's body can drive.
 
-A robot that turns on the spot follows `steer` as it is. A car (Ackermann steering) has a smallest turning circle: where
-it would have to turn on the spot it drives short arcs forwards and backwards instead, which turn it the same way, as a
-driver turns in a narrow street. Owns no time and moves nothing.
+A robot that turns on the spot follows `steer` directly. A car (Ackermann steering) has a minimum turning radius:
+instead of turning on the spot, it drives short arcs forwards and backwards, as a driver does in a narrow street.
+Computes commands only; moves nothing.
 """
 
 from collections.abc import Iterator
@@ -17,18 +17,18 @@ from ltvn_core.types import Pose, Twist, Waypoint
 
 _REVERSE_BEARING_RAD = float(np.deg2rad(100))
 _TURN_FIRST_RAD = 0.5
-"""Beyond this bearing the robot turns on the spot."""
+"""Bearing beyond which the robot turns on the spot before it drives."""
 _PASSED_M = 0.2
-"""A target this near that slips to the other side has been passed, not missed."""
+"""Distance within which a target on the other side of the robot counts as passed, in metres."""
 _SLOW_DOWN_M = 0.2
 _BEARING_GAIN_1_S = 3.0
 _YAW_GAIN_1_S = 4.0
 _ARC_M_S = 0.25
 """Speed on the short arcs of a turn."""
 _ARC_M = 0.15
-"""Length of each arc: the next one goes the other way."""
+"""Length of each arc, in metres; the next arc goes in the opposite direction."""
 _AIMED_RAD = 0.1
-"""A turn by arcs ends at this bearing."""
+"""Bearing at which a turn by arcs ends."""
 _CAR_LEGS = 4
 
 
@@ -58,7 +58,7 @@ def steer(
 
 
 class TurningCircle:
-    """The commands that a body can drive in place of a wished one. Remembers on which arc of a turn it is."""
+    """Commands that a body can drive in place of a desired one. Remembers the current arc of a turn."""
 
     def __init__(self, limits: SpeedLimits) -> None:
         """Steer a body with these limits."""
@@ -68,13 +68,13 @@ class TurningCircle:
 
     @property
     def legs(self) -> int:
-        """How many times longer than a body that turns on the spot this one may take."""
+        """Factor by which this body may take longer than one that turns on the spot."""
         return _CAR_LEGS if self._limits.turning_radius_m else 1
 
     def steer(self, error: Waypoint, config: DrivingConfig, *, backwards: bool) -> Twist | None:
-        """Return what `steer` would, for a body that cannot drive straight to what lies beside it.
+        """Return the velocities of `steer`, adapted to the turning radius.
 
-        A turn that has begun goes on until the target lies straight ahead, though its arcs lead away from the spot.
+        A turn that has begun goes on until the target is straight ahead, although its arcs move the body.
         """
         radius_m = self._limits.turning_radius_m
         if not radius_m:
@@ -88,11 +88,11 @@ class TurningCircle:
         return steer(error, config, backwards=backwards, turn_first_rad=float(first_rad))
 
     def commands(self, wish: Twist, odometry: Pose) -> Iterator[Twist]:
-        """Yield what to try in place of a wish, the best first; a body that can drive the wish drives it.
+        """Yield commands to try in place of a desired one, the best first; a drivable one stays as it is.
 
         Args:
-            wish: What a body without a turning circle would drive.
-            odometry: (3,) where the body is now.
+            wish: Desired command, for a body that turns on the spot.
+            odometry: (3,) current pose of the body in the odometry frame.
         """
         if wish.linear_m_s or not wish.angular_rad_s or not self._limits.turning_radius_m:
             self._arc_began = None
@@ -112,7 +112,7 @@ class TurningCircle:
         self._arc_began = odometry
 
     def _arc(self, wish: Twist) -> Twist:
-        """Return the tightest arc that turns the body as wished; backwards the wheels point to the other side."""
+        """Return the tightest arc in the desired turning direction; backwards, the wheels point to the other side."""
         radius_m = self._limits.turning_radius_m
         speed = min(_ARC_M_S, abs(wish.angular_rad_s) * radius_m)
         return Twist(speed if self._forwards else -speed, float(np.sign(wish.angular_rad_s)) * speed / radius_m)

@@ -1,8 +1,8 @@
-"""Learns views: images taken where odometry puts the robot at a node that it does not recognise.
+"""Learns views: images taken at a node that the robot does not recognise but locates by odometry.
 
-Owns which image becomes a view, and the proof that it was taken there: the robot must recognise nodes before it and on
-a stretch after it, or arrive, and odometry must agree with all of them. A robot that mistakes one room for another also
-agrees with itself for a while. `graph.node_views` limits the number of views of a node.
+Owns which image becomes a view, and the check of its place: the robot must recognise nodes before the image and for
+some metres after it, or arrive, and odometry must agree with all of them. A short check is not enough, because a robot
+that mistakes one room for another is consistent for a while. `graph.node_views` limits the number of views of a node.
 """
 
 from collections.abc import Iterator
@@ -25,10 +25,10 @@ from ltvn_core.types import Features, FrameId, NodeId, Observation, Pose, Waypoi
 _TRUSTED_M = 4.0
 """Distance over which odometry is trusted after a node was recognised, in metres."""
 _GAP_M, _GAP_RAD = 0.35, 0.35
-"""Largest difference between where a node is recognised and where odometry expects it, in m and rad."""
+"""Largest difference between the waypoint of a recognised node and the one by odometry, in metres and radians."""
 _PROOF_M = 2.0
-"""Distance that the robot must drive on without contradiction before an image becomes a view, in metres; less if it
-arrives."""
+"""Distance that the robot must drive without contradiction before an image becomes a view, in metres; 0 at the
+goal."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,21 +37,21 @@ class _Candidate:
 
     node: NodeId
     pose: Pose
-    """(3,) where it was taken, in the frame of the node."""
+    """(3,) pose of the image in the frame of the node."""
     observation: Observation
     features: Features
     """(1, F)."""
     path_m: float
-    """How far the robot had driven."""
+    """Length that the robot had driven when the image was taken, in metres."""
 
     @property
     def distance(self) -> float:
-        """From the node, as d."""
+        """Distance d from the node."""
         return float(distance(self.pose))
 
 
 class ViewLearner:
-    """Finds views on the way of one query."""
+    """Finds views during one query."""
 
     def __init__(
         self,
@@ -61,7 +61,7 @@ class ViewLearner:
         reckoning: DeadReckoning,
         query: int,
     ) -> None:
-        """Start without candidates; `reckoning` knows the robot's place by odometry."""
+        """Start without candidates; `reckoning` estimates the robot's place by odometry."""
         self._context = context
         self._config = context.system.views
         self._query = query
@@ -73,7 +73,7 @@ class ViewLearner:
         self._recognised_at_m = -np.inf
 
     def learn(self, localisation: Localisation) -> Iterator[Event]:
-        """Use a localisation: as proof of where the robot was before, and to look for views here."""
+        """Check earlier candidates against a localisation, and look for a new candidate here."""
         config = self._config
         if config is None:
             self._reckoning.recognise(localisation)
@@ -89,20 +89,20 @@ class ViewLearner:
             self._look(config)
 
     def arrive(self, goal: NodeId) -> Iterator[Event]:
-        """Use the end of a query: the goal was recognised from near, which proves more than a node on the way."""
+        """Check candidates at the goal, whose recognition is stronger evidence than that of a node on the way."""
         match = self._perception.node_match(goal)
         if self._config is not None and match.reachability > self._context.method.judging.arrive_reachability:
             yield from self._prove(goal, match.waypoint, self._config, after_m=0.0)
 
     def _count_use(self, node: NodeId, frame: FrameId | None) -> Iterator[Event]:
-        """Count a view once in a query."""
+        """Count the use of a view, once per query."""
         if frame is not None and frame not in self._used:
             self._used.add(frame)
             used = ViewUsed(node, frame, self._now_s, Cause.SIGHT)
             yield from self._context.apply_deltas([used], self._query)
 
     def _prove(self, node: NodeId, waypoint: Waypoint, config: ViewConfig, *, after_m: float) -> Iterator[Event]:
-        """Make views of candidates where a node is where odometry expects it; forget them all where it is not."""
+        """Make candidates views if a node is recognised where odometry expects it; discard all of them if it is not."""
         if not self._candidates:
             return
         expected = self._reckoning.places().get(node)
@@ -127,7 +127,7 @@ class ViewLearner:
         keyframes.drop(delta.frame for delta in deltas if isinstance(delta, ViewDropped))
 
     def _look(self, config: ViewConfig) -> None:
-        """Take the image as a candidate for the nearest node, if that is near and is not recognised."""
+        """Make the image a candidate for the nearest node, if that node is near and not recognised."""
         places = self._reckoning.places() if self._perception.is_usable else {}
         if not places:
             return

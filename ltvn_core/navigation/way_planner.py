@@ -1,6 +1,6 @@
-"""Plans of one query: over the edges that exist and are open now.
+"""Plans paths for one query, over the edges that exist and are open now.
 
-Owns what a plan takes into account. Finds no path itself (`graph.planner`, `graph.presence.presence_plan`).
+Owns the costs of a plan. The search itself is in `graph.planner` and `graph.presence.presence_plan`.
 """
 
 import math
@@ -13,14 +13,14 @@ from ltvn_core.navigation.query_memory import MOST_OBSTRUCTIONS, QueryMemory
 from ltvn_core.types import NodeId
 
 _LEAST_P = 1e-3
-"""No edge is less probably open."""
+"""Lower limit of the probability that an edge is open."""
 
 
 class WayPlanner:
     """Plans for one query."""
 
     def __init__(self, context: NavigationContext, memory: QueryMemory, goal: NodeId) -> None:
-        """Plan paths to `goal` in the map of `context`, given what `memory` holds of the query."""
+        """Plan paths to `goal` in the map of `context`, with the penalties in `memory`."""
         self._context = context
         self._memory = memory
         self._goal = goal
@@ -28,7 +28,7 @@ class WayPlanner:
     def plan(self, start: NodeId, stamp: float) -> GraphPath:
         """Return the path to take from a node at a moment on the robot's clock.
 
-        A last edge to the goal is never given up, because obstacles beside the goal may seem to close it.
+        The last edge to the goal never counts as closed, because obstacles beside the goal may seem to close it.
         """
         context = self._context
         penalties = self._memory.penalties
@@ -48,8 +48,7 @@ class WayPlanner:
         return path if path.nodes else self._hope(start, open_now)
 
     def _hope(self, start: NodeId, open_now: EdgeProbabilities) -> GraphPath:
-        """Return the path through the edges that are most probably open after all, a few times a query, in case of
-        errors."""
+        """Return the path that is most probably open although some edges seem closed, a few times per query."""
         context = self._context
         memory = self._memory
         if memory.obstructions >= MOST_OBSTRUCTIONS:
@@ -61,5 +60,5 @@ class WayPlanner:
         return context.planner.plan(start, self._goal, costs)
 
     def exists(self, start: NodeId) -> bool:
-        """Tell whether the map has a way at all, open or not."""
+        """Tell whether the map has any path to the goal, open or closed."""
         return bool(self._context.planner.plan(start, self._goal, self._memory.penalties).nodes)

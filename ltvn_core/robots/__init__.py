@@ -1,1 +1,1 @@
-"""Robots: what the toolkit needs of one (`robot.Robot`), what kind it is (`robot_spec.RobotSpec`), and how it stops."""
+"""Robots: their interface (`robot.Robot`), their properties (`robot_spec.RobotSpec`), and the lease that stops them."""

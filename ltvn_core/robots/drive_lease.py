@@ -13,7 +13,7 @@ from ltvn_core.robots.robot_spec import SpeedLimits
 from ltvn_core.types import ZERO_TWIST, Twist
 
 LEASE_S = 0.25
-"""How long one drive command is valid, in seconds of the robot's clock."""
+"""Time for which one drive command is valid, in seconds of the robot's clock."""
 
 
 class DriveLease:

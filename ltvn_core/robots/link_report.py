@@ -1,6 +1,6 @@
-"""How well a robot that is not simulated is heard. Owns when it counts as lost; speaks to no robot.
+"""Quality of the connection to a real robot. Owns when the connection counts as lost; connects to no robot.
 
-A robot of one's own may offer it as a method `link_report()`.
+A robot of your own may provide a method `link_report()`.
 """
 
 from collections.abc import Callable
@@ -8,44 +8,44 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 STALE_S = 0.5
-"""An image older than this is no image of now."""
+"""Age above which an image is stale, in seconds."""
 _OLD_S = 0.3
 _FEW_HZ = 5.0
 _MANY_LOST = 0.1
 
 
 class LinkQuality(StrEnum):
-    """How well a robot is heard, in a word."""
+    """Quality of the connection to a robot."""
 
     GOOD = "good"
     WEAK = "weak"
-    """It can be driven, but pictures are few, late or get lost."""
+    """The robot can be driven, but images are rare, late or lost."""
     LOST = "lost"
-    """It stands, and is not driven."""
+    """The robot stands still and is not driven."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinkReport:
-    """What is known of the link now."""
+    """Current state of the connection."""
 
     is_connected: bool
-    """Whether anybody is at the other end."""
+    """Whether the other end is connected."""
     picture_age_s: float
-    """Seconds since the newest picture came."""
+    """Time since the newest image arrived, in seconds."""
     odometry_age_s: float
-    """Seconds since the robot last said where it is."""
+    """Time since the newest odometry arrived, in seconds."""
     pictures_hz: float
-    """Pictures a second lately."""
+    """Recent rate of images per second."""
     lost_share: float
-    """Share of the pictures that were sent lately and never came, in [0, 1]."""
+    """Share of recently sent images that were lost, in [0, 1]."""
     battery: float | None = None
-    """How full it is, in [0, 1]; None where the robot does not say."""
+    """Charge of the battery, in [0, 1]; None if the robot does not report it."""
     stopped_because: str | None = None
-    """Why nothing is driven until whoever drives lets go; None where all is well."""
+    """Reason why commands are ignored until the driver releases the controls; None if they are not."""
 
     @property
     def quality(self) -> LinkQuality:
-        """The word for it."""
+        """Quality of this connection."""
         if not self.is_connected or self.picture_age_s > STALE_S:
             return LinkQuality.LOST
         is_weak = (
@@ -57,5 +57,5 @@ class LinkReport:
 
 
 def link_of(robot: object) -> Callable[[], LinkReport] | None:
-    """Return what a robot says of its link; None where it has none, as in simulation."""
+    """Return the function that reports a robot's connection; None without a connection, as in simulation."""
     return getattr(robot, "link_report", None)

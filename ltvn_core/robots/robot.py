@@ -1,8 +1,8 @@
-"""The robot boundary: all that the session, the command line and the navigator need of a robot.
+"""The robot interface: what the session, the command line and the navigator need of a robot.
 
-Owns the Protocols `Robot` and `Clock`, `WallClock`, the clock of every robot that is not simulated, and how a robot
-that shows what was recorded says that it obeys no command. A robot of one's own implements `Robot`;
-`ltvn_core.robots.robot_view.fit_camera` lets any predictor look through its camera.
+Owns the Protocols `Robot` and `Clock`; `WallClock`, the clock of every real robot; and the check that a robot obeys
+commands, which the replay of a recording does not. A robot of your own implements `Robot`;
+`ltvn_core.robots.robot_view.fit_camera` adapts its camera to any predictor.
 """
 
 import time
@@ -15,11 +15,11 @@ from ltvn_core.types import Observation, RobotState, Twist
 
 
 class Clock(Protocol):
-    """How a robot's time passes: a simulator's moves when it is told to, the wall's by itself."""
+    """Clock of a robot: simulated time passes only in `advance`, real time by itself."""
 
     @property
     def is_simulated(self) -> bool:
-        """Whether time stands still until `advance`, and can pass faster than on the wall."""
+        """Whether time passes only in `advance`, and can be faster than real time."""
         ...
 
     def now(self) -> float:
@@ -27,15 +27,15 @@ class Clock(Protocol):
         ...
 
     def advance(self, duration_s: float) -> None:
-        """Let time pass since the last call: a simulator computes it, the wall's clock waits for what is left of it."""
+        """Let time pass since the last call: a simulator computes it, a real clock waits for the rest of it."""
         ...
 
 
 class WallClock:
-    """Time that passes by itself. Implements `Clock`.
+    """Real time. Implements `Clock`.
 
-    A loop that calls `advance` with the length of its turn runs at that rate: its own work counts, and a turn that
-    took too long is not made up for.
+    A loop that calls `advance` with its period runs at that rate: the time of its own work counts, and an iteration
+    that took too long is not made up for.
     """
 
     is_simulated = False
@@ -43,14 +43,14 @@ class WallClock:
     def __init__(
         self, monotonic: Callable[[], float] = time.monotonic, sleep: Callable[[float], None] = time.sleep
     ) -> None:
-        """Begin at 0 s. Tests hand in their own `monotonic` and `sleep`."""
+        """Start at 0 s. Tests pass their own `monotonic` and `sleep`."""
         self._monotonic = monotonic
         self._sleep = sleep
         self._start_s = monotonic()
         self._due_s = 0.0
 
     def now(self) -> float:
-        """Return the seconds since the clock was made."""
+        """Return the seconds since the clock was created."""
         return self._monotonic() - self._start_s
 
     def advance(self, duration_s: float) -> None:
@@ -66,12 +66,12 @@ class WallClock:
 class Robot(Protocol):
     """A body with a camera that can be driven.
 
-    A drive command is a lease (`ltvn_core.robots.drive_lease`): it runs out by itself, and then the robot stops once.
+    A drive command is a lease (`ltvn_core.robots.drive_lease`): it expires by itself, and then the robot stops.
     """
 
     @property
     def spec(self) -> RobotSpec:
-        """Its size, speeds and camera; `spec.camera` takes the images that `observe` returns."""
+        """The robot's size, speeds and camera; `spec.camera` takes the images that `observe` returns."""
         ...
 
     @property
@@ -84,27 +84,27 @@ class Robot(Protocol):
         ...
 
     def state(self) -> RobotState:
-        """Return odometry, clock and bumper without taking an image; may be asked from any thread."""
+        """Return odometry, time and bumper without taking an image; may be called from any thread."""
         ...
 
     def drive(self, twist: Twist) -> None:
-        """Command a velocity until the lease runs out or the next command; may come from any thread."""
+        """Command a velocity until the lease expires or the next command; may be called from any thread."""
         ...
 
     def stop(self) -> None:
-        """Stop now; nothing moves until the next `drive`. May come from any thread."""
+        """Stop now and stand still until the next `drive`; may be called from any thread."""
         ...
 
 
 def open_loop_word(robot: object) -> str:
-    """Return in a sentence why a robot obeys no command; empty where it does.
+    """Return the reason, as a sentence, why a robot obeys no commands; empty if it obeys.
 
-    A robot of one's own may offer it as an attribute `open_loop`.
+    A robot of your own may provide it as an attribute `open_loop`.
     """
     return str(getattr(robot, "open_loop", ""))
 
 
 def require_drivable(robot: object) -> None:
-    """Raise OptionError where a robot obeys no command: nobody learns anything from driving it."""
+    """Raise OptionError if a robot obeys no commands."""
     if word := open_loop_word(robot):
         raise OptionError(word)

@@ -1,7 +1,7 @@
-"""What cannot be right of a robot: of its observations, one after the other, and of the robot when it is looked over.
+"""Plausibility checks of a robot: of the sequence of its observations, and of the robot before it is driven.
 
-Owns the rules, their limits, and the report of a robot that is looked over before it is driven. What is wrong with one
-observation alone is refused at the door (`ltvn_core.preprocessing`); here it is told and kept, because a person may
+Owns the rules, their limits, and the report of a robot that is checked before a drive. An observation that is invalid
+by itself is rejected earlier (`ltvn_core.preprocessing`); the findings here are only reported, because a person may
 know better.
 """
 
@@ -18,36 +18,37 @@ from ltvn_core.findings import Finding, WithDoubts
 from ltvn_core.types import Depth, Observation, Pose
 
 _NEAR_FLOOR_M, _NEAR_FLOOR_SLOPE = 0.06, 0.08
-"""What is so near to the floor as the profile has it may be floor, and the more the farther ahead it is; the seat of a
-sofa is not."""
+"""Greatest height of floor points above or below the floor of the profile, in metres, and its growth per metre ahead;
+excludes the seat of a sofa."""
 _ON_PLANE_M = 0.02
 _TRIES = 300
-"""So many planes through three points are tried; the one with most points on it is the floor."""
+"""Number of random planes through three points (RANSAC); the one with most points on it is the floor."""
 _STEEPEST = 0.3
-"""No floor rises more than this, as a slope."""
+"""Greatest slope of a floor."""
 _LEAST_EXTENT_M = 0.9
-"""Of nine tenths of the floor, ahead and across: a strip before a wall and the foot of the wall lie on a plane, too."""
+"""Least extent of nine tenths of the floor, ahead and across, in metres; excludes a strip of floor in front of a wall,
+which lies on a plane with the foot of the wall."""
 _FAR_M = 3.5
-"""Depth cameras are too inaccurate beyond."""
+"""Range up to which depth cameras are accurate enough, in metres."""
 _FEWEST_POINTS = 100
 _MOSTLY = 0.65
-"""So much of what is near the floor must be floor, or it is the foot of a wall, or furniture."""
+"""Least share of points near the floor that must lie on it; with fewer, the plane is a wall's foot or furniture."""
 
 
 @dataclass(frozen=True, slots=True)
 class FloorFit:
-    """What the floor says against a profile."""
+    """Deviation of a camera from its profile, measured by the floor."""
 
     pitch_off_deg: float
-    """The camera looks so much higher than its profile says."""
+    """Angle by which the camera looks higher than in its profile, in degrees."""
     roll_off_deg: float
-    """Its right side is so much lower than its profile says."""
+    """Angle by which the camera's right side is lower than in its profile, in degrees."""
     height_off_m: float
-    """It stands so much higher than its profile says."""
+    """Height of the camera above that in its profile, in metres."""
 
 
 def fit_floor(depth: Depth, camera: CameraModel) -> FloorFit | None:
-    """Return how far a camera at its place on the robot is off; None where too little floor is seen."""
+    """Return the deviation of a mounted camera from its profile; None if too little floor is visible."""
     points = camera.unproject_image(np.where(depth < _FAR_M, depth, 0))
     near = points[np.abs(points[:, 2]) < _NEAR_FLOOR_M + _NEAR_FLOOR_SLOPE * points[:, 0]]
     if len(near) < _FEWEST_POINTS:
@@ -69,7 +70,7 @@ def _extent(floor: NDArray[np.float64]) -> float:
 
 
 def _most_on_a_plane(points: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Tell which points (N, 3) lie on the plane that most of them lie on; none where every plane is steep."""
+    """Return which points (N, 3) lie on the plane with most points; none if every plane is too steep."""
     corners = points[np.random.default_rng(0).integers(0, len(points), (_TRIES, 3))]
     along = corners[:, 1] - corners[:, 0]
     across = corners[:, 2] - corners[:, 0]
@@ -90,22 +91,23 @@ def _columns(points: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 JUMP_M = 50.0
-"""Two images in a row are never so far apart. Larger than the buildings of the simulator, because it may put its robot
-anywhere between two queries; what a robot drives between two images is less than a metre."""
+"""Distance between two consecutive images that counts as a jump, in metres. Larger than the simulated buildings,
+because the simulator may move its robot anywhere between two queries; a real robot drives less than a metre."""
 SAME_STAMPS = 5
-"""So many images in a row at one time mean a clock that stands still; a simulated robot that is put elsewhere has 2."""
+"""Number of consecutive images with the same stamp that means a stopped clock; moving a simulated robot causes 2."""
 ALIKE_IMAGES = 20
-"""So many images in a row that are equal in every pixel; a camera that works has noise, and a simulated one moves."""
+"""Number of consecutive images with equal pixels that is suspicious; a working camera has noise, a simulated one
+moves."""
 ALIKE_TRAVEL_M = 1.0
-"""And the robot drove so far meanwhile, for whoever stands still may well see the same."""
+"""Least distance driven during equal images, in metres, because a robot that stands still may see the same."""
 MOST_AGE_S = 0.3
 LEAST_RECOGNISED = 0.5
-"""Of the images that a map is asked about."""
+"""Least share of recognised images without a finding."""
 MOST_TILT_OFF_DEG = 3.0
 
 
 class _Doubt(Enum):
-    """A rule; each speaks once."""
+    """A rule of the check; each is reported once."""
 
     REPEATED_STEP = auto()
     BACKWARD_STEP = auto()
@@ -116,10 +118,10 @@ class _Doubt(Enum):
 
 
 class ObservationCheck:
-    """The check of one robot or of one recording."""
+    """Checks the observations of one robot or one recording."""
 
     def __init__(self) -> None:
-        """Nothing was seen yet."""
+        """Start without an observation."""
         self._last: Observation | None = None
         self._told: set[_Doubt] = set()
         self._same_stamps = 1
@@ -128,7 +130,7 @@ class ObservationCheck:
         self._alike_since: Pose = np.zeros(3)
 
     def findings(self, observation: Observation) -> list[Finding]:
-        """Return what is doubtful of the next observation; each rule speaks at its first breach alone."""
+        """Return what is doubtful about the next observation; each rule is reported only at its first violation."""
         before, self._last = self._last, observation
         if before is None:
             self._begin_alike(observation)
@@ -142,14 +144,14 @@ class ObservationCheck:
 
     def _order(self, before: Observation, now: Observation) -> Iterator[tuple[_Doubt, Finding]]:
         if now.step == before.step:
-            text = f"Step {now.step} came twice, and only its first image can be kept; count on."
+            text = f"Step {now.step} came twice; only its first image is kept. Give each image a higher step."
             yield _Doubt.REPEATED_STEP, Finding(text)
         elif now.step < before.step:
-            text = f"Step {now.step} comes after step {before.step}; steps count on, also when a robot restarts."
+            text = f"Step {now.step} comes after step {before.step}; steps must increase, also after a restart."
             yield _Doubt.BACKWARD_STEP, Finding(text)
         if now.stamp < before.stamp:
             text = f"At step {now.step} the clock goes back from {before.stamp:.3f} s to {now.stamp:.3f} s."
-            yield _Doubt.BACKWARD_STAMP, Finding(text, remedy="Use one clock that only goes on.")
+            yield _Doubt.BACKWARD_STAMP, Finding(text, remedy="Use one clock that never goes back.")
         self._same_stamps = self._same_stamps + 1 if now.stamp == before.stamp else 1
         if self._same_stamps >= SAME_STAMPS:
             text = f"The last {SAME_STAMPS} images up to step {now.step} have the stamp {now.stamp:.3f} s."
@@ -169,7 +171,7 @@ class ObservationCheck:
         driven_m = float(np.hypot(*(now.odometry - self._alike_since)[:2]))
         if self._alike >= ALIKE_IMAGES and driven_m >= ALIKE_TRAVEL_M:
             text = f"The last {self._alike} images up to step {now.step} are equal, though the robot drove"
-            yield _Doubt.ALIKE, Finding(f"{text} {driven_m:.1f} m; does the camera stand still, or is it covered?")
+            yield _Doubt.ALIKE, Finding(f"{text} {driven_m:.1f} m; has the camera stopped, or is it covered?")
 
     def _begin_alike(self, observation: Observation) -> None:
         self._checksum = _checksum(observation)
@@ -178,13 +180,13 @@ class ObservationCheck:
 
 
 def sequence_findings(observations: Iterable[Observation]) -> tuple[Finding, ...]:
-    """Return what is doubtful of a whole drive, in the order in which it was taken."""
+    """Return what is doubtful about a whole drive, in the order of its images."""
     check = ObservationCheck()
     return tuple(finding for observation in observations for finding in check.findings(observation))
 
 
 def _is_same(before: Observation, now: Observation) -> bool:
-    """Tell whether a robot handed out the same observation again, as it may within a control step."""
+    """Tell whether a robot returned the same observation again, as is allowed within a control step."""
     return now is before or (
         now.step == before.step and now.stamp == before.stamp and np.array_equal(now.odometry, before.odometry)
     )
@@ -196,52 +198,52 @@ def _checksum(observation: Observation) -> int:
 
 @dataclass(frozen=True)
 class TopicReport:
-    """What one topic does."""
+    """Measured traffic of one topic."""
 
     topic: str
     rate_hz: float
-    """Messages a second that could be used."""
+    """Rate of usable messages per second."""
     longest_gap_s: float | None
-    """None where nobody counted."""
+    """Longest time between two messages, in seconds; None if it was not measured."""
     publishers: tuple[str, ...]
-    """Nodes that say they send it."""
+    """Nodes that announce themselves as publishers."""
 
 
 @dataclass(frozen=True)
 class TurnReport:
-    """What came of a short turn on the spot."""
+    """Result of a short turn on the spot."""
 
     moves_after_s: float | None
-    """From the command until odometry shows it; None where the robot did not move."""
+    """Time from the command until odometry shows the turn, in seconds; None if the robot did not move."""
     stands_after_s: float | None
-    """From the stop until odometry stands still; None where it went on."""
+    """Time from the stop until odometry stands still, in seconds; None if the robot went on."""
 
 
 @dataclass(frozen=True)
 class PlaceSeen:
-    """Where a map takes an image to be."""
+    """Localisation of one image in a map."""
 
     stamp_s: float
-    """On the robot's clock."""
+    """Time of the image, in seconds on the robot's clock."""
     node: int | None
-    """None where it is nowhere in the map."""
+    """The node that the image is at; None if it is at none."""
     reachability: float
-    """r of the best node, whether it is near enough or not."""
+    """r of the best node, even if that is not near enough."""
 
 
 @dataclass(frozen=True)
 class PlacesReport:
-    """Where a map takes images of a drive to be."""
+    """Localisation of the images of a drive in a map."""
 
     images: tuple[PlaceSeen, ...]
 
     @property
     def recognised_share(self) -> float:
-        """Share of the images that are somewhere in the map."""
+        """Share of the images that are localised at a node."""
         return sum(each.node is not None for each in self.images) / max(len(self.images), 1)
 
     def __str__(self) -> str:
-        """Say it in one line: how many, and the way through the map, where ? is nowhere."""
+        """Return one line with the number of recognised images and the sequence of nodes; ? is no node."""
         nodes = ["?" if each.node is None else str(each.node) for each in self.images]
         way = [node for before, node in zip(["", *nodes], nodes, strict=False) if node != before]
         known = sum(each.node is not None for each in self.images)
@@ -250,32 +252,32 @@ class PlacesReport:
 
 @dataclass(frozen=True)
 class RobotReport(WithDoubts):
-    """What was seen of a robot."""
+    """Results of the checks of a robot."""
 
     robot: str
     address: str
     topics: tuple[TopicReport, ...]
     image: str
-    """Size of its pictures."""
+    """Size of the images."""
     field_of_view_deg: tuple[float, float]
-    """Across and down."""
+    """Horizontal and vertical field of view, in degrees."""
     depth_share: float
     """Share of pixels with depth."""
     age_s: float | None
-    """How old the newest whole image was, at worst; None where it was recorded."""
+    """Greatest age of the newest complete image, in seconds; None in a recording."""
     floor: FloorFit | None
-    """How far the camera is off; None where no floor is seen."""
+    """Deviation of the camera from its profile; None if too little floor is visible."""
     commands_taken: bool
-    """Whether anybody listens to commands: the guard, or the robot."""
+    """Whether the guard or the robot subscribes to commands."""
     driving: TurnReport | None
-    """What a short turn showed, where it was allowed."""
+    """Result of a short turn; None if it was not allowed."""
     places: PlacesReport | None = None
-    """Where it is in a map, where somebody named one."""
+    """Localisation in a map; None if no map was given."""
     findings: tuple[Finding, ...] = ()
-    """What is not good enough."""
+    """Properties that are not good enough."""
 
     def with_places(self, places: PlacesReport) -> "RobotReport":
-        """Return this report with where the robot is, and a finding where that is unknown for the most part."""
+        """Return this report with the localisation of the robot, and a finding if most images are not recognised."""
         share = places.recognised_share
         if share >= LEAST_RECOGNISED:
             return replace(self, places=places)
@@ -285,7 +287,7 @@ class RobotReport(WithDoubts):
 
 
 def robot_findings(report: RobotReport) -> Iterator[Finding]:
-    """Yield what is not good enough of the images of any robot."""
+    """Yield what is not good enough in the images of any robot."""
     for each in report.topics:
         if len(each.publishers) > 1:
             yield Finding(f"{each.topic} has {len(each.publishers)} publishers.", where=each.topic)

@@ -1,9 +1,9 @@
-"""Robots of other people: found by name among installed packages, or in a Python file.
+"""Robots from other packages: found by name among installed packages, or in a Python file.
 
-A package offers one in the entry-point group `ltvn.robots`; an entry is `name = "package.module:factory"`, and the
-factory returns a `ltvn_core.robots.robot.Robot` when it is called without arguments. A file is named as
-`path/to/file.py:factory`, and a robot of ROS 2 as PROFILE@ADDRESS. Owns the check that what comes in can be
-driven. Drives nothing.
+A package provides robots in the entry-point group `ltvn.robots`; an entry is `name = "package.module:factory"`, and
+the factory returns a `ltvn_core.robots.robot.Robot` when it is called without arguments. A file is named as
+`path/to/file.py:factory`, and a robot of ROS 2 as PROFILE@ADDRESS. Owns the check that such a robot can
+be driven. Drives nothing.
 """
 
 import math
@@ -28,10 +28,10 @@ HOW_TO = (
 
 
 def open_robot(wanted: str, installed: Mapping[str, Plugin] | None = None) -> Robot:
-    """Make the robot of that name, of `path/to/file.py:factory`, or of PROFILE@ADDRESS (ROS 2), and check it.
+    """Create the robot with that name, from `path/to/file.py:factory`, or at PROFILE@ADDRESS (ROS 2), and check it.
 
-    One image is taken; nothing is driven. Raises PluginError when there is no such robot, when its factory fails, or
-    when it lacks a part, and RobotError when one of ROS 2 cannot be reached.
+    Takes one image; drives nothing. Raises PluginError if there is no such robot, if its factory fails, or if it lacks
+    a part, and RobotError if a robot of ROS 2 cannot be reached.
     """
     factory = _factory(wanted, installed)
     try:
@@ -39,13 +39,13 @@ def open_robot(wanted: str, installed: Mapping[str, Plugin] | None = None) -> Ro
     except LtvnError:
         raise
     except Exception as error:  # Another person's code may raise anything.
-        raise PluginError(f"The robot {wanted} could not be made ({type(error).__name__}: {error}).") from error
+        raise PluginError(f"The robot {wanted} could not be created ({type(error).__name__}: {error}).") from error
     check_robot(robot, wanted)
     return robot
 
 
 def check_robot(robot: object, name: str) -> None:
-    """Raise PluginError where a robot lacks a part, or where its first image is not what its camera takes."""
+    """Raise PluginError if a robot lacks a part, or if its first image does not fit its camera."""
     spec = getattr(robot, "spec", None)
     clock = getattr(robot, "clock", None)
     if not isinstance(spec, RobotSpec):
@@ -58,7 +58,7 @@ def check_robot(robot: object, name: str) -> None:
             f"The robot {name} lacks {', '.join(missing)}; a robot has spec, clock, {', '.join(METHODS)}, see "
             "ltvn_core.Robot and examples/05_drive_your_own_robot.py."
         )
-    _check_first_image(robot, spec, name)  # type: ignore[arg-type]  # Its methods were counted above.
+    _check_first_image(robot, spec, name)  # type: ignore[arg-type]  # Its methods were checked above.
 
 
 def _check_first_image(robot: Robot, spec: RobotSpec, name: str) -> None:
@@ -101,7 +101,7 @@ def _factory_in_file(wanted: str) -> Callable[[], Robot]:
     if spec is None or spec.loader is None:
         raise PluginError(f"{path} is not a Python file. {HOW_TO}.")
     module = module_from_spec(spec)
-    sys.modules[spec.name] = module  # Dataclasses look their module up while it is run.
+    sys.modules[spec.name] = module  # Dataclasses look up their module while it is executed.
     try:
         spec.loader.exec_module(module)
     except Exception as error:
@@ -115,4 +115,4 @@ def _factory_in_file(wanted: str) -> Callable[[], Robot]:
 def _callable(factory: object, name: str) -> Callable[[], Robot]:
     if not callable(factory):
         raise PluginError(f"The robot {name} is {factory!r}, which cannot be called; name a function that makes it.")
-    return cast(Callable[[], Robot], factory)  # `check_robot` looks at what it makes.
+    return cast(Callable[[], Robot], factory)  # `check_robot` checks the result.

@@ -1,6 +1,6 @@
-"""What kind of robot it is: its size, how fast it may move, and its camera. The LoCoBot of the paper is `LOCOBOT`.
+"""Properties of a robot: its size, its speed limits and its camera. `LOCOBOT` is the LoCoBot of the paper.
 
-Owns the only place where a robot's radius, speeds and camera are written down. Drives nothing.
+Owns the only definition of a robot's radius, speeds and camera. Drives nothing.
 """
 
 import math
@@ -38,7 +38,7 @@ class SpeedLimits:
         return self.curved(Twist(twist.linear_m_s / excess, twist.angular_rad_s / excess))
 
     def curved(self, twist: Twist) -> Twist:
-        """Return `twist` with its curve no tighter than the turning circle; a car that stands cannot turn."""
+        """Return `twist` with a curve no tighter than the turning circle; a car that stands still cannot turn."""
         if not self.turning_radius_m:
             return twist
         most_rad_s = abs(twist.linear_m_s) / self.turning_radius_m
@@ -47,7 +47,7 @@ class SpeedLimits:
 
 @dataclass(frozen=True, slots=True)
 class AccelerationLimits:
-    """How fast the speeds may change, for speeding up and for braking.
+    """Maximum accelerations, for speeding up and for braking.
 
     Braking is firm on purpose: from full speed the robot stops within 42 ms, so that a lease of 250 ms plus braking
     takes less than 300 ms.
@@ -64,19 +64,19 @@ class RobotSpec:
     """The size, speeds and camera of a robot. Raises OptionError when a length is not positive."""
 
     name: str
-    """What people call it."""
+    """Name of the robot for people."""
     radius_m: float
-    """Radius of the circle that its body fits into, about the point it turns on."""
+    """Radius of the circle around the turning point that contains the body."""
     height_m: float
-    """Height of its body: what hangs lower stops it."""
+    """Height of the body; the robot cannot pass under anything lower."""
     ground_clearance_m: float
-    """What is lower than this, such as a rug, it drives over."""
+    """Height of obstacles that the robot drives over, such as a rug."""
     camera: CameraModel
-    """Its camera and how it is mounted."""
+    """The camera and its mounting."""
     speeds: SpeedLimits = field(default_factory=SpeedLimits)
-    """How fast it may be told to go."""
+    """Limits of drive commands."""
     accelerations: AccelerationLimits = field(default_factory=AccelerationLimits)
-    """How fast its speeds change."""
+    """Limits of accelerations."""
 
     def __post_init__(self) -> None:
         """Check the lengths."""
@@ -88,7 +88,7 @@ class RobotSpec:
 
     @property
     def clear_radius_m(self) -> float:
-        """Radius rounded up to whole centimetres: what obstacle avoidance and labels keep free around its centre."""
+        """Radius rounded up to whole centimetres, which obstacle avoidance and labels keep free around the centre."""
         return math.ceil(self.radius_m * 100 - 1e-6) / 100
 
 
@@ -99,5 +99,4 @@ LOCOBOT = RobotSpec(
     ground_clearance_m=0.05,
     camera=CameraModel.from_fov(96, 72, math.radians(69.4), height_m=0.6),
 )
-"""The robot of the paper, as it is simulated. Its body counts up to a table's height, so that it does not drive under
-one with its camera up."""
+"""The simulated robot of the paper. Its body is as high as a table, so that it does not drive under one."""

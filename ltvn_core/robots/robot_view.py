@@ -1,7 +1,7 @@
-"""A robot whose images are changed on their way to whoever looks; everything else is passed on.
+"""Wrappers that change the images of a robot and pass everything else on.
 
-Session, command line and navigator look at any robot through `fit_camera(robot, predictor.camera)`. Owns the rectifying
-of its images, the keeping of the originals, and steps and stamps that go on from those of a map.
+Session, command line and navigator use any robot through `fit_camera(robot, predictor.camera)`. Owns the rectification
+of images, the storage of the originals, and steps and stamps that continue those of a map.
 """
 
 import math
@@ -22,30 +22,30 @@ from ltvn_core.types import CONTROL_STEP_S, FrameId, Observation, Pose, RobotSta
 
 
 class RobotView(ABC):
-    """Base of robots that are seen through something. Implements `ltvn_core.robots.robot.Robot`."""
+    """Base class of wrapped robots. Implements `ltvn_core.robots.robot.Robot`."""
 
     def __init__(self, robot: Robot) -> None:
-        """Pass everything on to `robot` but its images."""
+        """Wrap `robot`; only its images are changed."""
         self._robot = robot
         self._taken: Observation | None = None
         self._shown: Observation | None = None
 
     @abstractmethod
     def _changed(self, taken: Observation) -> Observation:
-        """Return what is shown of an image; called once an image, while `_shown` is still the one before."""
+        """Return the changed image; called once per image, while `_shown` is still the previous one."""
 
     @property
     def spec(self) -> RobotSpec:
-        """The robot's."""
+        """The robot's properties."""
         return self._robot.spec
 
     @property
     def clock(self) -> Clock:
-        """The robot's."""
+        """The robot's clock."""
         return self._robot.clock
 
     def observe(self) -> Observation:
-        """Take an image and change it; one that the robot returns twice is the very same both times."""
+        """Take an image and change it; for an image that the robot returns twice, the result is the same object."""
         taken = self._robot.observe()
         if self._shown is None or taken is not self._taken:
             self._taken = taken
@@ -66,10 +66,10 @@ class RobotView(ABC):
 
 
 class ContinuedRobot(RobotView):
-    """Adds to steps and stamps, and checks each image; a robot that counts on by itself keeps its own."""
+    """Adds an offset to steps and stamps, and checks each image; no offset if the robot already continues them."""
 
     def __init__(self, robot: Robot, *, last_step: FrameId = -1, last_stamp_s: float = -math.inf) -> None:
-        """Go on after a map's last image; by default the robot's own steps and clock count."""
+        """Continue after the last image of a map; by default steps and stamps are the robot's own."""
         super().__init__(robot)
         state = robot.state()
         self._steps = max(0, last_step + 1 - state.step)
@@ -78,22 +78,22 @@ class ContinuedRobot(RobotView):
 
     @property
     def clock(self) -> Clock:
-        """The robot's, counted on."""
+        """The robot's clock, with the offset."""
         return self._clock
 
     def state(self) -> RobotState:
-        """Return the robot's, counted on."""
+        """Return the robot's state, with the offsets."""
         state = self._robot.state()
         return state._replace(step=state.step + self._steps, stamp=state.stamp + self._seconds)
 
     def _changed(self, taken: Observation) -> Observation:
-        """Return an image as it counts here. Raises ImageError where it, its place or its time cannot be."""
+        """Return an image with the offsets. Raises ImageError if the image, its pose or its time is invalid."""
         source = self._robot.spec.name
         return continued_observation(taken, steps=self._steps, seconds=self._seconds, source=source)
 
 
 class _ContinuedClock:
-    """A clock that shows more than another. Implements `ltvn_core.robots.robot.Clock`."""
+    """A clock with an offset to another. Implements `ltvn_core.robots.robot.Clock`."""
 
     def __init__(self, clock: Clock, added_s: float) -> None:
         self._clock = clock
@@ -111,10 +111,10 @@ class _ContinuedClock:
 
 
 def fit_camera(robot: Robot, target: CameraModel, *, original_size: OriginalSize | None = ORIGINAL_SIZE) -> Robot:
-    """Return the robot with images as `target` would take them; the very same robot where its camera does already.
+    """Return a robot whose images are those of the camera `target`; the same robot if its camera already fits.
 
-    The result's `spec.camera` is `target` at the height of the robot's own camera. Recordings of it keep the original
-    images at most at `original_size`; None keeps none.
+    The `spec.camera` of the result is `target` at the height of the robot's own camera. Recordings keep the original
+    images in at most `original_size`; None keeps none.
     """
     camera = robot.spec.camera
     if have_same_rays(camera, target) and camera.depth_scale == 1.0:
@@ -123,10 +123,10 @@ def fit_camera(robot: Robot, target: CameraModel, *, original_size: OriginalSize
 
 
 class RectifiedRobot(RobotView):
-    """Rectifies what a robot sees, each image once."""
+    """Rectifies the images of a robot, each once."""
 
     def __init__(self, robot: Robot, target: CameraModel, original_size: OriginalSize | None) -> None:
-        """Look through the camera `target`; see `fit_camera`."""
+        """Rectify images to the camera `target`; see `fit_camera`."""
         super().__init__(robot)
         self._target = target
         self._original_size = original_size
@@ -134,7 +134,7 @@ class RectifiedRobot(RobotView):
 
     @property
     def spec(self) -> RobotSpec:
-        """The robot's, with the camera of the rectified images."""
+        """The robot's properties, with the camera of the rectified images."""
         return self._spec
 
     def _changed(self, taken: Observation) -> Observation:
@@ -143,9 +143,9 @@ class RectifiedRobot(RobotView):
 
 
 IMAGE_EVERY_M = 0.12
-"""On a mapping drive an image is taken after this distance (ours)."""
+"""Distance after which an image is taken on a mapping drive, in metres (ours)."""
 IMAGE_EVERY_RAD = math.radians(10)
-"""On a mapping drive an image is taken after this change of heading (ours)."""
+"""Change of heading after which an image is taken on a mapping drive, in radians (ours)."""
 
 
 def watch_drive(robot: Robot, is_over: Callable[[], bool]) -> Iterator[Observation]:
@@ -160,6 +160,6 @@ def watch_drive(robot: Robot, is_over: Callable[[], bool]) -> Iterator[Observati
 
 
 def has_moved(before: Pose, now: Pose, *, by_m: float, by_rad: float) -> bool:
-    """Tell whether a pose (3,) is so far from another one, or turned by so much."""
+    """Tell whether two poses (3,) differ by at least a distance or a turn."""
     ahead, aside, turned = relative(before, now)
     return bool(np.hypot(ahead, aside) >= by_m or abs(turned) >= by_rad)

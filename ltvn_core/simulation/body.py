@@ -1,8 +1,8 @@
-"""The contract of a body: what moves a simulated robot through a scene and says what it touches.
+"""The interface of a body, which moves a simulated robot through a scene and detects its contacts.
 
 Motion is planar: a body cannot rise, roll or pitch. It is a cylinder with the footprint of the base. It begins just
 above the floor, so that it passes over rugs and thresholds, and ends above the height of a table, so that it collides
-with what the camera could not pass under. Motors, drive lease and time are elsewhere.
+with everything that the camera could not pass under. Motors, drive lease and time are elsewhere.
 """
 
 from collections.abc import Mapping
@@ -18,7 +18,7 @@ TICKS_PER_SECOND = 240
 TICK_S = 1 / TICKS_PER_SECOND
 
 SCENE_OBSTACLES = "scene"
-"""Name of the group of obstacles with which a body begins."""
+"""Name of the group of obstacles that a body has at first."""
 PERSON_RADIUS_M = 0.25
 PERSON_HEIGHT_M = 1.7
 
@@ -26,7 +26,7 @@ WALL_FRICTION = 0.3
 """Coefficient of friction between body and walls: the robot slides along a wall that it meets at a flat angle, and
 stops at one that it meets head on."""
 CONTACT_GAP_M = 0.002
-"""Distance below which the bumper is pressed."""
+"""Distance below which the bumper is pressed, in metres."""
 
 
 class Body(Protocol):
@@ -51,7 +51,7 @@ class Body(Protocol):
         ...
 
     def set_people(self, people: Mapping[str, tuple[float, float]]) -> None:
-        """Say who stands where, x and y in metres; each is a post that the robot cannot push."""
+        """Set the positions of people by name, x and y in metres; each is a post that the robot cannot push."""
         ...
 
     def place(self, pose: Pose) -> None:
@@ -70,7 +70,7 @@ class Body(Protocol):
 def triangles_in_reach(
     vertices: NDArray[np.floating], faces: NDArray[np.integer], spec: RobotSpec
 ) -> NDArray[np.integer]:
-    """Return the faces that overlap the body in height. Floors and ceilings would only cost time."""
+    """Return the faces that overlap the body in height, because floors and ceilings would only cost time."""
     if not len(faces):
         return faces
     heights = vertices[faces, 2]

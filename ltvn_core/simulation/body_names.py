@@ -1,8 +1,8 @@
-"""Names of the simulated robot's bodies; light, because the command line reads them."""
+"""Names of the simulated robot's bodies, in a module of their own that the command line can import quickly."""
 
 from typing import Literal, TypeAlias
 
 BodyName: TypeAlias = Literal["auto", "bullet", "planar"]
-"""`auto` is Bullet where PyBullet is installed, and planar elsewhere."""
+"""`auto` is Bullet if PyBullet is installed, else planar."""
 KnownBody: TypeAlias = Literal["bullet", "planar"]
-"""A body that was chosen."""
+"""Name of a chosen body."""

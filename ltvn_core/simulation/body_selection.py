@@ -1,4 +1,4 @@
-"""Which body a simulated robot has on this machine: PyBullet's where it is installed, else a disc in the plane."""
+"""Chooses the body of a simulated robot on this machine: PyBullet's if installed, else a disc in the plane."""
 
 import logging
 from functools import cache
@@ -17,9 +17,9 @@ log = logging.getLogger(__name__)
 
 
 def choose_body(wanted: BodyName = "auto") -> KnownBody:
-    """Return the body to use; `auto` is Bullet where PyBullet can be imported.
+    """Return the body to use; `auto` is Bullet if PyBullet can be imported.
 
-    Raises SceneError where Bullet is asked for and PyBullet is missing.
+    Raises SceneError if Bullet is requested and PyBullet is missing.
     """
     if wanted == "planar":
         return wanted
@@ -38,7 +38,7 @@ def open_body(
 ) -> Body:
     """Create a body at `start` (3,) among triangles with vertices (V, 3) and faces (F, 3).
 
-    Raises SceneError where Bullet is asked for and PyBullet is missing.
+    Raises SceneError if Bullet is requested and PyBullet is missing.
     """
     body = choose_body(wanted)
     _announce(body)
@@ -52,13 +52,13 @@ def open_body(
 
 @cache
 def _announce(body: KnownBody) -> None:
-    """Say once in a process which body is used."""
+    """Log once per process which body is used."""
     log.info("The simulated robot's body is %s.", "PyBullet's" if body == "bullet" else "planar, without PyBullet")
 
 
 @cache
 def _bullet_missing() -> str | None:
-    """Return why PyBullet cannot be imported; None where it can."""
+    """Return the reason why PyBullet cannot be imported; None if it can."""
     try:
         import pybullet  # noqa: F401
     except ImportError as error:

@@ -61,14 +61,14 @@ class BulletBody:
         return bool(contacts) and any(contact[8] < CONTACT_GAP_M for contact in contacts)
 
     def set_obstacles(self, group: str, vertices: NDArray[np.floating], faces: NDArray[np.integer]) -> None:
-        """Replace the obstacles of a group by triangles with vertices (V, 3) and faces (F, 3); none takes them away."""
+        """Replace the obstacles of a group by triangles with vertices (V, 3) and faces (F, 3); no faces remove them."""
         for body in self._obstacles.pop(group, ()):
             pybullet.removeBody(body, physicsClientId=self._client)
         reached = triangles_in_reach(vertices, faces, self._spec)
         self._obstacles[group] = [self._add_obstacle(vertices, part) for part in _parts(reached)]
 
     def set_people(self, people: Mapping[str, tuple[float, float]]) -> None:
-        """Say who stands where, x and y in metres; each is a post that the robot cannot push, as nobody pushes it."""
+        """Set the positions of people by name, x and y in metres; each is a post that the robot cannot push."""
         for person in self._people.keys() - people.keys():
             pybullet.removeBody(self._people.pop(person), physicsClientId=self._client)
         for person, (x_m, y_m) in people.items():
@@ -90,7 +90,7 @@ class BulletBody:
         turn = angular_rad_s * TICK_S
         heading = self.yaw_rad + turn / 2
         velocity = (linear_m_s * math.cos(heading), linear_m_s * math.sin(heading), 0.0)
-        # The velocity is set in every tick: the wheels impose it, and contacts take away what they do not allow.
+        # The velocity is set in every tick, because the wheels impose it; contacts then reduce it.
         pybullet.resetBaseVelocity(self._body, velocity, (0, 0, 0), physicsClientId=self._client)
         pybullet.stepSimulation(physicsClientId=self._client)
         (self.x_m, self.y_m, z_m), _ = pybullet.getBasePositionAndOrientation(self._body, physicsClientId=self._client)

@@ -1,8 +1,8 @@
 """The clearance map of a scene: distance to the nearest obstacle, random free poses and shortest paths.
 
-A 2-D grid of the floor. Knows obstacles only as blocked cells. Physics meets these cells, extruded to blocks, and not
-the visible surfaces, so that it agrees with planning about every cell.
-Also wraps what `scipy.ndimage` does with boolean grids, with types.
+A 2-D grid of the floor, in which obstacles are blocked cells. The physics uses these cells, extruded to blocks, instead
+of the visible surfaces, so that it agrees with planning about every cell. Also wraps functions of `scipy.ndimage` on
+boolean grids, with types.
 """
 
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.types import Pose
 
 Mask = NDArray[np.bool_]
-"""(rows, columns) cells of a grid that are true or false."""
+"""(rows, columns) true or false per cell of a grid."""
 
 
 def distance_transform(cells: Mask) -> NDArray[np.float64]:
@@ -37,7 +37,7 @@ def connected_components(cells: Mask) -> tuple[NDArray[np.int32], int]:
     """Label the connected components of true cells (4 neighbours).
 
     Returns:
-        The number of each cell's component (rows, columns), from 1 on and 0 in false cells, and how many there are.
+        The number of each cell's component (rows, columns), from 1, or 0 in false cells; and the number of components.
     """
     numbers, count = cast(Any, ndimage.label(cells))
     return numbers, int(count)
@@ -45,9 +45,9 @@ def connected_components(cells: Mask) -> tuple[NDArray[np.int32], int]:
 
 PLANNING_MARGIN_M = 0.04
 OBSTACLE_HEIGHT_M = 0.9
-"""Surfaces lower than this are obstacles for the robot; higher ones it passes under."""
+"""Height below which surfaces are obstacles, in metres; the robot passes under higher ones."""
 PLANNING_CLEARANCE_M = LOCOBOT.clear_radius_m + PLANNING_MARGIN_M
-"""Paths and random poses keep the centre of a LoCoBot this far from obstacles: its radius and a little more."""
+"""Clearance of paths and random poses, for the centre of a LoCoBot, in metres: its radius and a margin."""
 _MOVES = ((0, 1), (1, 0), (1, 1), (1, -1), (1, 2), (2, 1), (2, -1), (1, -2))
 """Steps (rows, columns) to the 16 neighbours of a cell, one of each opposite pair. A knight's move may pass the corner
 of a cell that is not navigable itself, but that costs less than a cell of clearance."""
@@ -69,10 +69,10 @@ class ClearanceMap:
     origin: NDArray[np.float64]
     """(2,) x and y of the grid's lower corner in metres."""
     resolution_m: float = 0.05
-    """Side of a cell."""
+    """Side of a cell, in metres."""
     floor: NDArray[np.bool_] | None = None
-    """Cells (rows, columns) that were navigable before the world changed; None where it never did. Closed doors divide
-    them into several pieces, and the robot may be in any of these."""
+    """Cells (rows, columns) that were navigable before the world changed; None if it did not. Closed doors divide them
+    into several pieces, and the robot may be in any of these."""
 
     @cached_property
     def grid(self) -> NDArray[np.float64]:
@@ -93,7 +93,7 @@ class ClearanceMap:
             former = np.unique(components[self.floor])
             return np.isin(components, former[former > 0])
         sizes = np.bincount(components.ravel())
-        sizes[0] = 0  # Number 0 is everything that is not free.
+        sizes[0] = 0  # Number 0 is the floor that is not free.
         return components == int(sizes.argmax())
 
     def at(self, xy: ArrayLike) -> NDArray[np.float64]:
@@ -163,7 +163,7 @@ class ClearanceMap:
     def path_lengths(self, start: ArrayLike, goals: ArrayLike, *, limit_m: float = np.inf) -> NDArray[np.float64]:
         """Return the lengths in metres (N,) of the shortest paths from start (2,) to goals (N, 2).
 
-        A length is inf where there is no path or it is longer than `limit_m`. Exact where the straight line is free,
+        A length is inf if there is no path or it is longer than `limit_m`. Exact if the straight line is free,
         otherwise along the grid's 16 directions (at most 3 % too long).
         """
         start = np.asarray(start, np.float64).reshape(-1)[:2]

@@ -1,6 +1,6 @@
-"""Opens a simulation: a scene by its name, the robot in it, and the script of what changes there.
+"""Opens a simulation: a scene by its name, the robot in it, and the script of changes in the world.
 
-Owns where a robot starts. Does not own any loop.
+Owns the choice of the robot's start. Runs no loop.
 """
 
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from ltvn_core.simulation.wheel_odometry import OdometryNoise
 
 START_CLEARANCE_M = 0.35
-"""A robot starts where it can turn freely."""
+"""Clearance of a random start, in metres, so that the robot can turn freely."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class Simulation:
     scene: "Scene"
     robot: "SimulatedRobot"
     world: "World"
-    """The scene over time; nothing changes by itself unless a script says so."""
+    """The scene over time; it changes only by a script or by hand."""
 
 
 def open_script(name: str, scene_name: str, *, seed: int) -> "WorldScript":
@@ -59,10 +59,10 @@ def open_simulation(
 ) -> Simulation:
     """Load a scene and put a robot of `spec` into it, at `start` (3,) or at a free place drawn with `seed`.
 
-    `script` says what changes in the scene over time; without one nothing does by itself. `body` moves the robot, see
+    `script` changes the scene over time; without one, nothing changes by itself. `body` moves the robot, see
     `ltvn_core.simulation.body_selection`.
 
-    Raises SceneError for an unknown scene and where the simulator cannot run at all.
+    Raises SceneError for an unknown scene, or if the simulator cannot run here.
     """
     try:
         from ltvn_core.simulation.simulated_robot import SimulatedRobot

@@ -18,13 +18,13 @@ from ltvn_core.types import Features, Observation, Pose, Prediction, Waypoint
 
 REACHABLE = 0.97
 UNREACHABLE = 0.03
-"""The reachabilities that the oracle returns. Not 0 and 1, because no evidence could revise such a belief."""
+"""The reachabilities that the oracle returns; not 0 and 1, because no evidence could revise such a belief."""
 
 LIKELIHOODS = Likelihoods(0.98, 0.02, 1e-4)
 """Likelihoods of Eq. 3 and variance of Eq. 4 for a method with this predictor.
 
 Exact waypoints lead to their targets, and an exact r is low where the target was not reached. No likelihood is 0 or 1,
-and sigma is one centimetre instead of zero: with certainties the map could not change any more.
+and sigma is one centimetre instead of zero, because a map with certain beliefs could no longer change.
 """
 
 MAX_DISTANCE_M = 2.5
@@ -55,7 +55,7 @@ class OraclePredictor:
         self._half_fov_rad = camera.horizontal_fov_rad / 2
 
     def show(self, clearance: ClearanceMap) -> None:
-        """Let it know what the world is like from now on."""
+        """Predict from another clearance map, after the world has changed."""
         self._clearance = clearance
 
     def encode(self, observations: Sequence[Observation]) -> Features:

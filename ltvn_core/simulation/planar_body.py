@@ -1,8 +1,8 @@
-"""A body that is a disc in the plane: what PyBullet computes for a round body that cannot tip over, in numpy.
+"""A body that is a disc in the plane: the physics of PyBullet for a round body that cannot tip over, in numpy.
 
 Obstacles are the parts of the scene's triangles between the body's lower and upper end, seen from above: a wall is a
-line, the top of a table an area. They are exact geometry, as PyBullet has it, not the cells of the clearance map, and
-are kept in a grid to be found by place. See `ltvn_core.simulation.body`.
+line, the top of a table an area. They are exact triangles, as in PyBullet, and are stored in a grid for fast search.
+See `ltvn_core.simulation.body`.
 """
 
 import math
@@ -24,18 +24,19 @@ from ltvn_core.simulation.body import (
 from ltvn_core.types import Pose
 
 _STRIDE = 1 << 24
-"""Between the numbers of two columns of cells; more than any scene has rows."""
+"""Difference between the numbers of cells in neighbouring columns, larger than the number of rows of any scene."""
 _FLAT_M2 = 1e-10
 _PERSON_FRICTION = 0.5
-"""As PyBullet's default for what is given no other."""
+"""Coefficient of friction between body and people, PyBullet's default."""
 _SKIN_M = 0.001
-"""Distance that the body keeps from obstacles, as PyBullet's default margin of a mesh."""
+"""Distance that the body keeps from obstacles, in metres: PyBullet's default margin of a mesh."""
 _OVERLAP_KEPT = 0.92
-"""Share of an overlap that is left after one tick, as in PyBullet; half of it is gone after 35 ms."""
+"""Share of an overlap that remains after one tick, as in PyBullet; it is halved in 35 ms."""
 _REACH_M = 0.1
-"""How far around the body obstacles are collected; they are collected again once the body has moved by this."""
+"""Distance around the body within which obstacles are collected, and the motion after which they are collected again,
+in metres."""
 _CORRECTIONS = 8
-"""Contacts resolved one after another in one tick, as in a corner between two walls."""
+"""Maximum number of contacts resolved in one tick, as in a corner between two walls."""
 _RING = np.stack([np.cos(angles := np.arange(16) * math.pi / 8), np.sin(angles)], axis=1)
 _RING_STEP_M = 0.05
 _RINGS = 40
@@ -69,7 +70,7 @@ class TriangleGrid:
         return self._triangles[np.unique(rows)]
 
     def _sorted_into_cells(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Return the cells' numbers, sorted, and which triangle reaches into each; a large one into many."""
+        """Return the sorted numbers of cells and the triangle in each; a large triangle is in many cells."""
         first = np.floor(self._triangles.min(axis=1) / self._cell_m).astype(np.int64)
         last = np.floor(self._triangles.max(axis=1) / self._cell_m).astype(np.int64)
         columns, rows = (last - first + 1).T
@@ -82,7 +83,7 @@ class TriangleGrid:
 
 
 class Outlines:
-    """A few triangles near a point: their edges, and the areas of those that are not flat."""
+    """A few triangles near a point: the edges of all, and the areas of those that are not lines."""
 
     def __init__(self, edges: NDArray[np.float64], areas: NDArray[np.float64]) -> None:
         """Take edges (E, 4), each x0, y0, x1 and y1, and triangles with an area (A, 3, 2)."""
@@ -96,7 +97,7 @@ class Outlines:
         self._areas = areas
 
     def nearest(self, x_m: float, y_m: float) -> tuple[float, float, float]:
-        """Return the distance from a point to the nearest of them and its nearest point; 0 within an area."""
+        """Return the distance from a point to the nearest outline, 0 within an area, and the nearest point of it."""
         if len(self._areas) and _contains(self._areas, np.array([x_m, y_m])).any():
             return 0.0, x_m, y_m
         to_x = x_m - self._x
@@ -115,7 +116,7 @@ class Outlines:
 def near_outlines(
     triangles: Sequence[NDArray[np.float64]], x_m: float, y_m: float, *, within_m: float
 ) -> Outlines | None:
-    """Return the outlines of triangles (N, 3, 2) within a distance of a point; None if none is so near."""
+    """Return the outlines of triangles (N, 3, 2) within a distance of a point; None if there are none."""
     point = np.array([x_m, y_m])
     all_triangles = np.concatenate([*triangles, np.zeros((0, 3, 2))])
     starts = all_triangles
@@ -141,7 +142,7 @@ def _cut_above(triangles: NDArray[np.float64], height_m: float) -> NDArray[np.fl
     count = above.sum(axis=1)
     is_cut = (count == 1) | (count == 2)
     cut = triangles[is_cut]
-    # Begin with the corner that is alone on its side, so that the plane crosses both edges that leave it.
+    # Begin with the corner that is alone on its side, so that the plane crosses both of its edges.
     alone = (above[is_cut] == (count[is_cut] == 1)[:, None]).argmax(axis=1)
     order = (alone[:, None] + np.arange(3)) % 3
     corner, second, third = np.moveaxis(np.take_along_axis(cut, order[..., None], axis=1), 1, 0)
@@ -156,7 +157,7 @@ def _cut_above(triangles: NDArray[np.float64], height_m: float) -> NDArray[np.fl
 
 
 def _contains(triangles: NDArray[np.float64], point: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return (T,): in which triangles (T, 3, 2) a point lies."""
+    """Return which triangles (T, 3, 2) contain a point, (T,)."""
     along = np.roll(triangles, -1, axis=1) - triangles
     to_point = point - triangles
     sides = along[..., 0] * to_point[..., 1] - along[..., 1] * to_point[..., 0]
@@ -173,9 +174,9 @@ class _Obstacle(NamedTuple):
     """The obstacle nearest to a point."""
 
     distance_m: float
-    """From the point; 0 within the obstacle."""
+    """Distance from the point, in metres; 0 within the obstacle."""
     x_m: float
-    """Of the obstacle's nearest point."""
+    """Coordinates of the obstacle's nearest point, in metres."""
     y_m: float
     friction: float = WALL_FRICTION
 
@@ -225,7 +226,7 @@ class PlanarBody:
         self._forget()
 
     def set_people(self, people: Mapping[str, tuple[float, float]]) -> None:
-        """Say who stands where, x and y in metres; each is a post that the robot cannot push."""
+        """Set the positions of people by name, x and y in metres; each is a post that the robot cannot push."""
         self._people = [(float(x_m), float(y_m)) for x_m, y_m in people.values()]
         self._forget_distance()
 
@@ -253,11 +254,11 @@ class PlanarBody:
         self._forget()
 
     def _resolved(self, x_m: float, y_m: float) -> tuple[float, float]:
-        """Return where contacts let the body go when its wheels drive it to a point."""
+        """Return the position that contacts allow for a body whose wheels drive it to a point."""
         overlap_m = self._radius_m - self._nearest(self.x_m, self.y_m).distance_m
         if overlap_m >= self._radius_m:
             return self._way_out()
-        # An overlap, which only an obstacle that moves can cause, ends gradually. A motion never makes it larger.
+        # An overlap, which only a moving obstacle can cause, ends gradually. The body's own motion never increases it.
         allowed_m = self._radius_m - max(overlap_m, 0.0) * _OVERLAP_KEPT
         from_x = self.x_m
         from_y = self.y_m
@@ -271,14 +272,14 @@ class PlanarBody:
             normal_x = (x_m - nearest_x) / distance_m
             normal_y = (y_m - nearest_y) / distance_m
             along = (x_m - from_x) * -normal_y + (y_m - from_y) * normal_x
-            # Coulomb friction: the wall takes away the motion along it, up to a share of what it takes away across.
+            # Coulomb friction: the wall reduces the motion along it, by at most a share of the reduction across it.
             held = math.copysign(min(abs(along), friction * depth_m), along)
             x_m += normal_x * depth_m + normal_y * held
             y_m += normal_y * depth_m - normal_x * held
         return self.x_m, self.y_m
 
     def _way_out(self) -> tuple[float, float]:
-        """Return the next point on the way to the nearest free place, from amid an obstacle."""
+        """Return the next point on the way out of an obstacle to the nearest free place."""
         for ring in range(1, _RINGS):
             for dx, dy in _RING * ring * _RING_STEP_M:
                 if self._nearest(self.x_m + dx, self.y_m + dy).distance_m >= self._radius_m:
@@ -289,7 +290,7 @@ class PlanarBody:
         return self.x_m, self.y_m
 
     def _is_free(self, x_m: float, y_m: float, gap_m: float) -> bool:
-        """Return whether a point is surely farther than `gap_m` from touching anything, by the last exact distance."""
+        """Return whether the last exact distance proves that a point is farther than `gap_m` from any contact."""
         left_m = self._free_m - gap_m
         if left_m <= 0:
             return False
@@ -298,9 +299,9 @@ class PlanarBody:
         return dx * dx + dy * dy < left_m * left_m
 
     def _nearest(self, x_m: float, y_m: float) -> _Obstacle:
-        """Return the obstacle nearest to a point. Beyond the reach there is none, and its distance is a lower bound."""
+        """Return the obstacle nearest to a point; if it is beyond the reach, the distance is a lower bound."""
         if self._free_x == x_m and self._free_y == y_m:
-            return self._last  # A tick ends with the question that the bumper and the next tick ask.
+            return self._last  # A tick ends with the search that the bumper and the next tick need.
         if abs(x_m - self._anchor_x) > _REACH_M / 2 or abs(y_m - self._anchor_y) > _REACH_M / 2:
             self._collect(x_m, y_m)
         best = _Obstacle(self._radius_m + _REACH_M / 4, x_m, y_m)
@@ -327,7 +328,7 @@ class PlanarBody:
         self._outlines = near_outlines(near, x_m, y_m, within_m=self._radius_m + _REACH_M)
 
     def _forget(self) -> None:
-        """Forget what was near, after the body or an obstacle was put elsewhere."""
+        """Forget the collected outlines, after the body or an obstacle was moved."""
         self._anchor_x = math.inf
         self._anchor_y = math.inf
         self._outlines = None

@@ -1,7 +1,6 @@
 """The rooms of a scene, the doorways between them, and the parts that a changing world may move or exchange.
 
-These parts are doors, furniture, pictures and rugs. A scene from a mesh has none: nobody says which of its triangles
-belong together.
+These parts are doors, furniture, pictures and rugs. A scene from a mesh has none, because its triangles have no labels.
 """
 
 from dataclasses import dataclass
@@ -70,41 +69,41 @@ class Doorway:
 
     @property
     def middle(self) -> tuple[float, float]:
-        """x and y of its middle."""
+        """x and y of the middle of the gap, in metres."""
         along = (self.low + self.high) / 2
         return (self.wall, along) if self.axis == 0 else (along, self.wall)
 
 
 WIDEST_DOOR_M = 2.05
-"""A wider gap is an open passage, which has no door."""
+"""Greatest width of a gap with a door, in metres; a wider gap is an open passage."""
 
 
 @dataclass(frozen=True, slots=True)
 class FurniturePiece:
-    """A piece of furniture where it stood at first; lengths in metres."""
+    """A piece of furniture at its original place; lengths in metres."""
 
     name: str
-    """Its name in this scene, such as `sofa-0`."""
+    """Name in this scene, such as `sofa-0`."""
     x: float
     y: float
     turn: tuple[float, float]
-    """(cos, sin) of its rotation about the vertical axis."""
+    """(cos, sin) of the rotation about the vertical axis."""
     width: float
     depth: float
     first_face: int
-    """Index of its first face in the scene's surfaces."""
+    """Index of the first face in the scene's surfaces."""
     end_face: int
-    """Index after its last face in the scene's surfaces."""
+    """Index after the last face in the scene's surfaces."""
 
     @property
     def yaw_rad(self) -> float:
-        """Its heading: from its back to its front is y."""
+        """Heading in radians; y points from the back of the piece to its front."""
         return float(np.arctan2(self.turn[1], self.turn[0]))
 
 
 @dataclass(frozen=True, slots=True)
 class SceneParts:
-    """What can be moved, taken away or exchanged in a scene."""
+    """Parts of a scene that can be moved, removed or exchanged."""
 
     doorways: tuple[Doorway, ...] = ()
     furniture: tuple[FurniturePiece, ...] = ()
@@ -115,7 +114,7 @@ class SceneParts:
 
     @property
     def doors(self) -> tuple[Doorway, ...]:
-        """The doorways that have a door; a door's number is its place here."""
+        """The doorways that have a door; a door's number is its index here."""
         return tuple(doorway for doorway in self.doorways if doorway.width_m <= WIDEST_DOOR_M)
 
     def arrays(self) -> dict[str, Any]:
@@ -135,7 +134,7 @@ class SceneParts:
 
     @classmethod
     def from_arrays(cls, arrays: Any) -> "SceneParts":
-        """Return the parts that `arrays` wrote. Raises KeyError or ValueError where something is missing."""
+        """Return the parts from the result of `arrays`. Raises KeyError or ValueError if something is missing."""
         names = arrays["furniture_names"].tolist()
         return cls(
             doorways=tuple(_doorway(row) for row in arrays["doorways"].tolist()),

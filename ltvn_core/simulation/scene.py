@@ -22,11 +22,11 @@ from ltvn_core.simulation.surfaces import PLAIN_LIGHT, Light, Surfaces, joined, 
 from ltvn_core.types import Rgb
 
 MAX_EXPORTED_TEXELS = 8_000_000
-"""Limit for all textures of a file together. A mesh scene with more is shown more coarsely than it is rendered."""
+"""Maximum number of texels of a file. A mesh scene with more is shown more coarsely than it is rendered."""
 
 
 CORNER_LIGHT = "_LIGHT"
-"""Attribute of corners (3,) that says how much light of each colour they send back."""
+"""Name of the attribute of corners (3,) with the share of light of each colour that they reflect."""
 
 
 def to_glb(
@@ -34,8 +34,8 @@ def to_glb(
 ) -> bytes:
     """Return a GLB file with one mesh per texture, in metres, z up, textures as JPEG.
 
-    Textures are made smaller until all together have at most `most_texels`.
-    Where the light of faces is given, (F,) in [0, 1], corners have the attribute `CORNER_LIGHT`.
+    Textures are shrunk until all together have at most `most_texels`. If the light of faces is given, (F,) in [0, 1],
+    corners have the attribute `CORNER_LIGHT`.
     """
     scene = trimesh.Scene()
     used = np.unique(surfaces.face_texture)
@@ -69,28 +69,28 @@ def _compressed(texture: Rgb) -> Image.Image:
 
 
 RECORDED_TEXELS = 300_000
-"""Limit for the textures of a scene in a recording: each recording carries its scene, as the ground of its map."""
+"""Maximum number of texels of a scene in a recording; each recording contains its scene as background of the map."""
 
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """A place in which a simulated robot can drive."""
+    """An environment in which a simulated robot can drive."""
 
     name: str
     area_m2: float
-    """Area of the floor between the outer walls."""
+    """Area of the floor between the outer walls, in square metres."""
     rooms: tuple[Room, ...]
     clearance: ClearanceMap
     surfaces: Surfaces
     source: Path | None = None
-    """Absolute path of the mesh file or folder it was read from; None for a generated scene."""
+    """Absolute path of the mesh file or folder; None for a generated scene."""
     parts: SceneParts = field(default_factory=SceneParts)
-    """What of it can be moved or exchanged."""
+    """Parts that can be moved or exchanged."""
     added: tuple[Surfaces, ...] = ()
-    """What stands in it for now beside its own surfaces: leaves of closed doors, things, people."""
+    """Surfaces currently added to its own: leaves of closed doors, things, people."""
     light: Light = PLAIN_LIGHT
     doubts: tuple[str, ...] = ()
-    """What of the file it was read from is missing, in whole sentences with what to do."""
+    """Missing parts of the mesh file, in whole sentences with what to do."""
 
     @property
     def address(self) -> str:
@@ -102,7 +102,7 @@ class Scene:
         return extrude_blocked_cells(self.clearance, OBSTACLE_HEIGHT_M)
 
     def glb(self) -> bytes:
-        """Return the scene as recordings draw it: binary glTF, z up, without ceilings, textures made small."""
+        """Return the scene for recordings: binary glTF, z up, without ceilings, with small textures."""
         whole = joined([self.surfaces, *self.added]) if self.added else self.surfaces
         return to_glb(whole.without_overhead(), most_texels=RECORDED_TEXELS)
 
@@ -114,7 +114,7 @@ def door_names(scene: Scene) -> tuple[str, ...]:
 
 
 def _room_names(rooms: tuple[Room, ...]) -> tuple[str, ...]:
-    """Return a name for each room; where several serve the same purpose they are numbered."""
+    """Return a name for each room; rooms of the same kind are numbered."""
     total = Counter(room.kind for room in rooms)
     seen = Counter[object]()
     names: list[str] = []

@@ -1,6 +1,6 @@
 """Finds scenes by name (generated, cached on disk, the same on every machine) or by the path of a mesh.
 
-Other packages offer scenes in the entry-point group `ltvn.scenes`: `name = "package.module:function"`.
+Other packages provide scenes in the entry-point group `ltvn.scenes`: `name = "package.module:function"`.
 
 Holds the names, seeds and the cache. `apartments.generation` makes an apartment, the modules beside it make other
 buildings, `meshes.mesh_scene` reads a mesh.
@@ -37,9 +37,9 @@ from ltvn_core.terminal_text import which_name
 log = logging.getLogger(__name__)
 
 GENERATOR_VERSION = 2
-"""Part of the cache's file names. Increase it whenever a seed gives another apartment than before."""
+"""Part of the cache's file names. Increase it if a seed gives another apartment than before."""
 CACHE_VERSION = 2
-"""Part of the cache's file names, too. Increase it whenever other things are kept of the same apartment."""
+"""Also part of the cache's file names. Increase it if other data of the same apartment are stored."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,17 +54,17 @@ _SEEDS_WITH_ALIASES = (6014, 6025, 6035, 6047)
 _SEEDS_WITH_NARROW_PASSAGES = (6104, 6157)
 """Large apartments with many passages hardly wider than the robot."""
 _SHOPS_M2 = (220.0, 300.0, 380.0, 560.0)
-"""Floor areas of the shops; the last one has two halls."""
+"""Floor areas of the shops in square metres; the last one has two halls."""
 _HALLS_M2 = (340.0, 420.0, 500.0, 600.0)
-"""Floor areas of the buildings that are mostly one hall, with the small rooms beside it."""
+"""Floor areas in square metres of the buildings that are mostly one hall, including the small rooms beside it."""
 _WINGS_M2 = (620.0, 760.0, 1000.0, 1400.0)
-"""Floor areas of the office buildings that repeat themselves; the last two have two corridors."""
+"""Floor areas in square metres of the office buildings with repeated wings; the last two have two corridors."""
 
 
 def _recipes() -> dict[str, _Recipe]:
     """Return the seed and area of every named scene.
 
-    Each family takes its seeds from a thousand of its own, so that no scene for training is also one for tests.
+    Each family has its own range of a thousand seeds, so that no training scene is also a test scene.
     """
     recipes = {"demo": _Recipe(7004, 66.0)}
     recipes |= {f"apartment-{area}": _Recipe(9000 + area, float(area)) for area in (57, 70, 124, 129)}
@@ -89,7 +89,7 @@ _RECIPES = _recipes()
 
 
 def scene_names() -> tuple[str, ...]:
-    """Return all names that `load_scene` knows: ours, then those of other packages."""
+    """Return all names that `load_scene` accepts: ours, then those of other packages."""
     return (*_RECIPES, *(name for name in find_plugins(SCENES) if name not in _RECIPES))
 
 
@@ -98,8 +98,8 @@ def load_scene(name: str) -> Scene:
     """Return a scene by its name or path.
 
     Args:
-        name: One of `scene_names()`: ours are generated at the first call and read from the user's cache afterwards,
-            those of other packages are made by them. Or the path of a mesh file (GLB, glTF, OBJ, PLY) or of a folder in
+        name: One of `scene_names()`: ours are generated at the first call and then read from the user's cache, those of
+            other packages are created by them. Or the path of a mesh file (GLB, glTF, OBJ, PLY) or of a folder in
             Gibson layout.
 
     Raises:
@@ -118,13 +118,13 @@ def load_scene(name: str) -> Scene:
 
 
 def check_scene(name: str) -> None:
-    """Raise SceneError unless a scene has that name or lies at that path; nothing is loaded."""
+    """Raise SceneError unless there is a scene of that name or path; loads nothing."""
     if name not in scene_names():
         _mesh_path(name)
 
 
 def _foreign_scene(plugin: Plugin) -> Scene:
-    """Make the scene of another package: a function without arguments that returns a Scene, or the path of a mesh."""
+    """Return the scene of another package, whose function without arguments returns a Scene or the path of a mesh."""
     make = plugin.load()
     if not callable(make):
         raise plugin.refusal("is not a function that returns a Scene or the path of a mesh")
@@ -143,7 +143,7 @@ def _foreign_scene(plugin: Plugin) -> Scene:
 
 
 def _mesh_path(name: str) -> Path:
-    """Return the absolute path; a recording's mesh that was moved into the current folder is found there."""
+    """Return the absolute path of a mesh, or its path in the current folder if it was moved there."""
     path = Path(name).expanduser().absolute()
     if path.exists():
         return path
@@ -163,7 +163,7 @@ def _mesh_path(name: str) -> Path:
 
 
 def _cache_path(name: str) -> Path:
-    """Return a file name with everything that determines a scene, so that a changed recipe never reads an old file."""
+    """Return a file name with all parameters of a scene, so that a changed recipe never reads an old file."""
     recipe = _RECIPES[name]
     file = f"{name}-seed{recipe.seed}-{recipe.area_m2:g}m2-v{GENERATOR_VERSION}.{CACHE_VERSION}.npz"
     return user_cache_path("ltvn") / "scenes" / file
@@ -185,7 +185,7 @@ def _generate(name: str) -> Scene:
 
 
 def _write_cache(scene: Scene, path: Path) -> None:
-    """Write a scene to the cache, whole or not at all; without a cache everything works, only slower."""
+    """Write a scene to the cache atomically; without a cache everything works, only slower."""
     surfaces = scene.surfaces
     # Room kinds are stored as indices, so members of RoomKind may not be reordered.
     room_kinds = np.array([[*RoomKind].index(room.kind) for room in scene.rooms])
@@ -224,7 +224,7 @@ def _write_whole(path: Path, arrays: dict[str, Any]) -> None:
 def _read_cache(name: str, path: Path) -> Scene | None:
     """Read a scene from the cache; None if the file does not exist or is damaged."""
     try:
-        # Opened here, because np.load does not close a file that turns out to be no archive.
+        # Opened here, because np.load does not close a file that is no archive.
         with path.open("rb") as file, np.load(file, allow_pickle=False) as cached:
             textures = tuple(cached[key] for key in sorted(cached.files) if key.startswith("texture"))
             kinds = [*RoomKind]

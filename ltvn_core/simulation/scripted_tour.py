@@ -19,11 +19,11 @@ from ltvn_core.simulation.simulated_robot import SimulatedRobot
 from ltvn_core.types import CONTROL_STEP_S, Observation, Pose, Twist
 
 LED_M_S = 0.45
-"""So fast a person leads a robot along one way."""
+"""Speed at which a person leads a robot along one way, in metres per second."""
 
 
 class PathFollower:
-    """One path, until its end is reached (pure pursuit)."""
+    """Follows one path to its end (pure pursuit)."""
 
     def __init__(
         self,
@@ -36,8 +36,8 @@ class PathFollower:
     ) -> None:
         """Follow `path`, (M, 2) x and y in metres.
 
-        The robot steers towards the first point that is farther away than `lookahead_m`, turns on the spot above
-        `turn_first_rad`, and is there within `arrived_m` of the end.
+        The robot steers towards the first point that is farther away than `lookahead_m`, turns on the spot above a
+        heading error of `turn_first_rad`, and stops within `arrived_m` of the end.
         """
         self.path = path
         self._speed_m_s = speed_m_s
@@ -66,29 +66,29 @@ class PathFollower:
 
 @dataclass(frozen=True, slots=True)
 class TourSettings:
-    """How the robot drives and how often it takes an image (all values are ours)."""
+    """Settings of the driving and of the images (all values are ours)."""
 
     image_every_m: float = IMAGE_EVERY_M
-    """An image is taken after this distance."""
+    """Distance after which an image is taken."""
     image_every_rad: float = IMAGE_EVERY_RAD
-    """Or after this change of heading."""
+    """Change of heading after which an image is taken."""
     spin_loops: int = 2
-    """In this many loops, from the first, the robot makes a full turn in each room, for views in all directions."""
+    """Number of loops, from the first, with a full turn in each room, for images in all directions."""
     speed_m_s: float = 0.4
     lookahead_m: float = 0.3
-    """The robot steers towards the first point of its path that is farther away than this (pure pursuit)."""
+    """Distance of the point on the path that the robot steers towards (pure pursuit)."""
     turn_first_rad: float = 0.5
-    """Above this heading error it turns on the spot."""
+    """Heading error above which the robot turns on the spot."""
     arrived_m: float = 0.15
-    """A stop is reached within this distance."""
+    """Distance within which a stop is reached."""
     stop_clearance_m: float = 0.34
-    """Clearance of the stops, so that the robot can turn freely; less where a room has no such place."""
+    """Clearance of the stops, so that the robot can turn freely; less if a room has no such place."""
     large_room_m2: float = 14.0
-    """Rooms larger than this have two stops in each loop."""
+    """Area above which a room has two stops in each loop."""
     back_off_steps: int = 8
-    """Control steps for which the robot drives back after a collision."""
+    """Number of control steps for which the robot drives back after a collision."""
     timeout_factor: float = 4.0
-    """A path is given up after this many times the time that it needs at `speed_m_s`."""
+    """Factor on the time of a path at `speed_m_s` after which the path is given up."""
 
 
 def drive_tour(
@@ -102,8 +102,8 @@ def drive_tour(
 ) -> Iterator[Observation]:
     """Drive through all rooms `loops` times and yield the observations taken on the way.
 
-    Every second loop goes the other way round, because the map needs both directions of a corridor. `progress` is told
-    the share of the tour that is done, at each stop.
+    Every second loop goes the other way round, because the map needs both directions of a corridor. `progress` is
+    called at each stop with the finished share of the tour.
     """
     driver = _Driver(robot, scene.clearance, settings or TourSettings())
     yield from driver.capture()

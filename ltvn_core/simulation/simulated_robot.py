@@ -1,9 +1,8 @@
 """The simulated LoCoBot: body, drive lease, odometry and camera behind the `Robot` protocol.
 
 Holds the robot's clock and the count of control steps. Time passes only in `advance`, so the robot cannot move while
-its program hangs. `drive` and `stop` may be called from any thread, everything else from one thread. The colours of its
-images are rendered when somebody asks for them: most images only tell a robot how far away things are, and colours cost
-most of a rendered image.
+its program hangs. `drive` and `stop` may be called from any thread, everything else from one thread. Colours are
+rendered lazily, because they take most of the rendering time and most images are used only for their depth.
 """
 
 import math
@@ -44,20 +43,20 @@ _NO_COLOURS = np.empty((0, 0, 3), np.uint8)
 _TICKS_PER_STEP = round(CONTROL_STEP_S * TICKS_PER_SECOND)
 _TICKS_BETWEEN_COLLISIONS = round(0.2 * TICKS_PER_SECOND)
 _GRID_TOLERANCE_M = 0.05
-"""The clearance map rounds to cells, so a start may seem this much closer to an obstacle than it is."""
+"""Greatest error of a start's clearance due to the cells of the clearance map, in metres."""
 
 
 @runtime_checkable
 class DepthFirstRenderer(Protocol):
-    """A renderer that can leave the colours for later."""
+    """A renderer that can render depth first and colours later."""
 
     def measure(self, pose: Pose, camera: CameraModel) -> tuple[Callable[[], Rgb], Depth]:
-        """Return the depth (H, W), and what renders the rgb (H, W, 3) of the scene as it is now."""
+        """Return the depth (H, W), and a function that renders the rgb (H, W, 3) of the current scene."""
         ...
 
 
 class RenderedObservation(Observation):
-    """An observation like any other; `rgb` is rendered at its first use, as the world was when it was taken."""
+    """An observation whose `rgb` is rendered at its first use, from the world at the time of the image."""
 
     __slots__ = ("_render",)
     _render: Callable[[], Rgb] | None
@@ -73,19 +72,19 @@ class RenderedObservation(Observation):
         step: FrameId,
         exact_pose: Pose,
     ) -> Self:
-        """Take an observation with the colours that `render` will return."""
+        """Create an observation with the colours that `render` returns."""
         taken = cls(_NO_COLOURS, depth, odometry, stamp, step, exact_pose)
         object.__setattr__(taken, "_render", render)
-        object.__delattr__(taken, "rgb")  # So that who asks for it comes to `__getattr__`.
+        object.__delattr__(taken, "rgb")  # So that its first use calls `__getattr__`.
         return taken
 
     def __getattr__(self, name: str) -> Rgb:
         if name != "rgb":
             raise AttributeError(f"{type(self).__name__} has no attribute {name!r}")
         render = self._render
-        if render is not None:  # Another thread may have rendered it meanwhile.
+        if render is not None:  # Another thread may have rendered the colours meanwhile.
             object.__setattr__(self, "rgb", render())
-            object.__setattr__(self, "_render", None)  # It holds what the camera's rays met.
+            object.__setattr__(self, "_render", None)  # Frees the memory of the ray casts.
         return object.__getattribute__(self, "rgb")
 
 
@@ -109,22 +108,22 @@ class SimulatedRobot:
         """Create a robot at `start` (3,), where its odometry is exact.
 
         Args:
-            scene: Where it drives.
-            renderer: What renders its images.
+            scene: The scene of the robot.
+            renderer: Renders its images.
             start: Pose (3,) in the world frame.
             rng: Draws the errors of the odometry.
             odometry_noise: Standard deviations of these errors.
             first_step: Number of the first control step, to continue the count of another run.
             lease_s: Seconds for which a drive command is valid.
             spec: The size, speeds and camera of the robot.
-            world: The changing world whose scene it is; the robot, its camera and its bumper follow it.
-            body: What moves it, see `ltvn_core.simulation.body_selection`.
+            world: The changing world of the scene; the robot, its camera and its bumper follow it.
+            body: Name of the body, see `ltvn_core.simulation.body_selection`.
 
         Raises:
             SceneError: `start` lies inside an obstacle, or the body needs PyBullet, which is missing.
         """
         self.world = world
-        """The world that it drives in; None where nothing ever changes."""
+        """The changing world; None if nothing ever changes."""
         scene = scene if world is None else world.scene
         self._clearance = scene.clearance
         self._renderer = renderer
@@ -148,7 +147,7 @@ class SimulatedRobot:
 
     @property
     def spec(self) -> RobotSpec:
-        """What kind of robot is simulated."""
+        """Properties of the simulated robot."""
         return self._spec
 
     @property
@@ -221,7 +220,7 @@ class SimulatedRobot:
         return self._renderer.render(self.exact_pose, camera)
 
     def advance(self, duration_s: float) -> None:
-        """Let `duration_s` seconds of robot time pass, in ticks of 1/240 s; a rest is carried over to the next call.
+        """Let `duration_s` seconds of robot time pass, in ticks of 1/240 s; the remainder is carried over.
 
         Raises:
             ValueError: The duration is negative, NaN or infinite.
@@ -229,7 +228,7 @@ class SimulatedRobot:
         if not (math.isfinite(duration_s) and duration_s >= 0):
             raise ValueError(f"Time only moves forward: expected seconds >= 0, got {duration_s}.")
         self._owed_ticks += duration_s * TICKS_PER_SECOND
-        # Sums of 0.1 s are not exact, and without the tolerance a step would now and then lack its last tick.
+        # Sums of 0.1 s are not exact; without the tolerance, a step would sometimes lack its last tick.
         whole = int(self._owed_ticks + 1e-6)
         self._owed_ticks -= whole
         for _ in range(whole):
@@ -239,10 +238,10 @@ class SimulatedRobot:
         """Change the world by hand, see `World.apply`.
 
         Raises:
-            WorldError: The change cannot be, or the robot has no world.
+            WorldError: The change is impossible, or the robot has no world.
         """
         if self.world is None:
-            raise WorldError("This robot's scene does not change. Give the robot a world when it is made.")
+            raise WorldError("This robot's scene does not change. Give the robot a world when you create it.")
         self.world.apply(change)
 
     def teleport(self, pose: Pose) -> None:
@@ -271,7 +270,7 @@ class SimulatedRobot:
         self._body.close()
 
     def _follow(self, events: Sequence[WorldChanged]) -> None:
-        """Let body and camera meet the world as it is now. A picture of this step shows it as it was: a new begins."""
+        """Update body and camera to the current world; begin a new step, because an image of this one shows the old."""
         assert self._follower is not None
         self._clearance = self._follower.follow()
         if self._observation is not None and self._observation.step == self._step:
@@ -279,7 +278,7 @@ class SimulatedRobot:
             self._ticks_in_step = 0
 
     def _measure(self) -> tuple[Callable[[], Rgb], Depth]:
-        """Return the depth that the robot's own camera sees, and what renders the colours."""
+        """Return the depth of the robot's own camera, and a function that renders the colours."""
         self._show_world()
         if isinstance(self._renderer, DepthFirstRenderer):
             return self._renderer.measure(self.exact_pose, self._spec.camera)
@@ -287,7 +286,7 @@ class SimulatedRobot:
         return lambda: rgb, depth
 
     def _show_world(self) -> None:
-        """Let the camera see the world as it is now."""
+        """Update the renderer to the current world."""
         if self._follower is not None:
             self._follower.show()
 
@@ -334,14 +333,14 @@ class SimulatorClock:
 
 
 class _CollisionCounter:
-    """Counts collisions; contact that comes and goes, as when sliding along a wall, counts once."""
+    """Counts collisions; intermittent contact, as in sliding along a wall, counts once."""
 
     def __init__(self) -> None:
         self.count = 0
         self.reset()
 
     def reset(self) -> None:
-        """Start without contact; the count stays."""
+        """Start without contact; the count is kept."""
         self.now = False
         self._free_ticks = _TICKS_BETWEEN_COLLISIONS
 

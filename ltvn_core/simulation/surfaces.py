@@ -17,12 +17,12 @@ from ltvn_core.types import Rgb
 
 _RED_OF_LAMPS = 0.12
 _BLUE_OF_LAMPS = 0.3
-"""At a warmth of 1 red is so much stronger, and blue so much weaker."""
+"""Shares by which red is stronger and blue weaker at a warmth of 1."""
 MAX_SIDE = 4096
 
 
 class Light(NamedTuple):
-    """How bright a scene is and in which colour it is lit; factors, 1 is the scene as it was made."""
+    """Brightness and colour of the light in a scene, as factors; 1 is the original light."""
 
     red: float = 1.0
     green: float = 1.0
@@ -75,7 +75,7 @@ class Surfaces:
     face_texture: NDArray[np.int32]
     """(F,) index into the textures."""
     overhead: NDArray[np.bool_]
-    """(F,) true for the ceiling and what hangs from it, which views from above leave out."""
+    """(F,) whether a face belongs to the ceiling or its lamps, which views from above omit."""
     textures: tuple[Rgb, ...]
     """Images (H, W, 3) whose sides are powers of two. A plain colour is an image of one pixel."""
 
@@ -125,7 +125,7 @@ class SurfaceBuilder:
     """Collects textured primitives. All lengths are metres; z is up."""
 
     def __init__(self, *, share_textures: bool = False) -> None:
-        """Begin with nothing; with `share_textures` an image that was added before is not kept twice."""
+        """Start empty; with `share_textures`, an image that was added before is not stored twice."""
         self._textures: list[Rgb] = []
         self._number_of: dict[bytes, TextureIndex] | None = {} if share_textures else None
         self._triangles: list[NDArray[np.float64]] = []
@@ -133,11 +133,11 @@ class SurfaceBuilder:
         self._texture_of: list[NDArray[np.int32]] = []
         self._overhead_of: list[NDArray[np.bool_]] = []
         self.overhead = False
-        """Whether what is added now is part of the ceiling or hangs from it."""
+        """Whether primitives that are added now belong to the ceiling or its lamps."""
 
     @property
     def face_count(self) -> int:
-        """How many triangles were added so far."""
+        """Number of triangles added so far."""
         return sum(len(triangles) for triangles in self._triangles)
 
     def texture(self, image: Rgb) -> TextureIndex:
@@ -161,7 +161,7 @@ class SurfaceBuilder:
         """Add a box.
 
         Args:
-            texture: What all sides show.
+            texture: Texture of all sides.
             centre: x, y, z of its centre.
             size: Its extents along x, y, z before the turn.
             turn: (cos, sin) of its rotation about the vertical axis.
@@ -223,7 +223,7 @@ class SurfaceBuilder:
         self._add(texture, lid, lid_uv)
 
     def build(self) -> Surfaces:
-        """Return all that was added.
+        """Return all surfaces that were added.
 
         Lengths are rounded to 10 micrometres, so that scenes are bit-identical on every machine.
         """

@@ -13,7 +13,7 @@ Triangles = NDArray[np.floating]
 """(F, 3, 3) corners in metres."""
 
 _FRACTION_BITS = 8
-"""Fixed-point bits with which OpenCV places corners between pixels."""
+"""Number of fractional bits of OpenCV's fixed-point coordinates."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,10 +1,10 @@
 """The wheels of the simulated robot: speeds that follow commands, and odometry with realistic drift.
 
-Errors are scale errors, not jitter: wheels that measure 1 % too much do so for a while. Each error is drawn again after
-a metre driven or a radian turned. So short motions are wrong in proportion to their length, long drives drift like a
-random walk, and the result does not depend on the length of a simulation step. Wheels that slip are wrong at once.
+Errors are scale errors instead of jitter: wheels that measure 1 % too much do so for a while. Each error is drawn again
+after a metre driven or a radian turned. So the error of a short motion is proportional to its length, long drives drift
+like a random walk, and the result does not depend on the length of a simulation step. A slip is an error at once.
 
-Knows neither the drive lease, which decides what is commanded, nor the physics, which decides how the body moves.
+Independent of the drive lease, which decides about commands, and of the physics, which decides about motion.
 """
 
 import math
@@ -18,7 +18,7 @@ from ltvn_core.types import ZERO_TWIST, Pose, Twist
 
 
 class Drivetrain:
-    """Tracks commanded velocities with limited acceleration, on no tighter curve than the wheels can steer."""
+    """Tracks commanded velocities with limited acceleration and a limited turning radius."""
 
     def __init__(self, accelerations: AccelerationLimits | None = None, speeds: SpeedLimits | None = None) -> None:
         self._limits = accelerations or AccelerationLimits()
@@ -32,7 +32,7 @@ class Drivetrain:
     def follow(self, command: Twist, duration_s: float) -> Twist:
         """Change the speeds towards `command` for `duration_s` seconds and return them."""
         if command == self.speeds:
-            return self.speeds  # As in most of the 240 ticks of a second.
+            return self.speeds  # The usual case, 240 times a second.
         limits = self._limits
         linear_m_s = _approach(
             self.speeds.linear_m_s,
@@ -129,7 +129,7 @@ class Odometer:
             self._slip()
 
     def _slip(self) -> None:
-        # Nothing is drawn where nothing slips, so that other drives stay as they are.
+        # Without slips nothing is drawn, so that the random numbers of other drives do not change.
         if self._noise.slips and self._rng.random() < self._noise.slips:
             forward, turn = (float(draw) for draw in self._rng.normal(0.0, (SLIP_M, SLIP_RAD)))
             self._x += math.cos(self._yaw) * forward

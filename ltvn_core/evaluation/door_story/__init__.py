@@ -1,1 +1,1 @@
-"""A story that shows what a map learns: a door on the planned way closes, later it opens again."""
+"""A demonstration of learning in a map: a door on the planned way closes, and later opens again."""

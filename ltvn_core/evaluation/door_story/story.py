@@ -1,7 +1,7 @@
-"""The story itself: what happens next, and what is told of it. Drives nothing; the page and a headless run play it.
+"""The steps of the story and its captions. Drives nothing; the page and a headless run play it.
 
-A door on the planned way closes, and later it opens again. Whoever plays it hands every event to `take`, asks
-`next_step` at each control step and does what it says. Each thing that happens is told in one plain sentence.
+A door on the planned way closes, and later it opens again. The player passes every event to `take`, calls `next_step`
+at each control step, and carries out the result. Each caption is one plain sentence.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -22,18 +22,17 @@ from ltvn_core.worlds import OWN_PREFIX, DoorMoved, ThingRemoved, TimePassed, Wo
 
 NO_STORY = "No way in this map leads from here through a door. Map more rooms, and try again from one of them."
 STORY_MAINTENANCE = "persistent"
-"""What driving teaches the map in a story."""
+"""Name of the maintenance in a story."""
 _ENDS: dict[Outcome | None, str] = {
     Outcome.ARRIVED: "the robot arrived",
     Outcome.CANCELLED: "the robot is called back, it has shown enough",
 }
 _SEVERAL = 3
-"""A way that was not in the map gives so many nodes; one alone is no news."""
+"""Number of new nodes from which a way counts as new in the map."""
 MOST_TRIES = 2
-"""So often it is sent out again where it went round without having seen why."""
+"""Number of times that the robot is sent out again if it took another way without having seen the closed door."""
 STEPS_AT_DOOR, STEPS_BEYOND_DOOR = 80, 250
-"""So often the robot is asked for its next step at a closed door, or at one that it found open, before it is called
-back."""
+"""Number of control steps at a closed door, and beyond an open one, after which the robot is called back."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,12 +51,12 @@ class Change:
 
 @dataclass(frozen=True, slots=True)
 class CallBack:
-    """End the query under way now."""
+    """End the running query now."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Carry:
-    """Put the robot somewhere else now."""
+    """Move the robot to another place now."""
 
     pose: Pose
     """(3,) in the world frame."""
@@ -65,7 +64,7 @@ class Carry:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Lead:
-    """Drive the robot by hand, and let the map grow from what it sees."""
+    """Drive the robot by hand, and extend the map from its images."""
 
     path: NDArray[np.float64]
     """(M, 2) x and y in metres."""
@@ -73,12 +72,12 @@ class Lead:
 
 StoryStep: TypeAlias = GoTo | Change | CallBack | Carry | Lead
 _Steps: TypeAlias = Iterator[StoryStep | None]
-"""What to do at each control step; None is nothing."""
+"""Action at each control step; None for no action."""
 
 
 @dataclass
 class StoryFacts:
-    """Counts while the story goes on."""
+    """Facts collected during the story."""
 
     absent: list[EdgeKey] = field(default_factory=list)
     """Edges that were seen blocked, or pruned, in this order."""
@@ -111,25 +110,25 @@ class DoorStory:
     """One story, from its beginning to its end."""
 
     def __init__(self, story_map: StoryMap, door_names: Sequence[str]) -> None:
-        """Play in a map whose doors a person calls by these names."""
+        """Play in a map with these names of doors."""
         self._map = story_map
         self._door_names = door_names
         self.captions: list[str] = []
-        """What was told so far."""
+        """Captions so far."""
         self.facts = StoryFacts()
         self.stage: Stage | None = None
-        """Where it plays; None before it is known, and where it cannot."""
+        """Place of the story; None before it is known, or if there is none."""
         self.is_over = False
-        """Whether there is nothing more to do."""
+        """Whether the story has ended."""
         self._script = self._play()
         self._is_idle = self._is_closed = self._is_reopened = self._is_called_back = False
         self._plan: tuple[NodeId, ...] = ()
         self._outcome: Outcome | None = None
-        """Of the query that was under way last."""
+        """Outcome of the last query."""
         self._steps_near = 0
 
     def take(self, event: Event) -> None:
-        """Look at what happened; a query that somebody else cancelled does not go on."""
+        """Process an event; a query that another person cancelled is not continued."""
         self.facts.take(event)
         if self.is_over:
             return
@@ -142,7 +141,7 @@ class DoorStory:
             self.next_step(is_idle=False)  # Tells of the end; what comes then waits for an idle robot.
 
     def next_step(self, *, is_idle: bool) -> StoryStep | None:
-        """Return what to do now, if anything; `is_idle` says that the robot stands and waits for a goal."""
+        """Return the next action, if any; `is_idle` is True while the robot waits for a goal."""
         self._is_idle = is_idle
         try:
             return None if self.is_over else next(self._script)
@@ -151,7 +150,7 @@ class DoorStory:
             return None
 
     def stop(self, why: str) -> StoryStep | None:
-        """End it early and say why; returns what to do yet."""
+        """End the story early with a reason; return the last action, if any."""
         self.is_over = True
         self.captions.append(why)
         if self.stage is None or not self._is_closed:
@@ -179,7 +178,7 @@ class DoorStory:
             yield from self._find_open_door(stage)
 
     def _lead_along(self, unknown: UnknownWay) -> _Steps:
-        """Show the robot a way that its map lacks."""
+        """Lead the robot along a way that its map lacks."""
         room = self._map.room(unknown.path[len(unknown.path) // 2])
         if unknown.moved_away is None:
             self.captions.append(
@@ -196,7 +195,7 @@ class DoorStory:
         yield from self._until_idle()
 
     def _meet_closed_door(self, stage: Stage) -> _Steps:
-        """Let the robot drive by its map, and close the door as soon as a plan leads through it."""
+        """Let the robot drive with its map, and close the door as soon as a plan leads through it."""
         for tries_left in reversed(range(MOST_TRIES + 1)):
             yield from self._query(stage.goal, partial(self._close_or_wait, stage))
             if not self._is_closed:
@@ -216,7 +215,7 @@ class DoorStory:
             self.captions.append(f"The robot gives up ({self._outcome}).")
 
     def _close_or_wait(self, stage: Stage) -> StoryStep | None:
-        """Close the door; a robot that has no way round may look at it for a while, and is called back then."""
+        """Close the door; a robot without another way may look at the door for a while, and is then called back."""
         if not self._is_closed and self._map.passes(self._plan, stage.door):
             self._is_closed = True
             self.captions.append(f"Somebody closes {self._door}. The robot does not know it yet.")
@@ -255,14 +254,14 @@ class DoorStory:
         self.captions.append(f"The story is over: {_ENDS.get(self._outcome, 'the robot stopped on its way')}.")
 
     def _drive_on_a_little(self) -> StoryStep | None:
-        """Let the robot arrive; where that takes too long the story is told without."""
+        """Let the robot arrive; if that takes too long, the story ends without the arrival."""
         if not self.facts.returned:
             return None
         self._steps_near += 1
         return self._call_back() if self._steps_near >= STEPS_BEYOND_DOOR else None
 
     def _is_own(self, outcome: Outcome) -> bool:
-        """Tell whether a query ended so by itself, or because the story called the robot back."""
+        """Tell whether a query ended by itself, or because the story called the robot back."""
         return outcome is not Outcome.CANCELLED or self._is_called_back
 
     def _call_back(self) -> StoryStep:
@@ -270,7 +269,7 @@ class DoorStory:
         return CallBack()
 
     def _query(self, goal: NodeId, meanwhile: Callable[[], StoryStep | None]) -> _Steps:
-        """Send the robot to a goal, and ask at each control step on the way what to do."""
+        """Send the robot to a goal, and yield the action at each control step on the way."""
         self._outcome = None
         self._is_called_back = False
         yield from self._when_idle(GoTo(goal))

@@ -1,7 +1,7 @@
-"""What a story needs to know of a map: from where to where it can play, and when the map would try its door again.
+"""Search for a story in a map: its start, door and goal, and the time after which the map would try the door again.
 
-Owns what makes a story a good one: short, with a way round, and with some way to go before the door and behind it.
-Reads exact poses, for it sets the scene; the robot that plays in it knows nothing of that.
+Owns the criteria of a good story: short, with another way, and with some distance before and behind the door. Reads
+exact poses to set up the story; the robot does not use them.
 """
 
 import itertools
@@ -24,41 +24,42 @@ from ltvn_core.simulation.changes.world import World
 from ltvn_core.types import FrameId, NodeId, Observation, Pose
 
 _SPEED_M_S, _BACKWARDS_M_S, _TURN_RAD_S = 0.35, 0.1, 0.6
-"""About how fast a robot gets on by its map."""
+"""Approximate speeds of a robot that drives by its map: forwards, backwards and turning."""
 _STANDING_M = 0.1
-"""A robot that backs up by less than this rather stands."""
+"""Length below which backing up counts as standing, in metres."""
 _BESIDE_M = 0.15
-"""A way may pass so far beside a doorway, because an edge is straight and a drive is not."""
+"""Greatest distance of a way from a doorway that it leads through, in metres; an edge is straight, a drive is not."""
 BEFORE_DOOR_M, BEYOND_DOOR_M = 1.0, 0.6
-"""The planned way goes so far at least before the door and behind it."""
+"""Least lengths of the planned way before and behind the door, in metres."""
 _DETOUR_COST = 4.0
-"""A way round is so much dearer, about as many metres, that no plan takes it before the door was seen closed."""
+"""Least additional cost of the other way, about as many metres; no plan takes it until the door was seen closed."""
 _BLIND_S = 60.0
-"""A robot that backs up to a door does not see that it is closed, which takes it so long to find out."""
+"""Time that a robot which backs up to a closed door needs to detect it, in seconds."""
 _S_PER_WIDTH_M = 20.0
-"""Wide doorways are many edges wide, and the robot tries one after the other."""
+"""Time per metre of width of a doorway, because the robot tries one edge after the other, in seconds."""
 MOST_GOALS = 30
-"""So many nodes are thought of as goals."""
+"""Maximum number of nodes that are tried as goals."""
 START_WITHIN_M, RINGS, DIRECTIONS = 2.1, 3, 8
-"""As starts those this near to where the robot was led, one in each of so many rings, looking each of so many ways."""
+"""Choice of starts: greatest distance from the way that the robot was led along, in metres, and numbers of distance
+rings and of viewing directions."""
 NEAREST_M = 1.2
-"""The robot must be so near to a node."""
+"""Greatest distance of the robot from a node, in metres."""
 _AHEAD = 10
-"""The heading of a way is that towards its point of this number."""
+"""Index of the point of a way that defines its heading at the beginning."""
 _YAW_WEIGHT_M = 0.5
-"""A radian to turn counts as much as this way."""
+"""Length of way that counts as much as a turn by one radian, in metres."""
 _WAITS_S = (600.0, 1800.0, 3600.0, 2 * 3600.0, 4 * 3600.0, 8 * 3600.0, 16 * 3600.0, 24 * 3600.0)
 
 
 @dataclass(frozen=True, slots=True)
 class Stage:
-    """Where the story plays."""
+    """Start, door and goal of a story."""
 
     door: int
     start: NodeId
     goal: NodeId
     duration_s: float
-    """About what it takes to get to the door, and from there to the goal, round about where one can."""
+    """Approximate time to the door, and from there to the goal by the other way if there is one, in seconds."""
     has_way_round: bool
 
 
@@ -69,15 +70,15 @@ class _Crossing:
     door: int
     there: Sequence[NodeId]
     place: int
-    """Of the last node before the door."""
+    """Index of the last node before the door."""
     before_s: float
-    """About what it takes to get there."""
+    """Approximate time to that node, in seconds."""
     least_s: float
-    """What the whole way takes if the door is open, which is less than any way round does."""
+    """Approximate time of the whole way if the door is open, in seconds; shorter than any other way."""
 
 
 class StoryMap:
-    """A map in a world with doors. For one thread, while nobody else changes the map."""
+    """A map in a world with doors. For one thread, while the map does not change."""
 
     def __init__(
         self,
@@ -87,7 +88,7 @@ class StoryMap:
         observation: Callable[[FrameId], Observation],
         robot: Callable[[], Pose],
     ) -> None:
-        """Take hold of all; `observation` returns a node's image, `robot` where the robot really is, (3,)."""
+        """Store the parts; `observation` returns a node's image, `robot` the robot's exact pose (3,)."""
         self.graph = graph
         self.system = system
         self.world = world
@@ -95,7 +96,7 @@ class StoryMap:
         self._truth = GroundTruth(world.base.clearance, observation)
 
     def stage(self) -> Stage | None:
-        """Return the shortest story there is from where the robot is, best with a way round; None without any."""
+        """Return the shortest story from the robot's place, preferably with another way; None without any."""
         poses = self._poses(self.graph.nodes)
         robot = self.robot()
         if not len(poses) or np.hypot(*(poses[:, :2] - robot[:2]).T).min() > NEAREST_M:
@@ -103,26 +104,26 @@ class StoryMap:
         return self._best_stage([self._nearest(robot)])
 
     def stage_by(self, way: UnknownWay) -> Stage | None:
-        """Return the shortest story with a way round that begins where the robot was led; None without any."""
+        """Return the shortest story with another way that starts where the robot was led; None without any."""
         best = self._best_stage(self._facing_all_ways(way.path[0]))
         return best if best is not None and best.has_way_round else None
 
     def unknown_way(self) -> UnknownWay | None:
-        """Return a way that the map lacks and that gives it a way round a door; None where there is none."""
+        """Return a way that the map lacks and that leads around a door; None if there is none."""
         mapped = self._poses(self.graph.nodes)[:, :2]
         return find_unknown_way(self.world.base, self.world.state, mapped) if len(mapped) else None
 
     def start_of(self, way: UnknownWay) -> NodeId:
-        """Return the node at the beginning of a way, the one that looks along it best."""
+        """Return the node at the beginning of a way whose heading fits it best."""
         ahead = way.path[min(_AHEAD, len(way.path) - 1)] - way.path[0]
         return self._nearest(np.array([*way.path[0], np.arctan2(ahead[1], ahead[0])]))
 
     def pose(self, node: NodeId) -> Pose:
-        """Return where a node is, (3,)."""
+        """Return the exact pose (3,) of a node."""
         return self._truth.pose(node)
 
     def room(self, point: NDArray[np.float64]) -> str:
-        """Return what the room around a point (2,) is called."""
+        """Return the name of the room around a point (2,)."""
         room = room_at(self.world.base, *point)
         return "scene" if room is None else self.world.base.rooms[room].kind.value
 
@@ -131,7 +132,7 @@ class StoryMap:
         return bool(self._edges_through(list(itertools.pairwise(nodes)), door))
 
     def wait_s(self, stage: Stage) -> float:
-        """Return after how many seconds the map would try the door of a story again; the longest if never."""
+        """Return the time in seconds after which the map would try the door of a story again; the longest if never."""
         presence = self.system.presence
         for wait_s in _WAITS_S:
             path = plan_by_presence(
@@ -147,7 +148,7 @@ class StoryMap:
         return _WAITS_S[-1]
 
     def _best_stage(self, starts: Sequence[NodeId]) -> Stage | None:
-        """Return the shortest story with a way round from one of these nodes, without any the shortest of all."""
+        """Return the shortest story with another way from one of these nodes, or, without any, the shortest of all."""
         nodes = list(self.graph.nodes)
         goals = nodes[:: max(1, len(nodes) // MOST_GOALS)]
         planner = self._planner()
@@ -167,7 +168,7 @@ class StoryMap:
         return best
 
     def _crossings(self, there: Sequence[NodeId], closings: Sequence[Mapping[EdgeKey, float]]) -> Iterator[_Crossing]:
-        """Yield where a plan leads through one door, far enough from its ends."""
+        """Yield the crossings of a plan through one door, far enough from its ends."""
         for door, closing in enumerate(closings):
             crossed = [edge for edge in itertools.pairwise(there) if edge in closing]
             if len(crossed) != 1:
@@ -183,7 +184,7 @@ class StoryMap:
             yield _Crossing(door, there, place, before_s, before_s + _duration_s(behind))
 
     def _round_about(self, crossing: _Crossing, closing: Mapping[EdgeKey, float], planner: Planner) -> Stage | None:
-        """Return the story of a crossing where another way leads to the goal that is clearly dearer, or None."""
+        """Return the story of a crossing, if another way to the goal costs clearly more; None otherwise."""
         here = crossing.there[crossing.place]
         goal = crossing.there[-1]
         around = planner.plan(here, goal, closing)
@@ -193,11 +194,11 @@ class StoryMap:
         return Stage(crossing.door, crossing.there[0], goal, duration_s, has_way_round=True)
 
     def _closing(self, door: int) -> dict[EdgeKey, float]:
-        """Return what a closed door adds to the cost of edges."""
+        """Return the additional costs of edges through a closed door."""
         return dict.fromkeys(self._edges_through(list(self.graph.edges), door), math.inf)
 
     def _edges_through(self, edges: Sequence[EdgeKey], door: int) -> list[EdgeKey]:
-        """Return those edges whose straight ways lead through a doorway."""
+        """Return the edges whose straight ways lead through a doorway."""
         doorway = self.world.base.parts.doors[door]
         ends = self._poses([node for edge in edges for node in edge])[:, :2].reshape(-1, 2, 2)
         across = ends[:, :, doorway.axis] - doorway.wall
@@ -209,14 +210,14 @@ class StoryMap:
         return [edges[k] for k in np.flatnonzero(through).tolist()]
 
     def _nearest(self, pose: Pose) -> NodeId:
-        """Return the node that is nearest to a pose (3,), its heading counted."""
+        """Return the node that is nearest to a pose (3,), including the heading."""
         poses = self._poses(self.graph.nodes)
         away_m = np.hypot(*(poses[:, :2] - pose[:2]).T)
         turned = np.abs(wrap_angle(poses[:, 2] - pose[2]))
         return list(self.graph.nodes)[int(np.argmin(away_m + _YAW_WEIGHT_M * turned))]
 
     def _facing_all_ways(self, point: NDArray[np.float64]) -> list[NodeId]:
-        """Return nodes near a point (2,), in each ring one for each direction in which one looks."""
+        """Return nodes near a point (2,), one per distance ring and viewing direction."""
         nodes = list(self.graph.nodes)
         poses = self._poses(nodes)
         away_m = np.hypot(*(poses[:, :2] - point).T)
@@ -242,7 +243,7 @@ def _length_m(steps: Pose) -> float:
 
 
 def _duration_s(steps: Pose) -> float:
-    """Return about how long driving moves (N, 3) takes; backwards it is slow."""
+    """Return the approximate time of moves (N, 3) in seconds; backing up is slow."""
     speeds_m_s = np.where(steps[:, 0] > 0, _SPEED_M_S, _BACKWARDS_M_S)
     turns_s = np.abs(steps[:, 2]) / _TURN_RAD_S
     return float((np.hypot(steps[:, 0], steps[:, 1]) / speeds_m_s + turns_s).sum())

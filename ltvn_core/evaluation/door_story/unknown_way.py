@@ -1,7 +1,7 @@
-"""A way that the floor of a scene has and a map lacks, perhaps once a piece of furniture is gone.
+"""A way over the floor of a scene that a map lacks, possibly after a piece of furniture was removed.
 
-Where a map knows one way only, no plan can turn; a robot that is led along such a way once knows two. Reads the
-clearance map, for it sets the scene.
+With only one way in the map, no plan can change; a robot that is led along such a way once has two. Reads the clearance
+map to set up the story.
 """
 
 from collections.abc import Collection, Iterator
@@ -19,37 +19,37 @@ from ltvn_core.simulation.scene import Scene
 from ltvn_core.worlds import OWN_PREFIX, DoorMoved, ThingRemoved, WorldState
 
 UNKNOWN_M = 0.7
-"""Floor this far from every node is not in the map."""
+"""Distance from all nodes beyond which floor is not in the map, in metres."""
 _BESIDE_DOOR_M = 0.6
-"""The ways round a door begin and end this far from it."""
+"""Distance from a door at which the ways around it begin and end, in metres."""
 _POINTS_IN_DOOR = 20
 _LEAST_UNKNOWN_M, _MOST_UNKNOWN_M = 0.8, 6.0
-"""So long is the part of a way that is not in the map."""
+"""Least and greatest length of the part of a way that is not in the map, in metres."""
 _BEFORE_M, _BEYOND_M = 0.9, 1.6
 """The drive begins this far before the unknown floor and ends this far beyond it, in metres."""
 _DOOR_NEAR_M = 1.5
-"""Where a door is this near before the unknown floor, the drive begins on the other side of that door."""
+"""Distance of a door before the unknown floor within which the drive begins on the other side of it, in metres."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class UnknownWay:
-    """Where to lead the robot once."""
+    """A way along which the robot is led once."""
 
     path: NDArray[np.float64]
-    """(M, 2) x and y in metres; it begins and ends where the map knows its way."""
+    """(M, 2) x and y in metres; it begins and ends on floor that is in the map."""
     moved_away: str | None
-    """Name of the furniture that bars it as long as it stands there."""
+    """Name of the furniture that blocks the way at first; None without any."""
 
     @property
     def length_m(self) -> float:
-        """How long it is."""
+        """Length of the way in metres."""
         return float(np.hypot(*np.diff(self.path, axis=0).T).sum())
 
 
 def find_unknown_way(scene: Scene, state: WorldState, mapped: NDArray[np.float64]) -> UnknownWay | None:
-    """Return the shortest unknown way in a world that closes a loop with ways through doors that the map knows.
+    """Return the shortest unknown way in a world that closes a loop with ways through doors that the map contains.
 
-    `mapped` is where the nodes are, (N, 2). Without furniture to be moved is better; None where nothing helps.
+    `mapped` are the positions of the nodes, (N, 2). Ways without furniture to move are preferred; None without any.
     """
     scenes = ChangedScenes(scene)
     here = scenes.at(state)
@@ -58,7 +58,7 @@ def find_unknown_way(scene: Scene, state: WorldState, mapped: NDArray[np.float64
 
 
 def _loops(here: Scene, scenes: ChangedScenes, state: WorldState) -> Iterator[tuple[NDArray[np.float64], str | None]]:
-    """Yield ways (M, 2) from one side of a door round to the other, and what must be moved away for them."""
+    """Yield ways (M, 2) around a door from one side to the other, and the furniture to remove for each."""
     elsewhere = state.missing | {thing.thing for thing in state.things}
     leaves = [_leaf_cells(here.clearance, doorway) for doorway in here.parts.doors]
     for piece in (None, *(each for each in here.parts.furniture if _can_go(each, elsewhere))):
@@ -72,7 +72,7 @@ def _loops(here: Scene, scenes: ChangedScenes, state: WorldState) -> Iterator[tu
             path = floor.path(*_sides(doorway))
             if path is not None:
                 yield np.vstack([path, np.linspace(path[-1], path[0], _POINTS_IN_DOOR)[1:]]), name
-                break  # The other doors of the same loop would give the same way.
+                break  # Other doors of the same loop would give the same way.
 
 
 def _can_go(piece: FurniturePiece, elsewhere: Collection[str]) -> bool:
@@ -80,7 +80,7 @@ def _can_go(piece: FurniturePiece, elsewhere: Collection[str]) -> bool:
 
 
 def _wide_enough(clearance: ClearanceMap, piece: FurniturePiece | None) -> Mask:
-    """Return the cells where there is room for a robot once a piece is gone."""
+    """Return the cells with room for a robot after a piece is removed."""
     blocked = clearance.blocked.copy()
     if piece is not None:
         blocked[piece_cells(piece, clearance)] = False
@@ -95,7 +95,7 @@ def _leads_round(floor: Mask, clearance: ClearanceMap, doorway: Doorway) -> bool
 
 
 def _leaf_cells(clearance: ClearanceMap, doorway: Doorway) -> Mask:
-    """Return the cells where a robot would touch a closed door."""
+    """Return the cells in which a robot would touch a closed door."""
     rows, columns = clearance.blocked.shape
     x = clearance.origin[0] + (np.arange(columns) + 0.5) * clearance.resolution_m
     y = clearance.origin[1] + (np.arange(rows) + 0.5) * clearance.resolution_m
@@ -118,7 +118,7 @@ def _cell(clearance: ClearanceMap, point: NDArray[np.float64]) -> tuple[int, int
 def _unknown_part(
     loop: NDArray[np.float64], moved_away: str | None, scene: Scene, mapped: NDArray[np.float64]
 ) -> UnknownWay | None:
-    """Return the one part of a loop (M, 2) that is not in the map, with what leads there and on; None for several."""
+    """Return the only part of a loop (M, 2) that is not in the map, with ways to it and from it; None for several."""
     away_m = np.hypot(*(loop[:-1, None] - mapped[None]).transpose(2, 0, 1)).min(1)
     to_middle = len(away_m) // 2 - int(away_m.argmax())
     loop, away_m = np.roll(loop[:-1], to_middle, axis=0), np.roll(away_m, to_middle)

@@ -1,1 +1,1 @@
-"""How good a predictor is on a recording with true poses: pairs of images, the map, and finding one's place."""
+"""Accuracy of a predictor on a recording with true poses: pairs of images, maps, and localisation."""

@@ -1,4 +1,4 @@
-"""The images of a recording as a predictor takes them, with their true poses."""
+"""The images of a recording, rectified for a predictor, with their true poses."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -28,20 +28,20 @@ class JudgedSequence:
     observations: tuple[Observation, ...]
     """N images, rectified to the predictor's camera."""
     views: TrueViews | None
-    """Where they were truly taken; None where truth was not asked for."""
+    """True poses of the images; None if truth is not used."""
     without_truth: int
-    """Images left out because their true pose is unknown."""
+    """Number of images left out because their true pose is unknown."""
     without_depth: int
-    """Images left out because they have no depth and the predictor needs it."""
+    """Number of images left out because they have no depth and the predictor needs it."""
     skipped: int
-    """Images left out because the sequence has more than are judged."""
+    """Number of images left out because the sequence has more than are judged."""
     camera: CameraModel | None = None
-    """The camera that took them; None where it is the predictor's."""
+    """The camera of the recording; None if it is the predictor's."""
     is_lens_known: bool = True
-    """Whether somebody said what the lens of that camera is."""
+    """Whether the lens of that camera is known."""
 
     def time_s(self, row: int) -> float:
-        """Return when an image was taken, in seconds after the recording's beginning."""
+        """Return the time of an image, in seconds from the beginning of the recording."""
         return self.observations[row].stamp - self.start_s
 
 
@@ -58,11 +58,11 @@ def read_sequence(
 
     Args:
         recording: Any recording.
-        predictor: Says which camera's images it takes, and whether it needs depth.
-        part: Of the recording.
-        most: Images to read.
+        predictor: Determines the camera of the images, and whether they need depth.
+        part: Part of the recording.
+        most: Maximum number of images.
         with_truth: Leave out images without a true pose.
-        progress: Called with the number of further images that are read.
+        progress: Called with the number of newly read images.
 
     Raises:
         RecordingError: Fewer than two images are left, or none has a true pose.
@@ -98,7 +98,7 @@ def read_sequence(
 def encode_sequence(
     predictor: Predictor, observations: Sequence[Observation], progress: Callable[[int], object]
 ) -> Features:
-    """Return the features (N, F) of images; `progress` is called with the number of further ones that are done."""
+    """Return the features (N, F) of images; `progress` is called with the number of newly encoded ones."""
     parts = []
     for first in range(0, len(observations), _ENCODED_AT_ONCE):
         part = observations[first : first + _ENCODED_AT_ONCE]

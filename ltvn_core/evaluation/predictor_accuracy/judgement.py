@@ -1,6 +1,6 @@
-"""The judgement of a predictor on a recording with true poses: pairs, a map, and localising, as recorded and perturbed.
+"""Evaluates a predictor on a recording with true poses: pairs, a map, and localisation, as recorded and perturbed.
 
-Owns the order of these steps, which images are left out of the map, and what is doubtful of the figures. Reads and
+Owns the order of these steps, the choice of images for the map, and the findings about doubtful figures. Reads and
 writes no file.
 """
 
@@ -45,45 +45,45 @@ from ltvn_core.types import Features, Predictor
 
 _FAR_PER_NEAR = 8
 _PERTURBED_SHARE = 4
-"""Under a perturbation one pair in so many is compared."""
+"""Under a perturbation, one pair in this many is compared."""
 _FEW_PAIRS = 100
 _SAME_D = 0.005
-"""Odometry that agrees so well with the truth, image by image, was not measured."""
+"""d from the true poses, image by image, below which odometry is a copy of the truth."""
 
 
 class ProgressBars(Protocol):
-    """Shows how far one step after the other is."""
+    """Shows the progress of consecutive steps."""
 
     def __call__(self, step: str, total: int, unit: str) -> AbstractContextManager[Callable[[int], object]]:
-        """Begin a step of `total` units; the result is called with the number of further ones that are done."""
+        """Begin a step of `total` units; return a callback for the number of newly finished units."""
         ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JudgementPlan:
-    """How a predictor is judged."""
+    """Settings of the evaluation of a predictor."""
 
     pairs: int = 20_000
-    """Far pairs that are compared at most; an eighth as many near ones, which take a predictor longer."""
+    """Maximum number of far pairs; that of near pairs, which take a predictor longer, is an eighth of it."""
     left_out: float = 0.2
-    """Share of the images, evenly spaced, that the map is not built from and that are looked for in it."""
+    """Share of images, evenly spaced, that are left out of the map and localised in it."""
     perturbations: tuple[str, ...] = ()
-    """Names; what looks is perturbed, and what is looked for is not."""
+    """Names of perturbations, which change source images and not target images."""
     seed: int = 0
 
     def counts(self, divisor: int) -> PairCounts:
-        """Return how many pairs are compared at most, divided by a whole number."""
+        """Return the maximum numbers of pairs, divided by a whole number."""
         return PairCounts(near=max(self.pairs // (_FAR_PER_NEAR * divisor), 1), far=max(self.pairs // divisor, 1))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Condition:
-    """What was found as recorded, or under one perturbation."""
+    """Results as recorded, or under one perturbation."""
 
     name: str
-    """The perturbation; empty as recorded."""
+    """Name of the perturbation; empty as recorded."""
     pairs: PairAccuracy | None
-    """None without truth."""
+    """Accuracy of pairs; None without truth."""
     map: MapAccuracy
     localisation: LocalisationAccuracy | None
     """None without truth."""
@@ -91,12 +91,12 @@ class Condition:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Judgement:
-    """What was found, and the answers behind it."""
+    """Results, and the predictions behind them."""
 
     conditions: tuple[Condition, ...]
-    """As recorded first, then each perturbation."""
+    """Results as recorded, then under each perturbation."""
     scores: PairScores | None
-    """Answers as recorded; None without truth."""
+    """Predictions as recorded; None without truth."""
     built: JudgedMap
 
 
@@ -109,7 +109,7 @@ class _Rows(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Judge:
-    """One predictor on images that look and images that are looked for."""
+    """Evaluates one predictor on source images and target images."""
 
     looking: JudgedSequence
     mapped: JudgedSequence
@@ -120,12 +120,12 @@ class _Judge:
 
     @cached_property
     def targets(self) -> Features:
-        """Features of the images that are looked for."""
+        """Features of the target images."""
         return self._encoded("encode", self.mapped)
 
     @cached_property
     def rows(self) -> "_Rows":
-        """Which images are looked for in the map, and which it is built from."""
+        """Rows of the images that are localised in the map, and of those that the map is built from."""
         count = len(self.mapped.observations)
         if self.looking is not self.mapped:
             return _Rows(np.arange(len(self.looking.observations)), np.arange(count))
@@ -133,7 +133,7 @@ class _Judge:
         return _Rows(left_out, np.setdiff1d(np.arange(count), left_out))
 
     def run(self) -> Judgement:
-        """Judge as recorded, then under each perturbation."""
+        """Evaluate the images as recorded, then under each perturbation."""
         sources = self.targets if self.looking is self.mapped else self._encoded("encode looks", self.looking)
         sample = self._sample()
         scores = None if sample is None else self._scored("compare", sources, sample)
@@ -167,7 +167,7 @@ class _Judge:
         )
 
     def _with_lost_frames(self, recorded: Condition, sources: Features) -> Condition:
-        """Judge a map of what arrived; the pairs stay as they are, for an image that arrives is as good as ever."""
+        """Evaluate a map of the images that arrived; the pairs are unchanged, because lost images change no others."""
         lost = FrameLoss().lost(len(self.mapped.observations), self._rng(4))
         arrived = self.rows.mapped[~lost[self.rows.mapped]]
         built = self._built(f"{DROPPED_FRAMES}: build", arrived)
@@ -219,7 +219,7 @@ class _Judge:
             return localisation_accuracy(built, sources[self.rows.looks], views, progress=progress)
 
     def _rng(self, purpose: int) -> np.random.Generator:
-        """Return a generator for one purpose, so that none depends on how many numbers another drew."""
+        """Return a separate random generator for one purpose, so that the results of others do not depend on it."""
         return np.random.default_rng([self.plan.seed, purpose])
 
 
@@ -232,10 +232,10 @@ def judge(
     plan: JudgementPlan,
     bars: ProgressBars,
 ) -> Judgement:
-    """Judge a predictor on the images that look, against those that are looked for.
+    """Evaluate a predictor on source images against target images.
 
-    Where both are one sequence, the map is built from a part of it and the rest is looked for in it; else the map is
-    built from all of `mapped`, and all of `looking` is looked for.
+    If both are one sequence, the map is built from a part of it and the rest is localised in it; else the map is built
+    from all of `mapped`, and all of `looking` are localised in it.
 
     Raises:
         MapError: No map can be built from the images.
@@ -248,7 +248,7 @@ def _taken(views: TrueViews | None, rows: NDArray[np.intp]) -> TrueViews | None:
 
 
 def _further(progress: Callable[[int], object]) -> ProgressCallback:
-    """Return a callback that is told images done and in all, for one that is told further images."""
+    """Return a callback for numbers of done and all images that calls one for newly done images."""
     last = 0
 
     def show(done: int, total: int) -> None:
@@ -262,12 +262,12 @@ def _further(progress: Callable[[int], object]) -> ProgressCallback:
 def judgement_findings(
     judgement: Judgement, sequences: Sequence[JudgedSequence], *, predictor_name: str = ""
 ) -> tuple[Finding, ...]:
-    """Return what a reader of these figures must know, with likely causes of a map that nobody can navigate by.
+    """Return findings that a reader of these figures must know, with likely causes of an unusable map.
 
     Args:
         judgement: The figures.
-        sequences: The images that were judged, those of the map last.
-        predictor_name: By what name the predictor was asked for.
+        sequences: The evaluated images, those of the map last.
+        predictor_name: Name of the predictor.
     """
     return (
         *_pair_findings(judgement),
@@ -291,7 +291,7 @@ def _map_findings(judgement: Judgement, mapped: JudgedSequence, predictor_name: 
         predictor_name=predictor_name,
         least_width_px=predictor_card(built.predictor).least_width_px,
     )
-    # The share is that of the figures, so that a reader does not find two of them.
+    # The share is the one in the figures, so that both agree.
     return diagnose(drive, coverage._replace(share=judgement.conditions[0].map.largest_piece_share))
 
 

@@ -1,7 +1,6 @@
-"""A map built from a part of a recording, by true poses: does it hang together, and does it find where images are.
+"""Accuracy of a map built from a part of a recording, by true poses: its connectivity, and localisation in it.
 
-Images that the map was not built from are looked for in it: are they localised, how well, and how often in a wrong
-place.
+The other images are localised in the map: the share that is localised, the errors, and the share at a wrong place.
 """
 
 import math
@@ -30,15 +29,15 @@ from ltvn_core.training.drive_path import LIMITS, TrueViews
 from ltvn_core.types import Features, FrameId, NodeId, Observation, Pose, Predictor
 
 _MOST_RECOGNISED = 100
-"""Images that became no node and are asked which node they show; of more than these, evenly spaced ones."""
+"""Maximum number of images without a node that are localised in the map, evenly spaced."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MapAccuracy:
-    """Figures of a map; None where they need truth and there is none."""
+    """Figures of a map; those that need truth are None without it."""
 
     frames: int
-    """Images that the map was built from."""
+    """Number of images that the map was built from."""
     nodes: int
     edges: int
     pieces: int
@@ -49,29 +48,29 @@ class MapAccuracy:
     """Share of the images, those of the largest part of the drive, that are in the map's largest piece or recognised
     as one of its nodes."""
     false_edges: int | None
-    """Edges between far images, but for turns on the spot."""
+    """Number of edges between far images, without turns on the spot."""
     perceptual_aliases: int | None
-    """Pairs of nodes that the method takes for near each other and that are far."""
+    """Number of pairs of nodes that the method accepts as near but that are far."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class JudgedMap:
-    """A map and what it was built from."""
+    """A map and its images."""
 
     observations: Sequence[Observation]
     """M images."""
     features: Features
-    """(M, F)."""
+    """(M, F) features of the images."""
     views: TrueViews | None
-    """Where they were truly taken; None where nobody knows."""
+    """True poses of the images; None if unknown."""
     map: TopologicalMap
-    """With all M images."""
+    """The map, with all M images."""
     deltas: Sequence[GraphDelta]
     """The map's history."""
 
     @cached_property
     def matcher(self) -> Matcher:
-        """Compares images with those of the map."""
+        """Compares images with the images of the map."""
         return Matcher(self.map.predictor, self.map.keyframes, self.map.system.method.matching)
 
     @cached_property
@@ -80,12 +79,12 @@ class JudgedMap:
         return {seen.step: row for row, seen in enumerate(self.observations)}
 
     def are_far(self, first: FrameId, second: FrameId) -> bool:
-        """Tell whether two images are truly far from each other; only where that is known."""
+        """Tell whether two images are known to be far from each other."""
         assert self.views is not None
         return bool(LIMITS.far(self.views.move(self.row_of[first], self.row_of[second])))
 
     def is_false(self, edge: Edge) -> bool:
-        """Tell whether an edge joins far images; one that says itself that it is a turn on the spot may do so there."""
+        """Tell whether an edge joins far images, other than by a turn on the spot."""
         assert self.views is not None
         move = self.views.move(self.row_of[edge.source], self.row_of[edge.target])
         turns = abs(edge.waypoint.yaw_rad) > LIMITS.near_rad and np.hypot(move[0], move[1]) < LIMITS.near_m
@@ -106,12 +105,12 @@ def build_judged_map(
     built = TopologicalMap.of(predictor, system)
     built.keyframes.add(observations, features)
     deltas = built.build(observations, rng=rng, progress=progress)
-    built.keyframes.add(observations, features)  # Images that the builder dropped are asked about too.
+    built.keyframes.add(observations, features)  # Images that the builder dropped are also compared.
     return JudgedMap(observations=observations, features=features, views=views, map=built, deltas=deltas)
 
 
 def map_accuracy(built: JudgedMap, *, progress: ProgressCallback) -> MapAccuracy:
-    """Return the figures of a map; `progress` is called with images that were localised and images in all."""
+    """Return the figures of a map; `progress` is called with the numbers of localised and all images."""
     known = built.views is not None
     pieces = strongly_connected_components(built.map.graph)
     near = built.map.system.method.building.connect_distance
@@ -129,11 +128,11 @@ def map_accuracy(built: JudgedMap, *, progress: ProgressCallback) -> MapAccuracy
 
 
 def true_aliases(built: JudgedMap) -> tuple[PerceptualAlias, ...]:
-    """Return the pairs of nodes that the method takes for near and that are truly far."""
+    """Return the pairs of nodes that the method accepts as near but that are truly far."""
     assert built.views is not None
     poses = {seen.step: pose for seen, pose in zip(built.observations, built.views.poses, strict=True)}
     keyframes = KeyframeStore(built.map.predictor)
-    # The search doubts what odometry contradicts; with true poses in its place it knows.
+    # The search rejects pairs that contradict odometry; here true poses replace odometry.
     keyframes.add([replace(seen, odometry=poses[seen.step]) for seen in built.observations], built.features)
     graph = TopologicalGraph([_at_true_pose(delta, poses) for delta in built.deltas])
     method = built.map.system.method
@@ -148,7 +147,7 @@ def _at_true_pose(delta: GraphDelta, poses: Mapping[FrameId, Pose]) -> GraphDelt
 
 
 def _true_pieces(views: TrueViews, connect_distance: float) -> NDArray[np.intp]:
-    """Return for each image (M,) which part of the drive it belongs to, the largest part first."""
+    """Return the part of the drive that each image (M,) belongs to, the largest part first."""
     near = distance(views.moves_to(views)) < connect_distance
     _, labels = connected_components(near, directed=False)
     order = np.argsort(-np.bincount(labels), kind="stable")
@@ -174,7 +173,7 @@ def _share_in(
 
 
 def _recognised(built: JudgedMap, row: int) -> NodeId | None:
-    """Return the node that an image of the drive is taken for."""
+    """Return the node that an image of the drive is localised at."""
     return built.map.system.localise(built.features[row : row + 1], built.map.graph, NO_PRIOR, built.matcher).node
 
 
@@ -185,22 +184,22 @@ LOCALISED_RAD = float(np.deg2rad(20))
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LocalisationAccuracy:
-    """How images are found in a map. The four shares add up to 1; None without images."""
+    """Accuracy of localisation in a map. The four shares add up to 1; None without images."""
 
     looks: int
     """Number of images that were localised in the map."""
     looks_elsewhere: int
     """Number of images left out because the map has no image within D_l of them."""
     localised_share: float | None
-    """Within 0.5 m and 20 degrees of the truth."""
+    """Share of images localised within 0.5 m and 20 degrees of the truth."""
     wrong_place_share: float | None
-    """Taken for a node that is truly far away."""
+    """Share of images localised at a node that is truly far away."""
     inaccurate_share: float | None
-    """Taken for a node that is not far, but not within 0.5 m and 20 degrees."""
+    """Share of images localised at a node that is not far, but not within 0.5 m and 20 degrees."""
     lost_share: float | None
-    """Taken for no node."""
+    """Share of images localised at no node."""
     position_median_m: float | None
-    """Error of those that are localised."""
+    """Median error of the localised images, in metres."""
     position_p90_m: float | None
     yaw_median_deg: float | None
 
@@ -208,24 +207,24 @@ class LocalisationAccuracy:
 @dataclass(frozen=True, slots=True)
 class _Look:
     pose: Pose | None
-    """(3,) as the map says; None where it does not know."""
+    """(3,) pose by the map; None if the image is not localised."""
     is_far: bool
-    """The node that it is taken for is truly far."""
+    """Whether the image is localised at a node that is truly far away."""
 
 
 def localisation_accuracy(
     built: JudgedMap, features: Features, views: TrueViews, *, progress: Callable[[int], object]
 ) -> LocalisationAccuracy:
-    """Look for L images with features (L, F) in a map.
+    """Localise L images with features (L, F) in a map.
 
     The position that the map gives is its node's true pose and the predicted waypoint from there, so that only the
     predictor's errors count and not those of odometry.
 
     Args:
         built: A map with true views.
-        features: Of the images.
-        views: Where they were truly taken.
-        progress: Called with the number of further images that are done.
+        features: Features of the images.
+        views: True poses of the images.
+        progress: Called with the number of newly localised images.
     """
     assert built.views is not None
     reach = built.map.system.method.localising.distance

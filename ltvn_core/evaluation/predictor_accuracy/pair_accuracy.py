@@ -1,9 +1,9 @@
-"""The accuracy of a predictor on near and far pairs: does it tell them apart, and how good are its waypoints.
+"""The accuracy of a predictor on near and far pairs: its discrimination, and the errors of its waypoints.
 
-Pairs are all where they are few, else drawn evenly over sources and distances. A pair is accepted where the method
-would join its images by an edge: r > R_c and d < D_c. AUC, calibration and recall at a false-positive rate are those of
-r where d < D_c, and of 0 elsewhere, because a target that is truly farther away than D_c may well be reachable. The
-same figures of r alone stand beside them.
+All pairs are used if they are few; otherwise they are drawn evenly over sources and distances. A pair is accepted if
+the method would join its images by an edge: r > R_c and d < D_c. AUC, calibration and recall at a false-positive rate
+use r if d < D_c, and 0 otherwise, because a target that is truly farther away than D_c may be reachable. The same
+figures of r alone are also given.
 """
 
 from collections.abc import Callable, Iterator
@@ -23,12 +23,12 @@ from ltvn_core.training.drive_path import LIMITS, TrueViews
 from ltvn_core.types import Features, Predictor, Waypoint
 
 _MOST_SOURCES = 2000
-"""More images than this do not all look: the number of pairs to class grows with their square."""
+"""Maximum number of source images, because the number of pairs grows with its square."""
 _ROWS_AT_ONCE = 64
 
 
 class PairCounts(NamedTuple):
-    """How many pairs."""
+    """Numbers of near and far pairs."""
 
     near: int
     far: int
@@ -36,23 +36,23 @@ class PairCounts(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PairSample:
-    """P near and far pairs, those of one source beside each other."""
+    """P near and far pairs, grouped by source."""
 
     sources: NDArray[np.intp]
-    """(P,) rows of the images that look."""
+    """(P,) rows of the source images."""
     targets: NDArray[np.intp]
-    """(P,) rows of the images that are looked for."""
+    """(P,) rows of the target images."""
     is_near: NDArray[np.bool_]
-    """(P,): near; the others are far."""
+    """(P,) whether a pair is near; the others are far."""
     waypoints: Waypoint
-    """(P, 3): the true ones."""
+    """(P, 3) true waypoints."""
     near_pairs: int
     """Number of near pairs."""
     far_pairs: int
     """Number of far pairs."""
 
     def thinned(self, most: PairCounts, rng: np.random.Generator) -> "PairSample":
-        """Return at most so many pairs of it."""
+        """Return a sample with at most `most` near and far pairs."""
         kinds = self.is_near, ~self.is_near
         chosen = [choose_evenly(np.flatnonzero(kind), count, rng) for kind, count in zip(kinds, most, strict=True)]
         kept = np.sort(np.concatenate(chosen))
@@ -123,24 +123,24 @@ def _evenly(count: int, most: int) -> NDArray[np.intp]:
 
 _NEAR_AT_ONCE = 64
 _STRETCHES = 10
-"""Neighbouring images see nearly the same, so the interval of a share is that over so many stretches of the sources."""
+"""Number of stretches of the sources for the interval of a share, because neighbouring images are nearly equal."""
 _DISTANCES_M = (0.0, 0.1, 0.3, 0.6)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DistanceBin:
-    """Near pairs whose target is between two distances away."""
+    """Near pairs with the distance of the target between two limits."""
 
     low_m: float
     high_m: float
     pairs: int
     recall: float | None
-    """Share that is accepted; None without pairs."""
+    """Share of accepted pairs; None without pairs."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PairAccuracy:
-    """Figures of one predictor on near and far pairs; None where there are no such pairs."""
+    """Figures of one predictor on near and far pairs; None without such pairs."""
 
     near_pairs: int
     """Number of near pairs in the recording."""
@@ -150,19 +150,19 @@ class PairAccuracy:
     far_compared: int
     auc: float | None
     near_recall: float | None
-    """Share of the near pairs that is accepted."""
+    """Share of accepted near pairs."""
     near_recall_low: float | None
     """Lower end of the 95 % interval of `near_recall`."""
     near_recall_high: float | None
     far_fpr: float | None
-    """Share of the far pairs that is accepted."""
+    """Share of accepted far pairs."""
     far_fpr_low: float | None
     """Lower end of the 95 % interval of `far_fpr`."""
     far_fpr_high: float | None
     recall_at_far_fpr_1e3: float | None
-    """Recall where at most one far pair in 1,000 is accepted; None with fewer far pairs."""
+    """Recall at the threshold that accepts at most one far pair in 1,000; None with fewer far pairs."""
     recall_at_far_fpr_1e4: float | None
-    """The same, one in 10,000."""
+    """Recall at the threshold that accepts at most one far pair in 10,000; None with fewer far pairs."""
     waypoint_median_m: float | None
     """Median position error of accepted near pairs, in metres."""
     waypoint_p90_m: float | None
@@ -171,7 +171,7 @@ class PairAccuracy:
     """Median position error of a predictor that always answers "no motion", in metres."""
     yaw_median_deg: float | None
     ece: float | None
-    """Expected calibration error in ten bins; near and far pairs weigh the same."""
+    """Expected calibration error in ten bins, with equal weight of near and far pairs."""
     auc_of_r: float | None
     """AUC of r alone."""
     near_recall_of_r: float | None
@@ -180,22 +180,22 @@ class PairAccuracy:
     """Share of the far pairs with r > R_c."""
     near_by_distance: tuple[DistanceBin, ...]
     calibration: tuple[CalibrationBin, ...]
-    """Of as many near as far pairs."""
+    """Bins of the calibration, over equal numbers of near and far pairs."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PairScores:
-    """What a predictor says of a sample of pairs."""
+    """Predictions for a sample of pairs."""
 
     sample: PairSample
     reachability: NDArray[np.float64]
     """(P,) r."""
     waypoints: Waypoint
-    """(P, 3) as predicted."""
+    """(P, 3) predicted waypoints."""
     score: NDArray[np.float64]
-    """(P,) r, or 0 where the predicted target is too far away for an edge."""
+    """(P,) r, or 0 if the predicted target is too far away for an edge."""
     accepted: NDArray[np.bool_]
-    """(P,): the method would join these."""
+    """(P,) whether the method would join a pair."""
 
     @property
     def position_error_m(self) -> NDArray[np.float64]:
@@ -217,18 +217,18 @@ def score_pairs(
     *,
     progress: Callable[[int], object],
 ) -> PairScores:
-    """Ask a predictor about each near pair by itself, and about each source with all its far targets at once.
+    """Predict each near pair separately, and each source with all its far targets at once.
 
-    A predictor that compares one image with many may look at a few of them only. A map never holds dozens of images of
-    one place, so near pairs must not compete with each other; but that far ones are passed over is what counts.
+    A predictor that compares one image with many may read only a few of them. A map never holds dozens of images of one
+    place, so near pairs must not compete with each other, while far ones must compete as in a map.
 
     Args:
-        predictor: Made the features.
-        sources: (S, F), one row per image that looks.
-        targets: (T, F), one row per image that is looked for.
-        sample: Which pairs.
-        config: When two images are joined.
-        progress: Called with the number of further pairs that are done.
+        predictor: The predictor that encoded the features.
+        sources: (S, F), one row per source image.
+        targets: (T, F), one row per target image.
+        sample: The pairs.
+        config: Thresholds of an edge.
+        progress: Called with the number of newly compared pairs.
     """
     reachability = np.empty(len(sample.sources))
     waypoints = np.empty((len(sample.sources), 3))
@@ -247,7 +247,7 @@ def score_pairs(
 
 
 def pair_accuracy(scores: PairScores, config: BuildingConfig, rng: np.random.Generator) -> PairAccuracy:
-    """Return the figures of a predictor's answers; `rng` draws the pairs that calibration leaves out."""
+    """Return the figures of predictions; `rng` draws the pairs that calibration leaves out."""
     near = scores.sample.is_near
     found = near & scores.accepted
     recall = _share(scores.accepted, near, scores.sample)
@@ -282,7 +282,7 @@ def pair_accuracy(scores: PairScores, config: BuildingConfig, rng: np.random.Gen
 
 
 def _questions(sample: PairSample) -> Iterator[NDArray[np.intp]]:
-    """Yield rows of pairs that are asked about at once: some near pairs, or all far ones of a source."""
+    """Yield rows of pairs that are predicted at once: some near pairs, or all far pairs of a source."""
     near = np.flatnonzero(sample.is_near)
     for first in range(0, len(near), _NEAR_AT_ONCE):
         yield near[first : first + _NEAR_AT_ONCE]
@@ -292,7 +292,7 @@ def _questions(sample: PairSample) -> Iterator[NDArray[np.intp]]:
 
 
 def _share(accepted: NDArray[np.bool_], kind: NDArray[np.bool_], sample: PairSample) -> Estimate | None:
-    """Return the share of pairs of a kind (P,) that is accepted; None without any."""
+    """Return the share of accepted pairs of a kind (P,); None without any."""
     if not kind.any():
         return None
     hits = accepted[kind].astype(np.float64)
@@ -314,7 +314,7 @@ def _recall_at(score: NDArray[np.float64], near: NDArray[np.bool_], far_fpr: flo
 
 
 def _as_many_of_both(near: NDArray[np.bool_], rng: np.random.Generator) -> NDArray[np.intp]:
-    """Return rows of as many near as far pairs."""
+    """Return rows of equal numbers of near and far pairs."""
     rows = np.flatnonzero(near), np.flatnonzero(~near)
     count = min(map(len, rows))
     return np.concatenate([rng.choice(kind, count, replace=False) for kind in rows])

@@ -1,4 +1,4 @@
-"""Recognising places without poses: images of a drive against a matrix that says which of them show one place."""
+"""Place recognition without poses: images of a drive against a matrix of loop closures."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,32 +14,32 @@ from ltvn_core.network.metrics import auc
 from ltvn_core.types import Features, Predictor
 
 _LEAST_GAP = 15
-"""Images that follow each other show one place anyway: a revisit is so many images later at least."""
+"""Least number of images between a place and its revisit, because consecutive images show the same place anyway."""
 _TEXTS = (".txt", ".csv")
 _MOST_BYTES = 100_000_000
-"""Of 5,000 images, as text."""
+"""Maximum size of a matrix file: 5,000 images, as text."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RevisitAccuracy:
-    """How often a predictor knows a place again. Each image asks about all that came long before it."""
+    """Figures of place recognition. Each image is compared with all images long before it."""
 
     queries: int
-    """Images that show a place that was seen before."""
+    """Number of images that show a place that was seen before."""
     recall_at_1: float
-    """Share of them whose best answer is right."""
+    """Share of these images with a correct best match."""
     recall_at_full_precision: float
-    """Share of them whose best answer is right and surer than every wrong one of the whole drive."""
+    """Share of these images with a correct best match whose score exceeds that of every wrong match of the drive."""
     average_precision: float
-    """Over all images, those without a revisit too, each with its best answer."""
+    """Average precision of the best match, over all images, including those without a revisit."""
     auc: float
-    """Of all pairs."""
+    """AUC over all pairs."""
 
 
 def read_revisits(path: Path, images: int) -> NDArray[np.bool_]:
-    """Read which images show one place, (N, N): rows of 0 and 1 as text, or a picture whose pixels are not 0.
+    """Read the pairs of images (N, N) that show one place: 0 and 1 as text, or a picture with pixels above 0.
 
-    Raises DatasetError where the file cannot be read or is not of that size.
+    Raises DatasetError if the file cannot be read or has another size.
     """
     try:
         held = read_foreign(path, most_bytes=_MOST_BYTES, what="loop-closure matrix")
@@ -68,7 +68,7 @@ def revisit_accuracy(
 ) -> RevisitAccuracy:
     """Return how well a predictor recognises places of a drive with features (N, F); truth is (N, N).
 
-    The score of a pair is the larger r of its two directions. `progress` is called with the number of further images.
+    The score of a pair is the larger r of its two directions. `progress` is called with the number of new images.
     """
     count = len(features)
     score = np.full((count, count), -1.0)
@@ -83,9 +83,9 @@ def revisit_accuracy(
 
 
 def summarise_revisits(score: NDArray[np.float64], same_place: NDArray[np.bool_]) -> RevisitAccuracy:
-    """Return the figures of scores (N, N), row asks about column, -1 where it does not ask. Truth is (N, N).
+    """Return the figures of scores (N, N) of row against column, -1 for pairs that are not compared. Truth is (N, N).
 
-    Raises DatasetError where no image shows a place that was seen long before.
+    Raises DatasetError if no image shows a place that was seen long before.
     """
     asked = score >= 0
     is_query = (same_place & asked).any(axis=1)
@@ -110,7 +110,7 @@ def summarise_revisits(score: NDArray[np.float64], same_place: NDArray[np.bool_]
 
 
 def _average_precision(sure: NDArray[np.float64], right: NDArray[np.bool_], queries: int) -> float:
-    """Return the mean precision over the right answers, the surest first; queries without one count as 0."""
+    """Return the mean precision over the correct matches, by descending score; queries without one count as 0."""
     order = np.argsort(-sure, kind="stable")
     hits = right[order]
     precision = np.cumsum(hits) / np.arange(1, len(hits) + 1)

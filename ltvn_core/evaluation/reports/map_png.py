@@ -19,7 +19,7 @@ LONGER_SIDE = 1024
 """Pixels; the size does not depend on the map's."""
 _MARGIN = 24
 _LABELS = 60
-"""So many nodes have their number beside them."""
+"""Maximum number of nodes that are labelled with their numbers."""
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
 
 

@@ -1,6 +1,6 @@
-"""Evaluation in a changing world: drives the queries of a schedule, and judges each by the truth of its moment.
+"""Evaluation in a changing world: drives the queries of a schedule, and judges each by the state of the world then.
 
-All maintenances get the same queries, each with a map of its own.
+All maintenances get the same queries, each with its own map.
 """
 
 import itertools
@@ -60,7 +60,7 @@ from ltvn_core.types import FrameId, Pose, Predictor
 
 @dataclass(frozen=True, slots=True)
 class _Foretold:
-    """What was known before a query began."""
+    """State before a query."""
 
     now: PresenceScore
     later: PresenceScore
@@ -123,7 +123,7 @@ class WorldDrive:
         return replace(self._result(scheduled, result, foretold, watch, cut_off=cut_off), people=met)
 
     def save_map(self, queries: int) -> None:
-        """Save the map as it is after a number of queries."""
+        """Save the map after a number of queries."""
         settings = {
             "seed": self._plan.trial.seed,
             "world": self._plan.world,
@@ -133,7 +133,7 @@ class WorldDrive:
         self.runner.save_map(self._files.map(queries), settings, origin=self._files.map(self._first))
 
     def check(self, results: Sequence[QueryResult]) -> tuple[QueryResult, ...]:
-        """Return the results; all is known when a query is over."""
+        """Return the results unchanged, because they are complete when a query is over."""
         return tuple(results)
 
     def _foretell(self, scheduled: ScheduledQuery) -> _Foretold:
@@ -158,7 +158,7 @@ class WorldDrive:
         return self.closed_edges.doors_on(list(itertools.pairwise(way.nodes)))
 
     def _first_frame(self, query: int) -> FrameId:
-        """Return the number of a query's first image; changes of the world begin steps of their own."""
+        """Return the number of a query's first image; changes of the world also begin new steps."""
         steps = self._plan.trial.protocol.steps_in(self.runner.scene)
         return self._schedule.first_frame + query * 4 * (steps + 1)
 
@@ -186,7 +186,7 @@ class WorldDrive:
 
 
 def _keep_informed(predictor: Predictor, world: World) -> None:
-    """Let the oracle know the world as it is; a network sees it."""
+    """Update an oracle predictor to the current world; a network sees it in its images."""
     if isinstance(predictor, OraclePredictor):
         predictor.show(world.scene.clearance)
         world.follow(lambda _: predictor.show(world.scene.clearance))
@@ -202,7 +202,7 @@ def score_presence(
     edges: Sequence[EdgeKey],
     closed: Collection[EdgeKey],
 ) -> PresenceScore:
-    """Judge what a system predicts for `edges` at a moment, when `closed` of them are closed."""
+    """Score a system's predictions for `edges` at a time, with `closed` as the edges that are closed."""
     p = _predicted(system, graph, at_s, edges)
     closed = set(closed)
     is_open = np.array([edge not in closed for edge in edges], bool)
@@ -214,9 +214,9 @@ def score_presence(
 
 
 def _predicted(system: NavigationSystem, graph: TopologicalGraph, at_s: float, edges: Sequence[EdgeKey]) -> np.ndarray:
-    """Return (N,) the probabilities; an edge that has left the map is held to be closed.
+    """Return the probabilities (N,) that edges are open; 0 for an edge that was pruned.
 
-    Where a system has no notion of presence, what it believes of an edge says both; a static map says yes to all.
+    Without a presence filter, the belief in an edge is used; a static map predicts that all edges are open.
     """
     if system.follows_presence:
         known = system.presence.probabilities(graph, at_s)
@@ -239,8 +239,8 @@ def run_world_evaluation(
 ) -> list[WorldResult]:
     """Run the evaluation of several plans; existing results are only read.
 
-    A `part` runs its share of the plans, and returns the results of all that are done by then, whoever ran them. Raises
-    OptionError if the folder has results of other settings, and WorldError where the scene cannot change so.
+    A `part` runs its share of the plans, and returns the results of all finished plans of all parts. Raises OptionError
+    if the folder has results with other settings, and WorldError if the world is impossible in the scene.
     """
     mine = part.of(plans)
     files_of = dict(prepare_all(list(dict.fromkeys(plan.trial for plan in mine)), folder, parallel, progress))
@@ -257,7 +257,7 @@ def run_world_evaluation(
 
 
 def _settings(plan: WorldPlan) -> dict[str, Any]:
-    """Return what script and queries were made with; all maintenances have the same."""
+    """Return the settings of script and queries, which are the same for all maintenances."""
     file = Path(plan.world)
     script = file.read_text(encoding="utf-8") if file.is_file() else plan.world
     shared = {"trial": plan_settings(plan.trial), "maintenance": "any", "script": script, "version": version("ltvn")}
@@ -265,7 +265,7 @@ def _settings(plan: WorldPlan) -> dict[str, Any]:
 
 
 def _schedule(plan: WorldPlan, files: WorldFiles) -> None:
-    """Draw the queries, unless that is done."""
+    """Draw the queries, unless they exist."""
     if files.schedule.exists():
         return
     scene = load_scene(plan.trial.scene)
@@ -276,7 +276,7 @@ def _schedule(plan: WorldPlan, files: WorldFiles) -> None:
 
 
 def _scheduled(plan: WorldPlan, files: WorldFiles) -> ScheduledTest:
-    """Return the test of a plan: queries alone."""
+    """Return the test of a plan, which consists only of queries."""
     return ScheduledTest(
         plan.trial, files.trial, (Queries(0, plan.queries),), partial(WorldDrive, plan, files), query_files=files
     )

@@ -1,4 +1,4 @@
-"""Metrics of evaluations in a changing world: how well the robot navigates, and what becomes of the map."""
+"""Metrics of evaluations in a changing world: success of the queries, and changes of the map."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -23,26 +23,26 @@ class WorldMetrics:
     """95 % interval."""
     success_high: float
     spl: float
-    """Success weighted by path length, against the shortest way of the moment."""
+    """Success weighted by path length, relative to the shortest way at that time."""
     spl_low: float
     """95 % interval."""
     spl_high: float
     detours: int
-    """Queries whose usual way was closed, so that the shortest one was longer by `LEAST_DETOUR_M` or more."""
+    """Number of queries with a detour: the usual way was closed, and the shortest one longer by `LEAST_DETOUR_M`."""
     success_on_detours: float | None
     """Share of the detours whose goals were reached; None if there were none."""
     cut_off: int
-    """Failures at whose end there was no way to the goal any more."""
+    """Number of failures without an open way to the goal at their end."""
     blocked_tries_per_100: float
     """Attempts along closed edges in 100 queries."""
     door_tries_per_100: float
     """Attempts along edges through closed doors in 100 queries."""
     reopened_after_queries: float | None
-    """Queries from the first that would want a reopened door to the one that uses it, at least 1; mean over the doors
-    that the robot had met closed. A door that closes again unused counts one more than wanted it; None if there were
-    none."""
+    """Mean number of queries until a reopened door is used, over the doors that the robot had met closed: from the
+    first query whose best way leads through it, at least 1. A door that closes again unused counts one query more;
+    None without such doors."""
     reopened: int
-    """So many times that happened."""
+    """Number of reopened doors in this mean."""
     brier: float
     """Mean squared error of p(open) when queries begin, over all edges that the world ever closes."""
     brier_later: float
@@ -52,7 +52,7 @@ class WorldMetrics:
     calibration_later: float
     """Calibration error of p(open) one hour after queries begin."""
     lost_edges_share: float
-    """True edges of the first map that are gone for ever."""
+    """Share of the true edges of the first map that are missing after all queries."""
     nodes: float
     """Mean number of nodes of the maps after all queries."""
     edges: float
@@ -61,7 +61,7 @@ class WorldMetrics:
     edges_before: float
     collisions_per_episode: float
     people: EncounterCounts
-    """Whom the robot met in all queries."""
+    """Encounters with people in all queries."""
     steps_per_episode: float
 
 
@@ -105,10 +105,10 @@ def world_metrics(results: Sequence[WorldResult]) -> WorldMetrics:
 
 
 def reopening_waits(queries: Sequence[QueryResult], doors: Sequence[DoorMove]) -> list[int]:
-    """Return for each time a door reopened that the robot had met closed how many queries it took to be used again.
+    """Return the number of queries until each reopened door that the robot had met closed was used again.
 
-    Counted are queries whose best way leads through it, until one drives through it or it closes again. Doors that no
-    query wanted in that time are left out.
+    Queries with a best way through the door count, until one drives through it or it closes again. Doors without such
+    queries are left out.
     """
     waits = []
     for opened in (move for move in doors if move.is_open):
@@ -123,7 +123,7 @@ def reopening_waits(queries: Sequence[QueryResult], doors: Sequence[DoorMove]) -
 
 
 def _wait(queries: Sequence[QueryResult], door: int) -> int:
-    """Return the number of the query, of those that want a door, in which it is used; 0 if none wants it."""
+    """Return the number of the query that uses a door, among those whose best way leads through it; 0 without any."""
     wanted = 0
     for query in queries:
         wanted += door in query.doors_wanted
@@ -146,7 +146,7 @@ def _brier(scores: Sequence[PresenceScore]) -> float:
 
 
 def _calibration_error(scores: Sequence[PresenceScore]) -> float:
-    """Return the mean gap between prediction and truth over ten bins, by the number of predictions in each."""
+    """Return the mean gap between prediction and truth over ten bins, weighted by their numbers of predictions."""
     counts = np.array([[cell.predictions for cell in score.bins] for score in scores])
     gaps = np.array([[cell.mean_p - cell.present for cell in score.bins] for score in scores])
     return float(np.abs((counts * gaps).sum(0)).sum() / max(counts.sum(), 1))

@@ -1,7 +1,7 @@
 """Plans of evaluations in a changing world, the paths of their files, and their queries.
 
-All maintenances share drive, weights, first map, script and queries. The queries (when, from where, to where, and what
-is closed at these moments) are drawn once and kept in a file. Drives no robot.
+All maintenances share drive, weights, first map, script and queries. The queries (time, start, goal, and the edges that
+are closed at that time) are drawn once and stored in a file. Drives no robot.
 """
 
 from collections.abc import Iterator, Sequence
@@ -39,12 +39,12 @@ class WorldPlan:
     trial: TrialPlan
     """Scene, seed and method."""
     world: str
-    """Name of a script, or the path of its file."""
+    """Name of a script, or path of its file."""
     maintenance: str
-    """What driving teaches the map, by name."""
+    """Name of the maintenance."""
     queries: int = 700
     days: float = WEEK_DAYS
-    """Over so many simulated days the queries are spread, evenly."""
+    """Number of simulated days over which the queries are spread evenly."""
 
     def __post_init__(self) -> None:
         if self.queries < 1 or not 0 < self.days <= 365:
@@ -61,11 +61,11 @@ class WorldPlan:
 
     @property
     def slot_s(self) -> float:
-        """Seconds from one query to the next, on average."""
+        """Mean time from one query to the next, in seconds."""
         return self.days * DAY_S / self.queries
 
     def script(self, scene: Scene) -> WorldScript:
-        """Return what happens in the world. Raises WorldError."""
+        """Return the script of the world. Raises WorldError."""
         until_s = MORNING_S + self.days * DAY_S
         return make_script(self.world, scene, seed=self.trial.seed, duration_s=until_s)
 
@@ -82,22 +82,22 @@ class WorldFiles:
 
     @classmethod
     def of(cls, plan: WorldPlan, trial: TrialFiles) -> "WorldFiles":
-        """Name the files of a plan beside those of its trial without maintenance."""
+        """Return the files of a plan, beside those of its trial without maintenance."""
         folder = f"world-{Path(plan.world).stem}-{plan.queries}-in-{plan.days:g}-days"
         return cls(trial, trial.folder / trial.label / folder, plan.maintenance)
 
     @property
     def settings(self) -> Path:
-        """What the script and the queries were made with."""
+        """Settings of the script and the queries."""
         return self.world / "plan.json"
 
     @property
     def schedule(self) -> Path:
-        """Queries, and which edges are closed when they begin."""
+        """Queries, and the edges that are closed at their starts."""
         return self.world / "schedule.json"
 
     def map(self, queries: int) -> Path:
-        """Return the map after so many queries."""
+        """Return the map after a number of queries."""
         return self.world / self.maintenance / f"map-{queries:04d}.rrd" if queries else self.trial.map()
 
     def query_batch(self, first: int, until: int) -> Path:
@@ -111,26 +111,26 @@ class WorldFiles:
 
 
 LATER_S = HOUR_S
-"""Presence is predicted for so much later."""
+"""Time ahead for which presence is predicted, in seconds."""
 _LEAST_WAY_M = 1.0
-"""Start and goal are at least this far apart."""
+"""Least length of the way from start to goal, in metres."""
 _MOST_DRAWS = 1000
 
 
 @dataclass(frozen=True, slots=True)
 class ScheduledQuery:
-    """A query, and the world when it begins."""
+    """A query, and the world at its start."""
 
     at_s: float
     episode: EpisodePlan
     shortest_m: float
-    """Length of the shortest way at that moment."""
+    """Length of the shortest way at the start of the query, in metres."""
     closed: tuple[EdgeKey, ...]
-    """Edges of the first map that are closed when the query begins."""
+    """Edges of the first map that are closed at the start of the query."""
     closed_later: tuple[EdgeKey, ...]
     """Edges of the first map that are closed an hour later."""
     detour_m: float = 0.0
-    """How much longer the shortest way is than in the scene as it was made."""
+    """Additional length of the shortest way compared with the unchanged scene, in metres."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,16 +141,16 @@ class Schedule:
     edges: tuple[EdgeKey, ...]
     """Edges of the first map that are not spurious."""
     nodes: int
-    """Of the first map."""
+    """Number of nodes of the first map."""
     all_edges: int
-    """Of the first map, the spurious ones too."""
+    """Number of edges of the first map, including spurious ones."""
     first_frame: FrameId
-    """The images of the queries have numbers from this one on."""
+    """First frame number of the images of the queries."""
     doors: tuple[DoorMove, ...]
 
     @property
     def changing(self) -> tuple[EdgeKey, ...]:
-        """Edges that are closed at one of these moments and open at another; predictions are judged on these."""
+        """Edges that are closed at one of these times and open at another, on which predictions are scored."""
         closed = {edge for query in self.queries for edge in (*query.closed, *query.closed_later)}
         return tuple(edge for edge in self.edges if edge in closed)
 
@@ -158,7 +158,7 @@ class Schedule:
 def draw_schedule(
     plan: WorldPlan, scene: Scene, graph: TopologicalGraph, truth: GroundTruth, drive_truth: DriveGroundTruth
 ) -> Schedule:
-    """Draw the queries of a plan for its first map. Raises WorldError, and OptionError where no goal can be reached."""
+    """Draw the queries of a plan for its first map. Raises WorldError, and OptionError if no goal can be reached."""
     rng = np.random.default_rng([plan.trial.seed, 7])
     script = plan.script(scene)
     moments = [MORNING_S + (k + rng.uniform(0, 0.5)) * plan.slot_s for k in range(plan.queries)]
@@ -192,7 +192,7 @@ def draw_schedule(
 
 
 def _clearances(world: World, moments: Sequence[float]) -> Iterator[tuple[float, ClearanceMap]]:
-    """Yield the clearance map of each moment."""
+    """Yield the clearance map at each time."""
     for at_s in moments:
         if at_s > world.time_s:
             world.skip(at_s - world.time_s)

@@ -1,7 +1,7 @@
-"""What the simulated world knows of a map: which edges are closed now, through which doors they lead, and its rooms.
+"""The ground truth of a map in a simulated world: edges that are closed now, doors on edges, and rooms of nodes.
 
-An edge is closed where its straight way is free in the scene as it was made, and is not any more. For judging, and for
-the maintenances `truth` and `brm-rooms`.
+An edge is closed if its straight way is free in the unchanged scene and blocked now. For evaluation, and for the
+maintenances `truth` and `brm-rooms`.
 """
 
 from collections.abc import Callable, Collection, Sequence
@@ -23,16 +23,16 @@ from ltvn_core.worlds import WorldState
 
 
 class ClosedEdges:
-    """Asks the truth about edges; answers for one door are kept."""
+    """The ground truth about edges; results for each door are cached."""
 
     def __init__(self, scene: Scene, truth: GroundTruth) -> None:
-        """Ask about edges in a scene as it was made; `truth` knows where nodes are."""
+        """Start with an unchanged scene; `truth` has the poses of nodes."""
         self._scene = scene
         self._truth = truth
         self._doors_of = cache(self._find_doors)
 
     def among(self, edges: Sequence[EdgeKey], now: ClearanceMap) -> list[EdgeKey]:
-        """Return the edges that are closed where the world has this clearance map.
+        """Return the edges that are closed in a world with this clearance map.
 
         Raises MapError for a map whose images have no exact poses.
         """
@@ -53,7 +53,7 @@ class ClosedEdges:
 
     @cached_property
     def _with_door_closed(self) -> list[ClearanceMap]:
-        """The clearance map with each door closed alone."""
+        """The clearance maps with only one door closed, for each door."""
         scenes = ChangedScenes(self._scene)
         doors = range(len(self._scene.parts.doors))
         return [scenes.at(WorldState(closed_doors=frozenset({door}))).clearance for door in doors]
@@ -64,23 +64,23 @@ class ClosedEdges:
 
 
 class DoorWatch:
-    """Counts while events come in."""
+    """Counts attempts at closed edges and doors from events."""
 
     def __init__(self, world: World, closed_edges: ClosedEdges) -> None:
-        """Watch a robot in a world."""
+        """Count for a robot in a world."""
         self._world = world
         self._closed_edges = closed_edges
         self.blocked_tries = 0
-        """Attempts along edges that were closed at that moment."""
+        """Number of attempts along edges that were closed at that time."""
         self.door_tries = 0
-        """Those of them through closed doors, which no detour leads round."""
+        """Number of these attempts at edges through closed doors."""
         self.met_closed: set[int] = set()
-        """Closed doors on edges that were attempted, or that the map learned are closed."""
+        """Closed doors on edges that were attempted, or that the map learned to be closed."""
         self.used: set[int] = set()
-        """Doors on edges that were driven with success."""
+        """Doors on edges that were driven successfully."""
 
     def consume(self, event: Event) -> None:
-        """Take in the next event while the world is as it was then."""
+        """Count the next event, while the world still has its state at the event."""
         if isinstance(event, AttemptStarted) and event.source is not None:
             edge = event.source, event.target
             if self._closed_edges.among([edge], self._world.scene.clearance):
@@ -93,22 +93,22 @@ class DoorWatch:
             self.used |= self._closed_edges.doors_of((event.source, event.target))
 
     def _meet(self, edge: EdgeKey) -> bool:
-        """Tell whether an edge leads through a closed door, and remember which."""
+        """Tell whether an edge leads through a closed door, and remember the door."""
         doors = self._closed_edges.doors_of(edge) & self._world.state.closed_doors
         self.met_closed |= doors
         return bool(doors)
 
 
 def true_presence(world: World, observation: Callable[[FrameId], Observation]) -> KnownPresence:
-    """Return what tells which edges of a map are open; `observation` returns the images of its nodes."""
+    """Return a function that tells the open edges of a map; `observation` returns the images of its nodes."""
     closed_edges = ClosedEdges(world.base, GroundTruth(world.base.clearance, observation))
     return KnownPresence(lambda graph: set(closed_edges.among(list(graph.edges), world.scene.clearance)))
 
 
 def true_rooms(scene: Scene, observation: Callable[[FrameId], Observation]) -> RoomOf:
-    """Return what tells the rooms of nodes; `observation` returns their images.
+    """Return a function that returns the rooms of nodes; `observation` returns their images.
 
-    It raises MapError for images that have no exact poses.
+    The function raises MapError for images without exact poses.
     """
     truth = GroundTruth(scene.clearance, observation)
 
@@ -121,6 +121,6 @@ def true_rooms(scene: Scene, observation: Callable[[FrameId], Observation]) -> R
 
 
 def room_at(scene: Scene, x: float, y: float) -> int | None:
-    """Return the number of the room around a point, None outside all."""
+    """Return the number of the room around a point; None outside all rooms."""
     inside = (k for k, room in enumerate(scene.rooms) if room.x0 <= x <= room.x1 and room.y0 <= y <= room.y1)
     return next(inside, None)

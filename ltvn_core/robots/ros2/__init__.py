@@ -1,1 +1,1 @@
-"""Robots of ROS 2, spoken to without ROS: as `rmw_zenoh` does, by Zenoh and CDR."""
+"""Robots of ROS 2, without an installation of ROS: messages in CDR over Zenoh, compatible with `rmw_zenoh`."""

@@ -1,6 +1,6 @@
-"""Tells fresh messages from late, repeated and strange ones, without trusting anybody's clock to be right.
+"""Rejects late and repeated messages, and those of a second sender, without synchronised clocks.
 
-The sender's clock need not be ours: what counts is how much later a message comes than that sender's quickest one.
+The sender's clock may differ from ours: the latency of a message is measured against that sender's quickest one.
 """
 
 import math
@@ -9,33 +9,33 @@ from ltvn_core.errors import RobotError
 from ltvn_core.robots.ros2.topic_keys import Attachment
 
 MOST_LATE_COMMAND_S = 0.2
-"""A command that comes so much later than the quickest is not obeyed, nor forwarded."""
+"""Latency above which a command is neither obeyed nor forwarded, relative to the quickest one, in seconds."""
 TAKE_OVER_S = 1.0
-"""A sender that was silent for so long has left its topic to another."""
+"""Silence of a sender after which another may take over its topic, in seconds."""
 _DRIFT = 1e-4
-"""Two clocks run apart by less than this share; so quickly the memory of the quickest message fades."""
+"""Greatest relative drift of two clocks, and the rate at which the quickest latency is forgotten."""
 _JUMP_S = 0.5
-"""No message is quicker than the quickest by so much: its sender's clock was set."""
+"""A message quicker than the quickest by more than this means that the sender's clock was set, in seconds."""
 _JUMPS = 10
-"""So many in a row are believed."""
+"""Number of consecutive messages after which a changed clock is accepted."""
 
 
 class Freshness:
-    """The check of one topic that has one sender at a time."""
+    """Checks the messages of one topic, which has one sender at a time."""
 
     def __init__(self, source: str, *, most_late_s: float) -> None:
-        """Refuse messages of `source` that come more than `most_late_s` later than its quickest."""
+        """Reject messages of `source` whose latency exceeds that of the quickest by more than `most_late_s`."""
         self._source = source
         self._most_late_s = most_late_s
         self._gid = b""
         self._forget()
 
     def admit(self, attachment: Attachment, arrived_s: float) -> None:
-        """Raise RobotError where a message is late, out of order, of a second sender, or of a clock that was set.
+        """Raise RobotError if a message is late, out of order, from a second sender, or from a clock that was set.
 
         Args:
-            attachment: What came beside the message.
-            arrived_s: When it came, on our steady clock.
+            attachment: The metadata of the message.
+            arrived_s: Time of arrival on our monotonic clock, in seconds.
         """
         self._check_sender(attachment, arrived_s)
         self._check_order(attachment)
@@ -45,7 +45,7 @@ class Freshness:
         if attachment.gid != self._gid:
             if arrived_s - self._heard_s < TAKE_OVER_S:
                 raise RobotError(
-                    f"{self._source} has two senders at once; the second is not listened to. End one of the programs, "
+                    f"{self._source} has two senders at once; the second is ignored. End one of the programs, "
                     "or give each robot its own ROS_DOMAIN_ID or namespace."
                 )
             self._gid = attachment.gid

@@ -1,9 +1,9 @@
-"""The guard: a process beside the robot between whoever drives and the wheels. Works when everything else is dead.
+"""The guard: a watchdog process on the robot, between the driver and the wheels. Works if all other processes fail.
 
-Listens at the profile's `guard_topic`, and sends to its command topic what `CommandGate` lets through: fresh commands,
-within the limits, and a zero once when they stop coming. At the beginning, after silence, and after a pause of its own,
-a driver must send a zero before it may drive. `DepthStop` refuses forward motion where no fresh depth says that the
-corridor before the robot is free: a camera that is covered or dead stops the robot, too.
+Subscribes to the profile's `guard_topic`, and forwards to its command topic what `CommandGate` accepts: fresh commands
+within the limits, and one zero when they stop. At the beginning, after silence, and after a pause of the guard itself,
+a driver must send a zero before it may drive. `DepthStop` refuses forward motion unless fresh depth shows a free
+corridor ahead, so that a covered or failed camera also stops the robot.
 """
 
 import logging
@@ -26,20 +26,20 @@ from ltvn_core.robots.ros2.zenoh_link import Complaints, Received, ZenohLink
 from ltvn_core.types import ZERO_TWIST, Depth, Twist
 
 SILENCE_S = 0.2
-"""A driver that was not heard for so long is gone. With the time it takes to look, to send and to brake, a robot stands
-within 300 ms; commands come 20 times a second."""
+"""Time without commands after which a driver counts as gone, in seconds. Including checking, sending and braking, the
+robot stands still within 300 ms; commands arrive 20 times a second."""
 PAUSE_S = 0.3
-"""A guard that was not asked for so long was stopped itself."""
+"""Time between two turns above which the guard itself was stopped, in seconds."""
 FRESH_S = 0.5
 _EVERY_PIXEL = 4
 _FLOOR_M = 0.03
-"""Depth is so inaccurate that the floor seems to rise by this."""
+"""Margin above the ground clearance for errors of depth, in metres."""
 _FEW_POINTS = 3
-"""Fewer than so many points are noise."""
+"""Least number of points that are not noise."""
 _LOG = logging.getLogger(__name__)
 TURN_S = 0.02
 _HEADER_APART_S = 1.0
-"""So far a command's own stamp may be from when it was sent."""
+"""Greatest difference between the stamp of a command and its time of sending, in seconds."""
 
 
 class CommandGate:
@@ -53,7 +53,7 @@ class CommandGate:
         accelerations: AccelerationLimits,
         allows: Callable[[Twist], Twist] = lambda twist: twist,
     ) -> None:
-        """Stand; `allows` returns what of a command the surroundings permit."""
+        """Start with a stop; `allows` returns the part of a command that the surroundings permit."""
         self._clock = clock
         self._speeds = speeds
         self._accelerations = accelerations
@@ -71,7 +71,7 @@ class CommandGate:
         return self._must_stop_first
 
     def hear(self, twist: Twist) -> Twist | None:
-        """Take a fresh command; return what is to be sent now, None for nothing."""
+        """Accept a fresh command; return the command to send now, None for nothing."""
         with self._lock:
             now_s = self._clock()
             pause = self._after_pause(now_s)
@@ -84,7 +84,7 @@ class CommandGate:
             return self._next(now_s)
 
     def turn(self) -> Twist | None:
-        """Return what is to be sent now, where nothing was heard; None for nothing. Call it 50 times a second."""
+        """Return the command to send now without a new one; None for nothing. Call it 50 times a second."""
         with self._lock:
             now_s = self._clock()
             pause = self._after_pause(now_s)
@@ -98,12 +98,12 @@ class CommandGate:
             return self._next(now_s)
 
     def close(self) -> Twist:
-        """Let nothing through any more; return the last zero."""
+        """Reject all further commands; return the final zero."""
         with self._lock:
             return self._halt()
 
     def _after_pause(self, now_s: float) -> Twist | None:
-        """Return a zero where this process itself stood still while the robot drove."""
+        """Return a zero if this process itself was stopped while the robot drove."""
         paused = now_s - self._asked_s > PAUSE_S and self._wanted != ZERO_TWIST
         self._asked_s = now_s if paused else self._asked_s
         return self._halt() if paused else None
@@ -114,7 +114,7 @@ class CommandGate:
         return ZERO_TWIST
 
     def _next(self, now_s: float) -> Twist:
-        """Come as near to what is wanted as the accelerations allow; a zero is passed on at once."""
+        """Approach the desired velocity as far as the accelerations allow; a zero is passed on at once."""
         passed_s, self._asked_s = min(max(now_s - self._asked_s, 0.0), 0.1), now_s
         goal = self._allows(self._wanted)
         if goal == ZERO_TWIST:
@@ -138,19 +138,19 @@ class CommandGate:
 
 
 def _towards(speed: float, goal: float, speeding_up: float, braking: float) -> float:
-    """Return a speed nearer to the goal, by no more than the change that is allowed."""
+    """Return a speed closer to the goal, by at most the allowed change."""
     is_braking = abs(goal) < abs(speed) or goal * speed < 0
     most = braking if is_braking else speeding_up
     return speed + min(max(goal - speed, -most), most)
 
 
 class DepthStop:
-    """Refuses forward motion where something stands within `stop_m` of the body."""
+    """Refuses forward motion if an obstacle is within `stop_m` of the body."""
 
     def __init__(self, profile: RobotProfile, stop_m: float) -> None:
-        """Nothing was seen yet, so nothing is free."""
+        """Start without depth, so that forward motion is refused."""
         self.reason: str | None = "no depth image came yet"
-        """Why forward is refused; None where it is not."""
+        """Reason why forward motion is refused; None if it is allowed."""
         self._profile = profile
         self._stop_m = stop_m
         self._seen_s = 0.0
@@ -158,7 +158,7 @@ class DepthStop:
         self._lock = threading.Lock()
 
     def allows(self, twist: Twist) -> Twist:
-        """Return the command without what leads forward where that is refused; turning stays, and backing up."""
+        """Return the command, without its forward speed if that is refused; turning and backing up stay."""
         with self._lock:
             if time.monotonic() - self._seen_s > FRESH_S:
                 self.reason = "no fresh depth image came"
@@ -166,11 +166,11 @@ class DepthStop:
         return twist if is_free or twist.linear_m_s <= 0 else Twist(0.0, twist.angular_rad_s)
 
     def take_camera_info(self, received: Received) -> None:
-        """Learn the lens."""
+        """Store the lens."""
         self._info = received.message
 
     def take_depth(self, received: Received) -> None:
-        """Look at an image. Raises RobotError where it is none."""
+        """Check a depth image for obstacles. Raises RobotError if it is invalid."""
         message = received.message
         topic = self._profile.topics.depth
         if self._info is None or not is_calibrated(self._info):
@@ -188,7 +188,7 @@ class DepthStop:
             self._seen_s = received.arrived_s
 
     def _reason(self, depth: Depth, camera: CameraModel) -> str | None:
-        """Say why forward is refused."""
+        """Return the reason to refuse forward motion; None if there is none."""
         if not depth.any():
             return "the depth image is empty"
         sparse = depth[::_EVERY_PIXEL, ::_EVERY_PIXEL]
@@ -204,14 +204,14 @@ class DepthStop:
 
 
 class Guard:
-    """Forwards commands of one robot."""
+    """Forwards commands to one robot."""
 
     def __init__(self, link: ZenohLink, profile: RobotProfile, *, depth_stop_m: float | None = None) -> None:
-        """Listen; with a `depth_stop_m` forward is refused where something stands so near before the body."""
+        """Subscribe; with `depth_stop_m`, refuse forward motion if an obstacle is nearer than this to the body."""
         self.forwarded = 0
-        """Commands that were passed on."""
+        """Number of forwarded commands."""
         self.refused = 0
-        """Commands that were not."""
+        """Number of refused commands."""
         self._stamped = profile.driving.stamped
         self._source = profile.driving.guard_topic
         self._freshness = Freshness(self._source, most_late_s=MOST_LATE_COMMAND_S)
@@ -239,11 +239,11 @@ class Guard:
 
     @property
     def has_listener(self) -> bool:
-        """Whether anybody takes what is forwarded."""
+        """Whether forwarded commands have a subscriber."""
         return self._wheels.has_listener
 
     def run(self, is_over: Callable[[], bool]) -> None:
-        """Watch until it is over; the last thing sent is a zero."""
+        """Forward commands until `is_over` returns True; the last command is a zero."""
         try:
             while not is_over():
                 time.sleep(TURN_S)
@@ -274,7 +274,7 @@ class Guard:
             )
 
     def _sound(self, received: Received) -> Twist:
-        """Return the speeds of a command. Raises RobotError, and stops the robot, where they cannot be meant."""
+        """Return the speeds of a command. If they are invalid, stops the robot and raises RobotError."""
         try:
             twist = read_twist(received.message, self._source)
         except RobotError:

@@ -1,7 +1,7 @@
-"""What must be known of a robot of ROS 2 to drive it: its topics, body, limits and how its camera is mounted.
+"""Profile of a robot of ROS 2: its topics, body, limits and the mounting of its camera.
 
-A profile is a TOML file. Some travel with the toolkit, by name; one of your own is named by its path. Owns the reading
-and the check of every field. Speaks to no robot.
+A profile is a TOML file. Shipped profiles have names; a profile of your own is given by its path. Owns the reading and
+the check of every field. Connects to no robot.
 """
 
 import math
@@ -28,38 +28,38 @@ _OPTIONAL = ("topics.odometry", "topics.battery", "topics.bumper", "topics.truth
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Topics:
-    """Where the robot says what it sees and takes its commands."""
+    """Names of the topics of sensors and commands."""
 
     colour: str
-    """sensor_msgs/Image, or CompressedImage where `camera.compressed_colour` says so."""
+    """sensor_msgs/Image, or CompressedImage with `camera.compressed_colour`."""
     depth: str
-    """sensor_msgs/Image, aligned with the colours: 16UC1, or 32FC1 in metres; CompressedImage where
-    `camera.compressed_depth` says so."""
+    """sensor_msgs/Image, aligned with the colours: 16UC1, or 32FC1 in metres; CompressedImage with
+    `camera.compressed_depth`."""
     camera_info: str
     """sensor_msgs/CameraInfo of the colours."""
     command: str
-    """geometry_msgs/Twist or TwistStamped: what moves the robot."""
+    """geometry_msgs/Twist or TwistStamped, the drive command."""
     odometry: str = ""
-    """nav_msgs/Odometry; empty where `odometry_transform` says where to find it."""
+    """nav_msgs/Odometry; empty if `odometry_transform` is used instead."""
     battery: str = ""
-    """sensor_msgs/BatteryState; empty where there is none."""
+    """sensor_msgs/BatteryState; empty if there is none."""
     bumper: str = ""
-    """std_msgs/Bool: whether it touches something now; empty where nobody feels it."""
+    """std_msgs/Bool, whether the bumper is in contact; empty if there is none."""
     truth: str = ""
-    """nav_msgs/Odometry of where it really is, by motion capture or a simulator, to judge runs by; empty where nobody
-    knows."""
+    """nav_msgs/Odometry with the true pose, from motion capture or a simulator, to evaluate runs; empty if there is
+    none."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OdometryTransform:
-    """Two frames of the tree that say where the robot is, in place of an odometry topic."""
+    """Two frames of the tf tree that give the robot's odometry pose, in place of an odometry topic."""
 
     topic: str = "/tf"
-    """tf2_msgs/TFMessage; many nodes may publish there."""
+    """tf2_msgs/TFMessage; may have several publishers."""
     parent: str = "odom"
-    """The frame that stays where the robot began."""
+    """The fixed frame at the robot's start."""
     child: str = "base_link"
-    """The frame of the robot itself, a child of `parent` in the tree."""
+    """The robot's own frame, a child of `parent` in the tree."""
 
     def __post_init__(self) -> None:
         """Check the names."""
@@ -73,31 +73,31 @@ class OdometryTransform:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Driving:
-    """How commands reach the wheels."""
+    """Path of commands to the wheels."""
 
     stamped: bool
-    """Commands are TwistStamped, as from ROS 2 Kilted on (TurtleBot 4 and others since Jazzy); else Twist."""
+    """Whether commands are TwistStamped, as since ROS 2 Kilted (TurtleBot 4 and others since Jazzy), and not Twist."""
     guarded: bool = True
-    """Commands go to `guard_topic`, and `ltvn guard` beside the robot forwards those that are fresh."""
+    """Whether commands go to `guard_topic`, from which `ltvn guard` on the robot forwards the fresh ones."""
     guard_topic: str = "/ltvn/cmd_vel"
-    """Where the guard listens."""
+    """Topic that the guard subscribes to."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Body:
-    """The size of the robot."""
+    """Size of the robot's body."""
 
     radius_m: float
-    """Radius of the circle that its body fits into, about the point it turns on."""
+    """Radius of the circle around the turning point that contains the body."""
     height_m: float
-    """Height of its body."""
+    """Height of the body."""
     ground_clearance_m: float
-    """What is lower than this it drives over."""
+    """Height of obstacles that the robot drives over."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mounting:
-    """How the camera sits on the robot, and what its messages do not say."""
+    """Mounting of the camera, and properties of its images that the messages lack."""
 
     height_m: float
     """Height of the optical centre above the floor."""
@@ -106,23 +106,23 @@ class Mounting:
     roll_deg: float = 0.0
     """Turn about the optical axis; positive lowers the camera's right side."""
     quarter_turns: int = 0
-    """How often its picture must be turned by 90 degrees counter-clockwise to stand upright."""
+    """Number of turns by 90 degrees counter-clockwise that make the image upright."""
     rectified: bool = False
-    """The pictures have no distortion any more, so that only the P of CameraInfo holds."""
+    """Whether images are rectified already, so that only P of CameraInfo applies."""
     depth_unit_m: float = MILLIMETRES
     """Metres per unit of a 16UC1 depth image."""
     compressed_colour: bool = False
-    """The colours are sensor_msgs/CompressedImage (JPEG or PNG), as at /camera/color/image_raw/compressed."""
+    """Whether colours are sensor_msgs/CompressedImage (JPEG or PNG), as at /camera/color/image_raw/compressed."""
     compressed_depth: bool = False
-    """Depth is sensor_msgs/CompressedImage (PNG or RVL), as at /camera/depth/image_raw/compressedDepth."""
+    """Whether depth is sensor_msgs/CompressedImage (PNG or RVL), as at /camera/depth/image_raw/compressedDepth."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RobotProfile:
-    """Everything about one kind of robot. Raises RobotError where a field cannot be right."""
+    """Profile of one robot model. Raises RobotError if a field is invalid."""
 
     name: str
-    """What people call it."""
+    """Name of the robot for people."""
     topics: Topics
     driving: Driving
     body: Body
@@ -130,17 +130,17 @@ class RobotProfile:
     speeds: SpeedLimits = field(default_factory=SpeedLimits)
     accelerations: AccelerationLimits = field(default_factory=AccelerationLimits)
     odometry_transform: OdometryTransform | None = None
-    """Where the tree of frames says where the robot is; None where `topics.odometry` does."""
+    """Frames of the robot's odometry pose; None if `topics.odometry` is used."""
     domain: int = 0
     """The robot's ROS_DOMAIN_ID."""
 
     @property
     def odometry_topic(self) -> str:
-        """Where the robot says where it is."""
+        """Topic of the robot's odometry."""
         return self.topics.odometry if self.odometry_transform is None else self.odometry_transform.topic
 
     def __post_init__(self) -> None:
-        """Check what types alone do not."""
+        """Check the fields beyond their types."""
         named = {f"topics.{each.name}": getattr(self.topics, each.name) for each in fields(self.topics)}
         named["driving.guard_topic"] = self.driving.guard_topic
         if self.odometry_transform is not None:
@@ -165,7 +165,7 @@ class RobotProfile:
         self.spec(CameraModel.from_fov(64, 48, 1.0))  # Its own checks know sizes and angles.
 
     def spec(self, lens: CameraModel) -> RobotSpec:
-        """Return what the toolkit asks of a robot, with the lens that the robot itself told."""
+        """Return the robot's properties, with the lens that the robot published."""
         return RobotSpec(
             name=self.name,
             radius_m=self.body.radius_m,
@@ -177,7 +177,7 @@ class RobotProfile:
         )
 
     def mounted(self, lens: CameraModel) -> CameraModel:
-        """Return a lens at its place on the robot. Its depth is in metres: messages are decoded so."""
+        """Return the camera with a lens and this mounting. Its depth is in metres, as messages are decoded."""
         return CameraModel.from_json(
             {
                 **lens.to_json(),
@@ -191,14 +191,14 @@ class RobotProfile:
 
 
 def shipped_profiles() -> dict[str, str]:
-    """Return the text of each profile that travels with the toolkit, by name."""
+    """Return the text of each shipped profile by name."""
     folder = files("ltvn_core.robots.ros2") / "profiles"
     texts = {each.name.removesuffix(".toml"): each for each in folder.iterdir() if each.name.endswith(".toml")}
     return {name: texts[name].read_text(encoding="utf-8") for name in sorted(texts)}
 
 
 def open_profile(wanted: str) -> RobotProfile:
-    """Return a profile by name, or the one in a TOML file. Raises RobotError."""
+    """Return a shipped profile by name, or a profile from a TOML file. Raises RobotError."""
     if wanted.endswith(".toml"):
         try:
             text = Path(wanted).read_text(encoding="utf-8")
@@ -215,7 +215,7 @@ def open_profile(wanted: str) -> RobotProfile:
 
 
 def read_profile(text: str, source: str) -> RobotProfile:
-    """Return the profile in a TOML text. Raises RobotError that names every field which is wrong."""
+    """Return the profile in a TOML text. Raises RobotError with the names of all invalid fields."""
     try:
         tables = parse_toml(text)
     except ValueError as error:
@@ -234,7 +234,7 @@ def read_profile(text: str, source: str) -> RobotProfile:
 
 @cache
 def _converter() -> cattrs.Converter:
-    """Return what reads tables strictly: no field too many, no text where a number belongs."""
+    """Return a strict converter, which rejects unknown fields and wrong types."""
     converter = cattrs.Converter(forbid_extra_keys=True)
     for kind in (float, int, bool, str):
         converter.register_structure_hook(kind, _strict)
@@ -252,7 +252,7 @@ _KINDS = {float: "a finite number", int: "a whole number", bool: "true or false"
 
 
 def _words(error: BaseException, _: type | None) -> str:
-    """Say what is wrong with a field, in words."""
+    """Return the error of a field in words."""
     if isinstance(error, cattrs.ForbiddenExtraKeysError):
         return f"there is no field {', '.join(sorted(error.extra_fields))}"
     if isinstance(error, KeyError):

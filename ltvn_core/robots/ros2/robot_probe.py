@@ -1,4 +1,4 @@
-"""Looks a robot over before anybody drives it: rates, ages, lens, tilt, and who listens. Drives only when told to."""
+"""Checks a robot before it is driven: rates, ages, lens, tilt and subscribers. Drives only if asked to."""
 
 import math
 import time
@@ -22,7 +22,7 @@ _PATIENCE_S = 3.0
 
 
 def look_over(robot: RosRobot, *, seconds: float, drives: bool) -> RobotReport:
-    """Watch a robot, and turn it on the spot for at most 3 s where `drives`. Raises RobotError."""
+    """Watch a robot, and with `drives` turn it on the spot for at most 3 s. Raises RobotError."""
     topics, age_s = _watch(robot, seconds)
     camera = robot.spec.camera
     depth = robot.observe().require_depth("the check of a robot")
@@ -48,7 +48,7 @@ def look_over(robot: RosRobot, *, seconds: float, drives: bool) -> RobotReport:
 
 
 def _watch(robot: RosRobot, seconds: float) -> tuple[tuple[TopicReport, ...], float]:
-    """Return what each topic does, and how old the newest image was at worst."""
+    """Return the report of each topic, and the greatest age of the newest image in seconds."""
     streams = robot.inbox.streams
     counts = [stream.count for stream in streams]
     gaps = [0.0] * len(streams)
@@ -67,7 +67,7 @@ def _watch(robot: RosRobot, seconds: float) -> tuple[tuple[TopicReport, ...], fl
 
 
 def _publishers(robot: RosRobot, stream: Stream) -> tuple[str, ...]:
-    """Return who says that they send a stream; of a tree of frames nobody, for each node sends its own part."""
+    """Return the publishers of a stream; none for the tf tree, because each node sends its own part."""
     if stream is robot.inbox.odometry and robot.profile.odometry_transform is not None:
         return ()
     return tuple(robot.link.publishers(stream.topic))
@@ -85,7 +85,7 @@ def _findings(report: RobotReport, streams: tuple[Stream, ...]) -> Iterator[Find
             "Nobody listens to commands: start `ltvn guard` beside the robot, or see `guarded` in the profile."
         )
     if report.driving is not None and None in (report.driving.moves_after_s, report.driving.stands_after_s):
-        text = "The robot did not do what it was told; keep a hand on its emergency stop."
+        text = "The robot did not follow the command; keep a hand on its emergency stop."
         yield Finding(text, Severity.ERROR)
 
 

@@ -1,6 +1,6 @@
-"""The sensors of a live robot: their topics and types by its profile, and the checks of their images.
+"""The sensors of a live robot: their topics and types from its profile, and the checks of their images.
 
-The size of an image is known, and checked, before anything is decoded. Decoding itself is `ros_images`.
+The size of an image is checked before the image is decoded. The decoding itself is in `ros_images`.
 """
 
 from typing import Any
@@ -12,7 +12,7 @@ from ltvn_core.robots.ros2.topic_keys import ODOMETRY, TRANSFORMS, Topic
 from ltvn_core.types import Depth, Rgb
 
 MOST_PIXELS = 16_000_000
-"""No camera sends larger images over a network while it is driven; to decode one would hold the robot up."""
+"""Maximum number of pixels of an image; decoding a larger one would delay the robot."""
 
 
 def colour_topic(profile: RobotProfile) -> Topic:
@@ -26,7 +26,7 @@ def depth_topic(profile: RobotProfile) -> Topic:
 
 
 def odometry_topic(profile: RobotProfile) -> Topic:
-    """Return the topic that says where the robot is."""
+    """Return the topic of odometry."""
     kind = ODOMETRY if profile.odometry_transform is None else TRANSFORMS
     return Topic(profile.odometry_topic, kind, profile.domain)
 
@@ -36,7 +36,7 @@ def _image(*, compressed: bool) -> str:
 
 
 def sensor_size(message: Any, topic: str) -> tuple[int, int]:
-    """Return width and height of an image that came at a topic. Raises RobotError where it is none, or too large."""
+    """Return width and height of an image of a topic. Raises RobotError if it is invalid or too large."""
     try:
         width, height = image_size(message, topic)
     except LtvnError as error:

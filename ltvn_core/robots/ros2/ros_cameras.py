@@ -29,7 +29,7 @@ class _Lens(NamedTuple):
 
 
 def is_calibrated(info: Any) -> bool:
-    """Tell whether K or P of a CameraInfo says what the lens is: drivers without a calibration send zeros."""
+    """Tell whether K or P of a CameraInfo is set; drivers without a calibration send zeros."""
     return any(lens.is_known for lens in _lenses(info))
 
 
@@ -38,14 +38,14 @@ def ros_camera(info: Any, width: int, height: int, *, rectified: bool, topic: st
 
     Args:
         info: The CameraInfo message, of ROS 1 or 2.
-        width: Columns of the images, which a driver may have binned or cropped,
-        height: and rows.
-        rectified: The images have no distortion any more, so that P holds and not K and D. Where K is empty and P is
-            not, the images are taken for rectified ones, as those of stereo cameras are.
-        topic: Where it came from, for messages.
+        width: Columns of the images, which a driver may have binned or cropped.
+        height: Rows of the images.
+        rectified: Whether the images are rectified, so that P applies instead of K and D. If only P is set, as by
+            stereo cameras, the images count as rectified.
+        topic: Topic of the message, for error messages.
 
     Raises:
-        DriveError: It is no camera of such images.
+        DriveError: The message does not describe a camera of such images.
     """
     raw, ideal = _lenses(info)
     rectified = rectified or not raw.is_known
@@ -83,7 +83,7 @@ def _fitted(camera: CameraModel, info: Any, width: int, height: int) -> CameraMo
 
 
 def _distortion(info: Any, topic: str) -> tuple[bool, tuple[float, ...]]:
-    """Return whether the lens is a fisheye, and its coefficients without those that do nothing."""
+    """Return whether the lens is a fisheye, and its coefficients without trailing zeros."""
     model = str(info.distortion_model).lower()
     numbers = tuple(float(number) for number in _numbers(info, "d"))
     if model in _FISHEYES:
@@ -109,7 +109,7 @@ def _lenses(info: Any) -> tuple[_Lens, _Lens]:
 
 
 def _numbers(info: Any, name: str) -> np.ndarray:
-    """Return a field that ROS 2 writes small and ROS 1 large."""
+    """Return a field by its name, which is in lower case in ROS 2 and in upper case in ROS 1."""
     found = getattr(info, name, None)
     numbers = np.asarray(getattr(info, name.upper(), ()) if found is None else found, np.float64)
     return numbers if numbers.size or name == "d" else np.zeros(12)

@@ -1,4 +1,4 @@
-"""ROS's image messages as colours and as depth in metres, whatever encoding a driver chose.
+"""Decodes image messages of ROS, in any encoding, to colours and to depth in metres.
 
 Owns the encodings of `sensor_msgs/Image` and the formats of `sensor_msgs/CompressedImage`.
 """
@@ -19,11 +19,11 @@ IMAGE = "sensor_msgs/msg/Image"
 COMPRESSED_IMAGE = "sensor_msgs/msg/CompressedImage"
 
 DEPTH_HEADER = struct.Struct("<iff")
-"""Before the PNG of a `compressedDepth` message: which compression, and two constants for depth in floats."""
+"""Header of a `compressedDepth` message: the kind of compression, and two constants for depth in floats."""
 _PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
 _PNG_HEAD_BYTES = 26
 _PNG_GREY_16 = b"\x10\x00"
-"""The two bytes behind width and height: 16 bits, one channel."""
+"""Bytes of a PNG after width and height: 16 bits, one channel."""
 _RVL_HEADER = struct.Struct("<II")
 
 
@@ -31,9 +31,9 @@ class _Layout(NamedTuple):
     dtype: type[np.generic]
     channels: int
     to_rgb: int | None
-    """OpenCV's conversion; None where it is RGB already."""
+    """OpenCV's conversion code; None if the image is RGB already."""
     rows_per_line: float = 1.0
-    """Rows of data for a line of the image; colours in planes have half as many again."""
+    """Rows of data per line of the image; 1.5 for colours in planes."""
 
 
 _COLOURS = {
@@ -92,7 +92,7 @@ def has_metres(message: Any) -> bool:
 
 
 def image_size(message: Any, source: str) -> tuple[int, int]:
-    """Return width and height of an image message, which is not decoded. Raises DriveError."""
+    """Return width and height of an image message without decoding it. Raises DriveError."""
     if hasattr(message, "encoding"):
         return int(message.width), int(message.height)
     data = bytes(message.data)
@@ -115,12 +115,12 @@ def decode_colours(message: Any, source: str) -> Rgb:
         return np.ascontiguousarray(image)
     try:
         return np.asarray(cv2.cvtColor(np.ascontiguousarray(image), layout.to_rgb), np.uint8)
-    except cv2.error as error:  # An odd number of pixels where colours come in twos.
+    except cv2.error as error:  # An odd number of pixels, in an encoding with colours per pair of pixels.
         raise DriveError(f"{source}: {image.shape} cannot be {message.encoding}.") from error
 
 
 def decode_metres(message: Any, source: str, unit_m: float = MILLIMETRES) -> Depth:
-    """Return depth (H, W) in metres, 0 = no return, of an image message whose whole numbers count `unit_m`.
+    """Return depth (H, W) in metres, 0 = no return, of an image message; integers are in units of `unit_m`.
 
     Raises DriveError.
     """
@@ -167,7 +167,7 @@ def _compressed_metres(data: bytes, form: str, source: str, unit_m: float) -> De
 
 
 def _compressed_units(data: bytes, form: str, source: str) -> Depth:
-    """Return the 16 bits of each pixel as they were compressed, by PNG or by RVL behind width and height."""
+    """Return the 16-bit pixels of an image compressed as PNG, or as RVL after width and height."""
     if not _is_rvl(form):
         return decode_depth(data, 1.0, source)
     width, height = _rvl_size(data, source)

@@ -1,4 +1,4 @@
-"""Messages of ROS 2 made from what the toolkit senses and does, and read back; each is checked as it comes in.
+"""Converts the toolkit's observations and commands to messages of ROS 2 and back; checks each incoming message.
 
 Stamps are seconds on the robot's clock. Owns the names of frames. Images are decoded by `ros_images`.
 """
@@ -22,7 +22,7 @@ _UNIT_QUATERNION_TOLERANCE = 0.01
 
 
 def twist_message(twist: Twist, stamp_s: float | None) -> Any:
-    """Return a velocity command: a TwistStamped where there is a stamp, else a Twist."""
+    """Return a velocity command: a TwistStamped if there is a stamp, else a Twist."""
     message = _make(TWIST, linear=_vector(twist.linear_m_s, 0.0, 0.0), angular=_vector(0.0, 0.0, twist.angular_rad_s))
     if stamp_s is None:
         return message
@@ -30,7 +30,7 @@ def twist_message(twist: Twist, stamp_s: float | None) -> Any:
 
 
 def odometry_message(pose: Pose, speeds: Twist, stamp_s: float) -> Any:
-    """Return where the robot is, (3,), and how fast it goes."""
+    """Return an Odometry message with the robot's pose (3,) and speeds."""
     x, y, yaw = map(float, pose)
     place = _make(
         "geometry_msgs/msg/Pose", position=_make("geometry_msgs/msg/Point", x=x, y=y, z=0.0), orientation=_turn(yaw)
@@ -46,7 +46,7 @@ def odometry_message(pose: Pose, speeds: Twist, stamp_s: float) -> Any:
 
 
 def transform_message(pose: Pose, stamp_s: float, parent: str, child: str) -> Any:
-    """Return where the robot is, (3,), as a transform between two frames."""
+    """Return the robot's pose (3,) as a transform between two frames."""
     x, y, yaw = map(float, pose)
     place = _make("geometry_msgs/msg/Transform", translation=_vector(x, y, 0.0), rotation=_turn(yaw))
     head = header(stamp_s, parent)
@@ -70,7 +70,7 @@ def image_message(pixels: Rgb | Depth, stamp_s: float) -> Any:
 
 
 def camera_info_message(camera: CameraModel, stamp_s: float) -> Any:
-    """Return the lens of a camera; its mounting is no part of the message."""
+    """Return a CameraInfo with the lens of a camera; the message does not contain the mounting."""
     k = [camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 1]
     p = [camera.fx, 0, camera.cx, 0, 0, camera.fy, camera.cy, 0, 0, 0, 1, 0]
     region = {"x_offset": 0, "y_offset": 0, "height": 0, "width": 0, "do_rectify": False}
@@ -92,7 +92,7 @@ def camera_info_message(camera: CameraModel, stamp_s: float) -> Any:
 
 def header(stamp_s: float, frame: str) -> Any:
     """Return the header of a message."""
-    # Apart, because nanoseconds since 1970 are more digits than a float has.
+    # Separately, because a float has too few digits for nanoseconds since 1970.
     seconds = math.floor(stamp_s)
     carry, nanoseconds = divmod(round((stamp_s - seconds) * 1e9), 10**9)
     return _make(
@@ -110,7 +110,7 @@ def distortion_model(camera: CameraModel) -> str:
 
 
 def read_stamp(message: Any, source: str) -> float:
-    """Return the seconds in a message's header. Raises RobotError."""
+    """Return the time in a message's header, in seconds. Raises RobotError."""
     stamp = message.header.stamp
     if stamp.sec < 0 or stamp.nanosec >= 10**9:
         raise RobotError(f"{source}: {stamp.sec} s and {stamp.nanosec} ns are no time; is the robot's clock set?")
@@ -118,7 +118,7 @@ def read_stamp(message: Any, source: str) -> float:
 
 
 def read_twist(message: Any, source: str) -> Twist:
-    """Return the speeds in a Twist or TwistStamped. Raises RobotError where one is not finite."""
+    """Return the speeds in a Twist or TwistStamped. Raises RobotError if one is not finite."""
     body = getattr(message, "twist", message)
     twist = Twist(float(body.linear.x), float(body.angular.z))
     if not all(map(math.isfinite, twist)):
@@ -130,22 +130,22 @@ def read_twist(message: Any, source: str) -> Twist:
 
 
 def read_odometry(message: Any, source: str) -> Pose:
-    """Return x, y, yaw (3,) of an Odometry. Raises RobotError where they cannot be right."""
+    """Return x, y, yaw (3,) of an Odometry. Raises RobotError if they are invalid."""
     return _planar(message.pose.pose.position, message.pose.pose.orientation, source)
 
 
 def read_transform(message: Any, source: str) -> Pose:
-    """Return x, y, yaw (3,) of a TransformStamped. Raises RobotError where they cannot be right."""
+    """Return x, y, yaw (3,) of a TransformStamped. Raises RobotError if they are invalid."""
     return _planar(message.transform.translation, message.transform.rotation, source)
 
 
 def edges_of(message: Any) -> dict[tuple[str, str], Any]:
-    """Return the TransformStamped of a TFMessage by the names of parent and child; older robots put a slash before."""
+    """Return the TransformStamped of a TFMessage by parent and child, without the leading slash of older robots."""
     return {(each.header.frame_id.lstrip("/"), each.child_frame_id.lstrip("/")): each for each in message.transforms}
 
 
 def bumper_message(*, pressed: bool) -> Any:
-    """Return whether the robot touches something."""
+    """Return a Bool that tells whether the bumper is in contact."""
     return _make(BUMPER, data=pressed)
 
 
@@ -160,7 +160,7 @@ def _planar(place: Any, q: Any, source: str) -> Pose:
 
 
 def read_battery(message: Any) -> float | None:
-    """Return how full a BatteryState says that the battery is, in [0, 1]; None where it is not measured."""
+    """Return the charge in a BatteryState, in [0, 1]; None if it is not measured."""
     share = float(message.percentage)
     return min(max(share, 0.0), 1.0) if math.isfinite(share) else None
 

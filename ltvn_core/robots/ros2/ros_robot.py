@@ -1,10 +1,10 @@
-"""A robot of ROS 2 behind the `Robot` protocol: its newest image with depth and odometry, and its wheels.
+"""A robot of ROS 2 behind the `Robot` protocol: its newest image with depth and odometry, and its commands.
 
-Owns what counts as stale. Opened by `open_ros_robot` from PROFILE@ADDRESS, as in turtlebot4@tcp/192.168.0.7:7447.
+Owns the limits of stale data. Opened by `open_ros_robot` from PROFILE@ADDRESS, as in turtlebot4@tcp/192.168.0.7:7447.
 
-Commands leave 20 times a second under a lease, in a thread of their own. When the lease ends, exactly one zero follows;
-a stop is a zero at once. After a break, of the link or of this program, nothing is driven until whoever drives has let
-go for a moment: driving does not come back by itself.
+A thread sends commands 20 times a second, under a lease. When the lease ends, exactly one zero follows; a stop is a
+zero at once. After an interruption of the link or of this program, commands are ignored until the driver has released
+the controls for a moment, so that driving does not resume by itself.
 """
 
 import logging
@@ -40,20 +40,21 @@ from ltvn_core.types import CONTROL_STEP_S, ZERO_TWIST, Observation, Pose, Robot
 _LOG = logging.getLogger(__name__)
 _EVERY_S = 0.05
 _BREAK_S = LEASE_S
-"""A turn that took so long is a break: the program was stopped or the machine slept, and the robot has stopped."""
+"""Time between two turns of the sender that counts as an interruption, in seconds: the program was stopped or the
+machine slept, and the robot has stopped."""
 LET_GO_S = 0.5
-"""Who asked for nothing for so long has let go."""
+"""Time without commands after which the driver has released the controls, in seconds."""
 _CLOCKS_APART_S = 1.0
 _FIRST_S = 3.0
 _PATIENCE_S = 10.0
-"""So long a robot may take to send its first image."""
+"""Time that a robot may take to send its first image, in seconds."""
 
 
 class CommandSender:
-    """The one place from which commands leave."""
+    """Sends all commands to the robot."""
 
     def __init__(self, send: Callable[[Twist], Any], is_connected: Callable[[], bool], limits: SpeedLimits) -> None:
-        """Begin with a stop; `send` puts a command onto the wire."""
+        """Start with a stop; `send` transmits a command."""
         self.lease = DriveLease(time.monotonic, limits=limits)
         self._reason: str | None = None
         self._asked_s = -math.inf
@@ -69,13 +70,13 @@ class CommandSender:
 
     @property
     def break_reason(self) -> str | None:
-        """Why nothing is driven until the driver lets go; None where all is well."""
+        """Reason why commands are ignored until the driver releases the controls; None if they are not."""
         if self._reason is not None and time.monotonic() - self._asked_s >= LET_GO_S:
             self._reason = None
         return self._reason
 
     def drive(self, twist: Twist) -> None:
-        """Command a velocity for the time of a lease. Raises ValueError where a speed is not finite."""
+        """Command a velocity for the time of a lease. Raises ValueError if a speed is not finite."""
         is_broken = self.break_reason is not None
         self._asked_s = time.monotonic()
         if not is_broken:
@@ -83,7 +84,7 @@ class CommandSender:
             self._wake.set()
 
     def interrupt(self, reason: str) -> None:
-        """Stop; where somebody drives, drive nothing until that driver has let go."""
+        """Stop; if the robot is driven, ignore commands until the driver has released the controls."""
         self.lease.cancel()
         self._wake.set()
         if self.break_reason is None and time.monotonic() - self._asked_s < LET_GO_S:
@@ -115,12 +116,12 @@ class CommandSender:
     def _turn(self, took_s: float) -> None:
         with self._lock:
             if self._moving and took_s > _BREAK_S:
-                self._break(f"this program stood still for {took_s:.1f} s while the robot drove")
+                self._break(f"this program was interrupted for {took_s:.1f} s while the robot drove")
             elif self._moving and not self._is_connected():
                 self._break("the link to the robot broke")
             twist = self.lease.command()
             if twist != ZERO_TWIST and not self._moving:
-                self._send(ZERO_TWIST)  # A guard that was started since lets nobody drive who did not stop first.
+                self._send(ZERO_TWIST)  # A guard that started meanwhile accepts commands only after a stop.
             if twist != ZERO_TWIST or self._moving:
                 self._send(twist)
             self._moving = twist != ZERO_TWIST
@@ -128,7 +129,7 @@ class CommandSender:
     def _break(self, reason: str) -> None:
         self.lease.cancel()
         self._reason = reason
-        self._asked_s = time.monotonic()  # Whoever drove before the break is not yet known to have let go.
+        self._asked_s = time.monotonic()  # The driver may not have released the controls since the interruption.
         _LOG.warning("The robot is stopped: %s. Let go for a moment, then drive again.", reason)
 
 
@@ -150,10 +151,10 @@ def split_address(wanted: str) -> tuple[RobotProfile, str]:
 
 
 class RosRobot:
-    """A robot at the other end of a link. Implements `ltvn_core.robots.robot.Robot`."""
+    """A robot connected by a link. Implements `ltvn_core.robots.robot.Robot`."""
 
     def __init__(self, link: ZenohLink, profile: RobotProfile, *, patience_s: float = _PATIENCE_S) -> None:
-        """Listen to the robot until all of its topics have spoken. Raises RobotError that names the silent ones."""
+        """Wait for a message on each of the robot's topics. Raises RobotError with the names of the silent ones."""
         self.profile = profile
         self.link = link
         self.clock = WallClock()
@@ -178,18 +179,18 @@ class RosRobot:
 
     @property
     def spec(self) -> RobotSpec:
-        """The profile's, with the lens that the robot told."""
+        """The profile's properties, with the lens that the robot published."""
         return self._spec
 
     @property
     def age_s(self) -> float:
-        """Seconds since the newest whole image came."""
+        """Time since the newest complete image arrived, in seconds."""
         return time.monotonic() - self._newest().arrived_s
 
     def observe(self) -> Observation:
-        """Return the newest image with depth and odometry of one moment.
+        """Return the newest image with depth and odometry of the same time.
 
-        Raises RobotError where it is older than 0.5 s, or where driving broke off and the driver has not let go yet.
+        Raises RobotError if it is older than 0.5 s, or after an interruption until the driver releases the controls.
         """
         if self._seen is None:
             self._await_fresh()
@@ -200,7 +201,7 @@ class RosRobot:
         age_s = time.monotonic() - moment.arrived_s
         if age_s > STALE_S:
             self._sender.interrupt(f"its images stopped for {age_s:.1f} s")
-            link = "" if self.link.is_connected else " The link is broken; it comes back by itself."
+            link = "" if self.link.is_connected else " The link is broken; it reconnects by itself."
             raise RobotError(
                 f"{self.profile.name}: its newest image is {age_s:.1f} s old, so it is not driven: "
                 f"{self.inbox.complaint(time.monotonic())}.{link}"
@@ -212,19 +213,19 @@ class RosRobot:
         return self._seen[1]
 
     def _await_fresh(self) -> None:
-        """Wait a little for a first image of now: a machine that was busy opening things may have let one grow old."""
+        """Wait a little for a fresh first image, because a busy start may have made the last one stale."""
         ends_s = time.monotonic() + _FIRST_S
         while self.age_s > STALE_S and time.monotonic() < ends_s:
             time.sleep(0.02)
 
     @property
     def true_pose(self) -> Pose | None:
-        """Where it really is, (3,), where motion capture or a simulator says so now; for judging runs alone."""
+        """Current true pose (3,) from motion capture or a simulator, only to evaluate runs; None without any."""
         truth = self.inbox.truth
         return None if truth is None or time.monotonic() - truth.arrived_s > STALE_S else truth.content
 
     def state(self) -> RobotState:
-        """Return the newest odometry, and the bumper where the profile names its topic."""
+        """Return the newest odometry, and the bumper if the profile names its topic."""
         kept = self.inbox.odometry.kept
         if not kept:
             raise RobotError(f"{self.profile.name}: {self.inbox.complaint(time.monotonic())}.")
@@ -234,7 +235,7 @@ class RosRobot:
         return RobotState(newest.content, stamp, max(self._step, int(stamp / CONTROL_STEP_S)), touches)
 
     def drive(self, twist: Twist) -> None:
-        """Command a velocity for the time of a lease; nothing after a break, until the driver has let go."""
+        """Command a velocity for the time of a lease; ignored after an interruption until the controls are released."""
         self._sender.drive(twist)
 
     def stop(self) -> None:
@@ -242,7 +243,7 @@ class RosRobot:
         self._sender.stop()
 
     def link_report(self) -> LinkReport:
-        """Say how well the robot is heard now."""
+        """Return the current quality of the connection."""
         now_s = time.monotonic()
         inbox = self.inbox
         moment = inbox.newest()
@@ -258,13 +259,13 @@ class RosRobot:
         )
 
     def close(self) -> None:
-        """Stop, and leave."""
+        """Stop, and disconnect."""
         self._sender.close()
         self.link.close()
 
     @property
     def has_listener(self) -> bool:
-        """Whether anybody takes the commands: the guard, or the robot itself."""
+        """Whether the guard or the robot subscribes to commands."""
         return self._commands.has_listener
 
     def _subscribe(self) -> None:
@@ -301,7 +302,7 @@ class RosRobot:
         info = self.inbox.camera_info
         topic = self.profile.topics.camera_info
         if not is_calibrated(info):
-            raise RobotError(f"{topic} says nothing of the lens: all zeros; calibrate the camera on the robot.")
+            raise RobotError(f"{topic} has no calibration of the lens, only zeros; calibrate the camera on the robot.")
         size = sensor_size(moment.colour, self.profile.topics.colour)
         try:
             return ros_camera(info, *size, rectified=self.profile.camera.rectified, topic=topic)
@@ -330,7 +331,7 @@ class RosRobot:
         return Observation(rgb=rgb, depth=depth, odometry=moment.odometry, stamp=stamp, step=self._step)
 
     def _own_s(self, stamp_s: float, arrived_s: float) -> float:
-        """Return a stamp of the robot on the clock of this one, which goes on where the robot's is set."""
+        """Return a stamp of the robot on our clock, which continues if the robot's clock is set."""
         expected_s = self.clock.now() - (time.monotonic() - arrived_s)
         if abs(stamp_s - self._began_s - expected_s) > _CLOCKS_APART_S:
             self._began_s = stamp_s - expected_s

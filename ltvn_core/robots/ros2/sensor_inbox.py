@@ -1,7 +1,7 @@
-"""What a robot of ROS 2 sent last: colours, depth and odometry, matched by their stamps.
+"""The latest messages of a robot of ROS 2: colours, depth and odometry, matched by their stamps.
 
-Keeps a second of each at most. Filled by the link's threads, read by whoever observes. Owns the matching and the words
-for what is missing; decodes no image.
+Keeps at most one second of each. Filled by the link's threads, read by the observer. Owns the matching and the
+description of what is missing; decodes no image.
 """
 
 import math
@@ -24,9 +24,9 @@ from ltvn_core.robots.ros2.zenoh_link import Received
 from ltvn_core.types import CONTROL_STEP_S, Pose
 
 TOGETHER_S = 0.05
-"""What was taken within so much is of one moment."""
+"""Greatest difference between stamps of matched messages, in seconds."""
 MOST_LATE_S = 0.5
-"""What took so much longer on its way than the quickest is not used."""
+"""Latency above which a message is not used, relative to the quickest one, in seconds."""
 _CLOCK_JUMP_S = 1.0
 _JUMPS = 10
 """Number of consecutive stamps from another time after which the clock counts as changed."""
@@ -36,28 +36,28 @@ _KEPT = 30
 _LATELY_S = 2.0
 _FRAMES_TOLD = 6
 _TOUCH_LASTS_S = 2 * CONTROL_STEP_S
-"""Who navigates asks once in a control step."""
+"""Time for which a contact of the bumper is reported, in seconds; the navigator asks once per control step."""
 
 
 class Stamped(NamedTuple):
     """A message and its times."""
 
     stamp_s: float
-    """On the robot's clock."""
+    """Stamp of the message, in seconds on the robot's clock."""
     arrived_s: float
-    """On our steady clock."""
+    """Time of arrival, in seconds on our monotonic clock."""
     sequence: int
-    """Counts the messages of its sender."""
+    """Sequence number of the sender."""
     content: Any
 
 
 class Moment(NamedTuple):
-    """Colours, depth and place of one moment; not decoded yet."""
+    """Colours, depth and odometry of the same time, not decoded yet."""
 
     stamp_s: float
-    """When the colours were taken, on the robot's clock."""
+    """Stamp of the colours, in seconds on the robot's clock."""
     arrived_s: float
-    """When the last of them came, on our steady clock."""
+    """Arrival of the last of the three messages, in seconds on our monotonic clock."""
     colour: Any
     depth: Any
     odometry: Pose
@@ -74,10 +74,10 @@ class Stream:
         self._jumps = 0
         self._jumped_s = 0.0
         self.refusal: str | None = None
-        """What was wrong with the last message; None where it was used."""
+        """Reason why the last message was rejected; None if it was used."""
 
     def add(self, received: Received, content: Any) -> None:
-        """Keep a message. Raises RobotError where it is late, or of another time."""
+        """Keep a message. Raises RobotError if it is late, or if its stamp jumped."""
         self.freshness.admit(received.attachment, received.arrived_s)
         stamp_s = read_stamp(received.message, self.topic)
         sequence = received.attachment.sequence
@@ -88,7 +88,7 @@ class Stream:
         self.refusal = None
 
     def _check_clock(self, item: Stamped) -> None:
-        """Forget what was before the robot's clock was set. Raises RobotError until that is sure."""
+        """Drop older messages after the robot's clock was set. Raises RobotError until that is certain."""
         if not self.kept:
             return
         last = self.kept[-1]
@@ -105,32 +105,32 @@ class Stream:
         self._jumps = 0
 
     def nearest(self, stamp_s: float) -> Stamped | None:
-        """Return the message of that moment."""
+        """Return the message with the nearest stamp; None if none is near enough."""
         near = min(self.kept, key=lambda each: abs(each.stamp_s - stamp_s), default=None)
         return near if near is not None and abs(near.stamp_s - stamp_s) <= TOGETHER_S else None
 
     def age_s(self, now_s: float) -> float | None:
-        """Return how long ago the last message came; None where none did."""
+        """Return the time since the last message arrived, in seconds; None if there was none."""
         return now_s - self.kept[-1].arrived_s if self.kept else None
 
     def rate_hz(self, now_s: float) -> float:
-        """Return how many messages a second came in the last two seconds."""
+        """Return the rate of messages per second over the last two seconds."""
         lately = [each.arrived_s for each in list(self.kept) if each.arrived_s > now_s - _LATELY_S]
         return len(lately) / (now_s - lately[0] if len(lately) == _KEPT else _LATELY_S)
 
     @property
     def lost_share(self) -> float:
-        """Return the share of the newest messages, in [0, 1], that were sent and did not come."""
+        """Return the share of the newest messages, in [0, 1], that were sent but did not arrive."""
         kept = list(self.kept)
         sent = kept[-1].sequence - kept[0].sequence + 1 if kept else 1
         return max(0.0, 1 - len(kept) / sent) if kept else 0.0
 
 
 class SensorInbox:
-    """All that the robot says."""
+    """Keeps the latest messages of all topics of a robot."""
 
     def __init__(self, profile: RobotProfile) -> None:
-        """Nothing came yet."""
+        """Start without messages."""
         topics = profile.topics
         self.colour, self.depth, self.odometry = map(Stream, (topics.colour, topics.depth, profile.odometry_topic))
         self._edge = profile.odometry_transform
@@ -138,16 +138,16 @@ class SensorInbox:
         self.camera_info: Any = None
         """The last CameraInfo."""
         self.battery: float | None = None
-        """How full it is, in [0, 1]; None where the robot does not say."""
+        """Charge of the battery, in [0, 1]; None if the robot does not report it."""
         self._is_touching = False
         self._touched_s = -math.inf
         self.truth: Stamped | None = None
-        """Where it really is, where somebody knows."""
+        """The true pose; None if nothing publishes it."""
         self._changed = threading.Condition(threading.RLock())
 
     @property
     def streams(self) -> tuple[Stream, Stream, Stream]:
-        """Colours, depth and odometry."""
+        """The streams of colours, depth and odometry."""
         return self.colour, self.depth, self.odometry
 
     def take_image(self, stream: Stream, received: Received) -> None:
@@ -157,15 +157,15 @@ class SensorInbox:
             self._changed.notify_all()
 
     def take_odometry(self, received: Received) -> None:
-        """Keep where the robot says it is."""
+        """Keep an odometry message."""
         pose = read_odometry(received.message, self.odometry.topic)
         with self._changed:
             self.odometry.add(received, pose)
             self._changed.notify_all()
 
     def take_transforms(self, received: Received) -> None:
-        """Keep where the tree of frames says that the robot is; other parts of the tree are passed over."""
-        assert self._edge is not None  # Else nobody listens to them.
+        """Keep the robot's odometry pose from the tf tree; other parts of the tree are ignored."""
+        assert self._edge is not None  # Otherwise the topic has no subscription.
         wanted = self._edge.parent, self._edge.child
         edges = edges_of(received.message)
         if wanted in edges:
@@ -179,35 +179,35 @@ class SensorInbox:
             self.odometry.refusal = f"it has no {wanted[0]} to {wanted[1]}, but {told or 'nothing'}"
 
     def take_camera_info(self, received: Received) -> None:
-        """Keep the lens."""
+        """Keep the CameraInfo."""
         with self._changed:
             self.camera_info = received.message
             self._changed.notify_all()
 
     def take_battery(self, received: Received) -> None:
-        """Keep how full the battery is."""
+        """Keep the charge of the battery."""
         self.battery = read_battery(received.message)
 
     def take_bumper(self, received: Received) -> None:
-        """Keep whether it touches something."""
+        """Keep the state of the bumper."""
         with self._changed:
             self._is_touching = bool(received.message.data)
             if self._is_touching:
                 self._touched_s = received.arrived_s
 
     def bumper_pressed(self, now_s: float) -> bool:
-        """Tell whether it touches something, or did so short a time ago that nobody could have asked."""
+        """Tell whether the bumper is in contact, or was since the navigator could last have asked."""
         with self._changed:
             return self._is_touching or now_s - self._touched_s < _TOUCH_LASTS_S
 
     def take_truth(self, received: Received) -> None:
-        """Keep where it really is."""
+        """Keep the true pose."""
         pose = read_odometry(received.message, "its true pose")
         stamp_s = read_stamp(received.message, "its true pose")
         self.truth = Stamped(stamp_s, received.arrived_s, received.attachment.sequence, pose)
 
     def newest(self) -> Moment | None:
-        """Return the newest moment of which colours, depth and odometry have come."""
+        """Return the newest moment with colours, depth and odometry; None if there is none."""
         with self._changed:
             for colour in reversed(self.colour.kept):
                 depth = self.depth.nearest(colour.stamp_s)
@@ -218,14 +218,14 @@ class SensorInbox:
         return None
 
     def wait_for_all(self, patience_s: float) -> bool:
-        """Wait until a whole moment and the lens are there; tell whether they are."""
+        """Wait until a complete moment and the lens have arrived; tell whether they have."""
         with self._changed:
             return self._changed.wait_for(
                 lambda: self.newest() is not None and self.camera_info is not None, patience_s
             )
 
     def complaint(self, now_s: float) -> str:
-        """Say in words what is missing, topic by topic."""
+        """Return in words what is missing, topic by topic."""
         words = [] if self.camera_info is not None else ["no CameraInfo came"]
         for stream in self.streams:
             age_s = stream.age_s(now_s)

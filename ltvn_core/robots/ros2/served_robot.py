@@ -1,8 +1,8 @@
-"""A robot of the toolkit shown as a robot of ROS 2: what it sees goes out, what moves it comes in, in real time.
+"""Serves a robot of the toolkit as a robot of ROS 2: publishes its sensors and obeys commands, in real time.
 
-The other half of `ros_robot`; the simulated robot becomes a test double and a simulator for other people's programs.
-Has a drive lease of its own on the machine's steady clock. Owns the pace, and images as `image_transport` compresses
-them: colours as JPEG, depth as PNG of millimetres behind its own header.
+The counterpart of `ros_robot`; with it, the simulated robot is a test double, and a simulator for other programs. Has a
+drive lease of its own on the monotonic clock. Owns the timing, and the images in the format of `image_transport`:
+colours as JPEG, depth as PNG of millimetres after a header.
 """
 
 import math
@@ -40,19 +40,19 @@ from ltvn_core.types import CONTROL_STEP_S, ZERO_TWIST, Depth, Observation, Pose
 _QUALITY = 95
 _FARTHEST = 65535
 TURN_S = 0.02
-"""The wheels look for commands so often."""
+"""Period in which the wheels read commands, in seconds."""
 _MOST_MADE_UP_S = 0.2
-"""A simulator that was held up for longer lets that time be."""
+"""Greatest delay that a simulator makes up for, in seconds."""
 
 
 def compressed_colour_message(rgb: Rgb, stamp_s: float) -> Any:
-    """Return colours (H, W, 3) as a JPEG."""
+    """Return a CompressedImage with colours (H, W, 3) as JPEG."""
     _, jpeg = cv2.imencode(".jpg", cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR), (cv2.IMWRITE_JPEG_QUALITY, _QUALITY))
     return _compressed_message(jpeg.tobytes(), "rgb8; jpeg compressed bgr8", stamp_s)
 
 
 def compressed_depth_message(depth: Depth, stamp_s: float) -> Any:
-    """Return depth (H, W) in metres as whole millimetres in a PNG."""
+    """Return a CompressedImage with depth (H, W) in metres as a PNG of whole millimetres."""
     units = np.clip(np.nan_to_num(np.round(depth / MILLIMETRES), posinf=0), 0, _FARTHEST).astype(np.uint16)
     return _compressed_message(
         DEPTH_HEADER.pack(0, 0.0, 0.0) + cv2.imencode(".png", units)[1].tobytes(), "16UC1; compressedDepth png", stamp_s
@@ -70,13 +70,13 @@ class ServedRobot:
     def __init__(
         self, robot: Robot, link: ZenohLink, profile: RobotProfile, *, truth: Callable[[], Pose] | None = None
     ) -> None:
-        """Announce all topics, and listen for commands; `truth` returns where the robot really is, (3,)."""
+        """Announce all topics, and subscribe to commands; `truth` returns the robot's true pose (3,)."""
         self._robot = robot
         self._lease = DriveLease(time.monotonic, limits=robot.spec.speeds)
         self._freshness = Freshness(profile.topics.command, most_late_s=MOST_LATE_COMMAND_S)
         self._complaints = Complaints()
         self.refusal: str | None = None
-        """What was wrong with the last command; None where it was obeyed."""
+        """Reason why the last command was refused; None if it was obeyed."""
         self._source = profile.topics.command
         self._seen: Observation | None = None
         topics = profile.topics
@@ -97,7 +97,7 @@ class ServedRobot:
         link.subscribe(Topic(topics.command, kind, domain), self._take_command, self._refuse)
 
     def run(self, is_over: Callable[[], bool]) -> None:
-        """Let time pass as on the wall, and send an image with odometry 10 times a second, until it is over."""
+        """Run in real time, and publish an image with odometry 10 times a second, until `is_over` returns True."""
         passed_s = time.monotonic()
         looked_s = -math.inf
         while not is_over():
@@ -113,7 +113,7 @@ class ServedRobot:
         self._robot.stop()
 
     def _turn_wheels(self) -> None:
-        # The robot's own lease runs on simulated time, ours on the wall's: it holds when this process was stopped.
+        # The robot's own lease runs on simulated time, ours on real time; it expires even if this process was stopped.
         self._robot.drive(self._lease.command())
 
     def _look(self) -> None:
@@ -135,7 +135,7 @@ class ServedRobot:
         return transform_message(seen.odometry, stamp_s, self._edge.parent, self._edge.child)
 
     def _speeds(self, seen: Observation) -> Twist:
-        """Return how fast it went since the last look."""
+        """Return the mean speeds since the last observation."""
         last, self._seen = self._seen, seen
         if last is None or seen.stamp <= last.stamp:
             return ZERO_TWIST
@@ -147,7 +147,7 @@ class ServedRobot:
         try:
             self._lease.grant(read_twist(received.message, self._source))
         except RobotError:
-            self._lease.cancel()  # Who sends invalid speeds is broken, and must not keep the robot moving.
+            self._lease.cancel()  # A driver that sends invalid speeds is broken, and must not keep the robot moving.
             raise
         self.refusal = None
 

@@ -1,8 +1,8 @@
-"""How `rmw_zenoh` sends messages: types and bytes (CDR), keys of topics, and the tokens of who takes part.
+"""The wire format of `rmw_zenoh`: types and bytes (CDR), keys of topics, and liveliness tokens.
 
-Owns which edition of the types is spoken, `rosbags` knows the rest; the patterns of keys and liveliness tokens with the
-check of what a key says; and the layout of the 33 bytes beside each message: its number, its time and who sent it. A
-peer that runs ROS reads these without looking, and a wrong one ends its process. Sends nothing.
+Owns the edition of the types (`rosbags` defines them); the patterns and the check of keys and liveliness tokens; and
+the layout of the attachment of each message, 33 bytes with its sequence number, its time and its sender. A peer that
+runs ROS reads attachments unchecked, and an invalid one crashes its process. Sends nothing.
 """
 
 import hashlib
@@ -26,7 +26,7 @@ BATTERY = "sensor_msgs/msg/BatteryState"
 BUMPER = "std_msgs/msg/Bool"
 
 NO_HASH = "TypeHashNotSupported"
-"""What robots with ROS 2 Humble say in place of a hash."""
+"""Placeholder for the hash, used by robots with ROS 2 Humble."""
 
 
 @cache
@@ -53,7 +53,7 @@ def encode(message: Any) -> bytes:
 
 
 def decode(payload: bytes, name: str, source: str) -> Any:
-    """Return the message of that type in CDR bytes which came from `source`. Raises RobotError."""
+    """Return the message of a type in CDR bytes that arrived from `source`. Raises RobotError."""
     try:
         return type_store().deserialize_cdr(payload, name)
     except SerdeError as error:
@@ -64,30 +64,30 @@ def decode(payload: bytes, name: str, source: str) -> Any:
 
 GID_BYTES = 16
 _LAYOUT = struct.Struct(f"<qqB{GID_BYTES}s")
-"""Number, nanoseconds, the length of what follows, and the sender."""
+"""Sequence number, nanoseconds, length of the sender's id, and the sender's id."""
 TOKENS = "@ros2_lv"
 _DEFAULT_QOS_REST = ":,:,:,,"
 
 
 class Attachment(NamedTuple):
-    """What is known of one message beside its contents."""
+    """Metadata of one message."""
 
     sequence: int
-    """Counts the messages of its sender, from 1."""
+    """Sequence number of the sender, from 1."""
     stamp_ns: int
-    """When it was sent, in nanoseconds of the sender's clock."""
+    """Time of sending, in nanoseconds on the sender's clock."""
     gid: bytes
-    """Names the sender, 16 bytes."""
+    """Id of the sender, 16 bytes."""
 
     def to_bytes(self) -> bytes:
-        """Return the 33 bytes. Raises ValueError for a sender's name of another length."""
+        """Return the 33 bytes. Raises ValueError if the id of the sender has another length."""
         if len(self.gid) != GID_BYTES:
             raise ValueError(f"A sender is named by {GID_BYTES} bytes, got {len(self.gid)}.")
         return _LAYOUT.pack(self.sequence, self.stamp_ns, GID_BYTES, self.gid)
 
     @classmethod
     def from_bytes(cls, data: bytes | None, source: str) -> "Attachment":
-        """Read the bytes that came with a message of `source`. Raises RobotError where they are something else."""
+        """Read the attachment of a message of `source`. Raises RobotError if it is invalid."""
         if data is None or len(data) != _LAYOUT.size:
             found = "nothing" if data is None else f"{len(data)} bytes"
             raise RobotError(
@@ -104,7 +104,7 @@ class Attachment(NamedTuple):
 
 
 class Role(Enum):
-    """What an endpoint does with its topic, as tokens say it."""
+    """Role of an endpoint in its topic, as encoded in tokens."""
 
     PUBLISHES = "MP"
     SUBSCRIBES = "MS"
@@ -115,25 +115,25 @@ class Topic:
     """A topic of one type in one ROS domain."""
 
     name: str
-    """With its leading slash: `/cmd_vel`."""
+    """Name with a leading slash, such as `/cmd_vel`."""
     type_name: str
-    """Such as `geometry_msgs/msg/Twist`."""
+    """Name of the type, such as `geometry_msgs/msg/Twist`."""
     domain: int = 0
     """The robot's ROS_DOMAIN_ID."""
 
     @property
     def key(self) -> str:
-        """Where messages of exactly this type are published."""
+        """Key at which messages of exactly this type are published."""
         return f"{self._place}/{dds_name(self.type_name)}/{type_hash(self.type_name)}"
 
     @property
     def unhashed_key(self) -> str:
-        """Where ROS 2 Humble, which has no hashes of types, looks for these messages."""
+        """Key at which ROS 2 Humble, which has no hashes of types, expects these messages."""
         return f"{self._place}/{dds_name(self.type_name)}/{NO_HASH}"
 
     @property
     def unhashed_subscribers(self) -> str:
-        """Matches the liveliness tokens of subscribers that look at `unhashed_key`."""
+        """Key expression of the liveliness tokens of subscribers to `unhashed_key`."""
         return (
             f"{TOKENS}/{self.domain}/*/*/*/{Role.SUBSCRIBES.value}/*/*/*/{self._mangled}/{dds_name(self.type_name)}/"
             f"{NO_HASH}/*"
@@ -141,7 +141,7 @@ class Topic:
 
     @property
     def any_type_key(self) -> str:
-        """Takes messages of every type there, so that a wrong one can be told from none."""
+        """Key expression for messages of any type, so that a wrong type can be told from no message."""
         return f"{self._place}/*/*"
 
     @property
@@ -153,7 +153,7 @@ class Topic:
         return self.name.replace("/", "%")
 
     def check_key(self, key: str) -> None:
-        """Raise RobotError where a message of this topic came as another type or another edition of it."""
+        """Raise RobotError if a message of this topic has another type, or another edition of its type."""
         kind, edition = key.split("/")[-2:]
         if kind != dds_name(self.type_name):
             raise RobotError(
@@ -169,24 +169,24 @@ class Topic:
 
 @dataclass(frozen=True, slots=True)
 class Endpoint:
-    """One publisher or subscriber of a node, as others may see it in `ros2 topic list`."""
+    """One publisher or subscriber of a node, as shown by `ros2 topic list`."""
 
     session: str
     """The Zenoh id of the session."""
     node: str
     """Name of the node, in the root namespace."""
     number: int
-    """Counts the endpoints of the session; 0 is the node itself."""
+    """Number of the endpoint in the session; 0 is the node itself."""
     role: Role
     topic: Topic
     best_effort: bool = False
-    """A message that got lost is not sent again."""
+    """Whether lost messages are not sent again."""
     depth: int = 1
-    """So many messages wait at most."""
+    """Maximum length of the message queue."""
 
     @property
     def token(self) -> str:
-        """The liveliness token: as long as it stands, the endpoint is there."""
+        """The liveliness token, which exists as long as the endpoint does."""
         topic = self.topic
         mangled = topic.name.replace("/", "%")
         qos = f"{'2' if self.best_effort else ''}::,{self.depth}{_DEFAULT_QOS_REST}"
@@ -197,7 +197,7 @@ class Endpoint:
 
     @property
     def gid(self) -> bytes:
-        """Names this endpoint beside its messages, 16 bytes."""
+        """Id of this endpoint in the attachment of its messages, 16 bytes."""
         return hashlib.blake2b(self.token.encode(), digest_size=GID_BYTES).digest()
 
 
@@ -207,5 +207,5 @@ def node_token(session: str, node: str, domain: int) -> str:
 
 
 def ros_name(wire_name: str) -> str:
-    """Return `geometry_msgs/msg/Twist` for a name on the wire; anything else as it is."""
+    """Return the ROS name, such as `geometry_msgs/msg/Twist`, for a name on the wire; anything else unchanged."""
     return wire_name.replace("::dds_::", "::").replace("::", "/").removesuffix("_")

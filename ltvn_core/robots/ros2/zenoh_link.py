@@ -1,9 +1,9 @@
-"""The connection to the robots of a ROS 2 domain, by Zenoh; the only module that knows that library.
+"""The connection to the robots of a ROS 2 domain by Zenoh; the only module that imports that library.
 
-Publishes and subscribes as `rmw_zenoh` does, and shows itself in `ros2 topic list`. A link is opened to a router
-(`connect`), or is one itself (`listen`); it listens at no address that nobody asked for, and looks for nobody by
-multicast. A broken link is made anew by itself, and messages of the meantime are lost rather than kept. What is wrong
-with what a robot sends is logged once in a while for each kind, so that ten errors a second stay readable.
+Publishes and subscribes as `rmw_zenoh` does, and appears in `ros2 topic list`. A link connects to a router (`connect`),
+or is a router itself (`listen`); it opens no other port and does not use multicast discovery. A broken link reconnects
+by itself, and messages in the meantime are lost instead of queued. Errors in a robot's messages are logged with a rate
+limit per kind, so that the log stays readable.
 """
 
 import json
@@ -25,17 +25,17 @@ _AGAIN_S = 5.0
 _CONNECT_MS = 3000
 _ADDRESS = re.compile(r"(tcp|tls|quic|udp|ws)/(\[[0-9a-fA-F:]+\]|[A-Za-z0-9.-]+):([0-9]{1,5})")
 LOOPBACK = "tcp/127.0.0.1:7447"
-"""Where a router of this machine listens."""
+"""Default address of a router on this machine."""
 
 
 class Complaints:
-    """What was said lately."""
+    """Logs errors with a rate limit."""
 
     def __init__(self) -> None:
         self._said_s: dict[str, float] = {}
 
     def say(self, error: RobotError) -> None:
-        """Log an error, unless one that differs in its numbers alone was logged in the last 5 seconds."""
+        """Log an error, unless the same one, apart from its numbers, was logged in the last 5 seconds."""
         kind = re.sub(r"[0-9.]+", "#", str(error))
         now_s = time.monotonic()
         if now_s - self._said_s.get(kind, -_AGAIN_S) >= _AGAIN_S:
@@ -44,21 +44,21 @@ class Complaints:
 
 
 class Received(NamedTuple):
-    """A message that came in and was understood."""
+    """A message that arrived and was decoded."""
 
     message: Any
     attachment: Attachment
     arrived_s: float
-    """On this machine's steady clock (`time.monotonic`)."""
+    """Time of arrival, in seconds on this machine's monotonic clock (`time.monotonic`)."""
 
 
 class ZenohLink:
-    """One node in a ROS 2 domain. A context manager; close it, so that others see it go."""
+    """One node in a ROS 2 domain. A context manager; closing it removes the node from the others' lists."""
 
     def __init__(self, session: zenoh.Session, node: str, domain: int, address: str) -> None:
-        """Use `connect` or `listen`."""
+        """Called by `connect` and `listen`."""
         self.address = address
-        """Where the router is."""
+        """Address of the router."""
         self.domain = domain
         self._session = session
         self._node = node
@@ -67,7 +67,7 @@ class ZenohLink:
 
     @classmethod
     def connect(cls, address: str, *, node: str, domain: int = 0) -> Self:
-        """Join through the router at `address`, such as tcp/127.0.0.1:7447. Raises RobotError."""
+        """Connect to the router at `address`, such as tcp/127.0.0.1:7447. Raises RobotError."""
         check_address(address)
         settings = {"mode": "client", "connect/endpoints": [address], "connect/timeout_ms": _CONNECT_MS}
         advice = "is the router there (`ros2 run rmw_zenoh_cpp rmw_zenohd`, or `ltvn serve`), and the port open?"
@@ -75,7 +75,7 @@ class ZenohLink:
 
     @classmethod
     def listen(cls, address: str, *, node: str, domain: int = 0) -> Self:
-        """Be the router at `address`, where port 0 takes a free one. Raises RobotError where it is taken."""
+        """Be a router at `address`; port 0 chooses a free port. Raises RobotError if the port is taken."""
         address = _with_port(address)
         settings = {"mode": "router", "listen/endpoints": [address]}
         advice = "another router may be there; use --connect instead, or another port."
@@ -89,19 +89,19 @@ class ZenohLink:
 
     @property
     def is_connected(self) -> bool:
-        """Whether anybody is at the other end now."""
+        """Whether the link is connected now."""
         return any(True for _ in self._session.info.transports())
 
     def publisher(self, topic: Topic, *, best_effort: bool = False) -> "TopicPublisher":
-        """Announce that messages of a topic will come from here."""
+        """Announce a publisher of a topic."""
         endpoint = self._announce(topic, Role.PUBLISHES, best_effort)
         return TopicPublisher(self._keep(_declare_publisher(self._session, topic, topic.key)), endpoint)
 
     def command_publisher(self, topic: Topic) -> "TopicPublisher":
-        """Announce that commands will come from here, for robots of every edition of ROS 2.
+        """Announce a publisher of commands, for robots with any edition of ROS 2.
 
-        Other messages go to those alone whose edition has hashes of types, because listeners at every key would get
-        them twice.
+        Other messages go only to editions with hashes of types, because a subscriber to all keys would receive them
+        twice.
         """
         publisher = self.publisher(topic)
         unhashed = UnhashedListeners(self._keep(_declare_publisher(self._session, topic, topic.unhashed_key)))
@@ -112,10 +112,9 @@ class ZenohLink:
         return publisher
 
     def subscribe(self, topic: Topic, take: Callable[[Received], None], refuse: Callable[[RobotError], None]) -> None:
-        """Hand each message to `take`, and what is wrong with one that cannot be read to `refuse`.
+        """Call `take` with each message, and `refuse` with the error of a message that cannot be read.
 
-        Both are called in a thread of the link, one message after the other. A RobotError that `take` raises goes to
-        `refuse`, too.
+        Both are called in a thread of the link, one message at a time. A RobotError from `take` also goes to `refuse`.
         """
 
         def receive(sample: zenoh.Sample) -> None:
@@ -124,20 +123,20 @@ class ZenohLink:
                 take(_read(sample, topic, arrived_s))
             except LtvnError as error:
                 refuse(error if isinstance(error, RobotError) else RobotError(str(error)))
-            except Exception:  # Zenoh would drop it without a word.
+            except Exception:  # Zenoh would drop the exception silently.
                 _LOG.exception("%s: a message could not be handled.", topic.name)
 
         self._announce(topic, Role.SUBSCRIBES, best_effort=False)
         self._keep(self._session.declare_subscriber(topic.any_type_key, receive))
 
     def publishers(self, name: str) -> list[str]:
-        """Return the nodes that say they publish a topic, such as `/odom`."""
+        """Return the nodes that announce a publisher of a topic, such as `/odom`."""
         pattern = f"{TOKENS}/{self.domain}/*/*/*/{Role.PUBLISHES.value}/*/*/*/{name.replace('/', '%')}/*/*/*"
         replies = [reply.ok for reply in self._session.liveliness().get(pattern, timeout=1.0)]
         return sorted(str(reply.key_expr).split("/")[8] for reply in replies if reply is not None)
 
     def close(self) -> None:
-        """Take everything back and leave; closing twice is allowed."""
+        """Undeclare everything and disconnect; closing twice is allowed."""
         for each in reversed(self._declared):
             each.undeclare()
         self._declared.clear()
@@ -170,27 +169,27 @@ class UnhashedListeners:
         self._tokens: set[str] = set()
 
     def __bool__(self) -> bool:
-        """Tell whether there are any."""
+        """Tell whether there is any subscriber."""
         return bool(self._tokens)
 
     def take(self, token: zenoh.Sample) -> None:
-        """Note that one came or went."""
+        """Register that a subscriber appeared or disappeared."""
         if token.kind == zenoh.SampleKind.DELETE:
             self._tokens.discard(str(token.key_expr))
         else:
             self._tokens.add(str(token.key_expr))
 
     def put(self, payload: bytes, attachment: bytes) -> None:
-        """Send a message where there are any."""
+        """Send a message if there is any subscriber."""
         if self._tokens:
             self._publisher.put(payload, attachment=attachment)
 
 
 class TopicPublisher:
-    """Sends messages of one topic, numbered and signed. May be used from any thread."""
+    """Sends messages of one topic, with a sequence number and its id. May be used from any thread."""
 
     unhashed: UnhashedListeners | None = None
-    """Those that look elsewhere for the messages; None where nobody is asked."""
+    """Subscribers of ROS 2 Humble; None if they are not served."""
 
     def __init__(self, publisher: zenoh.Publisher, endpoint: Endpoint) -> None:
         self._publisher = publisher
@@ -200,14 +199,14 @@ class TopicPublisher:
 
     @property
     def has_listener(self) -> bool:
-        """Whether anybody subscribes to the topic now."""
+        """Whether the topic has a subscriber now."""
         if self.unhashed:
             return True
-        status: Any = self._publisher.matching_status  # Its stub says bool.
+        status: Any = self._publisher.matching_status  # The stub declares bool.
         return bool(status.matching)
 
     def put(self, message: Any) -> None:
-        """Send a message now, or lose it where the link is broken or full: an old one is worth nothing."""
+        """Send a message now, or drop it if the link is broken or full, because an old message is useless."""
         payload = encode(message)
         with self._lock:
             self._sequence += 1
@@ -218,7 +217,7 @@ class TopicPublisher:
 
 
 def check_address(address: str) -> tuple[str, str, int]:
-    """Return protocol, host and port of an address. Raises RobotError where it is none."""
+    """Return protocol, host and port of an address. Raises RobotError if it is invalid."""
     found = _ADDRESS.fullmatch(address)
     if found is None or int(found[3]) > 65535:
         raise RobotError(f"{address!r:.80} is not an address of a router; write tcp/HOST:PORT, as in {LOOPBACK}.")
@@ -234,7 +233,7 @@ def _with_port(address: str) -> str:
 
 
 def _open(settings: dict[str, Any], failure: str) -> zenoh.Session:
-    """Open a session that does only what it is told. Raises RobotError."""
+    """Open a session with these settings and without discovery. Raises RobotError."""
     config = zenoh.Config()
     quiet = {"scouting/multicast/enabled": False, "listen/endpoints": [], "connect/endpoints": []}
     for key, value in {**quiet, **settings}.items():
@@ -255,7 +254,7 @@ def _declare_publisher(session: zenoh.Session, topic: Topic, key: str) -> zenoh.
 
 
 def _read(sample: zenoh.Sample, topic: Topic, arrived_s: float) -> Received:
-    """Check and decode what came in. Raises RobotError."""
+    """Check and decode a message. Raises RobotError."""
     topic.check_key(str(sample.key_expr))
     beside = None if sample.attachment is None else sample.attachment.to_bytes()
     attachment = Attachment.from_bytes(beside, topic.name)

@@ -39,7 +39,7 @@ class FurniturePlacer:
         self._occupancy = occupancy
         self._materials = materials
         self.placed: list[FurniturePiece] = []
-        """What was placed so far, in all rooms."""
+        """Pieces placed so far, in all rooms."""
 
     def place_furniture(self, rng: SeededRng, room: Room, sides: Sequence[WallSide]) -> list[list[tuple[float, float]]]:
         """Place the furniture of a room's kind as far as it fits.
@@ -62,7 +62,7 @@ class FurniturePlacer:
         return hidden
 
     def place_at(self, rng: SeededRng, kind: FurnitureKind, placement: FurniturePlacement) -> None:
-        """Place one piece where it is told to stand, without any check."""
+        """Place one piece at a given place, without any check."""
         wood = rng.choice(self._materials.woods)
         cloth = rng.choice(self._materials.cloths)
         self._occupancy.block(_footprint(placement))

@@ -39,7 +39,7 @@ from ltvn_core.simulation.surfaces import SurfaceBuilder, TextureIndex
 _HEIGHT_M = 3.2
 _DOORWAY_M = 0.95
 _ISLAND_PITCH_M = 5.2
-"""At least so far are the middles of islands apart, so that ways of more than a metre remain between them."""
+"""Least distance between the middles of islands, in metres, so that ways wider than a metre remain between them."""
 _ISLAND_SHIFT_M = 0.3
 _WALL_GAP_M = 0.6
 """Islands are so much farther from walls than from each other."""

@@ -39,7 +39,7 @@ _HEIGHT_M = 3.0
 _SHELF_M = 0.9
 """Depth of a shelf with goods on both sides; those along walls have half of it."""
 _SECTION_M = 1.25
-"""About so long is a section of shelves."""
+"""Approximate length of a section of shelves, in metres."""
 _LEVEL_M = 0.36
 _TILLS_M = 5.0
 """Depth of the floor with the tills."""

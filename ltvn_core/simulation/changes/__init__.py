@@ -1,1 +1,1 @@
-"""A world that changes: carries changes out in a scene, by hand or by a script over time."""
+"""A changing world: applies changes to a scene, by hand or by a script over time."""

@@ -1,12 +1,11 @@
-"""The scene of each state of a world: its surfaces, light and clearance map, with what was changed.
+"""The scene of each state of a world: its surfaces, light and clearance map, with all changes.
 
-Owns which cells of the floor something solid blocks, the scene's own furniture in another place, other pictures and
-rugs, and what a world adds: things that are put down, the leaves of closed doors, and people. Leaves slide out of the
-wall and fill the doorway, as thick as the wall. A person has two legs, a long wide coat, arms and a head, in clothes of
-their own.
+Owns the cells of the floor that solid objects block, moved furniture, other pictures and rugs, and the additions of a
+world: things, the leaves of closed doors, and people. Leaves slide out of the wall and fill the doorway, as thick as
+the wall. A person has two legs, a long wide coat, arms and a head, in individual clothes.
 
-What two states share is made once: a state that was there before gives the same arrays again, and the scene as it was
-made is the very same object. Carries nothing out over time; that is `world`.
+Parts that states share are created once: a repeated state gives the same arrays again, and the unchanged scene is the
+same object. The changes over time are in `world`.
 """
 
 import zlib
@@ -45,14 +44,14 @@ _KNOB_HEIGHT_M = 1.05
 _HEM_M, _WAIST_M = 0.12, 0.85
 """Lower and upper height of the wide part of the coat, in metres."""
 _INSIDE_M = 0.002
-"""Distance of the drawn coat inside the outline that can be touched, in metres."""
+"""Distance of the drawn coat inside the collision outline, in metres."""
 _SEAT_SHARE = 0.5
 """Height of a chair's seat as a share of the height of its back."""
 _LEG_M = 0.05
 
 
 def leaf_outline(doorway: Doorway) -> Outline:
-    """Return where a closed door stands."""
+    """Return the outline of a closed door."""
     x, y = doorway.middle
     yaw = np.pi / 2 if doorway.axis == 0 else 0.0
     return Outline(x=x, y=y, yaw=yaw, width=doorway.width_m, depth=_LEAF_THICKNESS_M, height=_LEAF_HEIGHT_M)
@@ -95,15 +94,15 @@ def _knob_texture() -> Rgb:
 
 
 def person_outline(person: PersonMoved) -> Outline:
-    """Return where a person stands."""
+    """Return the outline of a person."""
     x, y, yaw = person.pose
     return Outline(x=x, y=y, yaw=yaw, width=2 * PERSON_RADIUS_M, depth=2 * PERSON_RADIUS_M, height=PERSON_HEIGHT_M)
 
 
 def people_surfaces(people: tuple[PersonMoved, ...]) -> Surfaces | None:
-    """Return people where they stand; None if there are none.
+    """Return the surfaces of people at their poses; None if there are none.
 
-    The same people give the same textures wherever they walk, so that a renderer prepares these once.
+    The same people have the same textures at all poses, so that a renderer prepares the textures once.
     """
     if not people:
         return None
@@ -121,7 +120,7 @@ class _Crowd(NamedTuple):
 
     surfaces: Surfaces
     owner: NDArray[np.intp]
-    """(V,) to which of the people each vertex belongs."""
+    """(V,) index of the person of each vertex."""
 
 
 @lru_cache(maxsize=8)
@@ -141,7 +140,7 @@ def _body(seed: int) -> Surfaces:
     for side in (-1, 1):
         builder.cylinder(trousers, (0.0, 0.11 * side, 0.0), 0.1, 0.85, top_radius=0.13)
         builder.cylinder(coat, (0.0, 0.2 * side, 0.75), 0.05, 0.65, sides=8)
-    # As wide as what a robot can touch: the camera must not see thin legs where the bumper meets a wide body.
+    # As wide as the collision outline: the camera must not see thin legs if the bumper touches a wide body.
     builder.cylinder(coat, (0.0, 0.0, _HEM_M), PERSON_RADIUS_M - _INSIDE_M, _WAIST_M - _HEM_M, sides=24)
     builder.cylinder(coat, (0.0, 0.0, _WAIST_M), 0.22, 1.42 - _WAIST_M, top_radius=0.17, sides=16)
     builder.cylinder(skin, (0.0, 0.0, 1.42), 0.09, 0.2)
@@ -150,7 +149,7 @@ def _body(seed: int) -> Surfaces:
 
 
 def add_thing(builder: SurfaceBuilder, placed: ThingPlaced) -> None:
-    """Add a thing; its name decides its colours, so that it looks the same wherever it is put."""
+    """Add a thing; its name determines its colours, so that it looks the same at every place."""
     rng = SeededRng(np.random.default_rng(zlib.crc32(placed.thing.encode())))
     match placed.kind:
         case ThingKind.BOX:
@@ -227,13 +226,13 @@ def _cardboard(rng: SeededRng) -> Rgb:
 
 
 _FLAT_M = 0.03
-"""The robot drives over anything lower than this."""
+"""Height of things that the robot drives over, in metres."""
 _FINE = 5
 """Subdivisions of a cell's side when its covered share is measured."""
 _COVERED_SHARE = 0.5
-"""A cell is blocked if at least this share of it is covered."""
+"""Least covered share of a blocked cell."""
 _KEPT = 32
-"""So many surfaces and clearance maps are kept."""
+"""Number of surfaces and clearance maps in the cache."""
 Made = TypeVar("Made")
 
 
@@ -247,7 +246,7 @@ class Cells(NamedTuple):
 
 
 def blocked_cells(surfaces: Surfaces, clearance: ClearanceMap) -> Cells:
-    """Return the cells of a clearance map that something blocks; what it encloses is blocked, too."""
+    """Return the cells of a clearance map that surfaces block, including the cells that they enclose."""
     triangles = clip_to_heights(surfaces.vertices[surfaces.faces].astype(np.float64), _FLAT_M, OBSTACLE_HEIGHT_M)
     if not len(triangles):
         return Cells(np.empty(0, np.intp), np.empty(0, np.intp))
@@ -278,7 +277,7 @@ def exchanged_textures(textures: tuple[Rgb, ...], parts: SceneParts, seed: int) 
 
 
 def moved_piece(surfaces: Surfaces, piece: FurniturePiece, pose: PlaceRow) -> Surfaces:
-    """Return the surfaces of a piece as it looks at a pose, with its own textures alone."""
+    """Return the surfaces of a piece at a pose, with only its own textures."""
     faces = slice(piece.first_face, piece.end_face)
     corners = surfaces.vertices[surfaces.faces[faces]].reshape(-1, 3).astype(np.float64)
     used, texture = np.unique(surfaces.face_texture[faces], return_inverse=True)
@@ -297,7 +296,7 @@ def moved_piece(surfaces: Surfaces, piece: FurniturePiece, pose: PlaceRow) -> Su
 
 
 def piece_cells(piece: FurniturePiece, clearance: ClearanceMap) -> tuple[slice, slice]:
-    """Return the rows and columns of the rectangle that a piece had to itself where it stood at first."""
+    """Return the rows and columns of the rectangle of a piece at its original place."""
     upright = abs(piece.turn[0]) > 0.5
     across, along = (piece.width, piece.depth) if upright else (piece.depth, piece.width)
     low = (np.array([piece.x - across / 2, piece.y - along / 2]) - clearance.origin) / clearance.resolution_m
@@ -311,17 +310,17 @@ def _turn(cos: float, sin: float) -> np.ndarray:
 
 
 class ChangedScenes:
-    """Makes the scenes of all states of one scene."""
+    """Creates the scenes of all states of one scene."""
 
     def __init__(self, base: Scene) -> None:
-        """Start from a scene as it was made."""
+        """Start from an unchanged scene."""
         self.base = base
         self._pieces = {OWN_PREFIX + piece.name: piece for piece in base.parts.furniture}
         self._cache: dict[Hashable, object] = {}
         self._newest = AS_MADE, base
 
     def at(self, state: WorldState) -> Scene:
-        """Return the scene in a state; `world_script` says which states there are."""
+        """Return the scene in a state; the valid states are defined in `world_script`."""
         if state == AS_MADE:
             return self.base
         if state is not self._newest[0]:
@@ -342,7 +341,7 @@ class ChangedScenes:
         )
 
     def _surfaces(self, away: frozenset[str], pictures: int | None) -> Surfaces:
-        """Return the scene's own surfaces without the furniture that is elsewhere, with these pictures."""
+        """Return the scene's own surfaces without moved furniture, with these pictures."""
         whole = self.base.surfaces
         if pictures is not None and (self.base.parts.paintings or self.base.parts.rugs):
             make = lambda: exchanged_textures(whole.textures, self.base.parts, pictures)  # noqa: E731
@@ -379,7 +378,7 @@ class ChangedScenes:
         return replace(clearance, blocked=blocked, floor=clearance.navigable)
 
     def _once(self, key: Hashable, make: Callable[[], Made]) -> Made:
-        """Return what was made for a key before, or make it; the oldest is forgotten."""
+        """Return the cached value of a key, or create it; the oldest value is dropped."""
         if key in self._cache:
             self._cache[key] = self._cache.pop(key)
         else:

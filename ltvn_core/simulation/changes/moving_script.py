@@ -1,6 +1,6 @@
-"""Furniture that is moved, taken away and brought back, and things that are left lying about.
+"""Furniture that is moved, removed and returned, and things that are left on the floor.
 
-Owns where something can be put down so that the robot still gets everywhere.
+Owns the places for things, which keep the whole floor reachable for the robot.
 """
 
 from collections.abc import Sequence
@@ -18,17 +18,17 @@ from ltvn_core.simulation.rooms import Doorway, FurniturePiece, Room
 from ltvn_core.simulation.scene import Scene
 
 _APRON_M = 0.7
-"""Floor on both sides of a doorway on which nothing is put."""
+"""Length of floor on both sides of a doorway that stays free, in metres."""
 _KEPT_SHARE = 0.97
-"""At least this share of the floor that is still wide enough hangs together."""
+"""Least share of the passable floor that stays connected."""
 _TRIES = 40
 MEAN_PAUSE_S = HOUR_S
-"""Something is moved once an hour on average, while people are awake."""
+"""Mean time between two changes while people are awake, in seconds."""
 _AWAKE_H = (7.0, 23.0)
 BUILT_IN = ("counter", "fridge", "bathtub", "toilet", "basin", "goods-shelf", "till")
-"""Furniture of these kinds, by the beginnings of its names, nobody moves."""
+"""Prefixes of the names of furniture that is never moved."""
 _MOST_MOVED_SHARE = 0.25
-"""At most this share of the furniture is elsewhere at once."""
+"""Greatest share of the furniture that is moved or removed at the same time."""
 _MOST_THINGS = 6
 _HEIGHT_M = 1.0
 _THINGS = (
@@ -36,7 +36,7 @@ _THINGS = (
     (w.ThingKind.BASKET, (0.35, 0.5), (0.4, 0.6)),
     (w.ThingKind.CHAIR, (0.42, 0.5), (0.85, 0.95)),
 )
-"""What is left lying about: kind, range of its sides, range of its height in metres."""
+"""Things that are left on the floor: kind, range of sides and range of height, in metres."""
 
 
 class Rectangle(NamedTuple):
@@ -49,15 +49,15 @@ class Rectangle(NamedTuple):
 
     @property
     def middle(self) -> tuple[float, float]:
-        """x and y."""
+        """x and y of the middle, in metres."""
         return (self.x0 + self.x1) / 2, (self.y0 + self.y1) / 2
 
 
 class FreeFloor:
-    """The blocked cells of a scene, with all doors open, while things are put down and taken away."""
+    """The blocked cells of a scene with all doors open, updated as things are placed and removed."""
 
     def __init__(self, scene: Scene) -> None:
-        """Begin with the scene as it was made."""
+        """Start with the unchanged scene."""
         self._clearance = scene.clearance
         self._blocked = scene.clearance.blocked.copy()
         self._aprons = np.zeros_like(self._blocked)
@@ -66,16 +66,16 @@ class FreeFloor:
         self._placed: dict[str, tuple[slice, slice]] = {}
 
     def lift(self, piece: FurniturePiece) -> Mask:
-        """Take a piece away from where it stood at first; return the cells that it blocked, for `put_back`."""
+        """Remove a piece from its original place; return the cells that it blocked, for `put_back`."""
         cells = piece_cells(piece, self._clearance)
         before = self._blocked[cells].copy()
         self._blocked[cells] = False
         return before
 
     def put_back(self, name: str, piece: FurniturePiece, cells: Mask) -> bool:
-        """Put a piece from wherever it was placed under a name back where it stood at first.
+        """Return a piece that was placed under a name to its original place.
 
-        Returns whether that was possible: something else may stand there now.
+        Returns whether that was possible, because another thing may be there now.
         """
         place = piece_cells(piece, self._clearance)
         elsewhere = self._placed.get(name)
@@ -92,7 +92,7 @@ class FreeFloor:
     def place(
         self, name: str, within: Rectangle, size: tuple[float, float], rng: np.random.Generator
     ) -> Rectangle | None:
-        """Put a rectangle of a size in metres down within another one; None where no place is found."""
+        """Place a rectangle with sides in metres within another one; return None if no place is found."""
         spare = within.x1 - within.x0 - size[0], within.y1 - within.y0 - size[1]
         if min(spare) <= 0:
             return None
@@ -106,7 +106,7 @@ class FreeFloor:
         return None
 
     def remove(self, name: str) -> None:
-        """Take away what was put down under a name, if anything was."""
+        """Remove the thing that was placed under a name, if there is any."""
         if name in self._placed:
             self._blocked[self._placed.pop(name)] = False
 
@@ -125,7 +125,7 @@ class FreeFloor:
 
 
 def _hangs_together(blocked: Mask, resolution_m: float, floor: Mask) -> bool:
-    """Return whether nearly all of a floor that is wide enough for the robot is one piece."""
+    """Return whether nearly all of the floor that is wide enough for the robot is connected."""
     wide = _wide_enough(blocked, resolution_m)
     count, pieces = cv2.connectedComponents(wide.astype(np.uint8), connectivity=4)
     sizes = np.bincount(pieces[wide & floor], minlength=count)
@@ -146,7 +146,7 @@ def _apron(door: Doorway) -> Rectangle:
 
 
 def moved_things(scene: Scene, rng: np.random.Generator, duration_s: float) -> list[TimedChange]:
-    """Return what is moved, taken away, brought back and left lying about; the robot still gets everywhere."""
+    """Return the changes of furniture and things over time; the robot can still reach the whole floor."""
     household = _Household(scene, rng)
     changes: list[TimedChange] = []
     now_s = 0.0
@@ -157,7 +157,7 @@ def moved_things(scene: Scene, rng: np.random.Generator, duration_s: float) -> l
 
 
 class _Household:
-    """What stands where, while a script is written."""
+    """Current places of furniture and things while a script is generated."""
 
     def __init__(self, scene: Scene, rng: np.random.Generator) -> None:
         self._rooms: Sequence[Room] = scene.rooms
@@ -165,12 +165,12 @@ class _Household:
         self._floor = FreeFloor(scene)
         self._rng = rng
         self._elsewhere: dict[str, tuple[FurniturePiece, Mask]] = {}
-        """Pieces that are not where they stood at first, and the cells that they blocked there."""
+        """Moved or removed pieces, and the cells that they blocked at their original places."""
         self._things: list[str] = []
         self._count = 0
 
     def next_change(self) -> list[w.WorldChange]:
-        """Return the next thing that happens; nothing where there is no room for it."""
+        """Return the next changes; none if there is no room for them."""
         fewest = len(self._things) < _MOST_THINGS
         if not self._pieces or self._rng.random() < 0.5:
             return self._leave_something() if fewest and self._rng.random() < 0.65 else self._clear_away()
@@ -200,7 +200,7 @@ class _Household:
         return [w.ThingRemoved(name)]
 
     def _move_piece(self) -> list[w.WorldChange]:
-        """Move a piece within its room, or take it away where there is no room for it."""
+        """Move a piece within its room, or remove it if there is no room for it."""
         piece = self._pieces[int(self._rng.integers(len(self._pieces)))]
         name = w.OWN_PREFIX + piece.name
         room = _room_of(piece, self._rooms)

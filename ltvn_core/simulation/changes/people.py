@@ -1,8 +1,8 @@
-"""People who walk through a world: who comes, who leaves, and the ways of their own that they walk.
+"""People who walk through a world: their arrivals, departures and paths.
 
-A person goes from place to place, stands there for a while, and waits where the robot or somebody else is too near
-ahead; nobody walks into the robot. Who has waited in vain takes another way, and steps aside where the robot comes
-nearer, as far as there is room. Time is the robot's: while it stands still, so do people.
+A person walks from place to place, stands there for a while, and waits if the robot or another person is too close
+ahead; nobody walks into the robot. After waiting in vain, a person takes another way, and steps aside if the robot
+comes closer and there is room. People move only while the robot's clock advances.
 """
 
 from collections.abc import Sequence
@@ -17,29 +17,29 @@ from ltvn_core.types import Pose
 from ltvn_core.worlds import PersonMoved
 
 AWAKE_S = (7.5 * HOUR_S, 22.5 * HOUR_S)
-"""People are there between these times of the day."""
+"""Times of the day between which people are present, in seconds."""
 _APPEAR_M = 2.0
-"""A person comes into the world at least this far from the robot."""
+"""Least distance from the robot at which a person appears, in metres."""
 SPEEDS_M_S = (0.5, 0.9)
 _KEEP_M = 0.3
-"""A person stops this far before touching somebody."""
+"""Distance to other bodies at which a person stops, in metres."""
 _ASIDE_M = 0.25
-"""A person steps aside when the robot comes nearer than this, from surface to surface."""
+"""Distance of the robot at which a person steps aside, from surface to surface, in metres."""
 _ASIDE_M_S = 0.8
-"""Speed of a person who steps aside."""
+"""Speed of a person who steps aside, in metres per second."""
 _ASIDE_RAD = np.deg2rad((0.0, 45.0, -45.0, 90.0, -90.0))
 """Directions in which a person steps aside, relative to straight away from the robot; the first free one is taken."""
 _BODY_M = 0.2
-"""What a person keeps free around where they step aside."""
+"""Clearance of a person who steps aside, in metres."""
 _PAUSE_S = (2.0, 20.0)
 _PATIENCE_S = 4.0
-"""After waiting so long a person goes somewhere else."""
+"""Waiting time after which a person goes to another place, in seconds."""
 _CHOICES, _LOOKS_AHEAD_M = 4, 1.2
-"""Of so many ways a person takes the first on which nobody is so near."""
+"""Number of ways that a person tries, and the distance ahead that must be free of others, in metres."""
 _TURN_RAD_S = 2.5
 _AHEAD_M = 0.3
 ROOM_M = 0.3
-"""A person stops over only where there is this much room."""
+"""Clearance of the places where people stand, in metres."""
 
 
 class People:
@@ -52,13 +52,13 @@ class People:
         self._walking: list[WalkingPerson] = []
 
     def among(self, present: Sequence[PersonMoved]) -> tuple[PersonMoved, ...]:
-        """Return who is there now, by name; of those `present` before, only whoever walks by no script stays."""
+        """Return the people who are present now, by name; of those `present` before, the ones placed by hand stay."""
         others = [each for each in present if each.person not in self._names]
         return tuple(sorted((*others, *(each.moved for each in self._walking)), key=lambda each: each.person))
 
     @property
     def stepping_aside(self) -> tuple[str, ...]:
-        """Who makes room for the robot at this moment."""
+        """Names of the people who make room for the robot now."""
         return tuple(person.name for person in self._walking if person.steps_aside)
 
     def come_and_go(self, time_s: float, clearance: ClearanceMap, robot: Pose | None) -> None:
@@ -72,15 +72,15 @@ class People:
                 self._arrive(name, clearance, robot)
 
     def send_away_from(self, pose: Pose) -> None:
-        """Send those away who stand near a pose (3,); they come in anew elsewhere."""
+        """Remove people near a pose (3,); they appear again at another place."""
         self._walking = [each for each in self._walking if np.hypot(*(each.pose - pose)[:2]) >= _APPEAR_M / 2]
 
     def scatter(self) -> None:
-        """Forget where everybody is, after time in which nobody watched; all come in anew."""
+        """Forget all positions after unobserved time; all people appear again at new places."""
         self._walking = []
 
     def walk(self, duration_s: float, clearance: ClearanceMap, robot: Sequence[float] | None) -> None:
-        """Let everybody walk on for a moment; `robot` is x, y and radius in metres."""
+        """Let all people walk for a duration; `robot` is x, y and radius in metres."""
         for person in self._walking:
             others = [(*each.pose[:2], PERSON_RADIUS_M) for each in self._walking if each is not person]
             places = np.array(others, np.float64).reshape(-1, 3)
@@ -99,7 +99,7 @@ class WalkingPerson:
     """One person in a world."""
 
     def __init__(self, name: str, seed: int, pose: Pose, rng: np.random.Generator) -> None:
-        """Stand at a pose (3,), in the clothes of a seed."""
+        """Start at a pose (3,), in clothes drawn with a seed."""
         self.name = name
         self.seed = seed
         self.pose: Pose = pose
@@ -110,24 +110,24 @@ class WalkingPerson:
         self._waited_s = 0.0
         self._robot_m = np.inf
         self.steps_aside = False
-        """Whether the person makes room for the robot at this moment."""
+        """Whether the person makes room for the robot now."""
 
     @property
     def moved(self) -> PersonMoved:
-        """Where the person is now, as a change of the world."""
+        """The person's current pose, as a change of the world."""
         x, y, yaw = self.pose.tolist()
         return PersonMoved(self.name, (x, y, yaw), self.seed)
 
     def walk(
         self, duration_s: float, clearance: ClearanceMap, others: NDArray[np.float64], robot: NDArray[np.float64] | None
     ) -> None:
-        """Walk on for a moment.
+        """Walk for a duration.
 
         Args:
-            duration_s: How long.
-            clearance: What is in the way now.
+            duration_s: Duration in seconds.
+            clearance: Current obstacles.
             others: (N, 3) x, y and radius in metres of the other people.
-            robot: (3,) the same of the robot; None where there is none.
+            robot: (3,) x, y and radius in metres of the robot; None without one.
         """
         if robot is not None:
             if self._make_room(duration_s, clearance, others, robot):
@@ -156,7 +156,7 @@ class WalkingPerson:
     def _make_room(
         self, duration_s: float, clearance: ClearanceMap, others: NDArray[np.float64], robot: NDArray[np.float64]
     ) -> bool:
-        """Step aside if the robot is near and comes nearer; return whether that was so."""
+        """Step aside if the robot is near and comes closer; return whether the person did."""
         gap = self.pose[:2] - robot[:2]
         before_m, self._robot_m = self._robot_m, float(np.hypot(*gap)) - robot[2] - PERSON_RADIUS_M
         self.steps_aside = self._robot_m < min(_ASIDE_M, before_m - 1e-3)
@@ -173,7 +173,7 @@ class WalkingPerson:
         return True
 
     def _choose_way(self, clearance: ClearanceMap, others: NDArray[np.float64]) -> None:
-        """Choose where to go, if possible by a way on which nobody stands near ahead."""
+        """Choose a goal, if possible with a way that is free of other people close ahead."""
         self._waited_s = 0.0
         for goal in clearance.sample_poses(self._rng, _CHOICES, min_clearance_m=ROOM_M):
             way = clearance.path(self.pose[:2], goal[:2])
@@ -187,7 +187,7 @@ class WalkingPerson:
             self._pause_s = 1.0
 
     def _step(self, duration_s: float) -> Pose:
-        """Return where the person would be after a moment, (3,); who must turn first does so on the spot."""
+        """Return the person's next pose (3,); a person who must turn first turns on the spot."""
         x, y, yaw = self.pose
         gap = self._way[0] - self.pose[:2]
         turn = float(np.angle(np.exp(1j * (np.arctan2(gap[1], gap[0]) - yaw))))
@@ -197,7 +197,7 @@ class WalkingPerson:
         return np.array([x + length_m * direction[0], y + length_m * direction[1], yaw])
 
     def _is_too_near(self, place: NDArray[np.float64], others: NDArray[np.float64]) -> bool:
-        """Tell whether a place is too near to somebody, and nearer than the person is already."""
+        """Tell whether a place is too close to another body, and closer than the person is already."""
         if not len(others):
             return False
         then_m = np.hypot(*(others[:, :2] - place).T)

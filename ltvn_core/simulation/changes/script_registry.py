@@ -1,7 +1,7 @@
 """Scripts of worlds by their names, or from a file: doors, light and pictures over time.
 
-Owns the processes of doors (by the hour, at random, for good) and of light, and which doors may be closed at once, so
-that most of a scene can still be reached. Furniture and things are in `moving_script`.
+Owns the processes of doors (by the hour, at random, for ever) and of light, and the doors that may be closed at the
+same time, so that most of a scene stays reachable. Furniture and things are in `moving_script`.
 """
 
 import math
@@ -21,14 +21,14 @@ from ltvn_core.terminal_text import which_name
 from ltvn_core.worlds import DoorMoved, LightChanged, PicturesExchanged
 
 _CONNECTED_SHARE = 0.6
-"""Least share of the area of all rooms that stays connected, whatever is closed."""
+"""Least share of the area of all rooms that stays connected."""
 _CLOSED_SHARE = 0.5
-"""Largest share of the doors that is closed."""
+"""Greatest share of the doors that is closed at the same time."""
 OPENS_S, CLOSES_S = 8 * HOUR_S, 20 * HOUR_S
-"""Doors that keep hours are open between these times of the day, give or take `_UNPUNCTUAL_S`."""
+"""Opening hours of daily doors, in seconds of the day, with a deviation of up to `_UNPUNCTUAL_S`."""
 _UNPUNCTUAL_S = 0.4 * HOUR_S
 MEAN_OPEN_S, MEAN_CLOSED_S = 1800.0, 600.0
-"""How long doors that move at random stay open and closed on average (a random telegraph signal)."""
+"""Mean times that random doors stay open and closed (a random telegraph signal), in seconds."""
 _LIGHT_EVERY_S = HOUR_S / 4
 _SUNRISE_H = 6.5
 _SUNSET_H = 19.0
@@ -40,7 +40,7 @@ _EVENING = LightChanged(0.75, 0.7)
 _EXCHANGE_S = 3 * HOUR_S
 WEEK_S = 7 * DAY_S
 PEOPLE, CROWD = 3, 6
-"""So many people walk about where a script has people, and where it has many."""
+"""Numbers of people in scripts with people, and with a crowd."""
 _Process = Callable[[Scene, np.random.Generator, float], list[TimedChange]]
 
 
@@ -50,14 +50,14 @@ class OpenRoutes:
     def __init__(self, scene: Scene) -> None:
         """Read rooms and doors from a scene."""
         self.doors = len(scene.parts.doors)
-        """Doors have the numbers below this."""
+        """Number of doors."""
         self._areas_m2 = np.array([room.area_m2 for room in scene.rooms])
         self._doors = np.array([door.rooms for door in scene.parts.doors], np.intp).reshape(-1, 2)
         open_always = [door.rooms for door in scene.parts.doorways if door not in scene.parts.doors]
         self._passages = np.array(open_always, np.intp).reshape(-1, 2)
 
     def remain(self, closed: Collection[int]) -> bool:
-        """Return whether enough of the scene still hangs together with these doors closed."""
+        """Return whether enough of the scene stays connected with these doors closed."""
         if len(closed) > _CLOSED_SHARE * self.doors:
             return False
         stays = np.ones(self.doors, bool)
@@ -69,7 +69,7 @@ class OpenRoutes:
 
 
 class _Closing(NamedTuple):
-    """A door is to be closed for a while."""
+    """A time interval in which a door is to be closed."""
 
     begin_s: float
     end_s: float
@@ -77,17 +77,17 @@ class _Closing(NamedTuple):
 
 
 def daily_doors(routes: OpenRoutes, rng: np.random.Generator, duration_s: float) -> list[TimedChange]:
-    """Return doors that are open from 8 to 20 o'clock: as many as may be closed at once."""
+    """Return changes of doors that are open from 8:00 to 20:00: as many doors as may be closed at the same time."""
     return _carried_out(routes, _nights(_closable_together(routes, rng), rng, duration_s))
 
 
 def telegraph_doors(routes: OpenRoutes, rng: np.random.Generator, duration_s: float) -> list[TimedChange]:
-    """Return doors that stay open for 30 minutes on average and closed for 10."""
+    """Return changes of doors that stay open for 30 minutes on average and closed for 10."""
     return _carried_out(routes, _telegraph_closings(range(routes.doors), rng, duration_s))
 
 
 def mixed_doors(routes: OpenRoutes, rng: np.random.Generator, duration_s: float) -> list[TimedChange]:
-    """Return doors of which some keep hours and others move at random, and one is closed for good half way."""
+    """Return changes of doors, some with opening hours and others random; one is closed for ever half way."""
     doors = rng.permutation(routes.doors).tolist()
     closable = [door for door in doors if routes.remain([door])]
     for_good = closable[:1]
@@ -130,7 +130,7 @@ def _telegraph_closings(doors: Sequence[int], rng: np.random.Generator, duration
 
 
 def _carried_out(routes: OpenRoutes, closings: Sequence[_Closing]) -> list[TimedChange]:
-    """Return the changes of those closings that leave enough routes; the others do not happen."""
+    """Return the changes of the closings that leave enough routes; the others are dropped."""
     changes: list[TimedChange] = []
     closed_until: dict[int, float] = {}
     for begin_s, end_s, door in sorted(closings):
@@ -145,7 +145,7 @@ def _carried_out(routes: OpenRoutes, closings: Sequence[_Closing]) -> list[Timed
 
 
 def daylight(rng: np.random.Generator, duration_s: float) -> list[TimedChange]:
-    """Return the light every quarter of an hour: sun and clouds by day, lamps in the evening, one lamp at night."""
+    """Return changes of light every 15 minutes: sun and clouds by day, lamps in the evening, one lamp at night."""
     changes: list[TimedChange] = []
     clouds = 1.0
     for quarter in range(int(duration_s // _LIGHT_EVERY_S) + 1):
@@ -158,7 +158,7 @@ def daylight(rng: np.random.Generator, duration_s: float) -> list[TimedChange]:
 
 
 def exchanged_pictures(rng: np.random.Generator, duration_s: float) -> list[TimedChange]:
-    """Return other pictures and rugs every night."""
+    """Return an exchange of pictures and rugs every night."""
     nights = range(int((duration_s - _EXCHANGE_S) // DAY_S) + 1)
     return [
         TimedChange(night * DAY_S + _EXCHANGE_S, PicturesExchanged(int(rng.integers(1, 2**31)))) for night in nights
@@ -205,7 +205,7 @@ _PROCESSES: dict[str, tuple[_Process, ...]] = {
 
 
 SCRIPT_NAMES = tuple(_PROCESSES)
-"""All names that `make_script` knows."""
+"""All names that `make_script` accepts."""
 
 
 TOGETHER = "+"
@@ -219,19 +219,19 @@ _PEOPLE = {"people": PEOPLE, "crowd": CROWD, "all": PEOPLE}
 
 
 def make_script(name: str, scene: Scene, *, seed: int = 0, duration_s: float = WEEK_S) -> WorldScript:
-    """Return the script of a name, or the one in a JSON file, for a scene.
+    """Return the script with a name, or from a JSON file, for a scene.
 
     The same name, scene, seed and duration give the same script.
 
     Args:
         name: One of `SCRIPT_NAMES`, or several that run together (`doors+moving`), or the path of a file, see
             `world_script`.
-        scene: Where it happens.
-        seed: Draws what happens and when; a file has its own.
-        duration_s: Seconds from midnight of the first day until which something happens.
+        scene: Scene of the changes.
+        seed: Draws the changes and their times; a file has its own.
+        duration_s: Time of the last change, in seconds from midnight of the first day.
 
     Raises:
-        WorldError: There is no such script, its file cannot be read, or the scene cannot carry it out.
+        WorldError: There is no such script, its file cannot be read, or its changes are impossible in the scene.
     """
     parts = name.split(TOGETHER)
     if not set(parts) <= _PROCESSES.keys():
@@ -246,7 +246,7 @@ def make_script(name: str, scene: Scene, *, seed: int = 0, duration_s: float = W
 
 
 def _changes(name: str, scene: Scene, seed: int, duration_s: float) -> list[TimedChange]:
-    """Return what one named script brings."""
+    """Return the changes of one named script."""
     if name in _NEED_DOORS and not scene.parts.doors:
         raise WorldError(
             f"The scene {scene.name} has no doors, so the script {name!r} would change nothing. Scenes from meshes can "

@@ -1,8 +1,8 @@
-"""A scene that changes over time: applies what a script foretells and what a person does, and tells its followers.
+"""A scene that changes over time: applies the changes of a script and of a person, and notifies its followers.
 
-Holds the time of the world, its state, how far its script has come, and the robot that must not be hit. Says where a
-change puts something solid. Physics and camera belong to the robot, which
-`WorldFollower` lets meet the world as it is now. Recordings and views follow too.
+Holds the time of the world, its state, the progress of its script, and the robot that changes must not hit. Owns the
+outlines of changed objects. Physics and camera belong to the robot; `WorldFollower` updates them. Recordings and views
+are followers, too.
 """
 
 import logging
@@ -37,25 +37,25 @@ from ltvn_core.worlds import AS_MADE, PersonMoved, WorldState
 log = logging.getLogger(__name__)
 
 Follower = Callable[[Sequence[WorldChanged]], None]
-"""Is told what changed, in the thread that changed it; `World.scene` is the scene as it is now."""
+"""Called with the changes, in the thread that made them; `World.scene` is then the changed scene."""
 _ROOM_M = 0.05
-"""Nothing is put nearer than this to a robot or a person."""
+"""Least distance of a placed object from a robot or a person, in metres."""
 _TELL_PEOPLE_S = 0.5
-"""Where people walk is told this often."""
+"""Time between two notifications about walking people, in seconds."""
 _FURNITURE_HEIGHT_M = 1.0
 
 
 class RobotInside(Protocol):
-    """The robot, as far as a world needs it."""
+    """The interface of a robot that a world needs."""
 
     @property
     def exact_pose(self) -> Pose:
-        """Where it is, (3,)."""
+        """Exact pose (3,) of the robot."""
         ...
 
     @property
     def stamp(self) -> float:
-        """Seconds on its clock."""
+        """Time in seconds on the robot's clock."""
         ...
 
 
@@ -63,15 +63,15 @@ class World:
     """One scene over time. All methods are for the thread that moves the robot."""
 
     def __init__(self, scene: Scene, script: WorldScript = STATIC, *, start_s: float = MORNING_S) -> None:
-        """Begin at `start_s` seconds after midnight of the first day; what the script says of the time before is so.
+        """Start at `start_s` seconds after midnight of the first day, with all earlier changes of the script applied.
 
-        Raises WorldError where the script has a change that the scene cannot carry out.
+        Raises WorldError if the script has a change that is impossible in the scene.
         """
         self.base = scene
-        """The scene as it was made."""
+        """The unchanged scene."""
         self.script = script
         self.state: WorldState = AS_MADE
-        """What is changed now."""
+        """Current changes."""
         self._scenes = ChangedScenes(scene)
         self._followers: list[Follower] = []
         self._body: RobotInside | None = None
@@ -82,19 +82,19 @@ class World:
         self._people = People(script.people, script.seed)
         self._tell_people_s = start_s
         self._told = AS_MADE
-        """Where people were when their places were last told."""
+        """State at the last notification about people."""
         for timed in self._script.due(start_s):
             check_change(timed.change, scene, self.state)
             self.state = self.state.after(timed.change)
 
     @property
     def scene(self) -> Scene:
-        """The scene as it is now."""
+        """The current scene."""
         return self._scenes.at(self.state)
 
     @property
     def stepping_aside(self) -> tuple[str, ...]:
-        """Names of the people who make room for the robot at this moment."""
+        """Names of the people who make room for the robot now."""
         return self._people.stepping_aside
 
     @property
@@ -103,15 +103,15 @@ class World:
         return self._epoch_s + self._stamp
 
     def follow(self, follower: Follower) -> None:
-        """Tell somebody about every change from now on."""
+        """Notify a follower of every change from now on."""
         self._followers.append(follower)
 
     def unfollow(self, follower: Follower) -> None:
-        """Tell somebody no more."""
+        """Stop notifying a follower."""
         self._followers = [each for each in self._followers if each != follower]
 
     def enter(self, body: RobotInside, radius_m: float) -> None:
-        """Let a robot in: nothing will be put onto it, and its clock moves the world's. It replaces one before."""
+        """Add a robot, in place of any earlier one: nothing is placed on it, and its clock drives the world's."""
         self._epoch_s = self.time_s - body.stamp
         self._stamp = body.stamp
         self._body = body
@@ -119,19 +119,19 @@ class World:
         self.make_room(body.exact_pose)
 
     def make_room(self, pose: Pose) -> None:
-        """Let people who stand where the robot is put, at a pose (3,), be somewhere else."""
+        """Move people away from a pose (3,) at which the robot is placed."""
         self._people.send_away_from(pose)
         self._move_people()
 
     def leave(self, body: RobotInside) -> None:
-        """Let a robot out; time stands still until another one comes."""
+        """Remove a robot; time stands still until another one is added."""
         if self._body is body:
             self._body = None
 
     def apply(self, change: w.WorldChange, by: ChangedBy = ChangedBy.HAND) -> None:
         """Change the world now, or let time pass.
 
-        Raises WorldError for what cannot be: no such door, nothing to take away, something on top of the robot.
+        Raises WorldError for an impossible change: an unknown door, nothing to remove, an object on the robot.
         """
         check_change(change, self.base, self.state)
         if isinstance(change, w.TimePassed):
@@ -142,19 +142,19 @@ class World:
         self._change([change], by)
 
     def undo_to(self, before: WorldState) -> None:
-        """Make the world what it was before, as by hand, but for people.
+        """Restore an earlier state by hand, except for people.
 
-        Raises WorldError where somebody stands in the way.
+        Raises WorldError if the robot or a person is in the way.
         """
         self._change(self.state.changes_to(replace(before, people=self.state.people)), ChangedBy.HAND)
 
     def advance_to(self, stamp: float) -> None:
-        """Let time pass until `stamp` on the robot's clock, and carry out what the script says."""
+        """Let time pass until `stamp` on the robot's clock, and apply the changes of the script."""
         duration_s, self._stamp = stamp - self._stamp, stamp
         self._tell([*self._scripted(), *self._walked(duration_s)])
 
     def skip(self, duration_s: float) -> None:
-        """Let time pass in which the robot's clock stands still; it costs no more than the changes that it brings."""
+        """Let time pass while the robot's clock stands still; takes only the computing time of the changes."""
         passed = w.TimePassed(duration_s)
         check_change(passed, self.base, self.state)
         self._epoch_s += duration_s
@@ -164,13 +164,13 @@ class World:
         self._tell([*events, *self._walked(0.0)])
 
     def reachable(self, start: Pose, goals: Pose) -> NDArray[np.bool_]:
-        """Return which of the goals (N, 3) a robot at a pose (3,) can get to as the world is now, (N,)."""
+        """Return which goals (N, 3) a robot at a pose (3,) can reach in the current world, (N,)."""
         return np.isfinite(self.scene.clearance.path_lengths(start, np.asarray(goals)[:, :2]))
 
     def events(self) -> list[WorldChanged]:
-        """Return the events with which a recording begins: what time it is and what the world is like.
+        """Return the first events of a recording: the time and the state of the world.
 
-        None for a scene as it was made in which nothing changes by itself.
+        Empty for an unchanged scene without changes by itself.
         """
         if self.state == AS_MADE and self.script.is_static:
             return []
@@ -185,11 +185,11 @@ class World:
         self._tell([self._carry_out(change, by, self.time_s) for change in changes])
 
     def _scripted(self) -> Iterator[WorldChanged]:
-        """Carry out what the script says, each change as soon as nobody stands in its way."""
+        """Apply the changes of the script, each as soon as nobody is in its way."""
         for timed in self._script.due(self.time_s):
             try:
                 check_change(timed.change, self.base, self.state)
-            except WorldError as no_more:  # A person may have changed it before.
+            except WorldError as no_more:  # A person may have made the change impossible.
                 log.debug("The script's change cannot be any more: %s", no_more)
                 continue
             if self._in_the_way(timed.change) is None:
@@ -198,7 +198,7 @@ class World:
                 self._script.put_off(timed.change)
 
     def _walked(self, duration_s: float) -> list[WorldChanged]:
-        """Let people walk. Their state changes at each step, but only a few times a second anybody is told."""
+        """Let people walk. Their state changes at each step, but followers are notified only a few times a second."""
         if not self.script.people:
             return []
         clearance = self.scene.clearance
@@ -219,7 +219,7 @@ class World:
             self.state = replace(self.state, people=people)
 
     def _in_the_way(self, change: w.WorldChange) -> str | None:
-        """Return why a change cannot be while somebody stands where something would come; None where it can."""
+        """Return the reason why the robot or a person blocks a change; None if nobody does."""
         outline = outline_of(change, self.base)
         if outline is None:
             return None
@@ -244,17 +244,17 @@ class World:
 
 
 class ScriptReader:
-    """One script, and how far it has come."""
+    """Reads one script in the order of time."""
 
     def __init__(self, script: WorldScript) -> None:
-        """Begin before the first change."""
+        """Start before the first change."""
         self._script = script
         self._next = 0
         self._waiting: dict[str, w.WorldChange] = {}
-        """What was put off, by what it is about."""
+        """Postponed changes, by their subject."""
 
     def due(self, time_s: float) -> Iterator[TimedChange]:
-        """Yield what was put off, once more, and then what the script says until now; each may be put off again."""
+        """Yield postponed changes again, and then those of the script until now; each may be postponed again."""
         waiting, self._waiting = self._waiting, {}
         for change in waiting.values():
             yield TimedChange(time_s, change)
@@ -270,12 +270,12 @@ class ScriptReader:
         self._waiting[w.subject(change)] = change
 
     def forget(self, change: w.WorldChange) -> None:
-        """Forget what was put off about the same thing, because this change comes later."""
+        """Drop a postponed change of the same subject, because this change is later."""
         self._waiting.pop(w.subject(change), None)
 
 
 def outline_of(change: w.WorldChange, base: Scene) -> w.Outline | None:
-    """Return where a door, thing or person stands after a change in a scene; None where nothing does."""
+    """Return the outline of a door, thing or person after a change in a scene; None without any."""
     match change:
         case w.DoorMoved(door, is_open):
             return None if is_open else leaf_outline(base.parts.doors[door])
@@ -309,7 +309,7 @@ def own_piece(base: Scene, thing: str) -> FurniturePiece:
 
 
 def distance_m(outline: w.Outline, x: float, y: float) -> float:
-    """Return how far a place is from an outline in metres; 0 within it."""
+    """Return the distance of a place from an outline in metres; 0 within it."""
     cos = math.cos(outline.yaw)
     sin = math.sin(outline.yaw)
     ahead = x - outline.x
@@ -335,7 +335,7 @@ class WorldFollower:
     """Keeps the body and the renderer of one robot up to date."""
 
     def __init__(self, world: World, body: Body, renderer: Renderer) -> None:
-        """Begin with a world whose present scene the body knows already.
+        """Start with a world whose current scene the body already has.
 
         Raises SceneError for a renderer that cannot show changes.
         """
@@ -347,7 +347,7 @@ class WorldFollower:
         self._world = world
         self._body = body
         self._renderer = renderer
-        # What belongs to the scene itself is seldom moved and large; the rest is small, and a group of its own.
+        # The scene itself is large and rarely changes; the rest is small, and has its own group.
         self._own = world.scene.clearance.blocked
         self._blocked = self._own
         self._shown: object = None
@@ -356,13 +356,13 @@ class WorldFollower:
         self.follow_people()
 
     def show(self) -> None:
-        """Show the camera the world as it is now."""
+        """Update the camera to the current world."""
         if self._world.state is not self._shown:
             self._shown = self._world.state
             self._renderer.show(self._world.scene)
 
     def follow(self) -> ClearanceMap:
-        """Let the body meet what blocks the floor now, and return the clearance map of it."""
+        """Update the body to the cells that are blocked now, and return their clearance map."""
         clearance = self._world.scene.clearance
         if clearance.blocked is not self._blocked:
             self._blocked = clearance.blocked
@@ -374,7 +374,7 @@ class WorldFollower:
         return clearance
 
     def follow_people(self) -> None:
-        """Let the body meet people where they are now."""
+        """Update the body to the current positions of people."""
         people = self._world.state.people
         if people is not self._people:
             self._people = people

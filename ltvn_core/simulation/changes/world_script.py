@@ -1,4 +1,4 @@
-"""What happens in a world over time: changes and their moments, as JSON files too. Carries nothing out.
+"""Scripts of a world: changes and their times, also as JSON files. Applies nothing.
 
 People may write such a file by hand; it is checked in full when it is read:
 
@@ -7,8 +7,8 @@ People may write such a file by hand; it is checked in full when it is read:
         {"at_s": 68700, "change": "ThingPlaced", "thing": "parcel", "kind": "box",
          "pose": [1.5, 2.0, 0.3], "size": [0.4, 0.3, 0.5]}]}
 
-Each change has its moment, in seconds from midnight of the first day, its class name of `ltvn_core.worlds`, and the
-fields of that class. A world accepts the changes that its scene can carry out; they come from people, pages and files.
+Each change has its time, in seconds from midnight of the first day, the name of its class in `ltvn_core.worlds`, and
+the fields of that class. A world accepts the changes that are possible in its scene, from people, pages and files.
 """
 
 import json
@@ -28,15 +28,15 @@ from ltvn_core.structured_text import parse_json
 from ltvn_core.worlds import AS_MADE, ThingKind, WorldChange, WorldState
 
 SIZE_LIMITS_M = (0.05, 3.0)
-"""Each side of a thing lies between these."""
+"""Limits of each side of a thing, in metres."""
 LEVEL_LIMITS = (0.05, 2.0)
-"""Brightness lies between these."""
+"""Limits of brightness."""
 _LONGEST_NAME = 64
 _LONGEST_PASSING_S = 366 * 86_400.0
 
 
 def check_change(change: w.WorldChange, scene: Scene, state: WorldState) -> None:
-    """Raise WorldError for a change that cannot be in a scene, as it was made, whose world is in a state."""
+    """Raise WorldError for a change that is impossible in an unchanged scene and a state of its world."""
     match change:
         case w.DoorMoved(door):
             doors = len(scene.parts.doors)
@@ -84,7 +84,7 @@ def _check_placed(placed: w.ThingPlaced, scene: Scene) -> None:
 
 
 def check_floor(placed: w.ThingPlaced, scene: Scene) -> None:
-    """Raise WorldError where a thing would stand in a wall or in something else in a scene as it is without it."""
+    """Raise WorldError if a thing would overlap with a wall or another object of the scene."""
     x, y, _ = placed.pose
     if not _is_on_floor(scene, x, y):
         raise WorldError(
@@ -136,7 +136,7 @@ def _is_on_floor(scene: Scene, x: float, y: float) -> bool:
 HOUR_S = 3600.0
 DAY_S = 24 * HOUR_S
 MORNING_S = 9 * HOUR_S
-"""A world begins at nine o'clock of its first day."""
+"""Start of a world, in seconds: nine o'clock of its first day."""
 _TAG = "change"
 _LARGEST_BYTES = 64_000_000
 _MOST_PEOPLE = 20
@@ -144,10 +144,10 @@ _MOST_PEOPLE = 20
 
 @dataclass(frozen=True, slots=True)
 class TimedChange:
-    """A change and when it happens."""
+    """A change and its time."""
 
     at_s: float
-    """Seconds from midnight of the first day."""
+    """Time in seconds from midnight of the first day."""
     change: WorldChange
 
 
@@ -158,9 +158,9 @@ class WorldScript:
     name: str
     seed: int = 0
     changes: tuple[TimedChange, ...] = ()
-    """In the order of their times."""
+    """Changes in the order of their times."""
     people: int = 0
-    """So many people walk about by day."""
+    """Number of people who walk about by day."""
 
     @property
     def is_static(self) -> bool:
@@ -176,7 +176,7 @@ def read_script(path: Path, scene: Scene) -> WorldScript:
     """Read a script for a scene.
 
     Raises:
-        WorldError: The file is missing, no script, or has a change that the scene cannot carry out; says which one.
+        WorldError: The file is missing, is no script, or has a change that is impossible in the scene.
     """
     try:
         if path.stat().st_size > _LARGEST_BYTES:
@@ -201,7 +201,7 @@ def read_script(path: Path, scene: Scene) -> WorldScript:
 
 
 def write_script(script: WorldScript, path: Path) -> None:
-    """Write a script, whole or not at all."""
+    """Write a script atomically."""
     rows = [
         {"at_s": timed.at_s, **_CONVERTER.unstructure(timed.change, unstructure_as=WorldChange)}
         for timed in script.changes
@@ -262,7 +262,7 @@ def _whole(value: object, what: str, most: int) -> int:
 
 
 def _check(script: WorldScript, scene: Scene, path: Path) -> None:
-    """Raise WorldError for the first change that the scene cannot carry out."""
+    """Raise WorldError for the first change that is impossible in the scene."""
     state = AS_MADE
     for timed in script.changes:
         try:

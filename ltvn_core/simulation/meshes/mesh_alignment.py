@@ -1,4 +1,4 @@
-"""How a mesh stands: aligned with z up and lengths in metres, and where its floor is.
+"""Alignment of a mesh, with z up and lengths in metres, and detection of its floor.
 
 Reads the settings that a user may write beside a mesh (`house.json` for `house.glb`), and estimates the upward axis
 without them. GLB files of Habitat and Gibson have z up although the standard says y, so the estimate uses the geometry
@@ -26,9 +26,9 @@ from ltvn_core.structured_text import parse_json
 
 log = logging.getLogger(__name__)
 _SURE = 1.3
-"""The axis of the format's standard is used unless the other axis has a level slab this many times as large."""
+"""Ratio of level slabs above which the other axis points up instead of the one of the format's standard."""
 _SLAB_M = 0.1
-"""Thickness of a slab."""
+"""Thickness of a slab, in metres."""
 _LEAST_SPAN_M = 1.0
 _MOST_SPAN_M = 150.0
 _MOST_HEIGHT_M = 40.0
@@ -38,14 +38,14 @@ _MISSPELT = 0.65
 """Least similarity of an unknown key with a known one that makes it a misspelling. Keys that a person adds for others,
 such as "name", "bounds" or "licence", are below 0.5."""
 _OTHER_WORDS = {"units": "scale", "unit": "scale", "up_axis": "up", "axis": "up", "floor": "floor_height"}
-"""What people call a setting who did not read what it is called here."""
+"""Common other names of settings, for hints."""
 _METRES = ("m", "metre", "metres", "meter", "meters")
 CELL_M = 0.05
 """Side of a cell of the clearance map."""
 _FINE = 2
 """Subdivisions of a cell's side when triangles are rasterized."""
 _STEP_M = 0.06
-"""Anything lower above the floor is a rug, a threshold or the noise of a scan, and no obstacle."""
+"""Height above the floor below which surfaces are no obstacles (rugs, thresholds, noise of scans), in metres."""
 _HOLLOW_M = 0.1
 """Surfaces this far below the floor's height still belong to the floor."""
 _CEILING_M = 1.8
@@ -57,20 +57,20 @@ _ROOFED_SHARE = 0.3
 _LEVEL = 0.9
 """Vertical component of the unit normal above which a surface is level enough to be a floor."""
 _CANDIDATES = 6
-"""Heights that are examined at most."""
+"""Maximum number of heights that are examined."""
 _LEAST_FLOOR_M2 = 1.0
 """Navigable area that a floor needs."""
 _START_CLEARANCE_M = 0.4
 """Clearance that some place of the floor needs, so that a robot can turn there."""
 _GROUND_SHARE = 0.5
-"""Of a floor that a map promises, so much is in the mesh; scans have holes, but not over half of the floor."""
+"""Least share of a map's floor that is in the mesh; scans have holes, but not over half of the floor."""
 KnownFloor = Callable[[NDArray[np.float64], NDArray[np.float64]], Mask]
 """Returns for x (columns,) and y (rows,) in metres which cells (rows, columns) are known to be free floor."""
 
 
 @dataclass(frozen=True, slots=True)
 class MeshSettings:
-    """What the JSON file beside a mesh sets; the names are keys of that file."""
+    """Settings in the JSON file beside a mesh; the names are keys of that file."""
 
     up: str | None = None
     """The axis that points up, `y` or `z`."""
@@ -117,7 +117,7 @@ def _number(value: object) -> float:
 
 
 def _check_keys(content: Mapping[str, object], path: Path) -> None:
-    """Raise SceneError for a key that is meant to be a setting and is none; other keys are a person's own notes."""
+    """Raise SceneError for a key that looks like a misspelt setting; other keys are ignored as notes."""
     known = [field.name for field in fields(MeshSettings)]
     for key, value in content.items():
         close = get_close_matches(key.lower(), known, n=1, cutoff=_MISSPELT)
@@ -201,7 +201,7 @@ def _check_size(size: NDArray[np.float64], mesh: Path) -> None:
 
 
 def _likely_unit(span: float, height: float) -> float:
-    """Return metres per unit with which something so wide and high would be a building."""
+    """Return metres per unit that give a plausible size of a building."""
     for unit in _UNITS:
         if 3 <= span * unit <= 60 and height * unit <= 15:
             return unit

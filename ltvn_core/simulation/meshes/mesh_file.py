@@ -90,7 +90,7 @@ class GltfFile:
 
     @classmethod
     def read(cls, path: Path) -> "GltfFile | None":
-        """Read a file; None where its JSON cannot be read, of which trimesh says more."""
+        """Read a file; None if its JSON cannot be read, which trimesh reports in more detail."""
         try:
             data = path.read_bytes()
             rest = None
@@ -120,7 +120,7 @@ class GltfFile:
         return _DRACO in self._required()
 
     def with_marked_integers(self) -> bytes | None:
-        """Return the file with marks at normalised integers, by which trimesh scales them; None where it has none."""
+        """Return the file with marks at normalised integers, so that trimesh scales them; None if it has none."""
         accessors = self.header.get("accessors", [])
         ones = {
             str(place): _ONE[each["componentType"]]

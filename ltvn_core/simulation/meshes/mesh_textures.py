@@ -140,7 +140,7 @@ def _divided(mesh: trimesh.Trimesh) -> tuple[NDArray[np.float64], NDArray[np.flo
     for _ in range(_DIVISIONS):
         coarse = np.flatnonzero(np.ptp(colours[faces], axis=1).max(axis=1) > _SMOOTH_STEP)
         if len(coarse) == 0 or len(coarse) > 200_000:
-            break  # So many faces are a scan, whose faces are small enough already.
+            break  # A mesh with this many faces is a scan, whose faces are small enough already.
         divided: Any = trimesh.remesh.subdivide(vertices, faces, coarse, {"colour": colours})
         vertices = divided[0]
         faces = divided[1]

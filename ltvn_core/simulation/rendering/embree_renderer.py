@@ -17,14 +17,14 @@ from ltvn_core.simulation.surfaces import PLAIN_LIGHT, Light, Surfaces
 from ltvn_core.types import Depth, Pose, Rgb
 
 BACKGROUND = (30.0, 30.0, 30.0)
-"""Colour where a ray leaves the scene."""
+"""Colour of rays that leave the scene."""
 _LIGHT = np.array([0.32, 0.23, 0.92], np.float32)
 _FLATTEST = 0.15
 """Cosine between ray and normal below which a surface is not blurred any further; floors would lose all texture."""
 MAX_DEPTH_M = 10.0
 """Range of the depth camera; depth is 0 beyond it."""
 _SURFACES_PER_LAYER = 1 << 26
-"""Numbers of surfaces of different layers differ by this much."""
+"""Offset between the numbers of surfaces in two layers."""
 
 
 class MipmapTable:
@@ -99,7 +99,7 @@ class Shader:
     """
 
     def __init__(self, surfaces: Surfaces, table: MipmapTable | None = None) -> None:
-        """Prepare the colours of the surfaces; `table` has their textures, where somebody made it before."""
+        """Prepare the colours of the surfaces; `table` has their textures if it was created before."""
         self._table = MipmapTable(surfaces.textures) if table is None else table
         self._texture = surfaces.face_texture
         corners = surfaces.vertices[surfaces.faces].astype(np.float64)
@@ -176,26 +176,26 @@ def _surface_numbers(texture: NDArray, normal: NDArray, point: NDArray) -> NDArr
 
 
 class VisibleScene(Protocol):
-    """What a camera sees of a scene at one moment."""
+    """The visible state of a scene at one time."""
 
     @property
     def surfaces(self) -> Surfaces:
-        """What belongs to the scene."""
+        """Surfaces of the scene itself."""
         ...
 
     @property
     def added(self) -> tuple[Surfaces, ...]:
-        """What stands in it for now."""
+        """Surfaces added to the scene."""
         ...
 
     @property
     def light(self) -> Light:
-        """How it is lit."""
+        """Light of the scene."""
         ...
 
 
 class _Layer(NamedTuple):
-    """Surfaces, ready for rays. A scene has one; what is added to it for now has its own, because these are few."""
+    """Indexed surfaces for ray casting. The scene has one layer; added surfaces have another, because they are few."""
 
     surfaces: Surfaces
     caster: RayCaster
@@ -203,25 +203,25 @@ class _Layer(NamedTuple):
 
 
 class _Met(NamedTuple):
-    """What some of N rays meet in one layer."""
+    """Hits of some of N rays in one layer."""
 
     layer: _Layer
     number: int
-    """Of the layer."""
+    """Number of the layer."""
     rays: NDArray[np.intp] | slice
-    """Which rays."""
+    """Indices of the rays."""
     hits: RayHits
 
 
 class _Seen(NamedTuple):
-    """What N rays meet. Their colours cost more than all the rest, so they are computed for those who ask."""
+    """Hits of N rays. Colours are computed on demand, because they cost more than everything else."""
 
     directions: NDArray[np.float32]
     """(N, 3)"""
     depth: NDArray[np.float32]
-    """(N,) metres along the optical axis, 0 where they meet nothing."""
+    """(N,) metres along the optical axis, 0 without a hit."""
     met: tuple[_Met, ...]
-    """In the first layer all rays; later ones lie before those before."""
+    """Hits per layer: of all rays in the first one, and nearer hits in later ones."""
 
     def surfaces(self) -> NDArray[np.int32]:
         """Return the numbers (N,) of the surfaces."""
@@ -247,8 +247,8 @@ class EmbreeRenderer:
         """Index the surfaces.
 
         Args:
-            surfaces: What is rendered.
-            supersampling: Rays per side of a pixel where surfaces meet; 1 leaves edges jagged.
+            surfaces: The surfaces to render.
+            supersampling: Rays per side of a pixel at edges of surfaces; 1 leaves edges jagged.
 
         Raises:
             ImportError: Embree is not installed.
@@ -257,7 +257,7 @@ class EmbreeRenderer:
         self._supersampling = supersampling
 
     def show(self, scene: VisibleScene) -> None:
-        """Render another state of the scene from now on; only what differs is indexed anew. Any thread may call it."""
+        """Render another state of the scene from now on; only changed surfaces are indexed. Any thread may call it."""
         known = self._look.layers
         layers = tuple(_layer(surfaces, known) for surfaces in (scene.surfaces, *scene.added))
         self._look = _Look(layers, scene.light)
@@ -268,8 +268,8 @@ class EmbreeRenderer:
         return colours(), depth
 
     def measure(self, pose: Pose, camera: CameraModel) -> tuple[Callable[[], Rgb], Depth]:
-        """Return the same depth, and what renders the same rgb, now or later: the scene as it is now."""
-        look = self._look  # Another thread may show another state meanwhile.
+        """Return the same depth, and a function that renders the same rgb of the current scene, now or later."""
+        look = self._look  # Another thread may change the state meanwhile.
         pose = np.array(pose)
         seen = _trace(look.layers, pose, camera, pixel_rays(camera))
         depth = np.where(seen.depth <= MAX_DEPTH_M, seen.depth, np.float32(0))
@@ -310,7 +310,7 @@ class _Look(NamedTuple):
 
 
 def _layer(surfaces: Surfaces, known: tuple[_Layer, ...]) -> _Layer:
-    """Index surfaces, unless that was done before; textures that were prepared before are taken over."""
+    """Index surfaces, unless they are indexed already; prepared textures are reused."""
     table = None
     for layer in known:
         if layer.surfaces is surfaces:
@@ -321,7 +321,7 @@ def _layer(surfaces: Surfaces, known: tuple[_Layer, ...]) -> _Layer:
 
 
 def _trace(layers: tuple[_Layer, ...], pose: Pose, lens: CameraModel, rays: Rays) -> _Seen:
-    """Return what rays meet first in any layer."""
+    """Return the first hits of rays in any layer."""
     directions = rays.directions(float(pose[2]), lens)
     origins = np.empty_like(directions)
     origins[:] = (pose[0], pose[1], lens.height_m)

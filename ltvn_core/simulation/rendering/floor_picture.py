@@ -1,4 +1,4 @@
-"""A scene from straight above, as one picture of its floor in which every metre is as large as any other."""
+"""An orthographic image of a scene from above, with a constant scale."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,7 +13,7 @@ _ABOVE_M = 1.0
 
 
 def floor_picture(surfaces: Surfaces, low: ArrayLike, high: ArrayLike, *, most_px: int) -> Rgb:
-    """Return what is seen from above (H, W, 3): x to the right, y up.
+    """Return the image from above (H, W, 3): x to the right, y up.
 
     Args:
         surfaces: The scene, without its ceiling.

@@ -1,4 +1,4 @@
-"""PyBullet's software renderer: slower than Embree, and there where Embree is not."""
+"""PyBullet's software renderer: slower than Embree, and used if Embree is missing."""
 
 import numpy as np
 import pybullet
@@ -12,7 +12,7 @@ from ltvn_core.types import Depth, Pose, Rgb
 
 _NEAR_M = 0.02
 _CORNERS_AT_ONCE = 30_000
-"""PyBullet refuses meshes with more than about 130,000 vertices; a multiple of three."""
+"""Number of corners per mesh, a multiple of three; PyBullet rejects meshes with more than about 130,000 vertices."""
 _FAR_M = 2 * MAX_DEPTH_M
 
 

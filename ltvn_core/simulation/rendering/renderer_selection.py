@@ -1,6 +1,6 @@
-"""Which renderer works on this machine: Embree, else PyBullet's software renderer.
+"""Selects the renderer on this machine: Embree, else PyBullet's software renderer.
 
-Owns the choice, and the check that the first image shows something.
+Owns the choice, and the check that the first image is not blank.
 """
 
 import logging
@@ -21,17 +21,17 @@ from ltvn_core.types import Pose, Renderer
 log = logging.getLogger(__name__)
 
 _TIMED_IMAGES = 10
-"""Images that are rendered to measure the speed."""
+"""Number of images rendered to measure the speed."""
 _LOOKS = 12
-"""Places from which a scene is looked at until something is seen."""
+"""Maximum number of places from which the scene is checked for visible surfaces."""
 _SEEN_SHARE = 0.05
-"""In rooms most pixels have depth; so few mean the edge of a floor in the open."""
+"""Least share of pixels with depth in a room; fewer mean the edge of a floor in the open."""
 _BLANK_SPREAD = 2.0
 """An image is blank if the standard deviation of its bytes is below this."""
 
 
 class RenderableScene(Protocol):
-    """What a renderer needs of a scene."""
+    """The interface of a scene that a renderer needs."""
 
     @property
     def name(self) -> str:
@@ -40,12 +40,12 @@ class RenderableScene(Protocol):
 
     @property
     def surfaces(self) -> Surfaces:
-        """What is rendered."""
+        """Surfaces to render."""
         ...
 
     @property
     def clearance(self) -> ClearanceMap:
-        """Where the camera can be."""
+        """Clearance map, for poses of the camera."""
         ...
 
 
@@ -55,7 +55,7 @@ def open_renderer(scene: RenderableScene, camera: CameraModel = LOCOBOT.camera) 
     Logs which one it is and how fast it renders for `camera`.
 
     Raises:
-        SceneError: Nothing is seen from anywhere, or no renderer is installed.
+        SceneError: All images are blank, or no renderer is installed.
     """
     renderer = _installed_renderer(scene)
     pose = _pose_with_a_view(renderer, camera, scene)
@@ -90,9 +90,9 @@ def _installed_renderer(scene: RenderableScene) -> _NamedRenderer:
 
 
 def _pose_with_a_view(renderer: _NamedRenderer, camera: CameraModel, scene: RenderableScene) -> Pose:
-    """Return a pose (3,) from which something is seen; one that looks into the open or at a bare wall proves nothing.
+    """Return a pose (3,) with an image that is not blank; an image of a bare wall or into the open proves nothing.
 
-    Raises SceneError where there is none.
+    Raises SceneError if there is none.
     """
     poses = scene.clearance.sample_poses(np.random.default_rng(0), _LOOKS)
     for pose in poses:

@@ -157,5 +157,10 @@ def _summary(options: EvaluateVerb, trials: Sequence[TrialResult], wall_s: float
 
 
 def command() -> str:
-    """Return the command line that is running, without the folder that leads to the program."""
-    return shlex.join(["ltvn", *sys.argv[1:]])
+    """Return the command line that is running, with the names alone of absolute paths: results are published."""
+    return shlex.join(["ltvn", *map(_without_folders, sys.argv[1:])])
+
+
+def _without_folders(argument: str) -> str:
+    option, assigned, value = argument.rpartition("=")
+    return f"{option}{assigned}{Path(value).name}" if Path(value).is_absolute() else argument

@@ -8,6 +8,6 @@ from ltvn_core.verbs.jobs.evaluate import command
 
 
 def test_folders_that_lead_to_a_file_are_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    given = ["/home/jo/bin/ltvn", "evaluate", "--scene", "/home/jo/a house.glb", "--folder=/home/jo/runs", "--seed", "0"]
+    given = ["/jo/bin/ltvn", "evaluate", "--scene", "/jo/a house.glb", "--folder=/jo/runs", "--seed", "0"]
     monkeypatch.setattr(sys, "argv", given)
     assert command() == "ltvn evaluate --scene 'a house.glb' --folder=runs --seed 0"

@@ -75,7 +75,7 @@ def test_layers_that_were_added_to_other_weights_are_refused(tmp_path: Path) -> 
     fingerprint = load_predictor().fingerprint
     save_weights(network, path, added_to=SHIPPED_WEIGHTS)
     path.write_bytes(path.read_bytes().replace(fingerprint.encode(), b"0123456789ab"))
-    with pytest.raises(WeightsError, match=r"added\.safetensors: adds layers to the weights 0123456789ab.*others"):
+    with pytest.raises(WeightsError, match=r"added\.safetensors: adds layers to the weights 0123456789ab"):
         load_weights(path)
     text = json.dumps(json.dumps({"name": "ltvn", "fingerprint": "0123456789ab"}))[1:-1].encode()
     path.write_bytes(path.read_bytes().replace(text, b"7".ljust(len(text))))

@@ -115,11 +115,6 @@ class DebugContext:
         return latest_known_time(self.graph, world_time_at(self.timeline, self.instant))
 
     @property
-    def was_seen_blocked(self) -> bool:
-        """Tell whether any edge was seen blocked at any time of the run, also after the moment."""
-        return self.timeline.progress_before(len(self.timeline.events)).seen_blocked > 0
-
-    @property
     def view(self) -> PredictorView:
         """Return the converter from an image of this run to one for the predictor in use."""
         return PredictorView(self.camera, self.predictor)

@@ -78,7 +78,7 @@ PLAIN_STYLES = ("theme.css", "loading.css", "ltvn.css")
 PARTS = "page.html"
 SOCKET_WORKER = "socket_worker.js"
 LINK_PARAMETERS = ("replay", "at", "node", "edge", "tool", "camera")
-"""Parameters that the page's script removes from its address."""
+"""Parameters of links, which the page's script reads and removes from its address."""
 NONCE = "{{nonce}}"
 TITLE = "Lifelong Topological Visual Navigation"
 

@@ -81,7 +81,7 @@ class Debugger(Protocol):
         ...
 
     def handle_request(self, request: QuestionRequest) -> Command | None:
-        """Pass the request of a link to the question; return what it asks of the session. Raises LtvnError."""
+        """Pass the request of a link to its question; return its command for the session, if any. Raises LtvnError."""
         ...
 
     def link(self, number: int) -> Command | None:
@@ -93,7 +93,7 @@ class Debugger(Protocol):
         ...
 
     def mark_stale(self) -> None:
-        """Let the question refresh its answer although nothing happened."""
+        """Let the question refresh its answer although no event happened."""
         ...
 
     def take_in_all_events(self) -> None:

@@ -115,7 +115,7 @@ class Backend:
     carry: Callable[[Pose], None] | None = None
     """Moves the robot to a pose (3,), in simulation only; raises SceneError if the place is occupied."""
     missing: LtvnError | None = None
-    """The error because of which there is no robot."""
+    """The error that explains why there is no robot; None if there is one."""
 
 
 def predictor_for(options: AppOptions, camera: CameraModel) -> Predictor:

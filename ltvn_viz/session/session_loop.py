@@ -252,7 +252,7 @@ def _watch_link(state: AppState) -> None:
 
 
 def _hold_without_pages(state: AppState, absence: Absence | None) -> None:
-    """Pause a query that nobody watches, unless a person wanted it to continue."""
+    """Pause a query while no page is open, unless a person wants it to continue."""
     query = state.activity
     if absence is None or state.keeps_going or not isinstance(query, Navigation):
         return

@@ -266,7 +266,7 @@ def _size(row: ResultRow) -> tuple[str, str]:
 
 
 def _goals(row: ResultRow) -> tuple[str, str]:
-    """Return the goals told as not held, of these rightly, and those not told; a dash for results without a count."""
+    """Return the mean numbers of goals reported as not held (correctly) and of goals missed; dashes if unknown."""
     maps = [trial.map for trial in row.trials]
     counts = [(each.goals_told, each.goals_told_rightly, each.goals_untold) for each in maps]
     known = [[number for number in count if number is not None] for count in counts]

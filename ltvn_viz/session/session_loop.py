@@ -45,7 +45,7 @@ class TwistSource(Protocol):
     """The seat of the driver."""
 
     def current_twist(self) -> Twist | None:
-        """Return the velocity asked for now; None without a driver."""
+        """Return the velocity that the driver requests now; None without a driver."""
         ...
 
     def keep(self, *, kept: bool) -> None:

@@ -92,5 +92,5 @@ class SessionPages:
         self._server.tell_moment(message)
 
     def tell_activity(self, message: str) -> None:
-        """Tell all pages about autonomous driving."""
+        """Send the robot's current activity to all pages."""
         self._server.tell_activity(message)

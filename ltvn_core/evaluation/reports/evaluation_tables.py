@@ -266,7 +266,7 @@ def _size(row: ResultRow) -> tuple[str, str]:
 
 
 def _goals(row: ResultRow) -> tuple[str, str]:
-    """Return the mean numbers of goals reported as not held (correctly) and of goals missed; dashes if unknown."""
+    """Return the mean numbers of goals reported as doubtful (of these, rightly) and of missed goals, or dashes."""
     maps = [trial.map for trial in row.trials]
     counts = [(each.goals_told, each.goals_told_rightly, each.goals_untold) for each in maps]
     known = [[number for number in count if number is not None] for count in counts]

@@ -1,6 +1,6 @@
-"""Rows of numbers, one an image, in an array that grows: in memory while it is small, then in a file without a name.
+"""A growing array with one row of features per image, in memory while it is small, then in a temporary file.
 
-Owns where the rows are kept. Does not know which image a row belongs to: `graph.keyframes` does.
+Owns the storage of the rows. `graph.keyframes` knows which image each row belongs to.
 """
 
 import tempfile
@@ -12,7 +12,8 @@ import numpy as np
 from ltvn_core.types import Features
 
 MOST_IN_MEMORY = 2**27
-"""Bytes; rows that take more are in a file, of which the system keeps in memory what is used. 23 kB an image."""
+"""Size in bytes above which the rows are memory-mapped from a file, so that only the pages in use need memory. An image
+takes 23 kB."""
 _FIRST_ROWS = 64
 
 
@@ -20,29 +21,29 @@ class FeatureRows:
     """An array with room for M rows."""
 
     def __init__(self, like: Features) -> None:
-        """Begin with rows of the shape and kind of `like` (F,)."""
+        """Start with rows of the shape and dtype of `like` (F,)."""
         self._array: Features = np.empty((_FIRST_ROWS, *like.shape), like.dtype)
         self._file: IO[bytes] | None = None
 
     @property
     def array(self) -> Features:
-        """(M, F), not to be written to; rows that were never put mean nothing."""
+        """All rows (M, F), read-only; rows that were not written yet are undefined."""
         return self._array
 
     def put(self, place: int, row: Features) -> None:
-        """Write one row (F,). Raises OSError where the disk is full."""
+        """Write one row (F,). Raises OSError if the disk is full."""
         while place >= len(self._array):
             self._grow()
         if self._file is None:
             self._array[place] = row
             return
-        # Written as a file and not through the map, where a full disk would kill the process.
+        # Written to the file and not through the memory map, because there a full disk would kill the process.
         self._file.seek(place * row.nbytes)
         self._file.write(row.tobytes())
         self._file.flush()
 
     def _grow(self) -> None:
-        """Make room for twice as many rows, which keeps the cost of growing linear."""
+        """Double the capacity, so that the total cost of growing is linear."""
         count = 2 * len(self._array)
         if self._array.dtype.hasobject or 2 * self._array.nbytes <= MOST_IN_MEMORY:
             self._array = np.concatenate([self._array, np.empty_like(self._array)])

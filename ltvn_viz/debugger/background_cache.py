@@ -1,6 +1,6 @@
 """Background cache: computes each slow answer once, in the worker's thread, while the page stays responsive.
 
-Owns the pending and the finished answers. A computation must touch nothing that the session's thread changes.
+Owns the pending and the finished answers. A computation must not use data that the session's thread changes.
 """
 
 import logging
@@ -13,24 +13,25 @@ from ltvn_viz.session.worker import JobQueue
 
 _KEPT = 32
 _LEFT = object()
-"""Stands for the answer to a question that was left before it was computed."""
+"""Placeholder for the answer to a question that was abandoned before its computation."""
 _LOG = logging.getLogger(__name__)
 
 
 class BackgroundCache:
-    """Answers by their questions."""
+    """Cached answers by their questions."""
 
     def __init__(self, worker: JobQueue, on_answer: Callable[[], None]) -> None:
-        """Compute in `worker`; `on_answer` is called in the session's thread whenever there is something new."""
+        """Compute in `worker`; `on_answer` is called in the session's thread when there is a new answer."""
         self._worker = worker
         self._on_answer = on_answer
         self._known: OrderedDict[Hashable, Any] = OrderedDict()
         self._asked: set[Hashable] = set()
         self._left: set[Hashable] = set()
-        """Questions that were left; those that have not started are not computed."""
+        """Questions that were abandoned; their computations do not start any more."""
 
     def __call__(self, question: Hashable, compute: Callable[[], Any]) -> Any | None:
-        """Return the answer to a question, None as long as it is being computed; raises the LtvnError it ended with."""
+        """Return the answer to a question, or None while it is computed; raises the LtvnError of a failed
+        computation."""
         if question in self._known:
             answer = self._known[question]
             if isinstance(answer, LtvnError):
@@ -46,14 +47,14 @@ class BackgroundCache:
         return None
 
     def leave(self) -> None:
-        """Wait for nothing any more."""
+        """Abandon all pending questions."""
         self._left |= self._asked
 
     def _answered(self, question: Hashable, answer: Any) -> None:
         self._asked.discard(question)
         self._left.discard(question)
         if answer is _LEFT:
-            self._on_answer()  # The person may have come back to it meanwhile.
+            self._on_answer()  # The person may have returned to the question meanwhile.
             return
         self._known[question] = answer
         while len(self._known) > _KEPT:
@@ -62,18 +63,18 @@ class BackgroundCache:
 
 
 class LatestAnswer:
-    """Asks one question at a time, for answers that are out of date while they are computed.
+    """Computes one answer at a time, for questions that change faster than they are answered.
 
-    While the map changes faster than answers come, the newest answer stands, and the worker has one job, not many.
+    While the map changes during a computation, the newest answer stays valid, and the worker has only one job.
     """
 
     def __init__(self) -> None:
-        """Know nothing yet."""
+        """Start without an answer."""
         self._asked: tuple[Hashable, Callable[[], Any]] | None = None
         self._newest: Any | None = None
 
     def __call__(self, cache: BackgroundCache, question: Hashable, compute: Callable[[], Any]) -> Any | None:
-        """Return the newest answer, None before the first one; raises the LtvnError that an answer ended with."""
+        """Return the newest answer, or None before the first one; raises the LtvnError of a failed computation."""
         asked = self._asked or (question, compute)
         self._asked = None
         if (answer := cache(*asked)) is None:
@@ -84,11 +85,11 @@ class LatestAnswer:
 
     @property
     def is_behind(self) -> bool:
-        """Tell whether the answer that was returned last is to an earlier question, and the new one is under way."""
+        """Whether the last returned answer belongs to an earlier question, and the new one is being computed."""
         return self._asked is not None
 
     def forget(self) -> None:
-        """Leave the old answer behind, because something else is asked now."""
+        """Discard the old answer, because the question is a different one now."""
         self._asked = self._newest = None
 
 
@@ -98,6 +99,6 @@ def _tried(compute: Callable[[], Any]) -> Any:
     except LtvnError as error:
         return error
     except Exception as error:
-        # Whatever it was, a question must not wait for its answer for ever.
+        # After any error, a question must not wait for its answer for ever.
         _LOG.exception("A question could not be answered")
         return LtvnError(f"This could not be answered: {error!r}")

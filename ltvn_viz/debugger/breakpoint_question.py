@@ -43,21 +43,21 @@ _ALL = "all"
 
 @dataclass(frozen=True, slots=True)
 class AddBreakpoint(QuestionRequest):
-    """Stop at this too."""
+    """Add a breakpoint."""
 
     breakpoint: Breakpoint
 
 
 @dataclass(frozen=True, slots=True)
 class RemoveBreakpoint(QuestionRequest):
-    """Stop at this no longer."""
+    """Remove a breakpoint."""
 
     breakpoint: Breakpoint
 
 
 @dataclass(frozen=True, slots=True)
 class RemoveAllBreakpoints(QuestionRequest):
-    """Stop at nothing."""
+    """Remove all breakpoints."""
 
 
 BreakpointRequest: TypeAlias = AddBreakpoint | RemoveBreakpoint | RemoveAllBreakpoints
@@ -76,7 +76,7 @@ class BreakpointQuestion(Question[BreakpointRequest]):
         self._monitor = breakpoint_monitor
 
     def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
-        """Show the breakpoints, the neighbouring stops, and what else can be a breakpoint."""
+        """Show the breakpoints, the neighbouring stops, and other possible breakpoints."""
         builder = AnswerBuilder()
         self._breakpoints(builder)
         stops = self._stops(context)
@@ -88,11 +88,11 @@ class BreakpointQuestion(Question[BreakpointRequest]):
         )
 
     def handle_text(self, context: DebugContext, text: str) -> None:
-        """Add a breakpoint, or take one or "all" out with the word "remove" before it. Raises OptionError."""
+        """Add a breakpoint, or remove one or "all" of them if the text starts with "remove". Raises OptionError."""
         self.handle_request(context, _typed_request(text, context))
 
     def handle_request(self, context: DebugContext, request: BreakpointRequest) -> None:
-        """Add or remove breakpoints. Raises OptionError where one that is not set is to be removed."""
+        """Add or remove breakpoints. Raises OptionError if the breakpoint to remove is not set."""
         known = self._monitor.breakpoints
         match request:
             case AddBreakpoint(fresh):
@@ -164,7 +164,7 @@ def _jump(stop: BreakpointStop, label: str = "") -> Link:
 
 
 def _overlay(context: DebugContext, breakpoints: Sequence[Breakpoint]) -> Overlay:
-    """Draw the edges and nodes that breakpoints are about."""
+    """Draw the edges and nodes of the breakpoints."""
     edges = [each.edge for each in breakpoints if isinstance(each, EdgeBreakpoint | EdgeBeliefBreakpoint)]
     nodes = [each.node for each in breakpoints if isinstance(each, NodeBreakpoint)]
     ends = [(context.pose(source), context.pose(target)) for source, target in edges]

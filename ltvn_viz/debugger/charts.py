@@ -33,11 +33,11 @@ _INK = "#b6b8bb"
 _RULE = "#868e96"
 _DASHES = f'stroke="{_RULE}" stroke-dasharray="4 3"'
 _LETTER_PX = 7
-"""About as wide is a letter."""
+"""Approximate width of a letter in pixels."""
 
 
 def chart_svg(chart: Chart) -> str:
-    """Return a chart as an SVG; empty where there is nothing to draw."""
+    """Return a chart as an SVG; empty if there is nothing to draw."""
     match chart:
         case StepChart():
             return _step_chart_svg(chart)
@@ -52,7 +52,7 @@ def chart_svg(chart: Chart) -> str:
 
 
 def _step_chart_svg(chart: StepChart) -> str:
-    """Draw steps; the last value holds until `now`, or until the end of the axis where there is no such moment."""
+    """Draw steps; the last value continues to `now`, or to the end of the axis if `now` is not set."""
     points = chart.points
     x = chart.x
     y = chart.y
@@ -90,7 +90,7 @@ def _v(y: Axis, value: float) -> str:
 
 
 def _dots(points: Sequence[tuple[float, float]], x: Axis, y: Axis, colour: Rgb8) -> str:
-    """Mark each point where they are few, with its numbers on hover."""
+    """Mark each point, with its numbers on hover, if there are few points."""
     if len(points) > 40:
         return ""
     return "".join(
@@ -157,7 +157,7 @@ def _calibration_svg(chart: CalibrationChart) -> str:
 
 
 def _lanes_svg(chart: LaneChart) -> str:
-    """Draw a row of ticks for each lane, with its name, and a line at the moment on show."""
+    """Draw a named row of ticks for each lane, and a line at the moment on show."""
     height = _LANE_PX * len(chart.lanes)
     rows = "".join(_lane(lane, chart.time, row) for row, lane in enumerate(chart.lanes))
     now = _lane_column(chart.time, chart.now)
@@ -167,7 +167,7 @@ def _lanes_svg(chart: LaneChart) -> str:
 
 
 def _lane(lane: MarkLane, time: Axis, row: int) -> str:
-    # However many marks there are, there are no more columns than this.
+    # Marks in the same column are merged, which limits the size of the SVG.
     columns = sorted({_lane_column(time, at) for at in lane.times})
     ticks = "".join(f"M{column} {row * _LANE_PX + 1}v{_LANE_PX - 2}" for column in columns)
     title = f"<title>{escape(lane.name)}: {len(lane.times)}</title>"

@@ -1,6 +1,6 @@
-"""Two maps to compare, each with what was known at its moment: another recording's, or this run's at another time.
+"""Two maps to compare, each with the events before its moment; the other one is from a recording or another time.
 
-Owns finding the other map. The differences are computed in `ltvn_core.analysis`.
+Owns the search for the other map. The differences are computed in `ltvn_core.analysis`.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -40,7 +40,7 @@ class ComparedMap:
     events: Sequence[StampedEvent]
     poses: Mapping[NodeId, Pose]
     world_s: float
-    """The time of the world then, seconds from midnight of its first day."""
+    """Time of the world at the map's moment, in seconds from midnight of its first day."""
 
     @property
     def world(self) -> WorldState:
@@ -54,13 +54,13 @@ class ComparedMap:
 
 @dataclass(frozen=True, eq=False)
 class MapComparison:
-    """The answer."""
+    """The differences between two maps."""
 
     here: ComparedMap
     there: ComparedMap
     figures: tuple[MapMetrics, MapMetrics]
     difference: MapDifference | None
-    """None across scenes."""
+    """Differences of nodes and edges; None if the scenes differ."""
     presence: tuple[PresenceChange, ...]
     """Edges of both maps whose presence differs between them."""
     world: tuple[WorldChange, ...]
@@ -81,14 +81,14 @@ def map_of_moment(context: DebugContext) -> ComparedMap:
 
 
 def map_before_first_query(context: DebugContext) -> ComparedMap:
-    """Return the map as it was before the run's first query; until that begins, the map on show."""
+    """Return the map from before the run's first query; if there is no query yet, the map on show."""
     return _map_before(context, first_query_event(context), BEFORE_FIRST_QUERY)
 
 
 def map_at_time(context: DebugContext, time: WorldTime) -> ComparedMap:
-    """Return the map of this run as it was at an earlier time of the world; raises OptionError for a later one.
+    """Return the map of this run at an earlier time of the world; raises OptionError for a later time.
 
-    Where the run began later, as it was when that began.
+    If the run had no map at that time, return its map from before the first query.
     """
     at_s = time_behind(time, context.world_s)
     count = event_count_at(context.timeline, at_s)
@@ -114,7 +114,7 @@ def _map_before(context: DebugContext, count: int, name: str, at_s: float | None
 
 
 def first_query_event(context: DebugContext) -> int:
-    """Return the number of the event with which the first query begins, or of the next event after the moment."""
+    """Return the number of the event that begins the first query, or of the next event after the moment."""
     timeline = context.timeline
     known = timeline.count_until(context.instant)
     return min(timeline.queries[0].first, known) if timeline.queries else known
@@ -146,7 +146,7 @@ def _poses(context: DebugContext, graph: TopologicalGraph) -> dict[NodeId, Pose]
 
 
 def compare(here: ComparedMap, there: ComparedMap, presence_filter: PresenceFilter) -> MapComparison:
-    """Return how this map differs from another; as slow as `compare_maps`."""
+    """Return the differences between two maps; as slow as `compare_maps`."""
     both = map_metrics(here.graph, here.events), map_metrics(there.graph, there.events)
     if here.scene != there.scene:
         return MapComparison(here, there, both, None, (), ())

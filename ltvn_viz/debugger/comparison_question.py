@@ -1,6 +1,6 @@
-"""Compare: this map against another one, or against its own past, with figures and in colours.
+"""Compare: the differences between this map and another one, or its own past, as figures and colours.
 
-What changed since yesterday is the same question: edges that are closed now, or open again, and new nodes and edges.
+This includes changes since an earlier time: edges that are closed now or open again, and new nodes and edges.
 """
 
 from collections.abc import Hashable, Mapping, Sequence
@@ -95,7 +95,7 @@ class ComparisonQuestion(Question[ComparisonRequest]):
     about = "This map against another: figures of both, and the edges that differ, those that matter most first."
 
     def __init__(self) -> None:
-        """Compare with nothing yet."""
+        """Start without another map."""
         self._other: _Other | None = None
         self._latest = LatestAnswer()
         self._earlier: tuple[Hashable, Timeline, ComparedMap] | None = None
@@ -126,12 +126,12 @@ class ComparisonQuestion(Question[ComparisonRequest]):
         return _difference(builder, found, selection)
 
     def handle_text(self, context: DebugContext, text: str) -> None:
-        """Take the name of the other recording, or a time; raises RecordingError, OptionError."""
+        """Choose another recording by its name, or a time; raises RecordingError, OptionError."""
         request = CompareWithTime(parse_world_time(text)) if names_time(text) else CompareWithRecording(text.strip())
         self.handle_request(context, request)
 
     def handle_request(self, context: DebugContext, request: ComparisonRequest) -> None:
-        """Take the other map, or none; raises RecordingError if there is no recording of that name."""
+        """Choose the other map, or none; raises RecordingError if there is no recording with that name."""
         match request:
             case CompareWithRecording(name):
                 context.library.path(name)
@@ -151,7 +151,7 @@ class ComparisonQuestion(Question[ComparisonRequest]):
         if isinstance(other, CompareWithRecording):
             path = context.library.path(other.name)
             return context.in_background(("open", other.name, path.stat().st_mtime_ns), lambda: opened_map(path))
-        # A time ago moves on with the moment; a minute more or less makes no other comparison.
+        # A relative time moves with the moment; it is rounded to minutes, so that the cache can be used.
         moment = round(context.world_s / 60) if isinstance(other, CompareWithTime) else 0
         key = other, first_query_event(context), moment
         if self._earlier is None or self._earlier[:2] != (key, context.timeline):
@@ -189,7 +189,7 @@ def _offer(context: DebugContext, builder: AnswerBuilder) -> QuestionAnswer:
 
 
 def _offered_times(context: DebugContext) -> list[list[Inline]]:
-    """Offer the times that lie within the run."""
+    """Return the offered times that lie within the run."""
     if not context.timeline.events:
         return []
     began_s = world_time_at(context.timeline, context.timeline.instant(0))
@@ -257,7 +257,7 @@ def _row(each: EdgeDifference, back: Mapping[NodeId, NodeId]) -> tuple[Inline, .
 
 
 def _name(each: EdgeDifference, back: Mapping[NodeId, NodeId]) -> Inline:
-    """Return a link to the edge, or plain numbers of the other map where this one has no such nodes."""
+    """Return a link to the edge, or plain numbers of the other map's nodes if this map lacks them."""
     if each.a is not None:
         key: EdgeKey = each.a.source, each.a.target
     else:
@@ -284,7 +284,7 @@ def _strokes(found: MapComparison, difference: MapDifference) -> tuple[Stroke, .
 
 
 def add_presence_changes(found: MapComparison, builder: AnswerBuilder) -> None:
-    """Say which edges are taken for closed here and were not there, and which have come back."""
+    """Report the edges that are predicted closed only in this map, and those that are open again."""
     if not (found.here.graph.presence or found.there.graph.presence):
         return
     closed = closed_since(found.presence)
@@ -316,7 +316,7 @@ def add_world_changes(found: MapComparison, builder: AnswerBuilder) -> None:
 
 
 def presence_strokes(found: MapComparison) -> tuple[Stroke, ...]:
-    """Return a line for each edge that is closed, or has come back."""
+    """Return a line for each edge that is closed now, or open again."""
     poses = found.here.poses
     coloured = [
         *((each.edge, CLOSED) for each in closed_since(found.presence)),
@@ -327,10 +327,10 @@ def presence_strokes(found: MapComparison) -> tuple[Stroke, ...]:
 
 
 def closed_since(changes: Sequence[PresenceChange]) -> Sequence[PresenceChange]:
-    """Return the edges that were taken for open and are no longer."""
+    """Return the edges that were predicted open and are predicted closed now."""
     return [each for each in changes if presence_state(each.before) is PresenceState.OPEN]
 
 
 def returned_since(changes: Sequence[PresenceChange]) -> Sequence[PresenceChange]:
-    """Return the edges that are taken for open and were not."""
+    """Return the edges that were predicted closed and are predicted open now."""
     return [each for each in changes if presence_state(each.now) is PresenceState.OPEN]

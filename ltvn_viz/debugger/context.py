@@ -1,6 +1,6 @@
-"""Context of a tool: all events so far, with the images and the predictor.
+"""Context of a question: all events so far, with the images and the predictor.
 
-Owns one view of the live run and of an open recording. Computes nothing but what it caches.
+Owns the common interface to the live run and to an open recording. Computes only the values that it caches.
 """
 
 from collections.abc import Callable
@@ -29,14 +29,14 @@ from ltvn_viz.timeline.run_moment import RunMoment
 
 
 class PredictorView(NamedTuple):
-    """A run's images as a predictor looks at them; may be used in any thread."""
+    """Converts a run's images for a predictor; may be used in any thread."""
 
     camera: CameraModel
-    """Of the run's images."""
+    """Camera of the run's images."""
     predictor: Predictor
 
     def of(self, seen: Observation) -> Observation | None:
-        """Return an image as the predictor's camera would have taken it; None where it cannot be compared."""
+        """Return an image as the predictor's camera would have taken it; None if it cannot be compared."""
         if not is_usable(seen, self.predictor):
             return None
         return recorded_observation(seen, self.camera, self.predictor.camera)
@@ -47,23 +47,23 @@ class DebugContext:
     """A run and a moment in it."""
 
     name: str
-    """Of the recording; empty for the live run."""
+    """Name of the recording; empty for the live run."""
     scene: str
     start_s: float
-    """The stamp at which the run began; seconds on the page count from there."""
+    """Stamp of the run's beginning, in seconds; times on the page are relative to it."""
     moment: RunMoment
     """The moment that the page shows."""
     step: FrameId
-    """The newest step that counts."""
+    """Newest step that answers include."""
     timeline: Timeline
-    """All that happened, also after the moment; another thread must be given a copy."""
+    """All events, including those after the moment; another thread must get a copy."""
     known_events: int
     """Number of events that an answer about all of them includes; counted once a second during a run, because such
     answers take time."""
     observation: Callable[[FrameId], Observation | None]
     """Returns an image by its frame; None if it is not in memory. For the session's thread only."""
     camera: CameraModel
-    """The camera of these images, which may be another than the predictor's."""
+    """Camera of the run's images, which may differ from the predictor's."""
     method: Method
     """The thresholds in use."""
     predictor: Predictor
@@ -71,23 +71,24 @@ class DebugContext:
     weights: str
     """Fingerprint of the network that the run was made with; empty if unknown."""
     system: str
-    """Name of the system that planned, as the recording says; empty where it does not say."""
+    """Name of the navigation system in the recording; empty if unknown."""
     presence_filter: PresenceFilter | None
     """Filter that predicts which edges are open; None if plans ignore presence."""
     live_map: LiveMap | None
-    """The live map and its images, to be touched within `in_background` alone; None in replay."""
+    """The live map and its images, to be used only within `in_background`; None in replay."""
     live: Timeline
-    """The live run as it is now, also while a recording is on show."""
+    """The present live run, also while a recording is on show."""
     in_background: BackgroundCache
-    """Computes slowly, elsewhere."""
+    """Cache that computes slow answers in the worker's thread."""
     library: RecordingLibrary
     """The other recordings."""
     rerun: Callable[[Path], str]
     """Serves a recording in Rerun's web viewer and returns its address; slow, and raises ServerError."""
     offer_file: Callable[[Path], SavedFile]
-    """Lets the page hand out a file that was just written; may be called in any thread."""
+    """Offers a new file for download in the page; may be called in any thread."""
     viewpoint: Viewpoint | None = None
-    """From where the person looks, for the tool that hands it on; None for all others, which need not look again."""
+    """The person's view, for the question that shares it; None for all others, which then need no refresh when it
+    changes."""
 
     @property
     def instant(self) -> Instant:
@@ -96,12 +97,12 @@ class DebugContext:
 
     @property
     def is_live(self) -> bool:
-        """Tell whether the robot itself is on show."""
+        """Whether the page shows the live run."""
         return self.live_map is not None
 
     @cached_property
     def graph(self) -> TopologicalGraph:
-        """The map at the moment; linear in its changes when it is asked first."""
+        """The map at the moment; the first access takes time linear in its changes."""
         return self.timeline.graph_at(self.instant)
 
     @property
@@ -111,7 +112,7 @@ class DebugContext:
 
     @cached_property
     def world_s(self) -> float:
-        """The time of the world at the moment, seconds from midnight of its first day."""
+        """Time of the world at the moment, in seconds from midnight of its first day."""
         return latest_known_time(self.graph, world_time_at(self.timeline, self.instant))
 
     @property
@@ -120,7 +121,7 @@ class DebugContext:
         return PredictorView(self.camera, self.predictor)
 
     def pose(self, node: NodeId) -> Pose | None:
-        """Return where a node is drawn, (3,); None if unknown."""
+        """Return the pose (3,) at which a node is drawn; None if unknown."""
         return self.timeline.frames.pose(node)
 
     def revision(self, *kinds: type) -> tuple[int, int]:
@@ -133,5 +134,5 @@ class DebugContext:
         return self.timeline.change_count_before(before), sum(isinstance(each.event, kinds) for each in events)
 
     def seconds(self, instant: Instant) -> float:
-        """Return a moment in the page's time, rounded up so that seeking to it never ends just before it."""
+        """Return a moment in seconds of the page's time, rounded up so that a seek never ends just before it."""
         return max(0.0, instant.stamp - self.start_s + STAMP_EPSILON_S)

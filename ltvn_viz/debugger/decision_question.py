@@ -1,6 +1,6 @@
 """Decisions of the robot in the current query, with the rule and the number behind each.
 
-Owns the page; `ltvn_core.analysis.decisions` knows the rule behind each event.
+Owns the layout of the answer; `ltvn_core.analysis.decisions` finds the rule behind each event.
 """
 
 from typing import Never
@@ -13,11 +13,11 @@ from ltvn_viz.debugger.question import AnswerBuilder, Question, time_link
 from ltvn_viz.session.inspection import QuestionAnswer, QuestionName, Selection
 
 _ROWS = 24
-"""The latest decisions are shown; one goes back in time to see earlier ones."""
+"""Number of latest decisions that are shown; earlier ones are shown at earlier moments."""
 
 
 class DecisionQuestion(Question[Never]):
-    """Tells which rule decided what."""
+    """Shows the decisions and their rules."""
 
     name = QuestionName.DECISIONS
     word = QuestionName.DECISIONS.word
@@ -25,7 +25,7 @@ class DecisionQuestion(Question[Never]):
     about = "Each decision of the query with the rule and the number behind it, the latest first."
 
     def is_offered(self, context: DebugContext) -> bool:
-        """Tell whether the robot was ever sent anywhere."""
+        """Tell whether the run has any query."""
         return context.timeline.progress_before(len(context.timeline.events)).queries > 0
 
     def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
@@ -47,7 +47,8 @@ class DecisionQuestion(Question[Never]):
 
 
 def _query_at(context: DebugContext) -> QueryRecord | None:
-    """Return the query that began last before the moment: where one ends as the next begins, the one that ends."""
+    """Return the last query that began before the moment; a query that begins at the moment counts only if there is no
+    earlier one."""
     begun = [each for each in context.timeline.queries if each.begin.step <= context.step]
     before = [each for each in begun if each.begin.step < context.step]
     return (before or begun or [None])[-1]

@@ -1,5 +1,4 @@
-"""Explains why the robot took an edge that was seen blocked, or a detour around it, by the expected cost of each
-way."""
+"""Explains by expected costs why the robot took an edge that was seen blocked, or a detour around it."""
 
 import itertools
 from collections.abc import Sequence
@@ -36,12 +35,12 @@ class EdgeDecisionsPart:
     """Explains plans by p(open); caches the last result."""
 
     def __init__(self) -> None:
-        """Begin with nothing computed."""
+        """Start with an empty cache."""
         self._latest = LatestAnswer()
         self._run: object = None
 
     def add(self, context: DebugContext, edge: EdgeKey | None, builder: AnswerBuilder) -> tuple[Stroke, ...]:
-        """Explain the last such plan up to the moment, of an edge or of any, offer others, and return what to draw.
+        """Explain the last such plan up to the moment, for an edge or for any, offer others, and return the strokes.
 
         Adds nothing if the edge was never observed, or plans ignore presence.
         """
@@ -91,7 +90,7 @@ def _decided(
 
 
 def _was_seen(context: DebugContext, edge: EdgeKey | None) -> bool:
-    """Tell whether an edge, or any, was looked at up to the moment."""
+    """Tell whether an edge, or any edge for None, was observed up to the moment."""
     if edge is None:
         return bool(context.graph.presence)
     return bool(observed_presence(context.timeline, *edge, context.instant))

@@ -1,6 +1,6 @@
-"""Presence of an edge: when it was open and blocked, p(open) now, and the forecast.
+"""Presence of an edge: its history of open and blocked times, its present p(open), and a forecast.
 
-Owns the words. The numbers come from `ltvn_core.analysis.edge_presence_history`.
+Owns the texts. The numbers come from `ltvn_core.analysis.edge_presence_history`.
 """
 
 from collections.abc import Sequence
@@ -35,7 +35,7 @@ _TITLE = "When is it open?"
 _ROWS = 20
 _HOUR_S = 3600.0
 _SHORT_HISTORY_S = 6 * _HOUR_S
-"""With a shorter history than this the chart has no forecast of a day, in seconds."""
+"""Least length of the history in seconds for which the chart has a forecast of a day."""
 
 STATE_COLOURS: dict[PresenceState, Rgb8] = {
     PresenceState.OPEN: palette.EDGE_ADDED,
@@ -51,12 +51,12 @@ _AHEAD_S: tuple[tuple[str, float], ...] = (
 
 
 class _Forecast(NamedTuple):
-    """What the filter predicts for one edge."""
+    """The filter's predictions for one edge."""
 
     strip: PresenceStrip
     now_s: float
     soon: tuple[float, ...]
-    """At the times of `_AHEAD_S` from now."""
+    """p(open) at the times of `_AHEAD_S` from now."""
     back_s: float | None
 
 
@@ -64,12 +64,13 @@ class EdgePresencePart:
     """Shows presence over time; caches the last result."""
 
     def __init__(self) -> None:
-        """Begin with nothing computed."""
+        """Start with an empty cache."""
         self._latest = LatestAnswer()
         self._asked: object = None
 
     def add_edge(self, context: DebugContext, story: EdgeHistory, builder: AnswerBuilder) -> None:
-        """Tell when an edge was open, is open and will be; nothing where no edge was seen blocked or met a thing."""
+        """Show when an edge was open, is open and will be open; nothing if no edge was ever seen blocked or
+        obstructed."""
         edge = story.source, story.target
         if edge not in context.graph.presence:
             _add_unseen(context, story, builder)
@@ -140,7 +141,7 @@ def _state(p: float) -> Coloured:
 
 
 def _looks(context: DebugContext, edge: EdgeKey, builder: AnswerBuilder) -> None:
-    """Show the observations of this run, newest first, each with the way to its moment."""
+    """Show the observations of this run, newest first, each with a link to its moment."""
     looks = observed_presence(context.timeline, *edge, context.instant)
     rows = [_look(context, each) for each in reversed(looks[-_ROWS:])]
     builder.add_table(("when", "seen", "learned", "moment"), rows)
@@ -153,7 +154,7 @@ def _look(context: DebugContext, look: ObservedPresence) -> tuple[Inline, ...]:
 
 
 def add_all_edges(context: DebugContext, builder: AnswerBuilder) -> tuple[Stroke, ...]:
-    """Offer all edges that were ever seen blocked, the least probably open first, and return how they are drawn."""
+    """Offer all edges that were ever seen blocked, the lowest p(open) first, and return their strokes."""
     if not context.graph.presence:
         return ()
     found = presence_as_if(context.graph, context.known_filter, context.world_s)
@@ -187,7 +188,7 @@ def _note(context: DebugContext, builder: AnswerBuilder) -> None:
 
 
 def strip_times(observations: Sequence[PresenceObservation], now_s: float, *, ahead_s: float) -> tuple[float, ...]:
-    """Return the times at which a strip is drawn: evenly from the first observation on, and around each of them."""
+    """Return the times at which p(open) is drawn: evenly spaced from the first observation, and around each one."""
     first = min([now_s - 600.0, *(seen.stamp_s for seen in observations)])
     first = max(first - 0.02 * (now_s - first), now_s - 8 * DAY_S)
     count = 120

@@ -46,7 +46,7 @@ from ltvn_viz.wishes.commands import PointAt
 
 
 def add_later_changes(context: DebugContext, story: EdgeHistory, builder: AnswerBuilder) -> None:
-    """Say when an edge, described up to the moment, leaves the map or is added later; nothing if neither happens."""
+    """Report when an edge is removed from the map or added after the moment; nothing if neither happens."""
     later = edge_history(context.timeline, story.source, story.target)
     if story.alive and later.lifetimes and (end := later.lifetimes[len(story.lifetimes) - 1].end) is not None:
         builder.add_line("Later it leaves the map, at ", time_link(context.seconds(end.instant)), ".")
@@ -72,18 +72,18 @@ class EdgeQuestion(Question[Never]):
     )
 
     def __init__(self) -> None:
-        """Begin with nothing typed."""
+        """Start without input."""
         self._typed: EdgeKey | None = None
         self._under = NOTHING_SELECTED
         self._presence = EdgePresencePart()
         self._decisions = EdgeDecisionsPart()
 
     def is_offered(self, context: DebugContext) -> bool:
-        """Tell whether there ever was a map."""
+        """Tell whether the run ever had a map."""
         return len(context.timeline.changes) > 0
 
     def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
-        """Show the edge that was typed or pointed at; else the node, and all edges that were seen blocked."""
+        """Show the typed or selected edge; else the selected node, and all edges that were seen blocked."""
         if selection != self._under:
             self._under = selection
             self._typed = None
@@ -93,7 +93,7 @@ class EdgeQuestion(Question[Never]):
         return builder.build(overlay, "From node, to node")
 
     def handle_text(self, context: DebugContext, text: str) -> None:
-        """Ask about the edge between two nodes."""
+        """Select the edge between two typed nodes."""
         numbers = [int(number) for number in re.findall(r"\d+", text)]
         if len(numbers) != 2 or numbers[0] == numbers[1]:
             raise OptionError("Type the numbers of two different nodes, from and to, for instance: 12 40.")
@@ -176,7 +176,7 @@ def _belief_chart(context: DebugContext, beliefs: Sequence[TimedBelief]) -> Step
 
 
 def _departed(end: EdgeRemoval) -> str:
-    """Say why an edge left the map."""
+    """Return the reason why an edge was removed from the map."""
     if end.whole_map:
         return f"because another map came in {CAUSE_TEXTS[end.cause]}"
     if end.node is not None:

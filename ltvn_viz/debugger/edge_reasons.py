@@ -1,6 +1,6 @@
 """Why an edge is gone, weak, chosen or missing, and why a node exists, as sentences with links to the moments.
 
-Owns which of these are shown for an edge. `ltvn_core.analysis.edge_explanation` makes the sentences.
+Owns the choice of explanations for an edge. `ltvn_core.analysis.edge_explanation` writes the sentences.
 """
 
 from collections.abc import Sequence
@@ -20,12 +20,12 @@ from ltvn_viz.debugger.question import AnswerBuilder, edge_link, time_link
 from ltvn_viz.wishes.commands import PointAt
 
 _SENTENCES = 8
-"""Of a longer chain the beginning and the end are reasons."""
+"""Maximum number of sentences; of a longer chain, only the beginning and the end are shown."""
 _GONE = 12
 
 
 def add_node_reasons(context: DebugContext, node: NodeId, before: NodeId | None, builder: AnswerBuilder) -> None:
-    """Tell why a node is here, how it looked, and which edges it lacks; `before` was pointed at before it."""
+    """Explain why a node exists, show its views, and link its missing edges; `before` was selected before it."""
     _chain(
         context,
         f"Why is node {node} here?",
@@ -44,7 +44,7 @@ def add_node_reasons(context: DebugContext, node: NodeId, before: NodeId | None,
 
 
 def _views(context: DebugContext, node: NodeId, builder: AnswerBuilder) -> None:
-    """Show how the place looked when it became a node, and how at other times."""
+    """Show the image of the place when it became a node, and its views at other times."""
     if not (views := context.graph.views.get(node, ())):
         return
     captions = {node: "when the map was made"} | {
@@ -56,7 +56,7 @@ def _views(context: DebugContext, node: NodeId, builder: AnswerBuilder) -> None:
 
 
 def add_edge_reasons(context: DebugContext, story: EdgeHistory, builder: AnswerBuilder) -> None:
-    """Tell why an edge is missing, gone or believed as it is, and why the last plan through it was made."""
+    """Explain why an edge is missing, was removed, or has its p, and why the last plan through it was made."""
     edge = story.source, story.target
     if not story.lifetimes:
         _chain(context, "Why is it missing?", _missing(context, edge), builder)
@@ -92,7 +92,7 @@ def _chosen(context: DebugContext, edge: EdgeKey, story: EdgeHistory, builder: A
     last = story.planned_at[-1]
     how = edge_weighting(context)
     weight = how.edge_weight_of(context.method)
-    # Planning again takes time on a large map, and the answer stays as long as no newer plan comes.
+    # Replanning is slow on a large map, and the answer stays valid until the next plan.
     reasons = context.in_background(
         ("chosen", context.name, context.start_s, edge, last),
         lambda: edge_explanation.explain_planned_edge(timeline, *edge, planning, at=last, weight=weight),
@@ -126,7 +126,7 @@ def _doubt(story: EdgeHistory) -> str:
 
 
 def _seen(context: DebugContext, edge: EdgeKey) -> tuple[float, float] | None:
-    """Return (r, d) of the pair as the network in use sees it; None without images or as long as it is at work."""
+    """Return (r, d) of the pair by the network in use; None without images or while it is computed."""
     views = [context.observation(node) for node in edge]
     pictures = [image for seen in views if seen is not None and (image := context.view.of(seen)) is not None]
     predictor = context.predictor

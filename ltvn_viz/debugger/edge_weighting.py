@@ -8,7 +8,7 @@ from ltvn_viz.debugger.context import DebugContext
 
 
 class EdgeWeighting(NamedTuple):
-    """How the system that planned weighs edges."""
+    """Edge weights of the navigation system that planned."""
 
     edge_weight_of: EdgeWeightFactory
     note: str
@@ -16,7 +16,7 @@ class EdgeWeighting(NamedTuple):
 
 
 def edge_weighting(context: DebugContext) -> EdgeWeighting:
-    """Return how edges are weighed in a run: as the system that planned in it does, else as the paper's own does."""
+    """Return the edge weights of a run: those of the system that planned in it, or else those of the paper."""
     entry = known_system(context.system)
     if entry is not None:
         note = "" if entry.name == DEFAULT_SYSTEM else f"Both plans weigh edges as {entry.name} does."

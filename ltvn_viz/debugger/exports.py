@@ -1,6 +1,6 @@
-"""Exports from a recording: a moment with a test to begin with, and the map as page and figure.
+"""Exports from a recording: an excerpt with a test to start from, and the map as page and figure.
 
-Owns the names of the files, which are always new. Their contents come from `ltvn_core.data.recording.excerpt`,
+Owns the file names, which are always new. The contents come from `ltvn_core.data.recording.excerpt`,
 `analysis.regression_test_source`, `scene_html` and `evaluation.reports.map_svg`. Slow; runs in the worker's thread.
 """
 
@@ -20,7 +20,7 @@ from ltvn_viz.session.recording_library import RecordingLibrary
 
 
 def save_excerpt(library: RecordingLibrary, name: str, from_s: float, to_s: float) -> tuple[Path, Path]:
-    """Cut a stretch of the robot's clock out of a recording, and write a test of it beside it. Raises LtvnError."""
+    """Write an excerpt between two times of the robot's clock, and a test in the same folder. Raises LtvnError."""
     recording = Recording.open(library.path(name))
     begin, end = time_span(recording)
     from_s, to_s = max(from_s, begin), min(to_s, end)
@@ -58,7 +58,7 @@ def draw_map(
 ) -> None:
     """Draw the map at a time of the robot's clock, at the end if None, into new files. Raises LtvnError.
 
-    Below it lies a floor plan, if there is one.
+    The map is drawn over the floor plan, if there is one.
     """
     drawn = replace(map_layout(recording, at_s=at_s), floor_plan=floor_plan)
     if svg is not None:

@@ -1,6 +1,6 @@
 """Faults of the map in which a query failed: edges that odometry contradicts, and the gap before the goal.
 
-Owns this part of the page “What failed?”. The faults are found in `ltvn_core.analysis.map_faults`.
+Owns this part of the answer to “What failed?”. `ltvn_core.analysis.map_faults` finds the faults.
 """
 
 from collections.abc import Callable, Sequence
@@ -22,11 +22,11 @@ class MapFaults:
 
     contradicted: tuple[ContradictedEdge, ...]
     gap: MapGap | None
-    """None where the query did not fail for want of a way."""
+    """Gap in the map; None unless the query failed because there was no path."""
 
 
 def add_map_faults(context: DebugContext, failure: FailedQuery, builder: AnswerBuilder) -> None:
-    """Say where to look in the map as it was when the query began; nothing where nothing is odd."""
+    """Report suspicious parts of the map at the beginning of the query; nothing if there are none."""
     graph = context.timeline.graph_before(failure.query.first)
     question = "map faults", context.name, context.start_s, failure.query.first, failure.query.last
     faults: MapFaults | None = context.in_background(question, _search(graph, failure))

@@ -1,6 +1,6 @@
 """What failed up to the moment: queries by cause and place, the second before each failure, and success over time.
 
-Owns the page, and the curves of success, nodes and edges over queries. Causes and places come from
+Owns the layout of the answer, and the curves of success, nodes and edges over queries. Causes and places come from
 `ltvn_core.analysis.failure_triage`, the numbers of the curves from `ltvn_core.analysis.lifelong_success`.
 """
 
@@ -43,7 +43,7 @@ _NEXT = {
 }
 """Follow-up questions."""
 WINDOW = 10
-"""Queries over which success is counted."""
+"""Number of queries over which success is averaged."""
 _ROWS = 10
 _POINTS = 200
 _DIPS = 3
@@ -59,7 +59,7 @@ class FailureSummary:
 
     @classmethod
     def of(cls, timeline: Timeline) -> "FailureSummary":
-        """Look through a run; linear in its events."""
+        """Summarise a run; linear in its events."""
         return cls(failed_queries(timeline), lifelong_success(timeline, WINDOW))
 
     def until(self, step: FrameId) -> "FailureSummary":
@@ -73,11 +73,11 @@ class ShowFailures(QuestionRequest):
     """List the failures of one cause."""
 
     only: FailureMode | None
-    """None means all causes."""
+    """The only cause to list; None means all causes."""
 
 
 class FailureQuestion(Question[ShowFailures]):
-    """Shows what failed."""
+    """Shows failed queries."""
 
     name = QuestionName.FAILURES
     word = QuestionName.FAILURES.word
@@ -85,17 +85,17 @@ class FailureQuestion(Question[ShowFailures]):
     about = "Failed queries by cause and place; a time leads to the second before it went wrong."
 
     def __init__(self) -> None:
-        """Begin with all causes."""
+        """Start with all causes."""
         self._only: FailureMode | None = None
         self._known: tuple[object, FailureSummary | None] = (None, None)
         self._drawn: tuple[object, Overlay] = (None, EMPTY_OVERLAY)
 
     def is_offered(self, context: DebugContext) -> bool:
-        """Tell whether the robot was ever sent anywhere."""
+        """Tell whether the run has any query."""
         return context.timeline.progress_before(len(context.timeline.events)).queries > 0
 
     def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
-        """Show what failed up to the moment, the last failure first; one line says whether more follows later."""
+        """Show the failures up to the moment, the last one first; a separate line mentions later failures."""
         builder = AnswerBuilder()
         findings = self._findings(context)
         if findings is None:
@@ -121,7 +121,7 @@ class FailureQuestion(Question[ShowFailures]):
         return builder.build(self._overlay(context, shown))
 
     def handle_request(self, context: DebugContext, request: ShowFailures) -> None:
-        """Show one cause, or all."""
+        """Show one cause, or all causes."""
         self._only = request.only
 
     def _findings(self, context: DebugContext) -> FailureSummary | None:
@@ -165,7 +165,7 @@ def _row(context: DebugContext, failure: FailedQuery) -> tuple[Inline, ...]:
 
 
 def _detail(context: DebugContext, failure: FailedQuery, builder: AnswerBuilder) -> None:
-    """Explain how the last failed query went wrong, and offer questions about it."""
+    """Explain the failure of the last failed query, and offer questions about it."""
     query = failure.query
     wrong = time_link(context.seconds(context.timeline.instant(failure.event)))
     began = time_link(context.seconds(query.begin))
@@ -177,7 +177,7 @@ def _detail(context: DebugContext, failure: FailedQuery, builder: AnswerBuilder)
 
 
 def _later(context: DebugContext, later: Sequence[FailedQuery], builder: AnswerBuilder) -> None:
-    """Say in one separate line what fails after the moment, with a link to the first failure."""
+    """Add a separate line about failures after the moment, with a link to the first one."""
     failure = later[0]
     run = "run" if context.is_live else "recording"
     named = f"query {failure.query.id} fails, {failure.failure_mode}, from "
@@ -187,7 +187,7 @@ def _later(context: DebugContext, later: Sequence[FailedQuery], builder: AnswerB
 
 
 def _what_to_ask(failure: FailedQuery) -> list[Inline]:
-    """Name the edge that was driven, and the questions that tell more of it."""
+    """Return the driven edge, and links to questions about it."""
     edge = failure.edge or _last_edge(failure.query)
     driven: list[Inline] = ["nowhere"]
     if edge is not None:
@@ -197,13 +197,13 @@ def _what_to_ask(failure: FailedQuery) -> list[Inline]:
 
 
 def _last_edge(query: QueryRecord) -> EdgeKey | None:
-    """Return the edge that was driven last, which led to where the robot thought that it had arrived."""
+    """Return the last driven edge, which led to the place where the robot reported its arrival."""
     driven = [(started.source, started.target) for started in (attempt.started for attempt in query.attempts)]
     return next(((source, target) for source, target in reversed(driven) if source is not None), None)
 
 
 def _drawing(context: DebugContext, shown: Sequence[FailedQuery]) -> Overlay:
-    """Mark where queries failed, the last of them in another colour."""
+    """Mark the places where queries failed, the last one in another colour."""
     strokes = []
     last = shown[-1] if shown else None
     for failure in shown:
@@ -248,7 +248,7 @@ def _chart(values: Sequence[float] | np.ndarray, label: str, colour: Rgb8) -> St
 
 
 def _dip(context: DebugContext, strip: LifelongSuccess, dip: SuccessDip, builder: AnswerBuilder) -> None:
-    """Say where success fell, and which map changes came with it."""
+    """Report a drop of success, and the map changes at that time."""
     first = strip.queries[dip.peak]
     last = strip.queries[dip.low]
     begin = time_link(context.seconds(dip.before), f"query {first}")

@@ -1,7 +1,7 @@
 """Opens a recording or a map for the questions of the debugger, with a page or without one.
 
-Owns how an open recording becomes a case for the questions, and how it is opened without page, session and robot.
-Writes nothing.
+Owns the context of questions for an open recording, and opening a recording without page, session and robot. Writes no
+files.
 """
 
 import math
@@ -72,10 +72,10 @@ def replay_context(
 
 
 class JobsAtOnce:
-    """Does each job at once, in the thread that hands it over. Implements `ltvn_viz.session.worker.JobQueue`."""
+    """Runs each job immediately in the calling thread. Implements `ltvn_viz.session.worker.JobQueue`."""
 
     def __init__(self, longest_s: float = math.inf) -> None:
-        """Start no more jobs after this number of seconds."""
+        """Set the deadline, in seconds from now, after which no more jobs are started."""
         self.done = 0
         self._longest_s = longest_s
         self._deadline = time.monotonic() + longest_s
@@ -100,10 +100,10 @@ class JobsAtOnce:
 
 
 class FileCase:
-    """An open recording or map that can be asked about. For one thread at a time."""
+    """An open recording or map for questions. For one thread at a time."""
 
     def __init__(self, path: Path, library: RecordingLibrary | None = None) -> None:
-        """Open a file; questions may look at the other recordings of `library`, by default those of its folder.
+        """Open a file; questions may use the other recordings of `library`, by default those in the file's folder.
 
         Raises RecordingError.
         """
@@ -115,12 +115,12 @@ class FileCase:
 
     @property
     def timeline(self) -> Timeline:
-        """All that happened."""
+        """All events of the recording."""
         return self._replay.timeline
 
     @property
     def replay(self) -> Playback:
-        """The open recording, for its images and how long it is."""
+        """The open recording, with its images and its length."""
         return self._replay
 
     def context(self, at_s: float, jobs: JobsAtOnce) -> DebugContext:
@@ -146,7 +146,7 @@ class FileCase:
 
 
 _ROUNDING_S = 0.1
-"""Times are written with one digit, which may lie behind the end."""
+"""Tolerance in seconds, because times are written with one decimal and may be rounded to after the end."""
 
 
 def _file_method(meta: RecordingMetadata) -> ReplayMethod:

@@ -1,7 +1,7 @@
-"""Questions about a recording or a map without a page: asked in words and numbers, and answered completely.
+"""Questions about a recording or a map without a page: asked by text and numbers, and answered completely.
 
-Owns what a person or a program may ask, its validation, how slow answers are awaited, and the question behind a link.
-Each question starts fresh: nothing is cached between questions, and no file is written.
+Owns the arguments of a question and their validation, waiting for slow answers, and the conversion of a link to a
+question. Nothing is cached between questions, and no file is written.
 """
 
 import math
@@ -27,9 +27,9 @@ from ltvn_viz.timeline.breakpoint_monitor import BreakpointMonitor
 from ltvn_viz.wishes.commands import AskQuestion, ChooseQuestion, PointAt, Seek
 
 LONGEST_S = 300.0
-"""An answer that takes longer is given up."""
+"""Time limit for an answer, in seconds."""
 LONGEST_TEXT = 200
-"""Letters that may be typed into a question."""
+"""Maximum number of characters of the text for a question."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,19 +37,19 @@ class FileAsk:
     """A question about a file. Without the name of a question, the selection decides which."""
 
     question: str = ""
-    """Its word."""
+    """Word of the question."""
     at_s: float | None = None
-    """Seconds after the beginning; the end if not given, or the end of the query."""
+    """Time in seconds after the beginning; by default the end of the query or of the file."""
     edge: EdgeKey | None = None
     node: NodeId | None = None
     query: int | None = None
-    """A navigation task, by its number."""
+    """Number of a navigation task."""
     text: str = ""
     """Text typed into the question, such as `without 12->40`."""
 
     @property
     def word(self) -> str:
-        """The word of the question that is asked, empty for none."""
+        """Word of the question, given or derived from the selection; empty for none."""
         if self.question:
             return self.question
         if self.edge is not None or self.node is not None:
@@ -73,7 +73,7 @@ class FileAsk:
         return {"question": self.word, **at, **self.about}
 
     def command_line(self, file: str) -> str:
-        """Return the command line that asks this."""
+        """Return the command line for this question."""
         words = ["ltvn", "why", file, "--ask", self.word]
         words += [] if self.at_s is None else ["--at", f"{_milliseconds(self.at_s):.10g}"]
         words += [] if self.edge is None else ["--edge", *map(str, self.edge)]
@@ -83,7 +83,7 @@ class FileAsk:
         return shlex.join(words)
 
     def following(self, command: object) -> Self | None:
-        """Return the question to ask to follow a link; None if only the page can follow it."""
+        """Return the question that follows a link; None if only the page can follow it."""
         match command:
             case Seek(time_s=time_s):
                 return replace(self, at_s=time_s, query=None)
@@ -101,15 +101,15 @@ class FileAsk:
 
 @dataclass(frozen=True, kw_only=True)
 class FileAnswer:
-    """An answer and the question as it was understood."""
+    """An answer and its complete question."""
 
     asked: FileAsk
-    """With the question and the time that were taken where none was given."""
+    """The question, with default values filled in."""
     answer: Answer
 
 
 def _milliseconds(seconds: float) -> float:
-    """Round up, so that the target of a link has just happened."""
+    """Round up to milliseconds, so that the event that a link leads to has just happened."""
     return math.ceil(seconds * 1000) / 1000
 
 
@@ -145,7 +145,7 @@ def ask_file(case: FileCase, asked: FileAsk, *, longest_s: float = LONGEST_S) ->
 
 
 def _answered(question: Question[Any], context: DebugContext, asked: FileAsk, jobs: JobsAtOnce) -> Answer:
-    """Let the question answer until nothing is under way any more."""
+    """Repeat the question until no part of its answer is pending."""
     answer = question.answer(context, asked.selection).answer
     if asked.text:
         if question.handle_text(context, asked.text) is not None:

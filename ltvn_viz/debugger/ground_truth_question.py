@@ -37,18 +37,18 @@ _LOOKED_AT = 4
 
 @dataclass(frozen=True, eq=False)
 class JudgedMap:
-    """The answer."""
+    """The comparison of a map with the ground truth."""
 
     graph: TopologicalGraph
     poses: Mapping[FrameId, Pose]
     verdicts: Verdicts
     cells: tuple[EdgeCalibrationBin, ...]
     attempts: AttemptCalibration | None
-    """None before any attempt."""
+    """Calibration of p by the attempts; None before any attempt."""
 
 
 class GroundTruthQuestion(Question[Never]):
-    """Holds the map against the simulator."""
+    """Compares the map with the ground truth of the simulator."""
 
     name = QuestionName.TRUTH
     word = QuestionName.TRUTH.word
@@ -56,24 +56,24 @@ class GroundTruthQuestion(Question[Never]):
     about = "In simulation: edges that nobody can drive, edges that are missing, and whether p tells the truth."
 
     def __init__(self) -> None:
-        """Know nothing yet."""
+        """Start without an answer."""
         self._latest = LatestAnswer()
         self._about: tuple[str, str] = "", ""
         self._offered: tuple[object, bool] = None, False
 
     def is_offered(self, context: DebugContext) -> bool:
-        """Tell whether the images of this run say where they were truly taken; one is looked at, once a run."""
+        """Tell whether the images of this run have true poses; checks one image per run."""
         run = (context.name, context.start_s)
         nodes = context.moment.graph.ids[:_LOOKED_AT].tolist()
         if self._offered[0] != run and nodes:
             seen = next((image for node in nodes if (image := context.observation(node)) is not None), None)
             if seen is None:
-                return True  # Unknown so far.
+                return True  # This is unknown so far.
             self._offered = run, seen.exact_pose is not None
         return bool(nodes) and self._offered[1]
 
     def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
-        """Show the verdicts, or say why there are none."""
+        """Show the comparison, or the reason why there is none."""
         builder = AnswerBuilder()
         graph = context.graph
         if (why_not := _unknown(context)) is not None:
@@ -99,7 +99,7 @@ class GroundTruthQuestion(Question[Never]):
 
 
 def _unknown(context: DebugContext) -> str | None:
-    """Return why the truth is unknown; None if it is known."""
+    """Return the reason why the ground truth is unknown; None if it is known."""
     if not context.graph.nodes:
         return "There is no map yet whose edges could be true or false."
     nodes = list(context.graph.nodes)[:_LOOKED_AT]
@@ -126,7 +126,7 @@ def _judged_map(
     events: Sequence[StampedEvent],
     near: float,
 ) -> JudgedMap:
-    # An edge through a door that is closed now cannot be driven now.
+    # An edge through a closed door cannot be driven at present.
     clearance = ChangedScenes(load_scene(scene)).at(replace(world, people=())).clearance
     truth = GroundTruth(clearance, _nobody, poses=poses)
     tried = attempt_calibration(calibration_attempts(events, truth))
@@ -162,7 +162,7 @@ def _show(builder: AnswerBuilder, judged: JudgedMap, selection: Selection) -> Qu
 
 
 def calibration_sentence(point: AttemptCalibration) -> str:
-    """Compare p before the attempts of a run with their results."""
+    """Return a sentence that compares p before the attempts of a run with their results."""
     count = "the one attempt" if point.attempts == 1 else f"the {point.attempts} attempts"
     judge = "the robot judged" if point.arrived is None else "it truly was"
     truly = "" if point.arrived is None else f", and in {point.arrived:.0%} it truly arrived"
@@ -188,7 +188,7 @@ def _spurious(builder: AnswerBuilder, judged: JudgedMap) -> None:
 def _missing(builder: AnswerBuilder, missing: Sequence[MissingEdge]) -> None:
     if not missing:
         return
-    # Most ways are missing in both directions, and one row says so.
+    # Most missing edges are missing in both directions, so both share one row.
     pairs = {(min(pair.source, pair.target), max(pair.source, pair.target)): pair for pair in reversed(missing)}
     rows = [
         (edge_link(pair.source, pair.target), f"{pair.distance:.2f}", _way(pair))

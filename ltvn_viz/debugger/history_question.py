@@ -1,6 +1,6 @@
 """History: counts and a strip of marks by kind, links from each event to the next, and traces of recent changes.
 
-Owns the words, and the period that counts as recent: where edges were pruned and which nodes are new.
+Owns the texts, and the period in which pruned edges and new nodes count as recent.
 `ltvn_core.analysis.timeline_rows` decides which events get a mark; the page's timeline moves through time.
 """
 
@@ -31,16 +31,16 @@ MARK_STYLES: Mapping[MarkKind, tuple[str, Rgb8]] = {
     MarkKind.PRUNE: ("pruned", palette.EDGE_REMOVED),
     MarkKind.EXPAND: ("new node", palette.EDGE_ADDED),
 }
-"""The kinds that are shown, from top to bottom."""
+"""Kinds of marks that are shown, from top to bottom."""
 NEW_FOR_QUERIES = 2
-"""A node is new during the query that brought it and the next."""
+"""Number of queries during which a node counts as new, including the query that added it."""
 _GHOSTS = 200
-"""More pruned edges than this are a tangle; the latest are drawn."""
+"""Maximum number of pruned edges that are drawn, the latest ones."""
 _FAINTEST = 0.25
 
 
 class HistoryQuestion(Question[Never]):
-    """Tells the history."""
+    """Shows the history."""
 
     name = QuestionName.TIME
     word = QuestionName.TIME.word
@@ -48,15 +48,15 @@ class HistoryQuestion(Question[Never]):
     about = "All that is notable, by kind. In the scene: fading magenta edges were pruned, green nodes came in lately."
 
     def __init__(self) -> None:
-        """Begin with nothing drawn."""
+        """Start without a drawing."""
         self._recent_changes = RecentChanges()
 
     def is_offered(self, context: DebugContext) -> bool:
-        """Tell whether anything happened."""
+        """Tell whether the run has any event."""
         return len(context.timeline.events) > 0
 
     def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
-        """Count marks until the moment, and offer ways to others."""
+        """Count the marks up to the moment, and offer links to others."""
         builder = AnswerBuilder()
         if not context.timeline.marks:
             builder.add_line("Nothing notable happened yet: build a map, or let the robot navigate.")
@@ -91,7 +91,7 @@ def _way(context: DebugContext, mark: Mark | None, arrow: str) -> Inline:
 
 
 def _mark_lanes(context: DebugContext) -> LaneChart:
-    """Return the strip of all marks that are known, a lane for each kind."""
+    """Return a chart of all known marks, with a lane for each kind."""
     timeline = context.timeline
     start_s = context.start_s
     until = max(timeline.instant(len(timeline.events) - 1).stamp, context.moment.stamp)
@@ -106,12 +106,12 @@ class RecentChanges:
     """Caches the last drawing."""
 
     def __init__(self) -> None:
-        """Begin with nothing drawn."""
+        """Start without a drawing."""
         self._key: object = None
         self._drawn = EMPTY_OVERLAY
 
     def at(self, context: DebugContext) -> Overlay:
-        """Return the traces of everything up to the case's moment."""
+        """Return the drawing of recent changes up to the moment."""
         pruned = [
             mark
             for mark in context.timeline.marks_until(context.instant, MarkKind.PRUNE)[-_GHOSTS:]
@@ -127,7 +127,7 @@ class RecentChanges:
 
 
 def _gone(context: DebugContext, mark: Mark) -> bool:
-    """Tell whether it was an edge, and has not come back until the moment."""
+    """Tell whether a pruned element was an edge and was not added again before the moment."""
     if len(mark.ids) != 2:
         return False
     changes = context.timeline.changes_of_edge(mark.ids[0], mark.ids[1])
@@ -136,7 +136,7 @@ def _gone(context: DebugContext, mark: Mark) -> bool:
 
 
 def _ghosts(context: DebugContext, pruned: Sequence[Mark]) -> tuple[Stroke, ...]:
-    """Return a line for each pruned edge, the older the fainter."""
+    """Return a line for each pruned edge; older lines are fainter."""
     share = np.linspace(1 - _FAINTEST, 0.0, len(pruned)) if len(pruned) > 1 else np.zeros(len(pruned))
     colours = palette.faded(palette.EDGE_REMOVED, share, 1.0)
     strokes = []
@@ -149,7 +149,7 @@ def _ghosts(context: DebugContext, pruned: Sequence[Mark]) -> tuple[Stroke, ...]
 
 
 def _young(context: DebugContext) -> tuple[NodeId, ...]:
-    """Return the nodes that came in, not with a whole map, since the query before the latest began."""
+    """Return the nodes that were added since the beginning of the last query but one, not with a whole map."""
     starts = context.timeline.marks_until(context.instant, MarkKind.QUERY_START)[-NEW_FOR_QUERIES:]
     if not starts:
         return ()

@@ -1,6 +1,6 @@
 """The inspector: the current question, the selection, and the answer to show.
 
-Owns that state, when a question is refreshed, and its context: the live run or an open recording. Implements
+Owns this state, the refresh of the answer, and its context: the live run or an open recording. Implements
 `ltvn_viz.session.app_state.Debugger`; runs in the session's thread.
 """
 
@@ -41,10 +41,10 @@ _COUNT_EVERY_S = 1.0
 
 
 class DebugContextBuilder:
-    """Remembers how many events answers take in."""
+    """Builds contexts of questions; stores the number of events that answers include."""
 
     def __init__(self, in_background: BackgroundCache, clock: Callable[[], float] = time.monotonic) -> None:
-        """Let questions compute slowly by `in_background`."""
+        """Let questions compute slow answers by `in_background`."""
         self._in_background = in_background
         self._clock = clock
         self._run: Timeline | None = None
@@ -129,8 +129,8 @@ def _live_observation(state: AppState) -> Callable[[FrameId], Observation | None
 
 
 _REMEMBERED = 100
-"""Number of recent views whose links still work, because a page may lag behind, and answers that change with time are
-replaced while a person aims."""
+"""Number of recent views whose links still work, because a page may lag behind, and an answer may be replaced just
+before a person clicks."""
 
 
 class Inspector:
@@ -139,7 +139,7 @@ class Inspector:
     def __init__(self, questions: Sequence[Question[Any]], worker: JobQueue, *, first_serial: int = 0) -> None:
         """Offer these questions in this order, and let them compute slow answers in `worker`.
 
-        Views are counted from `first_serial`, so that the links of several debuggers are not taken for each other's.
+        Views are counted from `first_serial`, so that links are unique among several debuggers.
         """
         self._questions: dict[str, Question[Any]] = {question.name: question for question in questions}
         self.words = {
@@ -155,11 +155,11 @@ class Inspector:
 
     @property
     def is_on(self) -> bool:
-        """Tell whether a tool is on show, so that clicks in the scene are meant for it."""
+        """Whether a question is on show, so that clicks in the scene are for it."""
         return self.shown.question != QuestionName.NONE
 
     def choose(self, question: str) -> None:
-        """Show a tool, or none."""
+        """Show a question, or none."""
         chosen = self._questions.get(question)
         about, verb = ("", "") if chosen is None else (chosen.about, chosen.verb)
         self.shown = replace(
@@ -187,12 +187,12 @@ class Inspector:
         self.shown = replace(self.shown, selection=selection)
 
     def handle_text(self, text: str) -> Command | None:
-        """Pass typed text to the tool; return the request, if any. Raises OptionError, MapError."""
+        """Pass typed text to the question; return the request, if any. Raises OptionError, MapError."""
         question, context = self._asked()
         return question.handle_text(context, text)
 
     def handle_request(self, request: QuestionRequest) -> Command | None:
-        """Pass the request of a link to its question; return what it asks of the session. Raises LtvnError."""
+        """Pass the request of a link to its question; return its command for the session, if any. Raises LtvnError."""
         question, context = self._asked()
         return question.handle_request(context, request)
 
@@ -208,7 +208,7 @@ class Inspector:
         return self._contexts.build(state, moment)
 
     def refresh(self, state: AppState, moment: RunMoment) -> None:
-        """Let the question on show look again if anything changed that it may show."""
+        """Refresh the answer if anything changed that it may show."""
         question = self._questions.get(self.shown.question)
         self._context = context = self.context(state, moment)
         self._offer(context)
@@ -235,11 +235,11 @@ class Inspector:
             self.shown = replace(self.shown, offered=offered)
 
     def notify(self, text: str) -> None:
-        """Tell the page that asks something."""
+        """Show a notice on the page that asks."""
         self.shown = replace(self.shown, notice=text, notice_number=self.shown.notice_number + 1)
 
     def mark_stale(self) -> None:
-        """Let the tool look again although nothing happened, because it knows more now."""
+        """Let the question refresh its answer although no event happened, because there is new information."""
         self._key = None
 
     def take_in_all_events(self) -> None:
@@ -247,7 +247,7 @@ class Inspector:
         self._contexts.count_now()
 
     def link(self, number: int) -> Command | None:
-        """Return the request of a link, as it was drawn; None if it belongs to another question, or is too old."""
+        """Return the request of a drawn link; None if it belongs to another question, or is too old."""
         serial, place = divmod(number, LINKS_PER_VIEW)
         links = self._drawn.get(serial, ())
         return links[place] if place < len(links) else None

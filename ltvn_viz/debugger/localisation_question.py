@@ -1,6 +1,6 @@
-"""Localisation: the view against every node, the margin over time, and perceptual aliases.
+"""Localisation: the current image compared with every node, the margin over time, and perceptual aliases.
 
-The images of the nodes are those of the live map, or a recording's, which are read and encoded step by step.
+The images of the nodes come from the live map, or from a recording, where they are read and encoded step by step.
 """
 
 from collections.abc import Callable, Sequence
@@ -41,17 +41,17 @@ _SHOWN_LOCALIZATIONS = 200
 _SMALLEST = 5
 _PAIRS = 8
 _CANDIDATES = 8
-"""Nodes with the most similar images that each node is compared with; more takes longer."""
+"""Number of nodes with the most similar images that each node is compared with; more nodes take longer."""
 _SMALL = 0.3
 _AT_ONCE = 24
-"""Images read between two pictures of the page."""
+"""Number of images read between two updates of the page."""
 MAX_NODES = 2000
 """Largest number of nodes of a recording that are compared, so that a long one fits into memory."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ColouredHeat:
-    """One view against all nodes, ready to be drawn."""
+    """Colours of all nodes by their similarity to the current image."""
 
     heat: LocalisationHeatMap
     colours: dict[NodeId, Rgb8] = field(default_factory=dict)
@@ -71,7 +71,7 @@ class LocalisationQuestion(Question[FindAliases]):
     about = "How near each node looks: yellow is near, violet far. And how sure the robot was over time."
 
     def __init__(self) -> None:
-        """Begin with nothing compared."""
+        """Start without a comparison."""
         self._node_images = NodeImageLoader()
         self._heat = LatestAnswer()
         self._margins: tuple[tuple[Timeline, int] | None, LocalisationMargins] = (None, localisation_margins(()))
@@ -79,11 +79,11 @@ class LocalisationQuestion(Question[FindAliases]):
         self._run = ""
 
     def is_offered(self, context: DebugContext) -> bool:
-        """Tell whether there ever was a map."""
+        """Tell whether the run ever had a map."""
         return len(context.timeline.changes) > 0
 
     def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
-        """Colour the nodes and say which are best."""
+        """Colour the nodes and list the best ones."""
         builder = AnswerBuilder()
         if context.weights not in ("", context.predictor.fingerprint) and context.predictor.fingerprint != NO_PREDICTOR:
             builder.add_line("This was recorded with other weights; the colours show what the weights in use say.")
@@ -118,7 +118,7 @@ class LocalisationQuestion(Question[FindAliases]):
             return None
         keyframes, missing = self._node_images.load(context)
         if missing:
-            # The best of half of the map may be far from the best of all of it.
+            # The best node of a part of the map may be far from the best node of the whole map.
             builder.add_pending(f"Reading the images of {_counted(len(nodes), 'node')}, {missing} to go")
             return None
         question = "where", context.name, frame, len(nodes), context.predictor.fingerprint
@@ -136,7 +136,7 @@ class LocalisationQuestion(Question[FindAliases]):
         return None
 
     def _past_margins(self, context: DebugContext, builder: AnswerBuilder) -> None:
-        """Show the results of the run itself, one localisation after the other."""
+        """Show the results of the run itself, for each localisation."""
         run = context.timeline, context.known_events
         if self._margins[0] != run:
             self._margins = run, localisation_margins(context.timeline.events)
@@ -214,14 +214,14 @@ def _heat(
 
 
 def _colours(found: LocalisationHeatMap, scale: float) -> dict[NodeId, Rgb8]:
-    """Colour the nodes that look nearest by their scores; at a score of D_l a node is half near."""
+    """Colour the most similar nodes by their scores; a score of D_l gives the middle of the colour scale."""
     rows = np.argsort(found.scores, kind="stable")[:_COLOURED]
     rgb = palette.score_colours(scale / (scale + np.maximum(found.scores[rows], 0.0)))
     return {found.nodes[row]: Rgb8(*colour) for row, colour in zip(rows, rgb.tolist(), strict=True)}
 
 
 def _say(found: LocalisationHeatMap, count: int, builder: AnswerBuilder) -> None:
-    """Say which of the compared nodes are best; while more are being compared, they are the best so far."""
+    """List the best of the compared nodes; during the comparison, these are the best so far."""
     if len(found.nodes) < count:
         builder.add_line(f"So far, {len(found.nodes)} of {count} nodes are compared: the others have no image at hand.")
     best = [found.nodes.index(node) for node in found.best(2)]
@@ -273,17 +273,17 @@ def _pairs(context: DebugContext, found: Sequence[PerceptualAlias], builder: Ans
 
 
 class NodeImageLoader:
-    """Encoded images by node."""
+    """Loads and encodes the images of nodes."""
 
     def __init__(self) -> None:
-        """Begin with none."""
+        """Start without images."""
         self._run: Any = None
         self._keyframes: KeyframeStore | None = None
         self._read: set[NodeId] = set()
         self._reading: tuple[Any, ...] | None = None
 
     def load(self, context: DebugContext) -> tuple[KeyframeStore, int]:
-        """Return views, to be touched in the worker's thread alone, and how many nodes are still to be read."""
+        """Return the encoded images, for the worker's thread only, and the number of nodes still to be read."""
         if context.live_map is not None:
             return context.live_map.keyframes, 0
         run = context.name, context.predictor.fingerprint

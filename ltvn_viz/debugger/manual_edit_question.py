@@ -50,7 +50,7 @@ class ManualEdit(NamedTuple):
 
 
 class ManualEditQuestion(Question[Never]):
-    """Changes the live map; whatever it does can be undone."""
+    """Changes the live map; each change can be undone."""
 
     name = QuestionName.HAND
     word = QuestionName.HAND.word
@@ -58,12 +58,12 @@ class ManualEditQuestion(Question[Never]):
     about = "Change the live map while you drive. Click a node, or one and then another to join or part them."
 
     def __init__(self) -> None:
-        """Begin with nothing selected."""
+        """Start without a selection."""
         self._selection = NOTHING_SELECTED
         self._done: tuple[tuple[Timeline, int] | None, tuple[ManualEdit, ...]] = (None, ())
 
     def is_offered(self, context: DebugContext) -> bool:
-        """Tell whether it is the live map that is on show."""
+        """Tell whether the live map is on show."""
         return context.is_live
 
     def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
@@ -149,7 +149,7 @@ def _about_node(graph: TopologicalGraph, node: NodeId) -> Iterator[Link]:
 
 
 def _done(timeline: Timeline) -> Iterator[ManualEdit]:
-    """Yield the latest changes by hand of the present map, those of one step as one; linear in its changes."""
+    """Yield the latest manual edits of the present map, one per step; linear in the map's changes."""
     changes = timeline.changes[timeline.epochs[-1] :] if timeline.epochs else ()
     by_hand = [k for k, change in enumerate(changes) if change.delta.cause is d.Cause.HAND]
     steps = sorted({changes[k].instant.step for k in by_hand})[-_ROWS:]
@@ -164,7 +164,7 @@ def _done(timeline: Timeline) -> Iterator[ManualEdit]:
 
 
 def _replayed(graph: TopologicalGraph, changes: Sequence[MapChange]) -> ManualEdit | None:
-    """Let a map follow changes; return how to take them back if they were made by hand and fit the map."""
+    """Apply changes to a map; return them with their inverse if a person made them and they fit the map."""
     backs: list[tuple[d.GraphDelta, ...]] = []
     for change in changes:
         try:

@@ -1,4 +1,4 @@
-"""Mapping advice: what the map lacks so far, and where to drive next."""
+"""Mapping advice: the gaps in the map so far, and the place to drive to next."""
 
 from collections.abc import Callable
 from typing import Never
@@ -34,7 +34,7 @@ class NextDriveQuestion(Question[Never]):
     about = "While you drive: what the map still lacks, and where to go next. The ghost stands there."
 
     def __init__(self) -> None:
-        """Begin without advice."""
+        """Start without advice."""
         self._advice = LatestAnswer()
 
     def is_offered(self, context: DebugContext) -> bool:
@@ -42,7 +42,7 @@ class NextDriveQuestion(Question[Never]):
         return context.is_live
 
     def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
-        """Show the latest advice, which is renewed once a second at most."""
+        """Show the latest advice, which is updated once a second at most."""
         builder = AnswerBuilder()
         frame = context.moment.frame
         seen = None if frame is None else context.observation(frame)
@@ -108,7 +108,7 @@ def _overlay(context: DebugContext, advice: MappingAdvice, seen: Observation) ->
     apart = [node for part in advice.strongly_connected_components[1:] for node in part][:_COLOURED]
     ghosts = ()
     if advice.target is not None:
-        # Advice is given in the frame of odometry, which drifts away from the one that is drawn.
+        # Advice is in the odometry frame, which drifts away from the frame of the drawing.
         here = seen.odometry if seen.exact_pose is None else seen.exact_pose
         target = compose(here, relative(seen.odometry, np.array(advice.target)))
         ghosts = ((float(target[0]), float(target[1]), float(target[2])),)

@@ -23,7 +23,7 @@ _INK = "#a6a7ab"
 
 
 class _Frame(NamedTuple):
-    """Where times and probabilities are drawn."""
+    """Conversion of times and probabilities to pixels."""
 
     first_s: float
     last_s: float
@@ -60,7 +60,7 @@ def _line(frame: _Frame, points: Sequence[tuple[float, float]], *, dashed: bool 
 
 
 def _marks(frame: _Frame, looks: Sequence[LookMark]) -> str:
-    """Return a mark for each observation: above the line at 1 where it was open, below that at 0 where blocked."""
+    """Return a mark for each observation: above the line p = 1 if open, below the line p = 0 if blocked."""
     marks = ""
     for look in looks:
         if frame.first_s <= look.time <= frame.last_s:

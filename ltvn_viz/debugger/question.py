@@ -1,6 +1,6 @@
-"""The interface of a tool of the debugger: it takes a case and returns an answer with links.
+"""The interface of a question of the debugger: it takes a context and returns an answer with links.
 
-Owns the interface. Each tool is one module and knows neither the page nor the session's thread.
+Owns the interface. Each question is one module and is independent of the page and of the session's thread.
 """
 
 from abc import ABC, abstractmethod
@@ -22,16 +22,16 @@ class AnswerBuilder(answer.AnswerBuilder):
     """Collects the blocks of an answer for the page."""
 
     def add_pending(self, text: str, *, title: str = "") -> None:
-        """Say what is being computed in the background, after a bold title if there is one."""
+        """Add a line about a computation in the background, after a bold title if there is one."""
         self.blocks.append(Pending(text, title, Link("leave it", ChooseQuestion(QuestionName.NONE))))
 
     def add_behind(self, latest: LatestAnswer) -> None:
-        """Say so where an answer is still that of another moment."""
+        """Add a note if the answer still belongs to another moment."""
         if latest.is_behind:
             self.add_pending("What follows is of another moment; looking again")
 
     def add_selected_edge(self, selection: Selection) -> dict[NodeId, Rgb8]:
-        """Add a link to the question about the edge that is selected, and return how its ends are coloured."""
+        """Add a link to the question about the selected edge, and return the colours of its ends."""
         if selection.edge is None:
             return {}
         source, target = selection.edge
@@ -45,17 +45,17 @@ class AnswerBuilder(answer.AnswerBuilder):
 
 
 def request_link(label: str, request: QuestionRequest) -> Link:
-    """Return a link that asks something of the question that draws it."""
+    """Return a link with a request to the question that draws it."""
     return Link(label, AskQuestion(request))
 
 
 def time_link(seconds: float, label: str = "", *, about: str = "") -> Link:
-    """Return a link to a moment, named by its time unless there is a label."""
+    """Return a link to a moment, labelled with its time by default."""
     return Link(label or f"{seconds:.1f} s", Seek(seconds), about)
 
 
 def edge_link(source: NodeId, target: NodeId) -> Link:
-    """Return a link that selects an edge, named by its ends."""
+    """Return a link that selects an edge, labelled with its ends."""
     return Link(f"{source} → {target}", PointAt(source, target))
 
 
@@ -63,31 +63,31 @@ RequestT = TypeVar("RequestT", bound=QuestionRequest)
 
 
 class Question(ABC, Generic[RequestT]):
-    """Answers one kind of question; `RequestT` is the type of its links' requests, Never if they only lead elsewhere.
+    """Answers one kind of question. `RequestT` is the type of the requests of its links, Never if it takes none.
 
-    To add one: write a class like this and put it into `question_registry`.
+    To add a question, write a subclass and add it to `question_registry`.
     """
 
     name: ClassVar[str]
-    """Its unique name in the page."""
+    """Unique name of the question in the page."""
     word: ClassVar[str]
-    """The word for it in an address, such as what-if."""
+    """Word for the question in an address, such as what-if."""
     earlier_words: ClassVar[tuple[str, ...]] = ()
-    """Former words for it in addresses, so that old links still work."""
+    """Former words for the question in addresses, so that old links still work."""
     about: ClassVar[str]
-    """What it shows, in one line."""
+    """Description of the answer, in one line."""
     verb: ClassVar[str] = "Ask"
     """Label of the button that submits the typed text."""
     is_for_watchers: ClassVar[bool] = False
-    """A page without the seat may ask it too: nothing that it does is noticed elsewhere, and it opens no file."""
+    """Whether a page without the seat may ask the question, because it has no effect elsewhere and opens no file."""
 
     def is_offered(self, context: DebugContext) -> bool:
-        """Tell whether the question can be answered in this run at all; asked often, so it must be quick."""
+        """Tell whether the question can be answered in this run at all; called often, so it must be fast."""
         return True
 
     @abstractmethod
     def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
-        """Return the answer for now; called when case or selection changed, in the session's thread."""
+        """Return the present answer; called in the session's thread when context or selection changed."""
 
     def handle_text(self, context: DebugContext, text: str) -> Command | None:
         """Handle typed text and return the resulting request, if any; raises OptionError or MapError, whose message the
@@ -95,7 +95,7 @@ class Question(ABC, Generic[RequestT]):
         raise OptionError("Nothing can be typed here; follow a link, or click a node in the scene.")
 
     def handle_request(self, context: DebugContext, request: RequestT) -> Command | None:
-        """Handle the request of a link, and return what it asks of the session, if anything.
+        """Handle the request of a link, and return its command for the session, if any.
 
         Raises LtvnError, whose message the page shows.
         """

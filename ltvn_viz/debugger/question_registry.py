@@ -1,6 +1,6 @@
-"""The questions of the debugger, in the order of the list: a new one is a module of its own and one line here.
+"""The questions of the debugger, in the order of the list; a new question needs its own module and one line here.
 
-Other packages add theirs by the entry-point group `ltvn.questions`, `name = "package.module:QuestionClass"`.
+Other packages add questions by the entry-point group `ltvn.questions`, `name = "package.module:QuestionClass"`.
 """
 
 import logging
@@ -55,13 +55,13 @@ def all_questions(breakpoint_monitor: BreakpointMonitor) -> tuple[Question[Any],
 
 
 def watching_inspector(page: int, breakpoint_monitor: BreakpointMonitor, worker: JobQueue) -> Inspector:
-    """Return the debugger of a page that only watches: the questions that change nothing, computed in `worker`."""
+    """Return the debugger of a page that only watches: questions without effects, computed in `worker`."""
     questions = [question for question in all_questions(breakpoint_monitor) if question.is_for_watchers]
     return Inspector(questions, worker, first_serial=page * _SERIALS)
 
 
 def installed_questions(plugins: Mapping[str, Plugin]) -> Iterator[Question[Any]]:
-    """Yield the questions that other packages offer; one that cannot be made is named in the log and left out."""
+    """Yield the questions of other packages; one that cannot be created is logged and skipped."""
     loaded = load_plugins(plugins, load_question)
     for line in loaded.broken:
         _LOG.warning(line)
@@ -69,13 +69,13 @@ def installed_questions(plugins: Mapping[str, Plugin]) -> Iterator[Question[Any]
 
 
 def load_question(plugin: Plugin) -> Question[Any]:
-    """Make a question of another package. Raises PluginError, and MissingLibraryError where an extra is missing."""
+    """Create a question of another package. Raises PluginError, and MissingLibraryError if an extra is missing."""
     make = plugin.load()
     if not (isinstance(make, type) and issubclass(make, Question)):
         raise plugin.refusal("is not a class below ltvn_viz.debugger.question.Question")
     try:
         return make()
-    except Exception as error:  # Another person's code may raise anything.
+    except Exception as error:  # Code of other packages may raise any exception.
         raise PluginError(
             f"{plugin.title} cannot be made ({type(error).__name__}: {error}); {plugin.remedy}."
         ) from error

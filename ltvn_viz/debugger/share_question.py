@@ -1,4 +1,4 @@
-"""Share: a link to the current view, the moment as a small recording with a test, the map as page and figure, Rerun."""
+"""Share: a link to the current view, an excerpt with a test, the map as page and figure, and a viewer in Rerun."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ _AFTER_S = 2.0
 
 
 class ShareAction(StrEnum):
-    """Exports, each with the words of its link."""
+    """The exports, each with the text of its link."""
 
     SAVE_EXCERPT = "save this moment"
     SAVE_MAP = "save the map as a page and a figure"
@@ -30,7 +30,7 @@ class ShareAction(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class ShareRequest(QuestionRequest):
-    """Make one of these of the moment on show."""
+    """Export the moment on show."""
 
     action: ShareAction
 
@@ -51,7 +51,7 @@ class ShareQuestion(Question[ShareRequest]):
     about = "Show somebody what you see: a link, a small recording of this moment, the map as a page."
 
     def __init__(self) -> None:
-        """Nothing was asked for yet."""
+        """Start without a request."""
         self._job: _ShareJob | None = None
         self._count = 0
 
@@ -60,7 +60,7 @@ class ShareQuestion(Question[ShareRequest]):
         return not context.is_live
 
     def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
-        """Offer the link and the files, and report what was written."""
+        """Offer the link and the exports, and report the written files."""
         builder = AnswerBuilder()
         if context.is_live:
             builder.add_line(
@@ -81,7 +81,7 @@ class ShareQuestion(Question[ShareRequest]):
         """Start the export of a link. Raises OptionError."""
         if context.is_live:
             raise OptionError("Open a recording under “Replay” first.")
-        self._count += 1  # Asked twice is done twice, under another name.
+        self._count += 1  # A repeated request is a new export with another name.
         self._job = _ShareJob(
             words=str(request.action),
             question=("share", self._count, request.action),

@@ -1,6 +1,6 @@
 """The slow part of what-if questions: planning both paths, and building both maps, in the worker's thread.
 
-Owns which function of `ltvn_core.analysis` is called, and which other times of day are offered.
+Owns the calls of `ltvn_core.analysis`, and the choice of offered times of day.
 """
 
 from collections.abc import Callable, Mapping
@@ -31,7 +31,7 @@ from ltvn_viz.debugger.question import AnswerBuilder, edge_link
 _REBUILT = (WhatIfThreshold.D_M, WhatIfThreshold.D_C)
 _ROWS = 12
 OFFERED_TIMES = (WithTime(TimeOfDay(18 * 3600.0)), WithTime(TimeAway(3600.0)), WithTime(TimeAway(DAY_S)))
-"""Others may be typed."""
+"""Times that are offered as links; others may be typed."""
 
 
 class WhatIfResult(NamedTuple):
@@ -39,13 +39,13 @@ class WhatIfResult(NamedTuple):
 
     plans: PlanDifference
     pruned: PruneCounts | None
-    """Where R_p is imagined."""
+    """Numbers of pruned elements; None unless R_p is imagined."""
     asked: PlannerState
-    """The question that the new plan answers."""
+    """State of the planner for the new plan."""
 
 
 WhatIfOutcome: TypeAlias = WhatIfResult | str
-"""An answer, or why there is none."""
+"""A result, or the reason why there is none."""
 
 
 def plan_both_ways(
@@ -56,9 +56,7 @@ def plan_both_ways(
     edge_weight_of: EdgeWeightFactory,
     presence: PresenceMoment | None,
 ) -> WhatIfOutcome:
-    """Plan as it was and as it would be; costs two copies of the map and two searches, or eight where edges may be
-    closed.
-    """
+    """Plan with and without the changes; copies the map twice and runs two searches, eight if edges may be closed."""
     if not all(isinstance(each, WithGoal | WithStart) for each in changes):
         situation = _placed(situation, changes)
     try:
@@ -73,7 +71,7 @@ def plan_both_ways(
 
 
 def _placed(situation: PlannerState, changes: tuple[WhatIfChange, ...]) -> PlannerState:
-    """Return the situation at the imagined place, so that both plans lead from there and differ by the rest alone."""
+    """Return the situation at the imagined place, so that both plans start there and differ only by other changes."""
     for each in changes:
         if isinstance(each, WithGoal):
             situation = replace(situation, goal=each.goal)
@@ -83,7 +81,7 @@ def _placed(situation: PlannerState, changes: tuple[WhatIfChange, ...]) -> Plann
 
 
 def with_imagined_thresholds(method: Method, changes: tuple[WhatIfChange, ...]) -> Method | None:
-    """Return the method with the imagined thresholds of Algorithm 1; None where none is imagined."""
+    """Return the method with the imagined thresholds of Algorithm 1; None if none are imagined."""
     values = {each.threshold: each.value for each in changes if isinstance(each, WithThreshold)}
     if not values.keys() & set(_REBUILT):
         return None
@@ -121,7 +119,7 @@ def presence_moment(context: DebugContext) -> PresenceMoment | None:
 
 
 def add_open_edges(plans: PlanDifference, builder: AnswerBuilder) -> None:
-    """Say which edges would be open then and are not now, or the other way round."""
+    """Report the edges that would change between open and closed."""
     then = plans.new_open
     count = sum(p >= OPEN_ABOVE for p in then.values())
     before = sum(p >= OPEN_ABOVE for p in plans.old_open.values())

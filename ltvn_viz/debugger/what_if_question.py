@@ -49,28 +49,28 @@ _ALL = "all"
 
 @dataclass(frozen=True, slots=True)
 class ImagineChange(QuestionRequest):
-    """Add a change to the scenario, in place of an earlier one about the same thing."""
+    """Add a change to the scenario, in place of an earlier one of the same subject."""
 
     change: WhatIfChange
 
 
 @dataclass(frozen=True, slots=True)
 class ForgetChange(QuestionRequest):
-    """Imagine this no longer."""
+    """Remove a change from the scenario."""
 
     change: WhatIfChange
 
 
 @dataclass(frozen=True, slots=True)
 class ForgetAllChanges(QuestionRequest):
-    """Imagine nothing."""
+    """Remove all changes from the scenario."""
 
 
 WhatIfRequest: TypeAlias = ImagineChange | ForgetChange | ForgetAllChanges
 
 
 class WhatIfQuestion(Question[WhatIfRequest]):
-    """Imagines changes, and never makes them."""
+    """Shows the effects of imagined changes, without making them."""
 
     name = QuestionName.WHAT_IF
     word = QuestionName.WHAT_IF.word
@@ -79,12 +79,12 @@ class WhatIfQuestion(Question[WhatIfRequest]):
     about = "Imagine an edge, a belief, the goal, a threshold or the time to be otherwise. Map and run stay as is."
 
     def __init__(self) -> None:
-        """Begin with the world as it is."""
+        """Start without changes."""
         self._changes: dict[Hashable, WhatIfChange] = {}
         self._told = 0
 
     def is_offered(self, context: DebugContext) -> bool:
-        """Tell whether there ever was a map."""
+        """Tell whether the run ever had a map."""
         return len(context.timeline.changes) > 0
 
     def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
@@ -101,11 +101,11 @@ class WhatIfQuestion(Question[WhatIfRequest]):
         return builder.build(overlay, input_hint="What if (D_c = 1.3, goal 120, at 18:00 …)")
 
     def handle_text(self, context: DebugContext, text: str) -> None:
-        """Imagine one thing more, or "forget" one or "all". Raises OptionError, MapError."""
+        """Add a typed change, or "forget" one or "all" of them. Raises OptionError, MapError."""
         self.handle_request(context, _typed_request(text))
 
     def handle_request(self, context: DebugContext, request: WhatIfRequest) -> None:
-        """Imagine or forget. Raises OptionError where something that is not imagined is to be forgotten."""
+        """Add or remove a change. Raises OptionError if the change to remove is not in the scenario."""
         match request:
             case ImagineChange(change):
                 self._changes.pop(_about(change), None)
@@ -150,7 +150,7 @@ class WhatIfQuestion(Question[WhatIfRequest]):
             context.timeline.change_count_before(context.timeline.count_until(context.instant)),
             situation.source,
             situation.goal,
-            # One second more or less does not change what is open.
+            # The time is rounded to seconds, because p(open) hardly changes within a second.
             round(context.world_s) if context.graph.presence else 0,
         )
         question = "what if", context.name, self._told, *known, *situation.failures.items()
@@ -229,7 +229,7 @@ def _about_node(selection: Selection) -> tuple[WhatIfChange, ...]:
 
 
 def _offer_times(context: DebugContext, builder: AnswerBuilder) -> None:
-    """Offer other times, where some edges are not always open."""
+    """Offer other times if some edges are not always open."""
     if context.presence_filter is None:
         builder.add_line("Plans of this run take no account of what is open at which time.")
         return

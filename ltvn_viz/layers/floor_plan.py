@@ -1,4 +1,4 @@
-"""A floor plan that a person laid under the map: one picture on the floor, which never changes."""
+"""The floor plan of the building under the map: one constant image on the floor."""
 
 import math
 
@@ -9,11 +9,11 @@ from ltvn_viz.layers.scene_assets import PICTURE_PX
 
 FLOOR_PLAN_NAME = "/floor-plan"
 ABOVE_FLOOR_M = 0.005
-"""On a drawn scene's own floor, and below all that belongs to the map."""
+"""Height of the image in metres: above the floor of the scene, and below everything of the map."""
 
 
 def draw_floor_plan(scene: viser.SceneApi, plan: FloorPlan) -> viser.ImageHandle:
-    """Draw a plan where it lies."""
+    """Draw a floor plan at its pose."""
     x, y, yaw = map(float, plan.middle)
     width_m, height_m = plan.size_m
     return scene.add_image(
@@ -24,7 +24,7 @@ def draw_floor_plan(scene: viser.SceneApi, plan: FloorPlan) -> viser.ImageHandle
         format="png",
         cast_shadow=False,
         receive_shadow=False,
-        # Turned about x, because viser's images look down, then by the yaw.
+        # Rotated about x, because viser's images face down, then by the yaw.
         wxyz=(0.0, math.cos(yaw / 2), math.sin(yaw / 2), 0.0),
         position=(x, y, ABOVE_FLOOR_M),
     )

@@ -1,6 +1,6 @@
 """The GUI parts of the page, one class each.
 
-A panel builds its controls once, passes commands on through the function it was given, and writes only what changed.
-It never meets the session. Buttons that move the robot or write files are plain HTML, because clicks on those travel
-with the driver's seat: whoever only watches cannot press them.
+A panel builds its controls once, sends commands through a callback, and updates only what changed. It does not access
+the session. Buttons that move the robot or write files are plain HTML, because their clicks go through the check of the
+driver's seat: a page that only watches cannot press them.
 """

@@ -1,7 +1,7 @@
-"""What the robot sees, beside the scene: the pixels that the method works with, and how far away they are.
+"""The robot's camera picture beside the scene: colour and depth of the pixels that the method uses.
 
-Owns how both travel to the page in one picture, so that they always belong together. The page makes them larger
-(`static/pictures.js`, `static/layout.css`).
+Owns the encoding of both in one image, so that they always match. The page enlarges them (`static/pictures.js`,
+`static/layout.css`).
 """
 
 import time
@@ -17,25 +17,25 @@ from ltvn_viz.panels.html_widgets import HtmlBlock
 from ltvn_viz.session.snapshot import CameraImage, ImageSource, Snapshot
 
 EMPTY_SIZE = (96, 72)
-"""Columns and rows of what is sent while there is no image."""
+"""Columns and rows of the placeholder while there is no image."""
 MOST_COLUMNS = 640
-"""A larger image is made smaller."""
+"""Maximum number of columns; larger images are scaled down."""
 GAP = 8
-"""Columns between colours and depth, so that neither bleeds into the other."""
+"""Number of columns between colour and depth, so that neither bleeds into the other."""
 SHOW_EVERY_S = 1 / 15
 QUALITY = 95
-"""So high that a pixel of the method is still that pixel; the images are small."""
+"""JPEG quality, high enough to keep each pixel that the method uses; the images are small."""
 FARTHEST_M = 6.0
-"""Everything beyond has one colour."""
+"""Depth in metres beyond which everything has the same colour."""
 
 
 class CameraPanel:
-    """Sends what the robot sees, and says which image it is."""
+    """Sends the camera picture and its caption."""
 
     def __init__(
         self, gui: viser.GuiApi, send: Callable[[bytes], None], clock: Callable[[], float] = time.monotonic
     ) -> None:
-        """Let `send` take each image as a JPEG; the caption is copied by the page from the panel that is open."""
+        """Send each image as a JPEG by `send`; the page copies the caption from the open panel."""
         self._send = send
         self._caption = HtmlBlock(gui)
         self._clock = clock
@@ -43,7 +43,7 @@ class CameraPanel:
         self._due = float("-inf")
 
     def show(self, snapshot: Snapshot) -> None:
-        """Show the newest image, at most 15 times a second, and only where it looks different."""
+        """Show the newest image, at most 15 times a second, and only if it differs."""
         if snapshot.camera is self.shown or self._clock() < self._due:
             return
         is_same = _look_the_same(snapshot.camera, self.shown)
@@ -66,7 +66,7 @@ def _same_depth(one: Depth | None, other: Depth | None) -> bool:
 
 
 def caption(view: CameraImage | None) -> str:
-    """Say which image is on show."""
+    """Return a description of the image on show."""
     if view is None:
         return ""
     match view.source:
@@ -80,7 +80,8 @@ def caption(view: CameraImage | None) -> str:
 
 
 def colour_beside_depth(view: CameraImage | None) -> Rgb:
-    """Return colour and depth as one image, both as large as the image on show is; what is missing is dark."""
+    """Return colour and depth side by side in one image, each of the size of the image on show; missing parts are
+    dark."""
     colour = np.empty((0, 0, 3), np.uint8) if view is None else _at_most(view.rgb)
     rows, columns = colour.shape[:2] if colour.size else EMPTY_SIZE[::-1]
     canvas = np.full((rows, 2 * columns + GAP, 3), palette.BACKGROUND, np.uint8)
@@ -101,14 +102,14 @@ def _at_most(rgb: Rgb) -> Rgb:
 
 
 def _jpeg(image: Rgb) -> bytes:
-    # Full colour at every pixel: otherwise two by two of them would share one.
+    # No chroma subsampling: otherwise two by two pixels would share a colour.
     how = (cv2.IMWRITE_JPEG_QUALITY, QUALITY, cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444)
     return cv2.imencode(".jpg", image[..., ::-1], how)[1].tobytes()
 
 
 def depth_colours(depth: Depth) -> Rgb:
     """Colour depth (H, W): near is light, far is dark, no return is black."""
-    near = np.clip(1 - np.sqrt(depth / FARTHEST_M), 0, 1)  # The root leaves most colours to what is close.
+    near = np.clip(1 - np.sqrt(depth / FARTHEST_M), 0, 1)  # The square root gives most colours to near depths.
     coloured = cv2.applyColorMap((255 * near).astype(np.uint8), cv2.COLORMAP_CIVIDIS).astype(np.uint8)
     coloured[depth <= 0] = 0
     return np.ascontiguousarray(coloured[..., ::-1])

@@ -1,6 +1,6 @@
-"""The command palette (Ctrl K): every action, question, recording and place of the map, found by typing.
+"""The command palette (Ctrl K): a searchable list of all actions, questions, recordings and places of the map.
 
-Owns which entries there are and when each makes sense. viser draws the palette and searches in it.
+Owns the entries and when each is enabled. viser draws the palette and searches in it.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -17,11 +17,11 @@ from ltvn_viz.wishes.commands import Mode
 from ltvn_viz.wishes.wish_table import WISHES, Action, Value
 
 MOST_NODES = 500
-"""In a larger map only the nodes of the gallery are listed."""
+"""Largest number of nodes that are all listed; in a larger map only the nodes of the gallery are."""
 
 
 class Entry(NamedTuple):
-    """What is asked for under one label."""
+    """The action of one label."""
 
     action: Action
     value: Value = None
@@ -36,7 +36,7 @@ class CommandPalette:
     """The entries of the palette; shared by all pages, used by the one that drives."""
 
     def __init__(self, gui: viser.GuiApi, ask: Callable[[Action, Value], None]) -> None:
-        """List nothing yet; `ask` takes what is asked for and returns at once."""
+        """Start with an empty list; `ask` takes actions and returns at once."""
         self._gui = gui
         self._ask = ask
         self._shown: dict[str, _Shown] = {}
@@ -44,12 +44,12 @@ class CommandPalette:
         self._listed: object = None
         self._nodes: tuple[NodeId, ...] = ()
         self._graph: GraphArrays | None = None
-        """The map whose nodes are listed; the same moment gives the same object."""
+        """Map whose nodes are listed; the object is the same as long as the moment is."""
         self._gallery: tuple[NodeId, ...] = ()
 
     def show(self, snapshot: Snapshot) -> None:
-        """List what there is now, and enable what makes sense."""
-        # Nodes can be driven to only then, and a replay has others every moment.
+        """Update the entries, and enable those that are possible now."""
+        # Nodes are updated only in teleoperation, where they can be goals; in a replay they change at every moment.
         graph, gallery = snapshot.moment.graph, snapshot.gallery
         if snapshot.mode is Mode.TELEOP and (graph is not self._graph or gallery != self._gallery):
             self._graph = graph
@@ -84,7 +84,7 @@ class CommandPalette:
 
 
 def _entries(snapshot: Snapshot, nodes: Sequence[NodeId]) -> Iterator[tuple[str, Entry]]:
-    """Yield all labels, each with what it does, in the order of the list."""
+    """Yield all labels with their entries, in the order of the list."""
     for action, wish in WISHES.items():
         if wish.is_listed:
             yield wish.help[0].upper() + wish.help[1:], Entry(action)

@@ -12,10 +12,10 @@ from ltvn_viz.wishes.wish_table import Action, Value
 
 
 class DebuggerPanel:
-    """A list of questions, the answer, and a field to type into where a tool asks for something."""
+    """A list of questions, the answer, and a text field for questions that need input."""
 
     def __init__(self, gui: viser.GuiApi, ask: Callable[[Action, Value], None]) -> None:
-        """Add the controls to the tab that is open; `ask` takes what is asked for and returns at once."""
+        """Add the controls to the open tab; `ask` takes actions and returns at once."""
         HtmlBlock(
             gui, note("Ask about the map and the run. While a question is chosen, a click on a node asks about it.")
         )
@@ -46,7 +46,7 @@ class DebuggerPanel:
     def _bind(self, ask: Callable[[Action, Value], None]) -> None:
         @self._tools.on_update
         async def _(event: viser.GuiEvent) -> None:
-            # The page's own updates come without a client.
+            # Updates by the app itself have no client.
             if event.client_id is not None:
                 ask(Action.QUESTION, self._tools.value)
 

@@ -1,6 +1,6 @@
-"""The “Drive” tab: recording, mapping and learning, and what belongs to driving.
+"""The “Drive” tab: recording, mapping and fine-tuning, the pad, and the view that follows the robot.
 
-That is the pad, and the view that follows the robot. The page's script draws the pad (`static/pad.js`).
+The page's script draws the pad (`static/pad.js`).
 """
 
 import json
@@ -43,7 +43,7 @@ class DrivePanel:
         self.picture = HtmlBlock(gui)
 
     def show(self, snapshot: Snapshot) -> None:
-        """Enable what makes sense now and count the map."""
+        """Enable the controls that are possible now, and show the size of the map."""
         live = snapshot.mode in LIVE
         recording = snapshot.recording.name is not None
         self.recording.show(
@@ -68,7 +68,7 @@ class DrivePanel:
 
 
 def _larger_picture(is_on: bool | None) -> str:
-    """Return the switch for a picture that only a simulator can draw."""
+    """Return the switch for the larger picture, which only a simulator can render."""
     if is_on is None:
         return ""
     return toggle(Action.LARGER_PICTURE, is_on=is_on)
@@ -90,15 +90,15 @@ def _counts(snapshot: Snapshot) -> str:
 
 
 class PadPanel:
-    """Tells pages what is under way, and where the robot drives."""
+    """Sends the current activity and goal to all pages."""
 
     def __init__(self, tell: Callable[[str], None]) -> None:
-        """Tell all pages by `tell`, which returns at once."""
+        """Send messages by `tell`, which returns at once."""
         self._tell = tell
         self._told = ""
 
     def show(self, snapshot: Snapshot) -> None:
-        """Tell it if it is something else."""
+        """Send the activity if it changed."""
         message = _activity_message(snapshot)
         if message != self._told:
             self._told = message
@@ -106,7 +106,7 @@ class PadPanel:
 
 
 def _activity_message(snapshot: Snapshot) -> str:
-    """Write what is under way, the node that the robot drives to, and whether a story goes on."""
+    """Return a message with the mode, the node that the robot drives to, and whether a story is running."""
     goal = None if snapshot.destination is None else int(snapshot.destination)
     return json.dumps({"type": "activity", "mode": snapshot.mode, "goal": goal, "story": snapshot.story_goes_on})
 
@@ -123,7 +123,7 @@ class FollowCamera:
         clients: Callable[[], Iterable[viser.ClientHandle]],
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """Add the box to the container that is open, not ticked."""
+        """Add the box, not ticked, to the open container."""
         self._box = gui.add_checkbox("Follow the robot", initial_value=False, hint="the view moves along with it")
         self._clients = clients
         self._clock = clock
@@ -131,7 +131,7 @@ class FollowCamera:
         self._due = float("-inf")
 
     def show(self, snapshot: Snapshot) -> None:
-        """Look at the robot once, then shift the views by as much as it moved."""
+        """Point the views at the robot once, then shift them by its movement."""
         pose = snapshot.moment.robot
         if pose is None or not self._box.value:
             self._at = None
@@ -162,7 +162,7 @@ MINUTES = 3
 
 
 class FineTuningPanel:
-    """One button to begin, one to stop, and one to use what came of it."""
+    """Buttons to start and stop fine-tuning and to use the new weights."""
 
     def __init__(self, gui: viser.GuiApi) -> None:
         """Add the controls to the tab that is open."""
@@ -179,7 +179,7 @@ class FineTuningPanel:
         self.buttons = HtmlBlock(gui)
 
     def show(self, snapshot: Snapshot) -> None:
-        """Show what would be learned from, what is being done, or what came of it."""
+        """Show the drive to learn from, the progress, or the result."""
         fine_tuning = snapshot.fine_tuning
         possible = fine_tuning.is_possible
         self.about.show(note(_about(fine_tuning, snapshot.weights)))

@@ -1,6 +1,6 @@
-"""HTML in the panels: everything that comes from outside is escaped here.
+"""HTML in the panels; all text from outside is escaped here.
 
-Owns the buttons' and cards' shape and the style sheet they share.
+Owns the markup of buttons and cards, and their style sheet.
 """
 
 import re
@@ -113,15 +113,15 @@ STYLE = f"""<style>
 
 @dataclass(frozen=True, slots=True)
 class ActionButton:
-    """A button that asks for an action; what it does not say itself, the table of wishes says."""
+    """A button that requests an action; empty texts are taken from `WISHES`."""
 
     action: Action
     label: str = ""
     caps: str = ""
-    """The key that does the same."""
+    """Label of the key with the same action."""
     hint: str = ""
     is_main: bool = False
-    """The button one most likely wants now."""
+    """Whether this is the button that a person most likely needs now."""
     is_enabled: bool = True
     target: int | str | None = None
     """Subject of the action, if it needs one."""
@@ -156,7 +156,7 @@ def grey_for_watchers(elements: Iterable[str]) -> str:
 
 
 def toggle(action: Action, *, is_on: bool) -> str:
-    """Return a switch that asks for an action with 1 to be switched on and 0 to be switched off."""
+    """Return a switch that requests an action, with the value 1 to switch on and 0 to switch off."""
     wish = WISHES[action]
     return (
         f'<div class="lt"><button type="button" role="switch" aria-checked="{str(is_on).lower()}" class="lt-toggle" '
@@ -166,7 +166,7 @@ def toggle(action: Action, *, is_on: bool) -> str:
 
 
 def note(text: str) -> str:
-    """Return a line that says what a panel shows."""
+    """Return a line that explains the content of a panel."""
     return f'<div class="lt lt-note">{escape(text)}</div>'
 
 
@@ -180,12 +180,13 @@ KEY_PHRASES = (
     ("click a node", "tap a node"),
     ("Click into the timeline", "Tap the timeline"),
 )
-"""What texts say of keys and of the mouse, and what is true for fingers; a longer phrase before one it begins with."""
+"""Phrases about keys and the mouse, each with its replacement for touch screens; a longer phrase comes before its
+prefix."""
 _KEYS = re.compile("|".join(re.escape(keys) for keys, _ in KEY_PHRASES))
 
 
 def with_keys(text: str) -> str:
-    """Return a text as HTML that names keys and clicks only where there are any."""
+    """Return a text as HTML that mentions keys and clicks only on devices that have them."""
     return _KEYS.sub(_by_key_or_touch, escape(text))
 
 
@@ -195,23 +196,23 @@ def _by_key_or_touch(keys: re.Match[str]) -> str:
 
 
 def lines(*texts: str) -> str:
-    """Return lines of plain text, nothing for none."""
+    """Return lines of plain text; nothing if there are none."""
     return f'<div class="lt lt-note">{"<br>".join(map(escape, texts))}</div>' if texts else ""
 
 
 def warning(*texts: str) -> str:
-    """Return lines of plain text on a card that catches the eye."""
+    """Return lines of plain text on a highlighted card."""
     card = f'<div class="lt-card" data-severity="WARN">{"<br>".join(map(escape, texts))}</div>'
     return f'<div class="lt" role="alert">{card}</div>'
 
 
 def progress_bar(share: float, doing: str) -> str:
-    """Return a bar that is filled to `share` in [0, 1], below what is being done."""
+    """Return a progress bar that is filled to `share` in [0, 1], below the text `doing`."""
     return f'<div class="lt lt-note">{escape(doing)}… {round(100 * share)} %{filled_bar(share, doing)}</div>'
 
 
 def filled_bar(share: float, doing: str) -> str:
-    """Return the bar alone; `doing` is for who cannot see it."""
+    """Return a progress bar without text; `doing` is its label for screen readers."""
     percent = round(100 * share)
     return (
         f'<div class="lt-bar" role="progressbar" aria-valuenow="{percent}" aria-label="{escape(doing)}">'
@@ -220,7 +221,7 @@ def filled_bar(share: float, doing: str) -> str:
 
 
 def number_grid(*rows: tuple[str, str]) -> str:
-    """Return a grid of (number, what it counts)."""
+    """Return a grid of numbers with their labels."""
     cells = "".join(f"<div><b>{escape(number)}</b><span>{escape(name)}</span></div>" for number, name in rows)
     return f'<div class="lt"><div class="lt-table">{cells}</div></div>'
 
@@ -229,11 +230,11 @@ class HtmlBlock:
     """A piece of HTML in a panel that is sent again only when it changed."""
 
     def __init__(self, gui: viser.GuiApi, content: str = "") -> None:
-        """Add it to the container that is open."""
+        """Add the block to the open container."""
         self._handle = gui.add_html(content)
         self.content = content
 
     def show(self, content: str) -> None:
-        """Show `content`, whose foreign parts the caller has escaped."""
+        """Show `content`, in which the caller has escaped all text from outside."""
         if content != self.content:
             self._handle.content = self.content = content

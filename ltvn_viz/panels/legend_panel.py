@@ -1,6 +1,7 @@
-"""The legend below the scene: what each colour means, bright for what is shown at this moment.
+"""The legend below the scene: the meaning of each colour.
 
-Owns which colours are explained. What is not shown stays in its place, pale, so that the scene never moves.
+Owns the choice of colours. Colours that the scene does not show now are pale but stay in place, so that the layout does
+not change.
 """
 
 from collections.abc import Iterator
@@ -20,11 +21,11 @@ class LegendPanel:
     """One line of colours, for one page."""
 
     def __init__(self, gui: viser.GuiApi) -> None:
-        """Add the legend; the page's script copies it to below the scene where there is room."""
+        """Add the legend; if there is room, the page's script copies it below the scene."""
         self.legend = HtmlBlock(gui)
 
     def show(self, snapshot: Snapshot) -> None:
-        """Show what the colours of the scene mean now."""
+        """Show the present meaning of the scene's colours."""
         ramps = [_ramp("edge p", "0", "1", palette.PROBABILITY_RAMP, _AS_WIDE_AS_EDGES)]
         if snapshot.inspection.answer.overlay.is_of_likeness:
             ramps.append(_ramp("node looks", "unlike", "alike", palette.SCORE_RAMP))
@@ -36,7 +37,7 @@ class LegendPanel:
 
 
 def _colours(snapshot: Snapshot) -> Iterator[tuple[Rgb8, str, bool]]:
-    """Yield colours with what they mean, and whether something has them now."""
+    """Yield each colour with its meaning, and whether the scene shows it now."""
     moment = snapshot.moment
     progress = moment.progress
     is_going = bool(len(moment.removed_edges.ages_s)) or bool(progress.blocked)
@@ -54,7 +55,7 @@ def _chip(colour: Rgb8, name: str, is_shown: bool) -> str:
 
 
 _AS_WIDE_AS_EDGES = "clip-path:polygon(0 30%,100% 0,100% 100%,0 70%);"
-"""Cuts the ramp to a wedge: likely edges are thicker."""
+"""Style that gives the ramp the shape of a wedge, because likely edges are drawn thicker."""
 
 
 def _ramp(name: str, least: str, most: str, ramp: NDArray[np.float64], shape: str = "") -> str:

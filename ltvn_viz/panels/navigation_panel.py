@@ -1,7 +1,7 @@
-"""The “Go” tab: goals by image, and the query under way.
+"""The “Go” tab: goals by image, and the running query.
 
-Images that a person uploads are decoded with care: a file of a hundred kilobytes can unfold to gigabytes. So its
-header is asked for the size before a pixel is decoded, and pixels are made fewer before they are copied.
+Uploaded images are decoded defensively, because a file of a hundred kilobytes can expand to gigabytes: the size is read
+from the header before any pixel is decoded, and the image is scaled down before it is copied.
 """
 
 import asyncio
@@ -27,19 +27,19 @@ from ltvn_viz.wishes.wish_table import Action
 GO_TO_UPLOAD = "Go to an uploaded image"
 FIND_UPLOAD = "Find an uploaded image in this map"
 MOST_PIXELS = {"JPEG": 25_000_000, "PNG": 12_000_000, "WEBP": 12_000_000, "BMP": 12_000_000}
-"""By format, as cameras take and screens show them; decoding needs at most a quarter of a gigabyte for a moment."""
+"""Maximum number of pixels by format, enough for cameras and screens; decoding needs at most 256 MB for a moment."""
 MOST_SIDE = 20_000
 LEAST_SIDE = 480
-"""A larger image is made smaller by a whole factor, but not below this."""
+"""Least length of the shorter side in pixels after an image was scaled down by an integer factor."""
 
 
 class NavigationPanel:
-    """Images to go to, and how it goes."""
+    """The offered goal images, and the progress of the query."""
 
     def __init__(self, gui: viser.GuiApi, send: Callable[[Command], None], file_address: Callable[[str], str]) -> None:
-        """Add the controls to the tab that is open; `send` takes commands and returns at once.
+        """Add the controls to the open tab; `send` takes commands and returns at once.
 
-        `file_address` makes the address of a file one that a picture of this page may be loaded from.
+        `file_address` adds the key for loading a picture to the address of a file.
         """
         self._file_address = file_address
         HtmlBlock(gui, note("Click an image, or a node in the scene, and the robot drives there by what it sees."))
@@ -64,7 +64,7 @@ class NavigationPanel:
             send(await self._read_upload())
 
     async def _read_upload(self) -> NavigateToImage | ReportError:
-        """Decode the uploaded image, one at a time, and let go of the file."""
+        """Decode the uploaded image, one at a time, and release the file."""
         file = self._upload.value
         self._upload._impl.value = viser.UploadedFile("", b"")
         if self._is_decoding:
@@ -79,7 +79,7 @@ class NavigationPanel:
             self._is_decoding = False
 
     def show(self, snapshot: Snapshot) -> None:
-        """Show the goals on offer and the query."""
+        """Show the offered goals and the query."""
         label = FIND_UPLOAD if snapshot.mode is Mode.REPLAY else GO_TO_UPLOAD
         if self._upload.label != label:
             self._upload.label = label
@@ -97,7 +97,7 @@ class NavigationPanel:
         return f'<div class="lt">{_titled_group("Places to go to", images)}</div>'
 
     def _way(self, way: WayNodes) -> str:
-        """Return the pictures of where the robot thinks it is, of its subgoal and of its goal, side by side."""
+        """Return the pictures of the localised node, the subgoal and the goal, side by side."""
         figures = zip(("Here", "Next", "Goal"), way, strict=True)
         pictures = "".join(self._way_image(name, node) for name, node in figures if node is not None)
         return f'<div class="lt">{_titled_group("On the way", pictures)}</div>'
@@ -147,7 +147,7 @@ def _task(snapshot: Snapshot) -> str:
 
 
 def _keep_going(is_on: bool | None) -> str:
-    """Return the switch for queries that continue without a page; a real robot has none."""
+    """Return the switch for queries that continue without a page; nothing for a real robot."""
     if is_on is None:
         return ""
     return toggle(Action.KEEP_GOING, is_on=is_on)
@@ -175,7 +175,7 @@ def _ending(outcome: Outcome, snapshot: Snapshot) -> str:
 
 
 _PER_LEVEL_OF_8_BIT = 257
-"""Levels of a 16-bit image that make one of an 8-bit image."""
+"""Number of levels of a 16-bit image per level of an 8-bit image."""
 
 
 def decode_upload(name: str, content: bytes) -> Rgb:
@@ -208,8 +208,8 @@ def _check_size(name: str, image: Image.Image) -> None:
 
 
 def _smaller(image: Image.Image) -> Image.Image:
-    """Decode an image with no more pixels than are of use."""
-    image.draft("RGB", (2 * LEAST_SIDE, 2 * LEAST_SIDE))  # A JPEG can be decoded small.
+    """Decode an image at reduced size."""
+    image.draft("RGB", (2 * LEAST_SIDE, 2 * LEAST_SIDE))  # JPEG can be decoded at a reduced size.
     if image.mode.startswith("I"):  # Pillow's conversion would clip 16 bits to white.
         image = Image.fromarray((np.asarray(image) / _PER_LEVEL_OF_8_BIT).astype(np.uint8))
     if image.mode not in ("L", "RGB"):

@@ -1,6 +1,6 @@
-"""The “Replay” tab, and the timeline at the foot of the page: which recording is on show, and which moment of it.
+"""The “Replay” tab with the recordings, and the timeline at the foot of the page with the moment on show.
 
-The strip itself is drawn by the page's script (`static/timeline.js`), which fetches the marks when there are new ones.
+The page's script draws the timeline (`static/timeline.js`) and fetches new marks.
 """
 
 import json
@@ -17,11 +17,11 @@ from ltvn_viz.wishes.wish_table import Action
 
 NONE_YET: str = "no recordings yet"
 IMPORT = "import: "
-"""Marks drives in other formats in the list."""
+"""Prefix of drives in other formats in the list."""
 
 
 class ReplayPanel:
-    """Choose, open, and go back to the robot."""
+    """Controls to choose and open a recording, and to return to the robot."""
 
     def __init__(self, gui: viser.GuiApi) -> None:
         """Add the controls to the tab that is open."""
@@ -36,7 +36,7 @@ class ReplayPanel:
         self._opened = self._to_choose = ""
 
     def show(self, snapshot: Snapshot) -> None:
-        """List the recordings and show where in the open one we are."""
+        """Show the list of recordings, and the position in the open one."""
         self._list(snapshot)
         self.making.show(_making(snapshot))
         replay = snapshot.replay
@@ -94,17 +94,17 @@ TELL_EVERY_S = 0.1
 
 
 class TimelinePanel:
-    """Tells pages the moment."""
+    """Sends the moment on show to all pages."""
 
     def __init__(self, tell: Callable[[str], None], clock: Callable[[], float] = time.monotonic) -> None:
-        """Tell all pages by `tell`, which returns at once."""
+        """Send messages by `tell`, which returns at once."""
         self._tell = tell
         self._clock = clock
         self._told = TimelineStatus()
         self._due = float("-inf")
 
     def show(self, snapshot: Snapshot) -> None:
-        """Tell the moment if it is another one."""
+        """Send the moment if it changed."""
         told = self._told
         now = snapshot.timeline
         went_on = replace(told, time_s=now.time_s, length_s=now.length_s, marks=now.marks)
@@ -116,7 +116,7 @@ class TimelinePanel:
 
 
 def _moment_message(time: TimelineStatus) -> str:
-    """Write which moment is on show; times in whole milliseconds."""
+    """Return a message with the moment on show; times are in whole milliseconds."""
     moment = {
         "type": "moment",
         "run": time.run,

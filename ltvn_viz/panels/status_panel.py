@@ -1,7 +1,7 @@
-"""The top of the page: what the app is doing, how well it keeps up, what to do next, and what is to be read.
+"""The top of the page: status of the app, its health, a hint about the next step, and messages.
 
-A message is a notification first; a problem remains in the panel. Owns the limits between the words for how well the
-app keeps up.
+A message is first shown as a notification; a problem remains in the panel. Owns the thresholds between the states of
+the app's health.
 """
 
 import math
@@ -25,25 +25,25 @@ from ltvn_viz.wishes.wish_table import Action
 TITLES = {Severity.INFO: "Note", Severity.WARN: "Not now", Severity.ERROR: "Problem"}
 COLOURS = {Severity.INFO: (34, 139, 230), Severity.WARN: (250, 176, 5), Severity.ERROR: (250, 82, 82)}
 SECONDS = {Severity.INFO: 8.0, Severity.WARN: 12.0, Severity.ERROR: 20.0}
-"""Long enough to be read, for what is said here alone; a problem is shown in the panel afterwards."""
+"""Duration of a notification in seconds, long enough to read it; a problem is shown in the panel afterwards."""
 
 
 class Notifications:
-    """Tells each message once, as soon as a page is open."""
+    """Shows each message once, as soon as a page is open."""
 
     def __init__(self, clients: Callable[[], Iterable[viser.ClientHandle]]) -> None:
-        """Notify the pages that `clients` returns at that time."""
+        """Notify the pages that `clients` returns when a message is shown."""
         self._clients = clients
         self._shown_number = 0
 
     def show(self, snapshot: Snapshot) -> None:
-        """Tell the message of the snapshot, if it is a new one."""
+        """Show the message of the snapshot if it is new."""
         message = snapshot.message
         if message is None or message.number == self._shown_number:
             return
         clients = [*self._clients()]
         if not clients:
-            return  # Who opens the page next reads it.
+            return  # The next page that opens shows it.
         self._shown_number = message.number
         for client in clients:
             client.add_notification(
@@ -55,11 +55,11 @@ class Notifications:
 
 
 AFTERWARDS_S = 20.0
-"""Time for which the last caption of a story stays, in seconds."""
+"""Time in seconds for which the last caption stays after the end of a story."""
 
 
 class StoryBar:
-    """The caption of the story under way, in one place: a bar at the foot of the scene."""
+    """The caption of the running story, in a bar at the foot of the scene."""
 
     def __init__(self, gui: viser.GuiApi, clock: Callable[[], float] = time.monotonic) -> None:
         """Add the caption; the page's script copies it to the bar."""
@@ -69,7 +69,7 @@ class StoryBar:
         self._told: tuple[str, ...] = ()
 
     def show(self, snapshot: Snapshot) -> None:
-        """Show the story's last caption, and for a while after its end."""
+        """Show the story's latest caption, also for a while after the story's end."""
         if snapshot.story != self._told:
             self._told = snapshot.story
             self._told_at = self._clock()
@@ -79,15 +79,15 @@ class StoryBar:
 
 
 class OwnNotices:
-    """Tells one page what concerns its own view alone."""
+    """Shows one page the notices about its own view."""
 
     def __init__(self, client: viser.ClientHandle) -> None:
-        """Tell `client`."""
+        """Show notices on the page of `client`."""
         self._client = client
         self._shown = ("", 0)
 
     def show(self, snapshot: Snapshot) -> None:
-        """Tell the notice of the page's own view, if it is a new one."""
+        """Show the notice of the page's own view if it is new."""
         notice = snapshot.inspection.notice, snapshot.inspection.notice_number
         if notice == self._shown:
             return
@@ -102,30 +102,30 @@ class OwnNotices:
 
 
 REFRESH_S = 0.5
-"""Numbers that flicker faster cannot be read."""
+"""Interval between updates of the numbers, in seconds, so that they can be read."""
 
 PANEL_MARK = "<i data-ltvn-panel></i>"
-"""By this the page's script and style know viser's panel."""
+"""Element by which the page's script and style find viser's panel."""
 
 _WATCHING = (
     '<div class="lt ltvn-watching-only"><div class="lt-card" data-severity="WARN">'
     "Another page drives, so what is grey is not for this one. You may look around, ask Why, and stop the robot."
     f"{button_row(ActionButton(Action.TAKE_OVER))}</div></div>"
 )
-"""Shown by the page itself while it has not got the seat."""
+"""Card that a page shows while it does not have the seat."""
 
 _GO_ON = button_row(
     ActionButton(Action.PAUSE, "Go on", hint="let the robot drive on to its goal", is_main=True),
     ActionButton(Action.CANCEL, "Cancel the query"),
 )
 SLOW_HZ, TROUBLE_HZ = 20.0, 5.0
-"""The loop runs at 30 Hz where the machine keeps up."""
+"""Loop rates in Hz below which the app counts as slow, or as in trouble; the normal rate is 30 Hz."""
 OLD_MS, TOO_OLD_MS = 400.0, 2000.0
-"""Age of the picture on show."""
+"""Ages of the picture on show in milliseconds above which it counts as old, or as too old."""
 
 
 class StatusPanel:
-    """Status line, hint, and what is under way or went wrong."""
+    """Status line, hint, progress of jobs, and problems."""
 
     def __init__(self, gui: viser.GuiApi, clock: Callable[[], float] = time.monotonic) -> None:
         """Add the lines at the top of the main panel."""
@@ -169,7 +169,7 @@ _NAMED_TAB = re.compile("“(Drive|Go|World|Replay|Why)”")
 
 
 def first_tab(snapshot: Snapshot) -> str:
-    """Return the tab that a page opens with, as an attribute; nothing as long as what is on show is about to change."""
+    """Return the initial tab of a page, as an attribute; nothing while the view is still about to change."""
     if not snapshot.hint or snapshot.work is not None:
         return ""
     named = _NAMED_TAB.search(snapshot.hint)
@@ -195,7 +195,7 @@ def _line(snapshot: Snapshot) -> str:
 
 
 def rec_badge(seconds: float) -> str:
-    """Return the red sign of a recording with its length."""
+    """Return the red badge of a running recording, with its length."""
     minutes, rest = divmod(int(seconds), 60)
     return f'<span class="lt-rec">REC {minutes}:{rest:02d}</span>'
 
@@ -220,7 +220,7 @@ def _how_far(work: JobProgress) -> str:
 
 
 class Health(StrEnum):
-    """How well it goes."""
+    """State of the app's health."""
 
     GOOD = "Good"
     SLOW = "Slow"
@@ -228,14 +228,14 @@ class Health(StrEnum):
 
 
 class HealthReport(NamedTuple):
-    """A word and why."""
+    """The app's health and the reason."""
 
     health: Health
     reason: str
 
 
 def health_of(snapshot: Snapshot) -> HealthReport:
-    """Return how well the app keeps up."""
+    """Return the health of the app, judged by its last message, its delays and the link to the robot."""
     rates = snapshot.rates
     message = snapshot.message
     if message is not None and message.severity is Severity.ERROR:
@@ -257,7 +257,7 @@ def health_of(snapshot: Snapshot) -> HealthReport:
 
 
 def health_button(snapshot: Snapshot) -> str:
-    """Return the word as a button that shows and hides the numbers."""
+    """Return the app's health as a button that shows and hides the numbers."""
     report = health_of(snapshot)
     return (
         f'<button type="button" class="lt-health" data-health="{report.health}" data-ltvn-toggle="numbers" '
@@ -266,7 +266,7 @@ def health_button(snapshot: Snapshot) -> str:
 
 
 def link_line(link: LinkReport) -> str:
-    """Return the link in a few quiet words."""
+    """Return a short description of the link."""
     parts = [f"link <b>{link.quality}</b>", f"picture {_age(link.picture_age_s)}"]
     parts.append(f"odometry {_age(link.odometry_age_s)}")
     if link.battery is not None:
@@ -289,7 +289,7 @@ def _link_rows(link: LinkReport | None) -> tuple[tuple[str, str], ...]:
 
 
 def health_numbers(snapshot: Snapshot) -> str:
-    """Return the numbers, which the page hides until somebody asks for them."""
+    """Return the numbers, which the page hides until a person opens them."""
     rates = snapshot.rates
     rows = (
         ("looks at the robot", f"{rates.loop_hz:.0f} times a second"),

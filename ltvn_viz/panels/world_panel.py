@@ -8,11 +8,11 @@ from ltvn_viz.wishes.commands import LIVE, Mode
 from ltvn_viz.wishes.wish_table import Action
 
 LIGHTS = (("Plain", 100), ("Dim", 50), ("Dark", 20))
-"""Names of light, and how bright each is in per cent."""
+"""Names of the settings of light, each with its brightness in percent."""
 
 
 class WorldPanel:
-    """What a person may change in the world."""
+    """Controls to change the simulated world."""
 
     def __init__(self, gui: viser.GuiApi) -> None:
         """Add the controls to the tab that is open."""

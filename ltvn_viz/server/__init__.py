@@ -1,1 +1,1 @@
-"""The guarded HTTP and websocket server, and what it serves to the browser."""
+"""The HTTP and websocket server with its access checks, and the content that it serves to the browser."""

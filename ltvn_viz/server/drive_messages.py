@@ -1,7 +1,7 @@
-"""What page and server say to each other on the `/drive` socket, and the strict reading of it.
+"""The messages between page and server on the `/drive` socket, and their strict parser.
 
-Owns the JSON on the wire. Everything from the page is refused unless each field is known, present and in range; the
-sender of anything else loses its socket, and with it the seat.
+Owns the JSON format. A message of a page is valid only if all its fields are known, present and in range; the sender of
+an invalid message loses its socket, and with it the seat.
 """
 
 import json
@@ -17,7 +17,7 @@ _HERE_TEXT = '{"type":"here"}'
 
 
 class MessageError(ValueError):
-    """A message from a page is not what the protocol knows."""
+    """A page sent a message that is not part of the protocol."""
 
     told = "invalid message"
     """Text for the page when its socket is closed."""
@@ -25,12 +25,12 @@ class MessageError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class DriveMessage:
-    """Everything a page holds, and the epoch it knows."""
+    """The inputs held on a page, and the epoch that the page knows."""
 
     held: HeldInput
     epoch: int
     age_s: float
-    """Time since the page itself, which may be busy drawing, knew this, in seconds."""
+    """Age of the input in seconds when the message was sent; a page that is busy drawing sends late."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,20 +39,20 @@ class ActionMessage:
 
     action: Action
     value: Value = None
-    """What it is about, of the kind that the action carries."""
+    """Subject of the action, of the type that the action requires."""
 
 
 @dataclass(frozen=True, slots=True)
 class HereMessage:
-    """The page is there; it says so again and again."""
+    """A sign of life, which each page sends regularly."""
 
 
 @dataclass(frozen=True, slots=True)
 class LinkMessage:
-    """The page was opened by a link that says what to show."""
+    """The page was opened by a link to a certain view."""
 
     query: str
-    """Of its address; not read yet."""
+    """Query of the page's address, not parsed yet."""
 
 
 PageMessage: TypeAlias = DriveMessage | ActionMessage | LinkMessage | HereMessage
@@ -61,9 +61,9 @@ HERE = HereMessage()
 
 
 def parse_message(text: str | bytes) -> PageMessage:
-    """Read one message of a page; raises MessageError."""
+    """Parse one message of a page; raises MessageError."""
     if text == _HERE_TEXT:
-        return HERE  # Twenty times a second from every page.
+        return HERE  # The fast path: every page sends this 20 times a second.
     try:
         fields = json.loads(text, parse_constant=_refuse_constant)
     except (ValueError, RecursionError) as error:
@@ -88,11 +88,11 @@ def parse_message(text: str | bytes) -> PageMessage:
 
 
 BEAT_MESSAGE = '{"type": "beat"}'
-"""Says that the server is there; `socket_worker.js` knows it letter by letter."""
+"""Sign of life of the server; `socket_worker.js` compares it literally."""
 
 
 def state_message(client: ClientId, seat: SeatState) -> str:
-    """Write the seat as one page sees it."""
+    """Return a message with the state of the seat for one page."""
     state = {
         "type": "state",
         "you": client,
@@ -106,7 +106,7 @@ def state_message(client: ClientId, seat: SeatState) -> str:
 
 
 def refusal_message(driver: ClientId) -> str:
-    """Write that an action was not taken, because somebody else drives."""
+    """Return a message that an action was refused, because another page drives."""
     return json.dumps({"type": "refused", "driver": driver})
 
 

@@ -1,7 +1,7 @@
 """The `/drive` socket: carries held inputs and presses to the app, and seat and camera pictures back to the pages.
 
-Owns the connections and the watchdog thread. The rules of driving are in `driver_seat.py`, the messages
-in `drive_messages.py`. Nothing is awaited between the arrival of a message and the listener's call.
+Owns the connections and the watchdog thread. The rules of driving are in `driver_seat.py`, the messages in
+`drive_messages.py`. The listener is called directly when a message arrives, without any `await` in between.
 """
 
 import asyncio
@@ -39,38 +39,39 @@ logger = logging.getLogger(__name__)
 MAX_PAGES = 32
 MAX_UNSENT = 16
 BEAT_S = 0.25
-"""How often each page hears that the server is there; without it for a second a page says that it sees old things."""
+"""Interval between signs of life to each page, in seconds; a page without one for a second reports outdated content."""
 
 
 @dataclass(frozen=True, slots=True)
 class DriveListener:
-    """Whom to tell. The calls come from the server's or the watchdog's thread, one at a time, and must not block."""
+    """Callbacks of the drive socket. The server's or the watchdog's thread calls them, one at a time; they must not
+    block."""
 
     on_drive: Callable[[ClientId, Twist], None] = lambda client, twist: None
-    """The driver's input was accepted; repeated at 20 Hz while it is held."""
+    """Called when the driver's input was accepted; repeated at 20 Hz while it is held."""
     on_stop: Callable[[ClientId | None, StopReason], None] = lambda client, reason: None
-    """The motion ended, or somebody pressed stop."""
+    """Called when the motion ended, or a person pressed stop."""
     on_action: Callable[[ClientId, Action, Value], None] = lambda client, action, value: None
-    """A key was pressed or something with an id was clicked."""
+    """Called when an action was requested by a key or a click."""
     on_own_action: Callable[[ClientId, Action, Value], None] = lambda client, action, value: None
-    """The same on a page without the seat, where it concerns that page's own view."""
+    """Called when a page without the seat requested an action for its own view."""
     on_link: Callable[[ClientId, str], None] = lambda client, query: None
-    """A page was opened by a link with this query."""
+    """Called when a page was opened by a link with this query."""
     on_absence: Callable[[], None] = lambda: None
-    """The last page is gone."""
+    """Called when the last page is gone."""
 
 
 class Newest(Enum):
-    """What a page needs only the newest of; sent in this order."""
+    """Kinds of messages of which a page needs only the newest; sent in this order."""
 
     PICTURE = auto()
-    """What the robot sees, a JPEG."""
+    """The camera picture, a JPEG."""
     MOMENT = auto()
-    """Which moment is on show."""
+    """The moment on show."""
     ACTIVITY = auto()
-    """What the robot does by itself."""
+    """The robot's current activity."""
     BEAT = auto()
-    """The server is there."""
+    """A sign of life of the server."""
 
 
 class _Page:
@@ -90,12 +91,12 @@ class _Page:
             self.tell(message)
 
     def tell(self, message: str) -> None:
-        # A page that does not read gets the newest messages when it comes back, not all of them.
+        # A page that stops reading gets only the newest messages when it reads again.
         self._unsent = [*self._unsent[-MAX_UNSENT + 1 :], message]
         self._wake.set()
 
     def tell_newest(self, kind: Newest, message: str | bytes) -> None:
-        # A page that does not read gets the newest one of each kind alone.
+        # A page that stops reading gets only the newest message of each kind.
         self._newest[kind] = message
         self._wake.set()
 
@@ -112,7 +113,7 @@ class _Page:
 
 
 class DriveSocket:
-    """Serve the pages' drive connections and tell the listener what the driver wants."""
+    """Serves the drive connections of the pages and passes the driver's requests to the listener."""
 
     def __init__(
         self,
@@ -122,7 +123,7 @@ class DriveSocket:
         pace: Pace | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """Serve pages that say no more than `pace` allows."""
+        """Serve pages whose messages stay within the limits of `pace`."""
         self._pace = pace or Pace()
         self.seat = seat
         self.presence = presence or Presence()
@@ -142,7 +143,7 @@ class DriveSocket:
         self._watchdog.start()
 
     async def serve(self, connection: GuardedConnection, key: str | None = None) -> None:
-        """Talk to one page, whose other socket has the same key, until it goes away or says something invalid."""
+        """Serve one page until it disconnects or sends an invalid message; its other socket has the same key."""
         if len(self._pages) >= MAX_PAGES:
             await connection.close(CloseCode.TRY_AGAIN_LATER, "too many pages")
             return
@@ -178,16 +179,16 @@ class DriveSocket:
             await asyncio.gather(sender, return_exceptions=True)
 
     def client_of(self, key: str | None) -> ClientId | None:
-        """Return which page has a key; None where its drive socket is not open."""
+        """Return the page with a key; None if its drive socket is not open."""
         return None if key is None else self._clients.get(key)
 
     @property
     def watchers(self) -> frozenset[ClientId]:
-        """The open pages that have not got the seat. Safe from any thread."""
+        """The open pages without the seat. Safe from any thread."""
         return frozenset(self._pages.copy()) - {self.seat.driver}
 
     def may_drive(self, key: str | None) -> bool:
-        """Give the page with a key the seat if it is free; tell whether the page has it, and the page if not."""
+        """Give the seat to the page with a key if it is free; return whether the page has it, and notify it if not."""
         client = self.client_of(key)
         if client is None:
             return False
@@ -196,14 +197,14 @@ class DriveSocket:
         return may
 
     def settle(self) -> None:
-        """Tell the listener and the pages what happened to the seat. Safe from any thread."""
-        # Taking and telling under one lock keeps a stop from being overtaken by the drive before it.
+        """Report changes of the seat to the listener and the pages. Safe from any thread."""
+        # Events are taken and reported under one lock, so that a stop is never reported before an earlier drive.
         with self._telling:
             for event in self.seat.take_events():
                 if isinstance(event, DriveAccepted):
                     self._call(self.listener.on_drive, event.client, event.twist)
                 else:
-                    # A page that drives nothing stops nothing worth telling when it closes.
+                    # Without a drive socket there is no robot, so its stop is not worth a line in the log.
                     level = logging.INFO if self._loop is not None else logging.DEBUG
                     self._stop_log.log(level, "robot stopped: %s (page %s)", event.reason, event.client)
                     self._call(self.listener.on_stop, event.client, event.reason)
@@ -212,7 +213,7 @@ class DriveSocket:
             self._loop.call_soon_threadsafe(self._tell_pages)
 
     def tell_newest(self, kind: Newest, message: str | bytes) -> None:
-        """Tell all pages, in place of what of this kind still waits. Safe from any thread."""
+        """Send a message to all pages, in place of any waiting message of its kind. Safe from any thread."""
         self._newest[kind] = message
         if self._loop is not None and not self._loop.is_closed():
             self._loop.call_soon_threadsafe(self._tell_newest, kind, message)
@@ -259,12 +260,12 @@ class DriveSocket:
             self._pass_on(page, self.listener.on_action, action, value, free=audience is Audience.EVERYBODY)
 
     def _pass_on(self, page: _Page, tell: Callable[..., None], *said: object, free: bool) -> None:
-        """Tell the listener what a page asks for, if everybody may or if the page has the seat."""
+        """Pass the request of a page to the listener, if all pages are allowed to make it or the page has the seat."""
         if free or self._sits(page):
             self._call(tell, page.client, *said)
 
     def _sits(self, page: _Page) -> bool:
-        """Tell whether a page has the seat or could take it; if not, tell the page who has."""
+        """Return whether a page has the seat or could take it; if not, tell the page which one has it."""
         if self.seat.try_sit(page.client):
             return True
         driver = self.seat.state_of(page.client).driver
@@ -281,14 +282,14 @@ class DriveSocket:
             page.tell_state(state_message(page.client, self.seat.state_of(page.client)))
 
     def _call(self, callback: Callable[..., None], *arguments: object) -> None:
-        # An error of the app must not take the socket or the watchdog with it.
+        # An error of the app must not end the socket or the watchdog.
         try:
             callback(*arguments)
         except Exception:
             logger.exception("the app failed to take what a page asked for")
 
     def _watch_presence(self, loop: asyncio.AbstractEventLoop) -> None:
-        """Check for silent pages in the thread that hears them, so that its own stalls count against no page."""
+        """Check for silent pages in the thread that receives their messages, so that its stalls do not count."""
         if self.presence.tick():
             self._tell_absence()
         if not self._closing:
@@ -304,7 +305,7 @@ class DriveSocket:
             self._call(self.listener.on_absence)
 
     def _watch(self) -> None:
-        """Notice expiries in a thread of its own, so that a hung server thread cannot keep the robot moving."""
+        """Handle expired inputs in a separate thread, so that a hung server thread cannot keep the robot moving."""
         while not self._closing:
             deadline = self.seat.next_deadline()
             self._wake.wait(None if deadline is None else max(0.0, deadline - self._clock()))

@@ -1,15 +1,15 @@
-"""The driver's seat: who drives, what they hold, and when that stops counting.
+"""The driver's seat: the page that drives, its held inputs, and their expiry.
 
-Pure logic over a clock that is handed in; knows no socket and no robot. Safe to call from any thread. The rules:
+Pure logic with an injected clock; independent of sockets and robots. Safe to call from any thread. The rules:
 
 * One driver at a time. The seat is taken by the first input while it is free, or by `take_over`.
 * A held input is a lease: it counts for `lease_s` after the last message. `current_twist` is a function of time, so a
   thread that polls it stops the robot even when the thread that receives messages hangs.
-* A page that draws slowly hears of its person's hand late, and says how late. Such an input drives the slower the older
-  it is, and no longer counts at `hand_limit_s`, whoever still repeats it.
-* After every stop that the driver did not ask for by letting go, a new *epoch* begins, in which nobody is *armed*. A
-  client is armed by an empty input that names the present epoch. So nothing that was held before the stop, and no
-  message that was on its way, can start the robot again.
+* A page that draws slowly notices inputs late, and sends their age. The older an input is, the slower it drives; at
+  `hand_limit_s` it no longer counts, even if it is repeated.
+* After every stop, except when the driver lets go, a new *epoch* begins, in which no client is *armed*. A client is
+  armed by an empty input that names the present epoch. So neither an input held since before the stop nor a delayed
+  message can start the robot again.
 """
 
 import threading
@@ -24,21 +24,21 @@ from ltvn_core.types import Twist
 from ltvn_viz.server.keymap import Direction
 
 ClientId: TypeAlias = int
-"""Counts open pages from 1; a reloaded page is a new client."""
+"""Number of an open page, counted from 1; a reloaded page is a new client."""
 
 LEASE_S = 0.25
-"""A held input counts for this long after its last heartbeat."""
+"""Time in seconds for which a held input counts after its last message."""
 HAND_LIMIT_S = 1.0
-"""A held input never counts for longer after the page last knew what the hand does."""
+"""Age in seconds at which a held input no longer counts, since the page last checked it."""
 IDLE_S = 30.0
-"""The seat is free again after this long without input."""
+"""Time in seconds without input after which the seat is free again."""
 MAX_LINEAR_M_S = 0.5
 MAX_ANGULAR_RAD_S = 1.0
 SLOW_SCALE = 0.4
 
 
 class StopReason(StrEnum):
-    """Why the motion ended; the value is what the page shows."""
+    """Reason why the motion ended; the value is the text on the page."""
 
     RELEASED = "keys released"
     INPUT_LOST = "input lost"
@@ -50,7 +50,7 @@ class StopReason(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class HeldInput:
-    """Everything a person holds at one moment, on keys, pad, touch screen and gamepad together."""
+    """All inputs that a person holds at one moment, on keys, pad, touch screen and gamepad together."""
 
     directions: frozenset[Direction] = frozenset()
     stick: tuple[float, float] = (0.0, 0.0)
@@ -59,11 +59,11 @@ class HeldInput:
 
     @property
     def is_empty(self) -> bool:
-        """Nothing is held; a modifier alone is nothing."""
+        """Whether no input is held; a modifier alone does not count."""
         return not self.directions and self.stick == (0.0, 0.0)
 
     def twist(self) -> Twist:
-        """Return the velocity asked for; opposite directions cancel out."""
+        """Return the requested velocity; opposite directions cancel out."""
         held = self.directions
         forward = (Direction.FORWARD in held) - (Direction.BACKWARD in held) + self.stick[0]
         left = (Direction.LEFT in held) - (Direction.RIGHT in held) + self.stick[1]
@@ -81,10 +81,10 @@ class DriveAccepted:
 
 @dataclass(frozen=True, slots=True)
 class MotionStopped:
-    """Motion ended, or somebody asked for a stop while nothing moved."""
+    """The motion ended, or a stop was requested while nothing moved."""
 
     client: ClientId | None
-    """Who caused it; None when the app itself did."""
+    """The client that caused the stop; None for the app itself."""
     reason: StopReason
 
 
@@ -93,19 +93,19 @@ SeatEvent: TypeAlias = DriveAccepted | MotionStopped
 
 @dataclass(frozen=True, slots=True)
 class SeatState:
-    """The seat as one client sees it."""
+    """State of the seat for one client."""
 
     driver: ClientId | None
     epoch: int
     is_armed: bool
-    """The client may drive without letting go first."""
+    """Whether the client may drive without letting go first."""
     reason: StopReason | None
-    """Why the present epoch began."""
+    """Reason for the stop that began the present epoch."""
     stopped_by: ClientId | None
 
 
 class DriverSeat:
-    """Decide who drives and how fast, now."""
+    """Decides which client drives, and at which velocity."""
 
     def __init__(
         self,
@@ -132,19 +132,20 @@ class DriverSeat:
 
     @property
     def driver(self) -> ClientId | None:
-        """Who has the seat."""
+        """The client that has the seat; None if it is free."""
         with self._lock:
             self._expire()
             return self._driver
 
     def current_twist(self, now: float | None = None) -> Twist | None:
-        """Return the velocity that holds at `now` (seconds of the clock, default: now), None without a driver."""
+        """Return the velocity at the time `now` (in seconds of the clock, by default the present); None if no input
+        counts."""
         with self._lock:
             self._expire(now)
             return self._twist
 
     def receive(self, client: ClientId, held: HeldInput, epoch: int, age_s: float = 0.0) -> None:
-        """Take one message with everything the client held `age_s` ago, and the epoch it knows."""
+        """Process a message with the inputs that the client held `age_s` seconds ago, and the epoch that it knows."""
         with self._lock:
             self._expire()
             if held.is_empty:
@@ -152,11 +153,11 @@ class DriverSeat:
             elif epoch == self._epoch and client in self._armed and self.try_sit(client):
                 self._drive(client, held.twist(), age_s)
             else:
-                # A watcher's held key must not start the robot when the seat becomes free: it has to be pressed again.
+                # A watcher's held key must not start the robot when the seat becomes free, only a new press may.
                 self._armed.discard(client)
 
     def keep(self, *, kept: bool) -> None:
-        """Let the driver sit without any input while what they started goes on."""
+        """Keep the seat for its driver without input, while an activity that the driver started goes on."""
         with self._lock:
             self._expire()
             if self._is_kept and not kept:
@@ -173,7 +174,7 @@ class DriverSeat:
             return self._driver == client
 
     def stop(self, client: ClientId | None = None) -> None:
-        """Stop the robot for a page; None means that the app itself stops it."""
+        """Stop the robot on behalf of a client; None means the app itself."""
         with self._lock:
             self._expire()
             self._begin_epoch(client, StopReason.STOPPED)
@@ -188,37 +189,37 @@ class DriverSeat:
             self._active = self._clock()
 
     def release(self, client: ClientId) -> None:
-        """Leave the seat, if the client has it; a moving robot stops."""
+        """Free the seat if the client has it; a moving robot stops."""
         self._vacate(client, StopReason.GAVE_UP)
 
     def leave(self, client: ClientId) -> None:
-        """Forget a client whose page is gone; a robot it moved stops."""
+        """Remove a client whose page is gone; if it was driving, the robot stops."""
         self._vacate(client, StopReason.LEFT)
         with self._lock:
             self._armed.discard(client)
 
     def state_of(self, client: ClientId) -> SeatState:
-        """Return what `client` should be shown."""
+        """Return the state of the seat for `client`."""
         with self._lock:
             self._expire()
             return SeatState(self._driver, self._epoch, client in self._armed, self._reason, self._stopped_by)
 
     def next_deadline(self) -> float | None:
-        """Return when something will expire by itself, in seconds of the clock; None for never."""
+        """Return the time of the next expiry in seconds of the clock; None for never."""
         with self._lock:
             if self._twist is not None:
                 return self._counts_until
             return None if self._driver is None or self._is_kept else self._active + self._idle_s
 
     def take_events(self) -> list[SeatEvent]:
-        """Return what happened since the last call, expiries included, in order."""
+        """Return the events since the last call in order, including expiries."""
         with self._lock:
             self._expire()
             events, self._events = self._events, []
             return events
 
     def _expire(self, now: float | None = None) -> None:
-        """Let time do what it has done by `now`. Every door into the seat passes here first."""
+        """Apply all expiries until `now`; every public method calls this first."""
         now = self._clock() if now is None else now
         if self._twist is not None and now >= self._counts_until:
             self._begin_epoch(self._driver, StopReason.INPUT_LOST)
@@ -228,7 +229,7 @@ class DriverSeat:
 
     def _drive(self, client: ClientId, twist: Twist, age_s: float) -> None:
         if age_s >= self._hand_limit_s:
-            return  # Repeated by a page that knows nothing of the hand any more; what counted before runs out.
+            return  # The page only repeats an old input, so the lease of the last valid one expires.
         now = self._active = self._clock()
         self._counts_until = now + min(self.lease_s, self._hand_limit_s - age_s)
         late = max(0.0, age_s - self.lease_s)
@@ -267,13 +268,13 @@ def _unit(value: float) -> float:
 
 
 HERE_LEASE_S = 0.25
-"""A page that was silent for longer is gone."""
+"""Time in seconds without a sign of life after which a page counts as gone."""
 TICK_S = 0.02
-"""How often silence is looked for."""
+"""Interval between checks for silent pages, in seconds."""
 
 
 class Loss(StrEnum):
-    """How the last page went; the value ends the sentence “The last page ...”."""
+    """How the last page was lost; the value ends the sentence “The last page ...”."""
 
     CLOSED = "was closed"
     SILENT = "froze or lost its connection"
@@ -285,11 +286,11 @@ class Absence:
 
     loss: Loss
     since: datetime
-    """Local time."""
+    """Local time at which the last page was lost."""
 
 
 class Presence:
-    """Knows the pages by their signs of life."""
+    """Tracks the open pages by their signs of life."""
 
     def __init__(
         self,
@@ -298,7 +299,7 @@ class Presence:
         clock: Callable[[], float] = time.monotonic,
         today: Callable[[], datetime] = datetime.now,
     ) -> None:
-        """Begin without pages; measure silence by `clock`, in seconds."""
+        """Start without pages; `clock` measures silence in seconds."""
         self._lease_s = lease_s
         self._clock = clock
         self._today = today
@@ -306,24 +307,24 @@ class Presence:
         self._counted_s = 0.0
         self._ticked = clock()
         self.absence: Absence | None = None
-        """Set while no page is open; None before the first one was."""
+        """The current absence of pages; None while a page is open, and before the first one."""
 
     def hear(self, client: ClientId) -> None:
-        """Note that a page is there."""
+        """Record a sign of life of a page."""
         self._heard[client] = self._counted_s
         self.absence = None
 
     def leave(self, client: ClientId) -> None:
-        """Note that a page's socket is closed."""
+        """Record that a page's socket was closed."""
         was_there = self.absence is None
         self._heard.pop(client, None)
         if was_there and not self._is_somebody_there():
             self.absence = Absence(Loss.CLOSED, self._today())
 
     def tick(self) -> bool:
-        """Let time pass; return whether the last page fell silent just now. To be called every `TICK_S`."""
+        """Update the clock; return whether the last page has just become silent. Must be called every `TICK_S`."""
         now = self._clock()
-        # A late call means that this thread stalled, and with it the hearing of the pages.
+        # A late call means that this thread stalled and received no signs of life, so that time does not count.
         self._counted_s += min(now - self._ticked, 2 * TICK_S)
         self._ticked = now
         if self.absence is not None or not self._heard or self._is_somebody_there():

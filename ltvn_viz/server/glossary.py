@@ -1,4 +1,4 @@
-"""The words and symbols of the page, each explained in a sentence or two: on hover where it stands, and as one list.
+"""The words and symbols of the page, each explained in a sentence or two, shown on hover and as a list.
 
 Owns the explanations for a person who sees the page. The glossary of code and paper is `docs/glossary.md`.
 """
@@ -11,7 +11,7 @@ class Term(NamedTuple):
     """A word or symbol."""
 
     symbol: str
-    """As it stands in the page; empty for a word without one."""
+    """Symbol of the word in the page; empty if there is none."""
     name: str
     text: str
 

@@ -1,8 +1,8 @@
-"""The door of the app: viser behind a guard, on one port of this machine alone.
+"""The web server of the app: viser behind an access check, on one port of this machine.
 
-Owns how viser is started, what is served beside it (`/drive`, numbered files) and what viser must not do (wander to
-another port, open a public tunnel). viser has no hook for any of this, so its one call of `websockets` is wrapped while
-it starts; the version is pinned and the tests hold it to that.
+Owns the start of viser, the additional routes (`/drive`, numbered files), and the features of viser that are disabled
+(moving to another port, public tunnels). viser has no hook for any of this, so its only call of `websockets` is wrapped
+while it starts; the version is pinned, and tests check the wrapped call.
 
 Uploads need no route: `viser.GuiApi.add_upload_button` travels over viser's own socket, which passes the same guard.
 """
@@ -55,9 +55,10 @@ from ltvn_viz.server.requests import (
 DRIVE_PATH = "/drive"
 VISER_PATH = "/"
 READY_PREFIX = "/ready/"
-"""A page asks here at what the app still is, empty when it is there, as JSON, before it opens its sockets."""
+"""Address of the current loading step as JSON, empty when loading is done; a page polls it before it opens its
+sockets."""
 MAX_VISER_SOCKETS = 2 * MAX_PAGES
-"""A page that comes back may be counted twice until its old socket is given up."""
+"""Maximum number of viser's sockets; a page that reconnects may be counted twice until its old socket is closed."""
 ASK_FOR_TOKEN = "Open the address that was printed in the terminal; it carries the token (#token=...)."
 _PAGE_KEY = re.compile(r"[0-9a-f]{32}", re.ASCII)
 
@@ -67,10 +68,10 @@ _starting = threading.Lock()
 
 @dataclass(frozen=True, slots=True)
 class Asker:
-    """Who asks for something in viser's panels or scene."""
+    """The page behind a request in viser's panels or scene."""
 
     page: ClientId | None
-    """None where the page's own socket is not open."""
+    """Number of the page; None if its drive socket is not open."""
     drives: bool
 
 
@@ -88,10 +89,10 @@ class GuardedServer:
         loading: str = "",
         pace: Pace | None = None,
     ) -> None:
-        """Start serving; port 0 takes any free one. A page that drives nothing has no pad. Raises ServerError.
+        """Start the server; port 0 takes any free port. Without `drives`, the page has no pad. Raises ServerError.
 
-        While there is something in `loading`, which `end_loading` ends, pages come, show it and wait. A page that says
-        more than `pace` allows loses its socket.
+        While `loading` is not empty, pages show it and wait for `end_loading`. A page that exceeds the limits of `pace`
+        loses its socket.
         """
         if not is_loopback(host):
             raise ServerError(
@@ -103,7 +104,7 @@ class GuardedServer:
         self.port: int = listening.getsockname()[1]
         self.token = token or secrets.token_urlsafe(24)
         self.seat = seat or DriverSeat()
-        # Who is patient with a page's held keys is patient with the page.
+        # A seat with a longer lease of held inputs also allows longer silence of a page.
         self.presence = Presence(lease_s=HERE_LEASE_S if seat is None else seat.lease_s)
         self._drive = DriveSocket(self.seat, self.presence, pace=pace)
         self._routes = Routes()
@@ -123,9 +124,9 @@ class GuardedServer:
         return self.link()
 
     def link(self, query: str = "") -> str:
-        """Return the address to open with a query, as links to a moment have it, and the token."""
+        """Return the address to open, with the query of a link to a moment, and the token."""
         host = f"[{self.host}]" if ":" in self.host else self.host
-        # In the fragment, which browsers keep to themselves: it stands in no request, log or referrer.
+        # The token is in the fragment, which browsers do not send: it is in no request, log or referrer.
         return f"http://{host}:{self.port}/{query and '?'}{query}#token={self.token}"
 
     @property
@@ -143,19 +144,19 @@ class GuardedServer:
         self._drive.listener = listener
 
     def asker(self, viser_client: int) -> Asker:
-        """Return as whom a page of viser asks for something: from the seat, taken if it is free, or as a watcher."""
+        """Return the page behind a client of viser, and whether it has the seat, which it takes if it is free."""
         page = self.number_of(viser_client)
         drives = page is not None and self.seat.try_sit(page)
         self._drive.settle()
         return Asker(page, drives)
 
     def number_of(self, viser_client: int) -> ClientId | None:
-        """Return which page at the driver's seat is viser's page of this number. Safe from any thread."""
+        """Convert viser's number of a page to its `ClientId`. Safe from any thread."""
         return self._drive.client_of(self.gate.key_of(viser_client))
 
     @property
     def watchers(self) -> frozenset[ClientId]:
-        """The open pages that have not got the seat. Safe from any thread."""
+        """The open pages without the seat. Safe from any thread."""
         return self._drive.watchers
 
     def add_route(self, prefix: str, handler: RouteHandler, *, ending: str = "jpg") -> None:
@@ -163,38 +164,38 @@ class GuardedServer:
         self._routes.add(prefix, handler, ending=ending)
 
     def file_address(self, address: str) -> str:
-        """Return the address of a served file as a picture in a panel may have it."""
+        """Return the address of a served file with the key that a picture in a panel needs."""
         return self._proof.file_address(address)
 
     def show_picture(self, jpeg: bytes) -> None:
-        """Show all pages what the robot sees. Safe from any thread."""
+        """Send the camera picture to all pages. Safe from any thread."""
         self._drive.tell_newest(Newest.PICTURE, jpeg)
 
     def tell_moment(self, message: str) -> None:
-        """Tell all pages which moment is on show. Safe from any thread."""
+        """Send the moment on show to all pages. Safe from any thread."""
         self._drive.tell_newest(Newest.MOMENT, message)
 
     def tell_activity(self, message: str) -> None:
-        """Tell all pages what the robot does by itself. Safe from any thread."""
+        """Send the robot's current activity to all pages. Safe from any thread."""
         self._drive.tell_newest(Newest.ACTIVITY, message)
 
     def say_loading(self, step: str) -> None:
-        """Let the pages that wait show at what the app is. Safe from any thread."""
+        """Show the current loading step on waiting pages. Safe from any thread."""
         self._loading = step
 
     def end_loading(self) -> None:
-        """Let the pages that wait open their sockets."""
+        """Allow waiting pages to open their sockets."""
         self._loading = ""
 
     def close(self) -> None:
-        """Stop the robot and serve no more."""
+        """Stop the robot and the server."""
         self._drive.close()
         with _silence():
             self.viser.stop()
         self._files.shutdown(wait=False, cancel_futures=True)
 
     def __enter__(self) -> Self:
-        """Return the server, which is up already."""
+        """Return the server, which is already running."""
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -202,7 +203,7 @@ class GuardedServer:
         self.close()
 
     def _start(self, listening: socket.socket) -> viser.ViserServer:
-        """Start viser on a socket that is bound already, with every request led through the guard."""
+        """Start viser on a bound socket, with all requests passed through the access check."""
         original = websockets.asyncio.server.serve
 
         def serve(handler: Callable[..., Any], host: str, port: int, **options: Any) -> Any:
@@ -222,22 +223,22 @@ class GuardedServer:
         return server
 
     async def _judge(self, connection: GuardedConnection, request: Request) -> Response | None:
-        """Answer a request; None lets it become a websocket, on which the token is still to be shown."""
+        """Answer a request; None accepts a websocket, whose first message must be the token."""
         if (refused := refusal(request)) is not None:
             return refused
         path = urlsplit(request.path).path
         if is_websocket(request.headers):
-            # Refuse a large message while it arrives, not when it is here.
+            # A large message is refused while it arrives, not after it was received.
             connection.protocol.max_message_size = MAX_PROOF_BYTES
             return None if path in (DRIVE_PATH, VISER_PATH) else not_found()
         if path in ("/", "/index.html"):
-            return self._page.answer()  # The same for every start: it shows nothing of this one.
+            return self._page.answer()  # It is the same for every start, so it needs no token.
         match = self._routes.find(path)
         if not self._proof.is_in(request, is_for_picture=match is not None and match.is_picture):
             return refuse(HTTPStatus.UNAUTHORIZED, ASK_FOR_TOKEN)
         if match is None:
             return not_found()
-        # Reading a picture from disk must not hold up a key press.
+        # Reading a picture from disk must not delay a key press.
         return await asyncio.get_running_loop().run_in_executor(self._files, match.answer)
 
     def _router(self, viser_handler: Callable[..., Any]) -> Callable[..., Any]:
@@ -273,7 +274,7 @@ def _page_key(query: str) -> str | None:
 
 
 def _bind(host: str, port: int) -> socket.socket:
-    """Return a bound socket; raises ServerError where viser would silently take the next port."""
+    """Return a bound socket; raises ServerError if the port is in use, where viser would silently take the next one."""
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     listening = socket.socket(family, socket.SOCK_STREAM)
     listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -296,7 +297,7 @@ def _silence() -> contextlib.redirect_stdout[io.StringIO]:
 
 @contextmanager
 def stop_on_signals(stop: Callable[[], None]) -> Iterator[None]:
-    """Call `stop` at Ctrl-C and at a polite kill, so that what is open can be finished."""
+    """Call `stop` at SIGINT and SIGTERM, so that open files can be finished."""
 
     def handle(_number: int, _frame: FrameType | None) -> None:
         stop()

@@ -1,7 +1,7 @@
 """The page itself: viser's client with our script and style, under a strict content policy.
 
-Scripts run only with a nonce that is new in every answer, so that HTML which slipped into a panel cannot run any. The
-page may talk to its own server alone.
+Scripts run only with a nonce that is new in every response, so that HTML injected into a panel cannot run any. The page
+may connect only to its own server.
 """
 
 import json
@@ -20,25 +20,26 @@ from ltvn_viz.server.strip_kinds import strip_tables
 from ltvn_viz.wishes.wish_table import WISHES, Audience
 
 _UNPACKED = "const code=td.decode(heap.subarray(up+ss,up+sz));"
-"""Where viser's loader has its application as text."""
+"""Place in viser's loader where its application is available as text."""
 _WITHOUT_SPLATS = (
     "const code=td.decode(heap.subarray(up+ss,up+sz))"
     r".replace(/\.then\((\w+)=>\w+\(\{wasmBinary:\1\}\)\)(?=;function)/,'.then(()=>new Promise(()=>{}))');"
 )
-"""The sorter of Gaussian splats, which nothing of ours shows, is set up when the application starts and evaluates text
-as code; a policy that allows no such thing stops it with an EvalError. It is left waiting instead."""
+"""Replacement that disables the sorter of Gaussian splats, which we do not use. It evaluates text as code when the
+application starts, and the content policy would stop it with an EvalError."""
 
 _WITHOUT_NOTICE = "<style>#webgl-software-rendering { display: none; }</style></head>"
-"""viser's notice that the processor draws never goes, and covers our own words. The page has a line for it."""
+"""Style that hides viser's notice about software rendering, which stays for ever and covers our text; the page reports
+it in a line."""
 
 
 def viser_page() -> str:
-    """Return the HTML of viser's page, mended."""
+    """Return the HTML of viser's page with our corrections."""
     return mended((Path(viser.__file__).parent / "client/build/index.html").read_text(encoding="utf-8"))
 
 
 def mended(html: str) -> str:
-    """Return a page of viser, live or exported, that evaluates no text as code and covers nothing."""
+    """Return a page of viser, live or exported, without evaluation of text as code and without the covering notice."""
     if html.count(_UNPACKED) != 1 or html.count("</head>") != 1:
         raise RuntimeError(f"viser {viser.__version__} has another page than the one this was written for")
     return html.replace(_UNPACKED, _WITHOUT_SPLATS).replace("</head>", _WITHOUT_NOTICE)
@@ -46,7 +47,7 @@ def mended(html: str) -> str:
 
 STATIC = Path(__file__).parents[1] / "static"
 DOOR_SCRIPTS = ("theme.js", "token.js", "page.js")
-"""What each page needs to look right and to be let in."""
+"""Scripts that each page needs for its theme and for access."""
 SCRIPTS = (
     *DOOR_SCRIPTS,
     "layout.js",
@@ -77,14 +78,14 @@ PLAIN_STYLES = ("theme.css", "loading.css", "ltvn.css")
 PARTS = "page.html"
 SOCKET_WORKER = "socket_worker.js"
 LINK_PARAMETERS = ("replay", "at", "node", "edge", "tool", "camera")
-"""What the page's script takes out of its address."""
+"""Parameters of links, which the page's script reads and removes from its address."""
 NONCE = "{{nonce}}"
 TITLE = "Lifelong Topological Visual Navigation"
 
 POLICY = "; ".join(
     (
         "default-src 'none'",
-        # viser decompresses its own code with WebAssembly; nothing may be evaluated from text.
+        # viser decompresses its own code with WebAssembly; evaluation of text is not allowed.
         f"script-src 'nonce-{NONCE}' 'wasm-unsafe-eval'",
         "worker-src blob:",
         "style-src 'unsafe-inline'",
@@ -98,21 +99,21 @@ POLICY = "; ".join(
 )
 
 LOADER = 'e.type="module";'
-"""Where viser's loader makes the script that is its application; it must hand on the nonce."""
+"""Place in viser's loader where it creates the script of its application, which must get the nonce."""
 
 
 class IndexPage:
-    """The whole HTML of the page, ready but for its nonce."""
+    """The whole HTML of the page, except the nonce."""
 
     def __init__(self, *, drives: bool = True) -> None:
-        """Read the page; one that drives nothing comes without pad, keys and our layout."""
+        """Read the page; without `drives` it has no pad, keys and layout of ours."""
         index = _guarded(viser_page())
         html = _with_our_parts(index) if drives else _with_script(_with_style(index, PLAIN_STYLES), PLAIN_SCRIPTS)
-        # Everybody on the machine may ask for the page, so that asking must cost little.
+        # Every user of the machine can request the page, so the response must be cheap.
         self._between_nonces = html.encode().split(NONCE.encode())
 
     def answer(self) -> Response:
-        """Return the page with a fresh nonce; it holds nothing that was not the same at every start."""
+        """Return the page with a fresh nonce; all else is the same at every start."""
         nonce = secrets.token_urlsafe(18)
         html = nonce.encode().join(self._between_nonces)
         policy = POLICY.replace(NONCE, nonce)
@@ -120,7 +121,7 @@ class IndexPage:
 
 
 def _guarded(index: str) -> str:
-    """Return viser's page with our name, whose scripts alone may run."""
+    """Return viser's page with our title, where only scripts with the nonce may run."""
     once = ("<script ", LOADER, "</head>", "<body>", "<title>Viser</title>")
     if any(index.count(part) != 1 for part in once):
         raise RuntimeError(f"viser {viser.__version__} has another page than the one this guard was written for")
@@ -130,7 +131,7 @@ def _guarded(index: str) -> str:
 
 
 def _with_our_parts(index: str) -> str:
-    """Return the page with our layout, keys and pad; the parts come first, so that loading shows before all else."""
+    """Return the page with our layout, keys and pad; these come first, so that the loading step is shown at once."""
     index = _with_style(index, STYLES).replace("<body>", f"<body>{(STATIC / PARTS).read_text(encoding='utf-8')}")
     return _with_script(index, SCRIPTS)
 

@@ -1,6 +1,6 @@
-"""What each key does, for the page's script and its help: directions while held, and the keys of `WISHES`.
+"""The key bindings for the page's script and its help: keys for directions while held, and the keys of `WISHES`.
 
-Owns no behaviour: the script sends directions and actions, the driver's seat and the session carry them out.
+Owns no behaviour: the script sends directions and actions; the driver's seat and the session execute them.
 """
 
 from collections.abc import Mapping
@@ -11,7 +11,7 @@ from ltvn_viz.wishes.wish_table import WISHES, Action
 
 
 class Direction(StrEnum):
-    """Where a held input pushes the robot."""
+    """Direction in which a held input drives the robot."""
 
     FORWARD = "forward"
     BACKWARD = "backward"
@@ -20,7 +20,7 @@ class Direction(StrEnum):
 
 
 class HeldKeys(NamedTuple):
-    """Keys that push the robot while they are held."""
+    """Keys that drive the robot in one direction while they are held."""
 
     codes: tuple[str, ...]
     help: str
@@ -51,24 +51,24 @@ KEY_LABELS = {
 
 
 def key_label(action: Action) -> str:
-    """Return what is printed on the keys of an action; empty if it has none."""
+    """Return the label of an action's keys; empty if it has none."""
     return _caps(WISHES[action].keys)
 
 
 def help_rows() -> tuple[tuple[tuple[str, ...], str], ...]:
-    """Return (codes of the keys, what they do) of every binding, in the order of the help."""
+    """Return (key codes, description) of every binding, in the order of the help."""
     held = [(keys.codes, keys.help) for keys in DIRECTION_KEYS.values()]
     return (*held, SLOW_HELP, *((wish.keys, wish.help) for wish in WISHES.values() if wish.keys))
 
 
 def us_caps() -> dict[str, str]:
-    """Return what a US keyboard has printed on each key that means something, for a page that knows no better."""
+    """Return the label of each bound key on a US keyboard, for pages that do not know the keyboard's layout."""
     codes = [code for row, _ in help_rows() for code in row if row != SLOW_HELP[0]]
     return {code: us_cap(code) for code in codes}
 
 
 def us_cap(code: str) -> str:
-    """Return what is printed on a key of a US keyboard."""
+    """Return the label of a key on a US keyboard."""
     return KEY_LABELS.get(code, code.removeprefix("Key"))
 
 
@@ -83,5 +83,5 @@ def action_codes() -> dict[str, str]:
 
 
 def _caps(codes: tuple[str, ...]) -> str:
-    """Return what is printed on keys, for instance `W or ↑`."""
+    """Return the label of several keys, for instance `W or ↑`."""
     return " or ".join(map(us_cap, codes))

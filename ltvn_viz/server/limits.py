@@ -1,11 +1,11 @@
-"""What whoever connects may use up at most: lines of the log, messages, and connections.
+"""Rate limits against denial of service: for log lines, messages, and connections without a token.
 
-Every user of the machine can connect. A line that they can cause at will is written now and then, with how many were
-left out; that holds for the lines of the library `websockets` as well. Without a limit, connections on which no token
-was shown would use up the files that a process may open.
+Every user of the machine can connect. Log lines that a client can cause are therefore written at limited intervals,
+with the number of lines left out; this includes the lines of the library `websockets`. Connections without a token are
+limited, because they would otherwise exhaust the file descriptors of the process.
 
-All pages are heard by one thread. A page of ours says less than a hundred messages in a second, with every key and the
-stick in use; one that says many more has gone wrong or was made by hand, and loses its socket.
+One thread serves all pages. A page of ours sends less than a hundred messages per second, even with all keys and the
+stick in use; a page that sends far more is faulty or malicious, and loses its socket.
 """
 
 import logging
@@ -22,7 +22,7 @@ from ltvn_viz.server.drive_messages import MessageError
 
 EVERY_S = 5.0
 _SAID_OTHERWISE = ("opening handshake", "connection open", "connection rejected", "server ")
-"""Lines about each connection and ordinary HTTP answer, and about the library's own life."""
+"""First words of dropped lines: those about single connections and HTTP responses, and the library's start and stop."""
 
 
 class LimitedLog:
@@ -49,7 +49,7 @@ class LimitedLog:
 
 
 class _OneLineEach(logging.Filter):
-    """Drops what is said otherwise, and writes each error as a line without its traceback."""
+    """Drops lines that are logged elsewhere, and writes each error as one line without a traceback."""
 
     def __init__(self, logger: logging.Logger) -> None:
         super().__init__()
@@ -57,14 +57,14 @@ class _OneLineEach(logging.Filter):
         self._logger = logger
 
     def filter(self, record: logging.LogRecord) -> bool:
-        """Return whether a record is written as it is."""
+        """Return whether a record is written unchanged."""
         message = record.getMessage()
         if message.startswith(_SAID_OTHERWISE):
             return False
         if record.exc_info is None:
             return True
         error = record.exc_info[1]
-        # The messages are the library's own and few.
+        # The library has only a few different messages.
         line = self._lines.setdefault(message, LimitedLog(self._logger))
         line.log(record.levelno, "%s: %s %.200s", message, type(error).__name__, error)
         self._logger.debug("%s", message, exc_info=record.exc_info)
@@ -72,7 +72,7 @@ class _OneLineEach(logging.Filter):
 
 
 def quiet_logger() -> logging.Logger:
-    """Return the logger that `websockets` is to write to."""
+    """Return the logger for `websockets`."""
     quiet = logging.getLogger(f"{__name__}.library")
     if not quiet.filters:
         quiet.addFilter(_OneLineEach(logging.getLogger(__name__)))
@@ -87,21 +87,21 @@ class TooManyMessagesError(MessageError):
 
 @dataclass(frozen=True, slots=True)
 class Pace:
-    """What one socket of a page may say."""
+    """Limits for the messages on one socket of a page."""
 
     messages_per_s: float = 400.0
     messages_at_once: float = 1000.0
-    """A connection that stood still brings what was said meanwhile at once."""
+    """Burst of messages, which a connection may deliver after a stall."""
     bytes_per_s: float = 32.0 * 2**20
     bytes_at_once: float = 64.0 * 2**20
-    """The largest upload comes through without waiting."""
+    """Burst of bytes, so that the largest upload passes without waiting."""
 
 
 class Allowance:
-    """An amount that is used up and comes back with time."""
+    """A token bucket: an amount that is used up and refilled with time."""
 
     def __init__(self, per_s: float, most: float, clock: Callable[[], float] = time.monotonic) -> None:
-        """Begin with `most`, which is also the most that is saved."""
+        """Start with `most`, which is also the capacity."""
         self._per_s = per_s
         self._most = most
         self._clock = clock
@@ -109,7 +109,7 @@ class Allowance:
         self._counted = clock()
 
     def take(self, amount: float = 1.0) -> float:
-        """Take an amount; return after how many seconds it is covered, 0 where it is so already."""
+        """Take an amount; return the time in seconds until it is refilled, 0 if it was available."""
         now = self._clock()
         self._left = min(self._most, self._left + (now - self._counted) * self._per_s) - amount
         self._counted = now
@@ -117,18 +117,18 @@ class Allowance:
 
 
 class PageBudget:
-    """Counts what comes on one socket."""
+    """Counts the messages and bytes on one socket."""
 
     def __init__(self, pace: Pace, clock: Callable[[], float] = time.monotonic) -> None:
-        """Set the limit."""
+        """Set the limits."""
         self._pace = pace
         self._messages = Allowance(pace.messages_per_s, pace.messages_at_once, clock)
         self._bytes = Allowance(pace.bytes_per_s, pace.bytes_at_once, clock)
 
     def count(self, message: str | bytes) -> float:
-        """Count a message in; return after how many seconds the next one may be read.
+        """Count a message; return the time in seconds until the next one may be read.
 
-        Raises TooManyMessagesError for more messages than any page has to say. Many bytes only have to wait.
+        Raises TooManyMessagesError for too many messages. Too many bytes only cause a delay.
         """
         if self._messages.take() > 0:
             raise TooManyMessagesError(f"more than {self._pace.messages_per_s:.0f} messages in a second")
@@ -138,32 +138,32 @@ class PageBudget:
 logger = logging.getLogger(__name__)
 
 MAX_STRANGERS = 100
-"""Far fewer than the files that any system lets a process open, far more than a browser's connections."""
+"""Maximum number of connections without a token: far below the limit of open files, far above a browser's need."""
 
 READ_BYTES = 8 * 1024
-"""Hundreds of the smallest messages, which take some milliseconds."""
+"""Number of bytes read at once: hundreds of the smallest messages, which take a few milliseconds to process."""
 FAREWELL_S = 0.5
-"""Time for the reason of a closing to reach the page, in seconds."""
+"""Time for the reason of the closing to reach the page, in seconds."""
 
 
 class Strangers:
     """The connections without a token, the oldest first."""
 
     def __init__(self, most: int = MAX_STRANGERS) -> None:
-        """Set the largest number of entries."""
+        """Set the maximum number of connections."""
         self._most = most
         self._waiting: dict[GuardedConnection, None] = {}
         self._log = LimitedLog(logger)
 
     def __len__(self) -> int:
-        """Return how many there are."""
+        """Return the number of connections."""
         return len(self._waiting)
 
     def come(self, connection: "GuardedConnection") -> None:
-        """Take a new connection in; the oldest one goes where there are too many.
+        """Add a new connection; close the oldest one if there are too many.
 
-        A page shows its token at once, so that it is seldom the oldest; refusing the newest would let a few idle
-        connections keep every page out.
+        A page sends its token at once, so it is seldom the oldest; if the newest were refused, idle connections could
+        keep every page out.
         """
         self._waiting[connection] = None
         if len(self._waiting) > self._most:
@@ -173,12 +173,12 @@ class Strangers:
             self._log.log(logging.WARNING, "more than %d connections without the token: closed the oldest", self._most)
 
     def leave(self, connection: "GuardedConnection") -> None:
-        """Forget a connection that is closed, or has shown the token."""
+        """Remove a connection that is closed or has sent the token."""
         self._waiting.pop(connection, None)
 
 
 class GuardedConnection(ServerConnection):
-    """A connection that is a stranger's until it is known, and never keeps the others waiting for long."""
+    """A connection that counts as a stranger until it has sent the token, and that cannot delay others for long."""
 
     def __init__(self, strangers: Strangers, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
@@ -186,25 +186,25 @@ class GuardedConnection(ServerConnection):
         self._is_heard = True
 
     def connection_made(self, transport: Any) -> None:
-        """Count it in."""
-        # All that is read at once is taken apart before another connection is heard. The event loop of Windows fixes
-        # the amount before and keeps its own.
+        """Add the connection to the strangers."""
+        # All bytes that are read at once are parsed before other connections are served. The event loop of Windows
+        # ignores this limit and uses its own.
         transport.max_size = READ_BYTES
         super().connection_made(transport)
         self._strangers.come(self)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Count it out."""
+        """Remove the connection from the strangers."""
         self._strangers.leave(self)
         super().connection_lost(exc)
 
     def data_received(self, data: bytes) -> None:
-        """Take apart what came, unless the connection has been hung up."""
+        """Parse the received bytes, unless the connection was hung up."""
         if self._is_heard:
             super().data_received(data)
 
     async def hang_up(self, told: str) -> None:
-        """Close a page's socket, say why, and leave unread what it still sends, its farewell among it."""
+        """Close a page's socket with a reason, and ignore everything that it still sends, including its close frame."""
         self._is_heard = False
         self.close_timeout = FAREWELL_S
         await self.close(CloseCode.POLICY_VIOLATION, told)

@@ -1,10 +1,10 @@
-"""The one place where everything that a page says on viser's socket is judged before viser sees it.
+"""The filter of all messages that pages send on viser's socket.
 
-viser believes its pages: whatever one sends is set and told to all others. So each message passes here first. It must
-be one that a page of ours has reason to send, with fields of the right type and size (`page_messages`); the thing it is
-about must be there and take the value (`takes`); and the page must have the right, which it has for its own view, and
-for what all pages share only from the driver's seat. What is refused is dropped, and the page is shown again what
-stands; bytes that are no message at all cost the page its socket.
+viser trusts its pages: it applies every message and forwards it to all other pages. So each message passes this filter
+first. It must be of a kind that our pages send, with fields of the right type and size (`page_messages`); its element
+must exist and accept the value (`takes`); and the page must have the permission: always for its own view, and only with
+the driver's seat for shared elements. A refused message is dropped, and the page gets the element's present value
+again; a page that sends unreadable bytes loses its socket.
 """
 
 import asyncio
@@ -40,22 +40,22 @@ logger = logging.getLogger(__name__)
 
 
 class Verdict(StrEnum):
-    """What becomes of a message; the value is how it is counted."""
+    """The result of filtering a message; the value is its name in the counts."""
 
     ADMITTED = "admitted"
     UNREADABLE = "unreadable"
-    """No message at all."""
+    """The bytes are not a message."""
     MALFORMED = "malformed"
-    """Not of a kind that a page of ours sends, or with a field of another type or size."""
+    """The message is of another kind than our pages send, or a field has the wrong type or size."""
     UNFIT = "unfit"
-    """The thing it is about is not there, or does not take this value."""
+    """The message's element does not exist, or does not accept this value."""
     WITHOUT_RIGHT = "without right"
-    """The page has not got the seat."""
+    """The page does not have the seat."""
 
 
 @dataclass
 class _Upload:
-    """A file on its way in."""
+    """A running upload of a file."""
 
     transfer: str
     element: str
@@ -66,10 +66,10 @@ class _Upload:
 
 
 class PageGate:
-    """Judge what pages say to one viser server."""
+    """Filters the messages of all pages to one viser server."""
 
     def __init__(self, may_drive: Callable[[str | None], bool], pace: Pace | None = None) -> None:
-        """Ask `may_drive` whether the page with a key has the seat, or may sit down; hear `pace` from each page."""
+        """Set the limits `pace` of each page; `may_drive` returns whether the page with a key has or gets the seat."""
         self.pace = pace or Pace()
         self.may_drive = may_drive
         self.counts: Counter[Verdict] = Counter()
@@ -77,21 +77,21 @@ class PageGate:
         self._viser: viser.ViserServer | None = None
 
     def guard(self, server: viser.ViserServer) -> None:
-        """Judge for this server from now on; before, everything is dropped."""
+        """Filter messages for this server from now on; until then, all messages are dropped."""
         self._viser = server
 
     def page(self, connection: GuardedConnection, key: str | None) -> "GuardedPage":
-        """Return a page's connection as viser may have it."""
+        """Return a page's connection for viser, with filtered messages."""
         return GuardedPage(self, connection, key)
 
     def key_of(self, viser_client: int) -> str | None:
-        """Return the secret of a page by viser's number of it."""
+        """Return the secret key of a page, given viser's number of the page."""
         live = {} if self._viser is None else self._viser._websock_server._live_connections
         page = live.get(viser_client)
         return page.key if isinstance(page, GuardedPage) else None
 
     def judge(self, page: "GuardedPage", raw: bytes | str) -> Verdict:
-        """Say what becomes of a message of a page, and show the page again what stands where it is dropped."""
+        """Return the verdict on a message of a page; if a new value is refused, send the present one to the page."""
         try:
             message = read_viser_message(raw)
             verdict = Verdict.MALFORMED if message is None else self._judge(page, message)
@@ -107,11 +107,11 @@ class PageGate:
             case ViewerCamera():
                 return Verdict.ADMITTED
             case _ if self._viser is None or client is None:
-                return Verdict.UNFIT  # viser counts a page from its first camera on, and so does this.
+                return Verdict.UNFIT  # Like viser, this accepts a page only after its first camera message.
             case ElementUpdate():
                 return self._judge_update(self._viser, client, page, message)
             case NodeClick():
-                # What a click on it means for this page, whoever takes the click decides.
+                # The handler of the click decides about its effect for this page.
                 return _verdict(_is_clickable(self._viser, message))
             case UploadStart() | UploadPart():
                 return self._judge_upload(self._viser, client, page, message)
@@ -135,7 +135,7 @@ class PageGate:
         is_fit = takes(element, message.updates.value)
         verdict = _verdict(is_fit) if own is not None else self._shared(page, is_fit=is_fit)
         if verdict is not Verdict.ADMITTED:
-            # The page has drawn its own value already.
+            # The page shows its own value already, so it must be reset.
             back = _messages.GuiUpdateMessage(message.uuid, {"value": element.value})
             client._websock_connection.queue_message(back)
         return verdict
@@ -153,23 +153,23 @@ class PageGate:
         is_fit = isinstance(element, viser.GuiUploadButtonHandle) and element.visible and not element.disabled
         verdict = self._shared(page, is_fit=is_fit and page.is_fit_upload(message))
         if verdict is Verdict.ADMITTED:
-            # A page sends one file at a time; what is left of another is not waited for.
+            # A page sends one file at a time, so an unfinished upload is dropped.
             server.gui._drop_uploads_from_client(client._websock_connection.client_id)  # type: ignore[arg-type]
-            # viser keeps what it answered to each piece of a file, for pages that come later.
+            # viser stores its response to each piece of a file for later pages, which do not need them.
             buffer = server._websock_server.get_message_buffer()
             buffer.remove_from_buffer(lambda each: isinstance(each, _messages.FileTransferPartAck))
             page.begin_upload(message)
         return verdict
 
     def _shared(self, page: "GuardedPage", *, is_fit: bool) -> Verdict:
-        """Judge the use of something that all pages share."""
+        """Return the verdict on the use of an element that all pages share."""
         if not is_fit:
             return Verdict.UNFIT
         return Verdict.ADMITTED if self.may_drive(page.key) else Verdict.WITHOUT_RIGHT
 
 
 class GuardedPage:
-    """A page's connection with what viser needs of it, and an upload under way."""
+    """A page's connection with the interface that viser needs, and a running upload."""
 
     def __init__(self, gate: PageGate, connection: GuardedConnection, key: str | None) -> None:
         self.key = key
@@ -180,7 +180,7 @@ class GuardedPage:
         self._upload: _Upload | None = None
 
     async def recv(self) -> bytes | str:
-        """Return the next message that viser may see."""
+        """Return the next admitted message."""
         while True:
             raw = await self._connection.recv()
             try:
@@ -188,7 +188,7 @@ class GuardedPage:
             except TooManyMessagesError as error:
                 self._gate.log.log(logging.WARNING, "closed a page's socket: %s", error)
                 await self._connection.hang_up(error.told)
-                continue  # The closed connection says so to viser.
+                continue  # The next `recv` reports the closed connection to viser.
             if wait_s > 0:
                 await asyncio.sleep(wait_s)
             verdict = self._gate.judge(self, raw)
@@ -198,7 +198,7 @@ class GuardedPage:
                 await self._connection.hang_up(MessageError.told)
 
     async def send(self, message: bytes) -> None:
-        """Send to the page."""
+        """Send a message to the page."""
         await self._connection.send(message)
 
     async def close(self, code: int = CloseCode.NORMAL_CLOSURE, reason: str = "") -> None:
@@ -206,18 +206,18 @@ class GuardedPage:
         await self._connection.close(code, reason)
 
     def client(self, server: viser.ViserServer) -> viser.ClientHandle | None:
-        """Return viser's own name for this page; None before its first camera."""
+        """Return viser's handle of this page; None before its first camera message."""
         live = server._websock_server._live_connections
         number = next((each for each, connection in live.items() if connection is self), None)  # type: ignore[comparison-overlap]
         return None if number is None else server._connected_clients.get(number)
 
     def is_fit_upload(self, message: UploadStart) -> bool:
-        """Tell whether a file of such a size may come, in pieces as viser's page makes them."""
+        """Tell whether the size of an upload is allowed, and its number of parts is that of viser's page."""
         parts = -(-message.size_bytes // PART_BYTES)
         return message.size_bytes <= MAX_UPLOAD_BYTES and message.part_count == parts
 
     def begin_upload(self, message: UploadStart) -> None:
-        """Wait for the parts of a file."""
+        """Start to receive the parts of a file."""
         self._upload = _Upload(
             transfer=message.transfer_uuid,
             element=message.source_component_uuid,
@@ -226,7 +226,7 @@ class GuardedPage:
         )
 
     def take_part(self, message: UploadPart) -> bool:
-        """Count a piece of the file under way; tell whether it is the next one."""
+        """Count a part of the running upload; return whether it is the next one."""
         upload = self._upload
         if upload is None or (message.transfer_uuid, message.source_component_uuid) != (
             upload.transfer,

@@ -1,7 +1,7 @@
-"""What a page may say on viser's own socket, and the strict reading of it.
+"""The messages that a page may send on viser's own socket, and their strict parser.
 
-Owns types, sizes and plain ranges of every field. Whether the thing that a message is about exists, takes this value,
-and is for this page to use, is `page_gate`'s to say.
+Owns the type, size and range of each field. `page_gate` checks that a message's element exists, accepts the value and
+may be used by the page.
 """
 
 import math
@@ -15,14 +15,14 @@ from viser import GuiInputHandle
 from ltvn_viz.server.drive_messages import MessageError
 
 MAX_TEXT = 10_000
-"""Characters of anything typed."""
+"""Maximum number of characters of typed text."""
 MAX_NAME = 300
-"""Characters of a name."""
+"""Maximum number of characters of a name."""
 MAX_UPLOAD_BYTES = 32 * 2**20
 PART_BYTES = 512 * 1024
 """Size of the pieces in which viser's page sends a file, in bytes."""
 MAX_IMAGE_BYTES = 16 * 2**20
-"""Of what a page draws when the app asks it to."""
+"""Maximum size of an image that a page renders for the app, in bytes."""
 MAX_MESSAGE_BYTES = MAX_IMAGE_BYTES + 1024
 
 _Number: TypeAlias = Annotated[float, Meta(ge=-1e9, le=1e9)]
@@ -35,13 +35,13 @@ _Modifier: TypeAlias = Literal[
 Value: TypeAlias = (
     bool | int | float | Annotated[str, Meta(max_length=MAX_TEXT)] | Annotated[list[int | float], Meta(max_length=16)]
 )
-"""What an element can be set to; the numbers are not limited yet."""
+"""Value of an element; the range of numbers is checked later."""
 
 
 class ViewerCamera(
     msgspec.Struct, frozen=True, tag="ViewerCameraMessage", tag_field="type", forbid_unknown_fields=True
 ):
-    """From where the person looks; metres and radians."""
+    """The person's view of the scene, in metres and radians."""
 
     wxyz: tuple[_Number, _Number, _Number, _Number]
     position: _Vector
@@ -55,7 +55,7 @@ class ViewerCamera(
 
 
 class NewValue(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A page changes nothing of an element but its value."""
+    """New value of an element, its only property that a page may change."""
 
     value: Value
 
@@ -68,7 +68,7 @@ class ElementUpdate(msgspec.Struct, frozen=True, tag="GuiUpdateMessage", tag_fie
 
 
 class NodeClick(msgspec.Struct, frozen=True, tag="SceneNodeClickMessage", tag_field="type", forbid_unknown_fields=True):
-    """Something in the scene was clicked."""
+    """An object in the scene was clicked."""
 
     name: _Name
     ray_origin: _Vector
@@ -82,7 +82,7 @@ class NodeClick(msgspec.Struct, frozen=True, tag="SceneNodeClickMessage", tag_fi
 class UploadStart(
     msgspec.Struct, frozen=True, tag="FileTransferStartUpload", tag_field="type", forbid_unknown_fields=True
 ):
-    """A file is about to come."""
+    """The start of an upload."""
 
     source_component_uuid: _Name
     transfer_uuid: _Name
@@ -93,7 +93,7 @@ class UploadStart(
 
 
 class UploadPart(msgspec.Struct, frozen=True, tag="FileTransferPart", tag_field="type", forbid_unknown_fields=True):
-    """A piece of a file."""
+    """A part of an uploaded file."""
 
     source_component_uuid: _Name | None
     transfer_uuid: _Name
@@ -112,7 +112,7 @@ class CommandTrigger(
 class DrawnImage(
     msgspec.Struct, frozen=True, tag="GetRenderResponseMessage", tag_field="type", forbid_unknown_fields=True
 ):
-    """What the app asked the page to draw."""
+    """An image that the page rendered for the app."""
 
     payload: Annotated[bytes, Meta(max_length=MAX_IMAGE_BYTES)]
     render_uuid: _Name
@@ -121,13 +121,13 @@ class DrawnImage(
 ViserMessage: TypeAlias = (
     ViewerCamera | ElementUpdate | NodeClick | UploadStart | UploadPart | CommandTrigger | DrawnImage
 )
-"""Everything that a page of ours has reason to say."""
+"""All messages that our pages send."""
 
 _DECODER = msgspec.msgpack.Decoder(ViserMessage)
 
 
 def read_viser_message(raw: bytes | str) -> ViserMessage | None:
-    """Read one message of a page, None where a field is not what it must be. Raises MessageError for what is none."""
+    """Parse one message of a page; None if a field is invalid. Raises MessageError if it is not a message."""
     if isinstance(raw, str):
         raise MessageError("text where MessagePack is spoken")
     try:
@@ -139,7 +139,7 @@ def read_viser_message(raw: bytes | str) -> ViserMessage | None:
 
 
 def takes(handle: GuiInputHandle[Any], value: Value) -> bool:
-    """Tell whether a page may set an element that is there to `value`; hidden and disabled ones take nothing."""
+    """Tell whether a page may set an element to `value`; hidden and disabled elements accept no value."""
     if handle._impl.removed or not handle.visible or handle.disabled:
         return False
     match handle:
@@ -160,11 +160,11 @@ def takes(handle: GuiInputHandle[Any], value: Value) -> bool:
                 and all(_is_between(each, handle.min, handle.max) for each in value)
             )
         case _:
-            return False  # Our panels have no other kind; a new kind adds its range here.
+            return False  # Our panels have no other kinds of elements; a new kind needs its own range here.
 
 
 def shared_elements(gui: viser.GuiApi) -> list[str]:
-    """Return the names of the controls that all pages share, which viser's page gives to their elements as ids."""
+    """Return the names of the controls that all pages share; viser's page uses them as ids of HTML elements."""
     return list(gui._gui_input_handle_from_uuid)
 
 

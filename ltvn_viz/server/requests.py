@@ -1,14 +1,14 @@
-"""HTTP requests: where they come from, who has shown the token, what may be fetched, and how they are answered.
+"""HTTP requests: checks of origin and token, the table of routes, and responses with security headers.
 
-A server on 127.0.0.1 is still reachable by each web page that is open in the user's browser. So a request passes only
-when it names this machine as its host (against DNS rebinding), and comes from this page or from nowhere (against other
-sites, other ports included). Each answer carries the headers that keep other sites out. A file's address is a known
-prefix, a whole number and an ending; a handler gets the number alone, so that no path of a URL ever reaches the disk.
+Every web page that is open in the user's browser can reach a server on 127.0.0.1. So a request is accepted only if its
+host is this machine (against DNS rebinding), and its origin is this page or empty (against other sites, including other
+ports). Each response has headers that keep other sites out. The address of a file consists of a known prefix, an
+integer and an ending; a handler gets only the integer, so no path of a URL is ever used on the disk.
 
-The token of a start stands in the fragment of the printed link, which no browser sends anywhere; the page's script
-reads it there. It is shown in a header by what the script fetches, and in the first message of each socket. Pictures in
-a panel can send neither, so their addresses carry a key that opens pictures and nothing else; it reaches a page over
-its socket. No cookie is set: cookies know no port, so a browser would send one to every server on this machine.
+Each start of the app has a token. It is in the fragment of the printed link, which browsers do not send; the page's
+script reads it there. The script sends it in a header of each fetch, and in the first message of each socket. Pictures
+in a panel can send neither, so their addresses contain a key that is valid only for pictures; a page gets it over its
+socket. No cookie is set, because browsers send a cookie to all ports of this machine.
 """
 
 import asyncio
@@ -41,7 +41,7 @@ SECURITY_HEADERS = (
 )
 
 NOTHING_ALLOWED = "default-src 'none'; frame-ancestors 'none'; base-uri 'none'; form-action 'none'"
-"""Content policy of everything that is not the page itself."""
+"""Content policy of all responses except the page itself."""
 
 TEXT = "text/plain; charset=utf-8"
 HTML = "text/html; charset=utf-8"
@@ -54,7 +54,7 @@ def reply(
     content_type: str = TEXT,
     policy: str = NOTHING_ALLOWED,
 ) -> Response:
-    """Return a whole answer with the security headers."""
+    """Return a response with the security headers."""
     content = body.encode() if isinstance(body, str) else body
     headers = Headers(
         [
@@ -68,7 +68,7 @@ def reply(
 
 
 def refuse(status: HTTPStatus, text: str) -> Response:
-    """Return a refusal that says what to do."""
+    """Return a refusal with a text for the person."""
     return reply(status, text + "\n")
 
 
@@ -83,12 +83,12 @@ def refusal(request: Request) -> Response | None:
 
 
 def is_websocket(headers: Headers) -> bool:
-    """Tell whether a request wants to become a websocket."""
+    """Tell whether a request asks for an upgrade to a websocket."""
     return any("websocket" in value.lower() for value in headers.get_all("Upgrade"))
 
 
 def is_loopback(host: str) -> bool:
-    """Tell whether `host` is this machine and reachable from nowhere else."""
+    """Tell whether `host` is a loopback address of this machine."""
     if host == "localhost":
         return True
     try:
@@ -117,17 +117,17 @@ def _comes_from_this_page(headers: Headers) -> bool:
         return len(origins) == 1 and _is_same_origin(origins[0], headers["Host"])
     if headers.get("Sec-Fetch-Site", "none") in ("none", "same-origin"):
         return True
-    # A link on another page may open this page, but nothing else may be fetched from there.
+    # Links on other pages may open this page, but other pages may not fetch anything.
     return (headers.get("Sec-Fetch-Mode"), headers.get("Sec-Fetch-Dest")) == ("navigate", "document")
 
 
 def _is_same_origin(origin: str, host: str) -> bool:
-    # https stands before a reverse proxy that ends TLS and keeps the Host.
+    # The origin has https behind a reverse proxy that terminates TLS and keeps the Host header.
     return origin in (f"http://{host}", f"https://{host}")
 
 
 RouteHandler: TypeAlias = Callable[[int], bytes | None]
-"""Returns the bytes of the thing with that number, None if there is none. Is called in a worker thread."""
+"""Returns the bytes of the file with a number; None if there is none. Called in a worker thread."""
 
 CONTENT_TYPES = {
     "jpg": "image/jpeg",
@@ -137,7 +137,7 @@ CONTENT_TYPES = {
     "bin": "application/octet-stream",
 }
 _PICTURES = ("image/jpeg", "image/png")
-"""What the key in a picture's address opens."""
+"""Content types for which the key in the address is valid."""
 
 _PREFIX = re.compile(r"/[a-z][a-z-]*/", re.ASCII)
 _ADDRESS = re.compile(r"(?P<prefix>/[a-z][a-z-]*/)(?P<number>0|[1-9][0-9]{0,11})\.(?P<ending>[a-z]{3,4})", re.ASCII)
@@ -145,7 +145,7 @@ _ADDRESS = re.compile(r"(?P<prefix>/[a-z][a-z-]*/)(?P<number>0|[1-9][0-9]{0,11})
 
 @dataclass(frozen=True, slots=True)
 class RouteMatch:
-    """A known address."""
+    """The handler and the number of a known address."""
 
     handler: RouteHandler
     number: int
@@ -153,11 +153,11 @@ class RouteMatch:
 
     @property
     def is_picture(self) -> bool:
-        """Tell whether a panel may show it, so that the key of pictures opens it."""
+        """Whether this is a picture, which the key in its address makes available."""
         return CONTENT_TYPES[self.ending] in _PICTURES
 
     def answer(self) -> Response:
-        """Ask the handler and wrap what it gives."""
+        """Call the handler and return its result as a response."""
         content = self.handler(self.number)
         if content is None:
             return not_found()
@@ -185,18 +185,18 @@ class Routes:
 
 
 def not_found() -> Response:
-    """Return the answer for everything unknown; it repeats nothing of the address."""
+    """Return the response for an unknown address, which it does not repeat."""
     return refuse(HTTPStatus.NOT_FOUND, "There is nothing here.")
 
 
 logger = logging.getLogger(__name__)
 
 MAX_PROOF_BYTES = 4096
-"""A socket takes no longer message before the token was shown."""
+"""Maximum size of a message on a socket before its token was accepted, in bytes."""
 PROOF_WITHIN_S = 30.0
-"""A page that draws without a graphics card may be busy for long before it says its first word."""
+"""Time limit for the token on a socket, in seconds; a page without a graphics card may be busy for long."""
 REFUSED_CODE = 4401
-"""Closes a socket on which the token was not shown; `socket_worker.js` and `page.js` know it."""
+"""Code for closing a socket without a valid token; `socket_worker.js` and `page.js` check it."""
 REFUSED_REASON = "token refused"
 _MAX_TOKEN = 200
 _BEARER = "Bearer "
@@ -211,21 +211,21 @@ _FROM_MSGPACK = msgspec.msgpack.Decoder(_Shown)
 
 
 class Proof:
-    """Knows the token, and the key of pictures, of one start."""
+    """Checks the token, and the key of pictures, of one start of the app."""
 
     def __init__(self, token: str, *, within_s: float = PROOF_WITHIN_S) -> None:
-        """Wait this number of seconds for the token on a socket."""
+        """Set the token, and the time limit in seconds for the token on a socket."""
         self._token = token
         self._within_s = within_s
         self._file_key = secrets.token_urlsafe(24)
         self._log = LimitedLog(logger)
 
     def file_address(self, address: str) -> str:
-        """Return the address of a file as a picture in a panel may have it."""
+        """Return the address of a file with the key that a picture in a panel needs."""
         return f"{address}?key={self._file_key}"
 
     def is_in(self, request: Request, *, is_for_picture: bool) -> bool:
-        """Tell whether a request carries the token in its header, or the key in its address, which opens pictures."""
+        """Tell whether a request has the token in its header or, for a picture, the key in its address."""
         given = [value.removeprefix(_BEARER) for value in request.headers.get_all("Authorization")]
         if len(given) == 1 and _is_equal(given[0], self._token):
             return True

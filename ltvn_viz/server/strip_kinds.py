@@ -1,8 +1,8 @@
-"""The kinds of marks on the timeline at the foot of the page: in which lane each stands, its sign, colour and words.
+"""The kinds of marks on the timeline at the foot of the page, each with its lane, sign, colour and description.
 
-Owns the table, of which the page's script gets a copy. Signs differ as well as colours, so that nothing is told by
-colour alone. Within a lane a colour has one meaning: orange is what failed, magenta what the map lost or the robot
-believes to be shut, green what came or is open; what people did to the world is white.
+Owns the table; the page's script gets a copy. Kinds differ in sign as well as in colour, so that no information depends
+on colour alone. Colours have one meaning within a lane: orange for failures, magenta for parts that the map lost or
+that seem blocked, green for parts that were added or are open, white for changes that people made to the world.
 """
 
 from enum import IntEnum
@@ -13,15 +13,16 @@ from ltvn_core.palette import Rgb8
 
 
 class StripKind(IntEnum):
-    """What a mark stands for; the number goes to the page. The later, the more it matters where marks share a place."""
+    """The meaning of a mark; the number is sent to the page. Where marks overlap, the kind with the largest number is
+    the most important."""
 
     ADDED = 0
-    """A node or an edge came in, not with a whole map."""
+    """A single node or edge was added, not with a whole map."""
     REPLANNED = 1
     SEEN_OPEN = 2
     """An edge was seen open again."""
     WORLD_CHANGED = 3
-    """A thing was put down or taken away, the light changed."""
+    """An object was placed or removed, or the light changed."""
     DOOR_OPENED = 4
     DOOR_CLOSED = 5
     SEEN_BLOCKED = 6
@@ -30,9 +31,9 @@ class StripKind(IntEnum):
     """An attempt did not succeed."""
     COLLISION = 9
     QUERY_BEGAN = 10
-    """Of a query, with its number and its goal."""
+    """A query began; the mark has its number and its goal."""
     QUERY_ENDED = 11
-    """Of a query, with its number and its `QueryEnd`."""
+    """A query ended; the mark has its number and its `QueryEnd`."""
 
 
 class Lane(IntEnum):
@@ -47,14 +48,14 @@ LANE_NAMES = {Lane.DRIVING: "driving", Lane.MAP: "map", Lane.WORLD: "world"}
 
 
 class StripStyle(NamedTuple):
-    """How a kind of mark is drawn and said."""
+    """The drawing and description of a kind of mark."""
 
     lane: Lane
     sign: str
     colour: Rgb8
     words: str
     about: str = ""
-    """What the numbers that come with it are: an edge, a node, or something else by its number."""
+    """Meaning of the numbers that come with the mark: an edge, a node, or the number of something else."""
 
 
 STRIP_STYLES: dict[StripKind, StripStyle] = {
@@ -69,7 +70,7 @@ STRIP_STYLES: dict[StripKind, StripStyle] = {
     StripKind.FAILED: StripStyle(Lane.DRIVING, "✕", palette.TARGET, "attempt failed", "edge"),
     StripKind.COLLISION: StripStyle(Lane.DRIVING, "✸", palette.TARGET, "collision"),
 }
-"""All kinds that are signs; those of queries are bars."""
+"""All kinds that are drawn as signs; queries are drawn as bars."""
 
 
 class QueryEnd(IntEnum):
@@ -79,11 +80,11 @@ class QueryEnd(IntEnum):
     REACHED = 1
     CANCELLED = 2
     WRONG = 3
-    """It said that it had arrived, and had not."""
+    """The robot reported that it had arrived, but it had not."""
 
 
 class BarStyle(NamedTuple):
-    """How the bar of a query is drawn and said."""
+    """The drawing and description of a query's bar."""
 
     sign: str
     colour: Rgb8
@@ -100,7 +101,7 @@ BAR_STYLES: dict[QueryEnd, BarStyle] = {
 
 
 def strip_tables() -> dict[str, object]:
-    """Return the tables as the page's script reads them."""
+    """Return the tables in the format of the page's script."""
     kinds = {
         int(kind): {
             "lane": int(style.lane),

@@ -1,7 +1,6 @@
 """State owned by the session thread: the live run, the map, and the current activity.
 
-Owns no rule except how an activity is left; `command_handlers` runs commands, `snapshot_builder` makes the state
-visible.
+Owns one rule, how an activity ends; `command_handlers` runs commands, `snapshot_builder` makes the state visible.
 """
 
 from collections import OrderedDict
@@ -43,7 +42,7 @@ Activity: TypeAlias = Teleop | Navigation | MapBuilding | Playback
 
 
 class Debugger(Protocol):
-    """The debugger as the session needs it; it reads the whole state and is built on top of it."""
+    """The session's interface to the debugger, which reads the whole state."""
 
     @property
     def is_on(self) -> bool:
@@ -57,7 +56,7 @@ class Debugger(Protocol):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The names of all questions, those too that are not offered now."""
+        """The names of all questions, including those that are not offered now."""
         ...
 
     @property
@@ -66,7 +65,7 @@ class Debugger(Protocol):
         ...
 
     def notify(self, text: str) -> None:
-        """Tell the page that asks something, and no other."""
+        """Show a notice only on the page that asks."""
         ...
 
     def choose(self, question: str) -> None:
@@ -82,7 +81,7 @@ class Debugger(Protocol):
         ...
 
     def handle_request(self, request: QuestionRequest) -> Command | None:
-        """Pass the request of a link to the question; return what it asks of the session. Raises LtvnError."""
+        """Pass the request of a link to its question; return its command for the session, if any. Raises LtvnError."""
         ...
 
     def link(self, number: int) -> Command | None:
@@ -90,11 +89,11 @@ class Debugger(Protocol):
         ...
 
     def refresh(self, state: "AppState", moment: RunMoment) -> None:
-        """Let the question look again if anything changed that it may show."""
+        """Refresh the answer if anything changed that it may show."""
         ...
 
     def mark_stale(self) -> None:
-        """Let the question look again although nothing happened."""
+        """Let the question refresh its answer although no event happened."""
         ...
 
     def take_in_all_events(self) -> None:
@@ -121,19 +120,19 @@ class AppState:
     predictor_for: Callable[[Path], tuple[Predictor, NavigationSystem]]
     """Opens weights and the navigation system with the constants measured for them; runs in the worker's thread."""
     debugger: Debugger
-    """The question under “Why” on every page that has none of its own."""
+    """The debugger on all pages that have no question of their own."""
     new_own_debugger: Callable[[ClientId], Debugger]
-    """Makes the debugger of a page that only watches; it changes nothing."""
+    """Creates the debugger of a page that only watches; it changes nothing."""
     patient_worker: PatientWorker
-    """Computes for the pages that only watch."""
+    """Worker for the pages that only watch."""
     build_options: BuildOptions = BuildOptions()  # noqa: RUF009
     """How maps are built from recordings."""
     maker: RecordingMaker = field(default_factory=RecordingMaker)
     """Makes new recordings from files in the folder."""
     places: PlaceLookup = field(default_factory=PlaceLookup)
-    """Looks for images in the maps of recordings; for the worker's thread alone."""
+    """Finds the place of images in the maps of recordings; only for the worker's thread."""
     last_recording: str | None = None
-    """The recording that was kept last."""
+    """Name of the last recording that was kept."""
     message: Message | None = None
     work: JobProgress | None = None
     """A job for which the page shows progress, beside the activity's own."""
@@ -141,7 +140,7 @@ class AppState:
     larger_feed: ImageFeed | None = None
     """Renders a larger picture for people; None if it cannot be rendered."""
     shows_larger: bool = False
-    """The page shows that picture."""
+    """Whether the page shows the larger picture."""
     keeps_going: bool = False
     """Whether a query continues when the last page closes."""
     rerun: Callable[[Path], str] = rerun_unavailable
@@ -149,17 +148,17 @@ class AppState:
     saved_files: SavedFiles = field(default_factory=SavedFiles)
     """Files written for download from the page."""
     viewpoint: Callable[[], Viewpoint | None] = lambda: None
-    """From where the person looks at the scene; None where there is no page."""
+    """Returns the person's view of the scene; None without a page."""
     world: ChangeableWorld | None = None
-    """The simulated world that a person may change; None for a robot in a real one."""
+    """The simulated world that a person may change; None for a real robot."""
     link: RobotLink | None = None
-    """The link to a robot in a real world that tells of it; None in simulation."""
+    """The link to a real robot that reports its state; None in simulation."""
     open_loop: str = ""
-    """Why the robot obeys no command; empty where it does."""
+    """Reason why the robot obeys no command; empty if it does."""
     story: StoryTeller | None = None
     """The current story, or the last one."""
     shown_stamp: float | None = None
-    """A stamp of the live run that the page shows instead of now."""
+    """Stamp of an earlier moment of the live run that the page shows; None for the present."""
     plays_past: bool = False
     """Whether a look back plays until it reaches now."""
     play_speed: float = 1.0
@@ -167,15 +166,15 @@ class AppState:
     strips: StripLibrary = field(default_factory=StripLibrary)
     """The marks of the runs on show, for the pages' timelines."""
     own_debuggers: OrderedDict[ClientId, Debugger] = field(default_factory=OrderedDict)
-    """Of the pages that only watch and ask something themselves; the first looks again next."""
+    """Debuggers of watching pages that have their own question; the first one is refreshed next."""
 
     def __post_init__(self) -> None:
-        """Begin with a person driving."""
+        """Start with teleoperation."""
         self.activity: Activity = self.teleop
 
     @property
     def shown_run(self) -> Timeline:
-        """The run that the page shows: of the open recording, else the live one."""
+        """The run that the page shows: the open recording, or else the live run."""
         return self.activity.timeline if isinstance(self.activity, Playback) else self.live.timeline
 
     @property
@@ -184,25 +183,25 @@ class AppState:
         return self.shown_stamp is None and not isinstance(self.activity, Playback)
 
     def say(self, text: str, severity: Severity = Severity.INFO, *, title: str = "") -> None:
-        """Show a message in the page, under a title of its own or that of its severity."""
+        """Show a message in the page, with a title or else the title of its severity."""
         if self.message is None or (text, severity) != (self.message.text, self.message.severity):
-            # An error that comes back with every tick is one message.
+            # An error that repeats at every tick is one message.
             number = 1 if self.message is None else self.message.number + 1
             self.message = Message(text, severity, number, title)
 
     def cancel(self, notice: str) -> None:
-        """Leave a query before its end, and say so."""
+        """End a query early and show a notice."""
         if isinstance(self.activity, Navigation | MapBuilding):
             self.activity.cancel()
             self.say(notice)
 
     def fail(self, text: str) -> None:
-        """After an error: the robot stands, a query is dropped, the page says why."""
+        """After an error, stop the robot, drop the query and show the reason."""
         self.drop()
         self.say(text, Severity.ERROR)
 
     def drop(self) -> None:
-        """Let the robot stand, and leave a query where it is."""
+        """Stop the robot and drop the query."""
         self.live.robot.stop()
         self.work = None
         if isinstance(self.activity, Navigation | MapBuilding):

@@ -1,9 +1,9 @@
-"""The session's robot, with the simulator's extras if there are any; or what is missing.
+"""The session's robot, with scene, renderer and ground truth in simulation; or the reason why there is none.
 
-Owns where a simulated robot starts. A user's own robot has no renderer, no scene and no ground truth; for watching
-recordings there may be no robot.
+Owns the start pose of a simulated robot. A user's own robot has no renderer, no scene and no ground truth; to watch
+recordings, no robot is needed.
 
-Stand-ins replace a simulator or network that is not installed; they only say what is missing.
+Stand-ins replace a simulator or network that is not installed; they only report what is missing.
 """
 
 import logging
@@ -39,11 +39,11 @@ from ltvn_viz.session.live_run import LiveRobot
 from ltvn_viz.session.options import AppOptions
 
 NO_PREDICTOR = "none"
-"""Fingerprint of a predictor that is not there."""
+"""Fingerprint of a missing predictor."""
 
 
 class AbsentRobot:
-    """A robot that stands for ever. Implements `ltvn_core.robots.robot.Robot`."""
+    """Stand-in for a missing robot; it never moves. Implements `ltvn_core.robots.robot.Robot`."""
 
     spec = LOCOBOT
     clock = WallClock()
@@ -57,7 +57,7 @@ class AbsentRobot:
         raise SceneError(f"There is no robot to drive: {self._why}")
 
     def state(self) -> RobotState:
-        """Stand nowhere: at NaN, which is not drawn."""
+        """Return a pose of NaN, which is not drawn."""
         return RobotState(np.full(3, np.nan), stamp=0.0, step=0, bumper_pressed=False)
 
     def drive(self, twist: Twist) -> None:
@@ -65,11 +65,11 @@ class AbsentRobot:
         raise SceneError(f"There is no robot to drive: {self._why}")
 
     def stop(self) -> None:
-        """Stand."""
+        """Do nothing."""
 
 
 class AbsentPredictor:
-    """A network that can compare nothing. Implements `ltvn_core.types.Predictor`."""
+    """Stand-in for a missing network; it cannot compare images. Implements `ltvn_core.types.Predictor`."""
 
     fingerprint = NO_PREDICTOR
     camera = LOCOBOT.camera
@@ -100,26 +100,26 @@ START_CANDIDATES = 16
 
 @dataclass(frozen=True, kw_only=True)
 class Backend:
-    """The robot, with what is known about its place."""
+    """The robot and its environment."""
 
     robot: Robot | None
-    """None where one only watches recordings."""
+    """The robot; None if recordings are only watched."""
     renderer: Renderer | None = None
     """Draws larger images for people, in simulation only."""
     scene: Scene | None = None
-    """Where it drives, if anybody has a model of that."""
+    """Scene in which the robot drives; None if there is no model of it."""
     ground_truth: Callable[[], Pose] | None = None
-    """Where it really is, (3,), in simulation only."""
+    """Returns the true pose (3,) of the robot, in simulation only."""
     world: World | None = None
-    """That place as it changes, in simulation only."""
+    """The changing state of the scene, in simulation only."""
     carry: Callable[[Pose], None] | None = None
-    """Puts it at a pose (3,), in simulation only; raises SceneError where something stands."""
+    """Moves the robot to a pose (3,), in simulation only; raises SceneError if the place is occupied."""
     missing: LtvnError | None = None
-    """Why there is no robot."""
+    """The error that explains why there is no robot; None if there is one."""
 
 
 def predictor_for(options: AppOptions, camera: CameraModel) -> Predictor:
-    """Open the predictor for a camera; when a recording is only to be watched, a missing one is replaced.
+    """Open the predictor for a camera; if a recording is only watched, a stand-in replaces a missing predictor.
 
     Raises LtvnError.
     """
@@ -136,9 +136,10 @@ def predictor_for(options: AppOptions, camera: CameraModel) -> Predictor:
 
 
 def open_backend(options: AppOptions, known: LoadedMap | None, stack: ExitStack) -> Backend:
-    """Open the simulator, to be closed by `stack`; where only a recording is watched it may be missing.
+    """Open the simulator, to be closed by `stack`; if a recording is only watched, it may be missing.
 
-    The options name the predictor itself, for the robot's camera depends on it. Raises SceneError, MissingLibraryError.
+    The options must name the predictor and not `auto`, because the robot's camera depends on it. Raises SceneError,
+    MissingLibraryError.
     """
     try:
         if options.replay is not None and options.scene.startswith(SOURCE_SCENE):
@@ -185,7 +186,7 @@ def _open_simulator(options: AppOptions, known: LoadedMap | None, stack: ExitSta
 
 
 def live_robot(backend: Backend, predictor: Predictor, known: LoadedMap | None) -> LiveRobot:
-    """Return the robot for the session, seen through the predictor's camera; a stand-in if there is none.
+    """Return the robot for the session, with images for the predictor's camera; a stand-in if there is none.
 
     Its images and stamps continue those of a `known` map.
     """
@@ -195,7 +196,7 @@ def live_robot(backend: Backend, predictor: Predictor, known: LoadedMap | None) 
     return LiveRobot(
         fit_camera(backend.robot, predictor.camera),
         last_step=max((each.step for each in seen), default=-1),
-        # A simulator counts its own time on from the map's.
+        # A simulator continues the time of the map by itself.
         last_stamp_s=-math.inf
         if backend.robot.clock.is_simulated
         else max((each.stamp for each in seen), default=-math.inf),
@@ -216,7 +217,7 @@ def open_larger_feed(backend: Backend, stack: ExitStack) -> LargerFeed | None:
 
 
 def _start(scene: Scene, renderer: EmbreeRenderer, known: LoadedMap | None, rng: np.random.Generator) -> Pose:
-    """Draw a start, on the map if there is one, from which the camera sees more than a wall."""
+    """Draw a start pose, on the map if there is one, where the camera sees more than a wall."""
     candidates = scene.clearance.sample_poses(rng, START_CANDIDATES, min_clearance_m=START_CLEARANCE_M)
     if known is not None:
         poses = [known.observations[node].exact_pose for node in known.graph.nodes]

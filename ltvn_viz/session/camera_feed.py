@@ -22,24 +22,24 @@ IMAGES_PER_S = 12.0
 
 
 class FeedImage(NamedTuple):
-    """A picture on show and how fresh it is."""
+    """A picture on show and its age."""
 
     image: CameraImage | None
     age_s: float
     dropped: int
-    """Pictures that were never drawn because a newer one was wanted."""
+    """Number of pictures that were skipped because a newer one was requested."""
 
 
 class ImageFeed(Protocol):
     """Pictures of the live camera for the person."""
 
     def latest_image(self, pose: Pose) -> FeedImage:
-        """Ask for a picture from `pose` (3,) and return the newest."""
+        """Request a picture from `pose` (3,) and return the newest one."""
         ...
 
 
 class ObservationFeed:
-    """The robot's own images, as the method works with them."""
+    """The robot's own images, which the method uses."""
 
     def __init__(self, newest: Callable[[], Observation | None], clock: Clock) -> None:
         """Show the image that `newest` returns; `clock` is the robot's."""
@@ -48,7 +48,7 @@ class ObservationFeed:
         self._shown: tuple[Observation, CameraImage] | None = None
 
     def latest_image(self, pose: Pose) -> FeedImage:
-        """Return the newest image; `pose` does not matter."""
+        """Return the newest image; `pose` is ignored."""
         seen = self._newest()
         if seen is None:
             return FeedImage(None, 0.0, 0)
@@ -58,15 +58,15 @@ class ObservationFeed:
 
 
 class _RenderRequest(NamedTuple):
-    """Where to look from, and when that was asked."""
+    """The pose to render from, and the time of the request."""
 
     pose: Pose
     when: float
     look: object = None
-    """State of the world; another object means that the same pose shows another picture."""
+    """State of the world; a different object means that the picture differs even from the same pose."""
 
     def sees_as(self, other: "_RenderRequest") -> bool:
-        """Tell whether both see the same."""
+        """Tell whether both requests give the same picture."""
         return self.look is other.look and np.array_equal(self.pose, other.pose)
 
 
@@ -80,7 +80,7 @@ class LargerFeed:
         *,
         look: Callable[[], object] = lambda: None,
     ) -> None:
-        """Start the thread; `render` is called in it alone. `look` returns another object once the world changed."""
+        """Start the thread that calls `render`. `look` returns a different object when the world changed."""
         self._render = render
         self._clock = clock
         self._look = look
@@ -94,7 +94,7 @@ class LargerFeed:
         self._thread.start()
 
     def latest_image(self, pose: Pose) -> FeedImage:
-        """Ask for a picture from `pose` (3,) and return the newest one there is."""
+        """Request a picture from `pose` (3,) and return the newest one available."""
         now = self._clock()
         request = _RenderRequest(pose, now, self._look())
         with self._change:
@@ -103,7 +103,7 @@ class LargerFeed:
                 self._asked = self._wanted = request
                 self._change.notify()
             image, wish = self._shown
-            # A picture of a robot that stands is as good as new, however old it is.
+            # While nothing changes, an old picture is as good as a new one.
             age_s = 0.0 if image is None or request.sees_as(wish) else now - wish.when
             return FeedImage(image, age_s, self._dropped)
 

@@ -23,13 +23,13 @@ if TYPE_CHECKING:
     from ltvn_core.simulation.changes.world import World
 
 BOX_AHEAD_M = 0.75
-"""From the robot's middle to that of a box in front of it."""
+"""Distance between the centres of the robot and of a box put down in front of it, in metres."""
 _BOX_NAME = "box "
 _MOST_UNDONE = 100
 
 
 class _Undo(NamedTuple):
-    """How a change is taken back."""
+    """The inverse of a change."""
 
     text: str
     changes: tuple[w.WorldChange, ...]
@@ -48,7 +48,7 @@ class ChangeableWorld:
         self._doors = doors_of(world.base)
         self._floor = floor_of(world.base)
         self._aimed: int | None = None
-        """Number of the box that waits for its place, 0 for a new one."""
+        """Number of the box that waits for a click on its place, 0 for a new box; None without one."""
         self._asked: deque[Callable[[], str]] = deque()
         self._undo: deque[_Undo] = deque(maxlen=_MOST_UNDONE)
         self._view: WorldView | None = None
@@ -68,34 +68,34 @@ class ChangeableWorld:
         return self._view or view
 
     def toggle_door(self, door: int) -> None:
-        """Close an open door, open a closed one."""
+        """Close an open door, or open a closed one."""
         self._ask(lambda: w.DoorMoved(door, is_open=door in self.world.state.closed_doors))
 
     def aim_box(self, number: int) -> None:
-        """Let a box wait for a click on the floor, a new one for 0; no longer if it did."""
+        """Select a box, or a new one for 0, for the next click on the floor; deselect it if it is selected already."""
         if number and number not in self._boxes():
             raise WorldError(f"There is no box {number} to move; put one down first.")
         self._aimed = None if self._aimed == number else number
 
     def put_box(self, place: tuple[float, float] | None) -> None:
-        """Put the box that waits for its place, or a new one, down at x and y in metres, or in front of the robot."""
+        """Place the selected box, or a new one, at x and y in metres; None places it in front of the robot."""
         aimed, self._aimed = self._aimed, None
         self._ask(lambda: self._box(place, (aimed or None) if place is not None else None))
 
     def take_box(self, number: int) -> None:
-        """Take a box away."""
+        """Remove a box."""
         self._ask(lambda: w.ThingRemoved(f"{_BOX_NAME}{number}"))
 
     def set_light(self, level: float) -> None:
-        """Make the light so bright; 1 is the scene as it was made."""
+        """Set the brightness of the light; 1 is the original brightness of the scene."""
         self._ask(lambda: w.LightChanged(level))
 
     def change(self, change: w.WorldChange) -> None:
-        """Change something, as by hand."""
+        """Queue a change, as if a person made it."""
         self._ask(lambda: change)
 
     def undo(self) -> None:
-        """Take the last change by hand back."""
+        """Undo the last manual change."""
         self._asked.append(self._take_back)
 
     def carry_out(self) -> Sequence[str]:
@@ -142,12 +142,12 @@ class ChangeableWorld:
         return w.ThingPlaced(f"{_BOX_NAME}{number}", w.ThingKind.BOX, pose, BOX_SIZE_M)
 
     def _boxes(self) -> dict[int, tuple[float, float]]:
-        """Return where the boxes stand that were put down by hand, x and y in metres by number."""
+        """Return the positions (x, y) in metres of the boxes that a person put down, by number."""
         named = ((each.thing.removeprefix(_BOX_NAME), each.pose) for each in self.world.state.things)
         return {int(name): pose[:2] for name, pose in named if name.isdecimal()}
 
     def _named(self, text: str) -> str:
-        """Call doors by the rooms that they join, as the page does, and boxes by their names alone."""
+        """Return a description in which doors are named by the rooms they join, as in the page, and boxes by name."""
         for door in reversed(self._doors):
             text = text.replace(f"door {door.door} ", f"door {door.label} ")
         return text.replace(f"box {_BOX_NAME}", _BOX_NAME)

@@ -1,7 +1,7 @@
 """Runs the commands of the page.
 
 Owns the meaning of each command, and the content of new recordings; the maker writes them in a separate thread.
-`wishes` says which commands are legal now; runs in the session's thread only.
+`wishes` decides which commands are legal now. Runs in the session's thread only.
 """
 
 from collections.abc import Callable, Sequence
@@ -37,7 +37,7 @@ from ltvn_viz.wishes.wish_table import refusal
 
 
 def handle(state: AppState, command: c.Command) -> None:
-    """Carry out a command, or say in the page why not."""
+    """Run a command, or show the reason why it cannot be run."""
     if (why_not := refusal(command, state.activity.mode)) is not None:
         state.say(why_not, Severity.WARN)
         return
@@ -150,7 +150,7 @@ def _change_of(before: tuple[int, int], graph: TopologicalGraph) -> str:
 
 
 def take_made_recording(state: AppState) -> None:
-    """Open a new recording and report what is doubtful about it, or why it was not made."""
+    """Open a new recording and report doubtful findings, or report why it was not made."""
     match state.maker.collect():
         case None:
             pass
@@ -178,7 +178,7 @@ def _stop(state: AppState) -> None:
 
 
 def _play(state: AppState, command: c.PlaybackCommand) -> None:
-    """Commands that mean something to a query or a replay under way."""
+    """Run a command for the current query or replay."""
     match command, state.activity:
         case c.Pause(), Playback() as replay:
             replay.play(playing=not replay.playing)
@@ -191,7 +191,7 @@ def _play(state: AppState, command: c.PlaybackCommand) -> None:
         case c.CloseRecording(), _:
             state.activity = state.teleop
         case ((c.Pause() | c.StepOnce()), _):
-            pass  # It is legal in another mode alone, which `refusal` has seen to.
+            pass  # It is legal only in another mode; `refusal` has checked this.
 
 
 def _inspect(state: AppState, command: c.DebuggerCommand) -> None:
@@ -265,7 +265,7 @@ def _open(state: AppState, asked: c.OpenRecording) -> None:
 
 
 def import_source(state: AppState, name: str) -> None:
-    """Begin to import a drive of the folder into a new recording; raises RecordingError and OptionError."""
+    """Start to import a drive of the folder into a new recording; raises RecordingError and OptionError."""
     source = state.library.source(name)
     output = state.library.new_file(source.stem)
 
@@ -282,7 +282,7 @@ def import_source(state: AppState, name: str) -> None:
 
 
 def build_from_replay(state: AppState, replay: Playback) -> None:
-    """Begin to build a map from the images of the open recording; raises RecordingError and OptionError."""
+    """Start to build a map from the images of the open recording; raises RecordingError and OptionError."""
     source = state.library.path(replay.name)
     output = state.library.new_file(f"{Path(replay.name).stem}-map")
     options = replace(state.build_options, weights=state.fine_tuning.weights or state.build_options.weights)
@@ -305,16 +305,16 @@ def build_from_replay(state: AppState, replay: Playback) -> None:
 
 
 MAP_IMAGES = "images-at-hand"
-"""Name, in the card of weights, of a drive that is not a recording."""
+"""Name in the card of weights for a drive that is not a recording."""
 
 
 def drive_name(state: AppState) -> str:
-    """Return which drive is learned from: the open recording, else the last kept one, else the images of the map."""
+    """Return the drive to learn from: the open recording, else the last kept one, else the images of the map."""
     return _recording(state) or f"the {len(state.live_map.keyframes):,} images of the map"
 
 
 def start_fine_tuning(state: AppState, minutes: float) -> None:
-    """Begin a lesson; raises OptionError and RecordingError."""
+    """Start fine-tuning; raises OptionError and RecordingError."""
     state.fine_tuning.require_free()
     if not LEAST_MINUTES <= minutes <= MOST_MINUTES:
         raise OptionError(f"Learning takes {LEAST_MINUTES} to {MOST_MINUTES} minutes, not {minutes:g}.")

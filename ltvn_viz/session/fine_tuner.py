@@ -21,7 +21,7 @@ _LABELLED = 0.03
 
 @dataclass(frozen=True)
 class FineTuningRequest:
-    """One fine-tuning that a person asked for."""
+    """One requested fine-tuning."""
 
     drive: DriveSource
     start: Path | None
@@ -36,16 +36,16 @@ class FineTuner:
     """Fine-tunes the network of a navigation system."""
 
     system: str = DEFAULT_SYSTEM
-    """Whose labels are learned."""
+    """Navigation system whose labels are learned."""
     plan: "FineTuningPlan | None" = None
-    """How to learn, whatever time is asked for; None follows the default plan for the time asked for."""
+    """Training plan that is used for any requested time; None uses the default plan for the requested time."""
     rehearsal: RehearsalData | None = None
     """Data for rehearsal; None takes the system's default."""
 
     def __call__(
         self, request: FineTuningRequest, on_progress: ProgressReporter, cancelled: Event
     ) -> FineTunedWeights | None:
-        """Fine-tune on a drive and save weights; return None, and leave nothing, if it was cancelled.
+        """Fine-tune on a drive and save the weights; if it was cancelled, return None and leave no files.
 
         Raises RecordingError, DatasetError and WeightsError.
         """

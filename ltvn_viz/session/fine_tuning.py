@@ -1,8 +1,8 @@
-"""Fine-tuning of the network to the place: at most one at a time, in a separate thread.
+"""Fine-tuning of the network on the present environment: at most one at a time, in a separate thread.
 
-Training takes minutes, and map and navigation continue meanwhile, so it does not share their thread; it reads and
-writes files of weights. Owns its state: started, cancelled, failed, done, and whether the result is offered.
-`command_handlers` chooses the drive and puts the weights into use.
+Training takes minutes, and mapping and navigation continue meanwhile, so it has its own thread; it reads and writes
+files of weights. Owns its state: started, cancelled, failed, done, and whether the result is offered.
+`command_handlers` chooses the drive and switches to the new weights.
 
 The remaining time is estimated from measurements on this computer: training takes the requested time; the parts before
 and after it are measured. The final validation takes about as long as the first one, with calibration in between.
@@ -35,19 +35,19 @@ class LearningTime:
     """The stages of one fine-tuning and when they began."""
 
     def __init__(self, minutes: float, clock: Callable[[], float] = time.monotonic) -> None:
-        """Begin a fine-tuning that trains for `minutes`; `clock` counts seconds."""
+        """Start the timing of a fine-tuning that trains for `minutes`; `clock` counts seconds."""
         self._learning_s = 60 * minutes
         self._clock = clock
         self._began = clock()
         self._parts: dict[str, float] = {}
 
     def hear(self, doing: str) -> None:
-        """Take note of the current stage."""
+        """Record the current stage."""
         self._parts.setdefault(doing, self._clock())
 
     @property
     def left(self) -> str:
-        """How long it still takes, as a few words."""
+        """Remaining time, in a few words."""
         if LEARNING not in self._parts:
             return f"more than {_minutes(self._learning_s)} left"
         judging_s = self._parts[LEARNING] - self._parts.get(JUDGING, self._parts[LEARNING])
@@ -59,12 +59,12 @@ class LearningTime:
 
     @property
     def besides_s(self) -> float | None:
-        """Seconds that all but learning took, once learning is over; None before that."""
+        """Time in seconds of all stages except training, once training is over; None before that."""
         return None if CALIBRATING not in self._parts else self._clock() - self._began - self._learning_s
 
 
 def besides_words(besides_s: float | None) -> str:
-    """Say how much longer than asked for a lesson takes."""
+    """Return a sentence about the extra time that fine-tuning takes beyond the requested time."""
     if besides_s is None:
         return "Preparing and judging take minutes on top; how many, this page says once it has measured it."
     return f"Preparing and judging took {_minutes(max(besides_s, 1.0))} on top the last time."
@@ -98,12 +98,12 @@ class FineTuning:
     """State of the fine-tuning of the weights in use."""
 
     def __init__(self, tune: Tune | None, weights: Path | None, executor: Executor) -> None:
-        """Teach `weights`, None being the shipped ones; where `tune` is None there is no network to teach."""
+        """Train `weights`, or the shipped ones for None; if `tune` is None, there is no network to train."""
         self._tune = tune
         self.weights = weights
         self._worker = Worker(executor)
         self.is_possible = tune is not None
-        """Whether there is a network to teach."""
+        """Whether there is a network to train."""
         self._cancelled = threading.Event()
         self._status = FineTuningStatus()
         self._told: tuple[float, str] = 0.0, ""
@@ -124,13 +124,13 @@ class FineTuning:
 
     @property
     def offer(self) -> Path:
-        """New weights that wait to be used; raises OptionError if there are none."""
+        """New weights that can be put into use; raises OptionError if there are none."""
         if self._offer is None:
             raise OptionError("There are no new weights to use; press “Learn from this drive” first.")
         return self._offer
 
     def begin(self, drive: DriveSource, output: Path, minutes: float) -> None:
-        """Learn from a drive; raises OptionError if there is no network, or if one learns already."""
+        """Start training on a drive; raises OptionError if there is no network, or if training is already running."""
         self.require_free()
         assert self._tune is not None
         tune = self._tune
@@ -143,7 +143,7 @@ class FineTuning:
         self._worker.submit(lambda: self._run(lambda: tune(request, self._tell, cancelled)), self._ended)
 
     def require_free(self) -> None:
-        """Raise OptionError if nothing can be learned now."""
+        """Raise OptionError if no training can start now."""
         if self._tune is None:
             raise OptionError(
                 "Only the network learns, and here there is none to teach. Open the app with --predictor network, "
@@ -153,7 +153,7 @@ class FineTuning:
             raise OptionError("The network is learning already; wait for it, or stop learning first.")
 
     def cancel(self) -> None:
-        """Keep the weights in use and write none; takes effect at the next step of learning."""
+        """Cancel training at its next step: keep the weights in use and write none."""
         self._cancelled.set()
 
     def dismiss(self) -> None:
@@ -162,16 +162,16 @@ class FineTuning:
         self._status = FineTuningStatus()
 
     def adopt(self, weights: Path) -> None:
-        """The next lesson starts from these."""
+        """Start the next training from these weights."""
         self.weights = weights
         self.dismiss()
 
     def collect(self) -> None:
-        """Deal with a lesson that is over."""
+        """Handle the result of a finished training."""
         self._worker.collect()
 
     def close(self) -> None:
-        """Give up and wait for the thread."""
+        """Cancel training and wait for the thread."""
         self.cancel()
         self._worker.close()
 
@@ -207,14 +207,14 @@ class FineTuning:
 
 
 def far_false_positives_grew(learned: FineTunedWeights) -> bool:
-    """Tell whether more far pairs are called reachable than before, in the own place or in simulation."""
+    """Tell whether more far pairs are predicted reachable than before, in the present environment or in simulation."""
     return any(
         _grew(learned, place) for place in EVALUATION_SETS if f"{place}_{FAR_FALSE_POSITIVE_RATE}" in learned.before
     )
 
 
 def result_lines(learned: FineTunedWeights) -> tuple[str, ...]:
-    """Return one line for each place: the figures before and after."""
+    """Return one line for each evaluation set, with the metrics before and after."""
     return tuple(_line(label, place, learned) for place, label in EVALUATION_SETS.items())
 
 
@@ -232,6 +232,6 @@ def _line(label: str, place: str, learned: FineTunedWeights) -> str:
     ):
         before = learned.before.get(key)
         after = learned.after.get(key)
-        if before is not None and after is not None and before == before and after == after:  # nan: nothing to judge by
+        if before is not None and after is not None and before == before and after == after:  # NaN means undefined
             parts.append(f"{name} {factor * before:.{digits}f} → {factor * after:.{digits}f} {unit}")
     return f"{label}: {', '.join(parts) or 'nothing to judge by'}."

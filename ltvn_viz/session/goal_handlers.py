@@ -1,6 +1,6 @@
-"""Runs the commands about goals: navigating to a node, or to the place of a picture.
+"""Runs the commands about goals: navigation to a node, or to the place of a picture.
 
-A goal that the map does not hold is reported before the robot drives. Runs in the session's thread only.
+A goal that the map may not hold is reported before the robot drives. Runs in the session's thread only.
 """
 
 from collections.abc import Sequence
@@ -29,7 +29,7 @@ class _Resembling(NamedTuple):
 
 
 def pick(state: AppState, node: NodeId) -> None:
-    """Take a click on a node: the debugger's question, or the goal."""
+    """Handle a click on a node: select it in the debugger, or as the goal."""
     if state.debugger.is_on:
         state.debugger.point_at(node)
     elif not isinstance(state.activity, Playback):
@@ -37,7 +37,7 @@ def pick(state: AppState, node: NodeId) -> None:
 
 
 def choose_goal(state: AppState, node: NodeId) -> None:
-    """Go to a node; while a query runs it is the next goal."""
+    """Navigate to a node; while a query runs, choose the node as the next goal."""
     if state.activity is state.teleop:
         navigate(state, node)
     else:
@@ -45,7 +45,7 @@ def choose_goal(state: AppState, node: NodeId) -> None:
 
 
 def navigate(state: AppState, node: NodeId | None) -> None:
-    """Drive to a node, or to the goal that was chosen. Raises OptionError where none was, or where nothing drives."""
+    """Drive to a node, or to the chosen goal. Raises OptionError without a goal, or if the robot cannot drive."""
     if state.open_loop:
         raise OptionError(state.open_loop)
     goal = state.goals.selected if node is None else node
@@ -60,7 +60,7 @@ def navigate(state: AppState, node: NodeId | None) -> None:
 
 
 def _tell_goal(state: AppState, goal: NodeId) -> None:
-    """Say so, before the robot drives, where the map does not hold a goal; the worker comes to the query after it."""
+    """Report a goal that the map may not hold, before the robot drives; the worker runs the query after this."""
 
     def tell(report: GoalReport) -> None:
         if report.finding is not None:
@@ -70,7 +70,7 @@ def _tell_goal(state: AppState, goal: NodeId) -> None:
 
 
 def find_and_go(state: AppState, rgb: Rgb, original: Rgb | None) -> None:
-    """Go to the node that looks most like a picture (H, W, 3), where one surely does; show `original` beside them."""
+    """Navigate to the node most similar to a picture (H, W, 3), if one is surely similar; show `original` beside it."""
 
     def find() -> _Resembling:
         places = [LikePlace(*place) for place in state.live_map.similar_nodes(rgb, SIMILAR_NODE_COUNT)]
@@ -104,7 +104,7 @@ def _hardly_held(found: _Resembling) -> str:
 
 
 def find_place(state: AppState, replay: Playback, rgb: Rgb) -> None:
-    """Say where in the map of a replay a picture (H, W, 3) was taken."""
+    """Report the place in the map of a replay where a picture (H, W, 3) was taken."""
     path = state.library.path(replay.name)
     predictor = state.live_map.predictor
 

@@ -1,8 +1,8 @@
 """Goals with pictures, and the place of a single picture in a map.
 
-Owns which goals are offered, their thumbnails, and the sentence about the place of a picture. Pictures come from the
-map in the worker's thread. The predictor compares and the localiser's thresholds decide; a single picture has no
-temporal support.
+Owns the choice of offered goals, their thumbnails, and the sentence about the place of a picture. Pictures come from
+the map in the worker's thread. The predictor compares pictures, and the localiser's thresholds decide; a single picture
+has no temporal support.
 """
 
 import threading
@@ -33,20 +33,20 @@ LIMIT = 512
 
 
 class ThumbnailStore:
-    """The latest pictures that a panel may ask for."""
+    """The latest pictures for the panels."""
 
     def __init__(self) -> None:
-        """Begin empty."""
+        """Start empty."""
         self._lock = threading.Lock()
         self._jpegs: OrderedDict[FrameId, bytes] = OrderedDict()
 
     def __contains__(self, frame: FrameId) -> bool:
-        """Tell whether a picture is there."""
+        """Tell whether a picture is in the store."""
         with self._lock:
             return frame in self._jpegs
 
     def put(self, frame: FrameId, rgb: Rgb) -> None:
-        """Keep a picture (H, W, 3); the oldest goes when there are too many."""
+        """Store a picture (H, W, 3); drop the oldest if there are too many."""
         jpeg = _jpeg(rgb)
         with self._lock:
             self._jpegs[frame] = jpeg
@@ -65,7 +65,7 @@ SIMILAR_NODE_COUNT = 4
 GROWTH = 1.15
 """Factor of growth of the map after which the gallery is chosen again, so that it does not flicker during driving."""
 RADIAN_IN_M = 0.5
-"""A turn by a radian makes two views as different as this many metres."""
+"""Distance in metres that makes two views as different as a turn by one radian."""
 
 
 class Goals:
@@ -85,7 +85,7 @@ class Goals:
         self._chosen_of = 0
 
     def refresh(self, graph: GraphArrays) -> None:
-        """Bring the gallery up to date with the map."""
+        """Update the gallery to the map."""
         if graph is self._graph:
             return
         self._graph = graph
@@ -136,7 +136,7 @@ class Goals:
 
 
 OWN_WIDTH = 240
-"""Columns of an uploaded picture as it is shown beside the places that look like it."""
+"""Width in pixels of the copy of an uploaded picture that is shown beside the similar places."""
 
 
 def picture_address(rgb: Rgb) -> str:
@@ -174,13 +174,13 @@ class FoundPlace(NamedTuple):
     """Result of looking up a picture in a map."""
 
     node: NodeId | None
-    """Where it was taken; None where that is nowhere in the map."""
+    """Node where the picture was taken; None if that place is not in the map."""
     best: NodeId
-    """The node that it looks most like."""
+    """The most similar node."""
     reachability: float
-    """r from the picture to that node."""
+    """r from the picture to the most similar node."""
     waypoint: Pose
-    """(3,) that node in the picture's frame; metres and radians."""
+    """Pose (3,) of the most similar node in the picture's frame, in metres and radians."""
 
     @property
     def text(self) -> str:
@@ -199,14 +199,14 @@ class FoundPlace(NamedTuple):
 
 
 class PlaceLookup:
-    """Looks for pictures in maps; keeps the map that it looked at last. Use it in the worker's thread alone."""
+    """Finds the place of pictures in maps; caches the last map. Use it only in the worker's thread."""
 
     def __init__(self) -> None:
-        """Begin with no map."""
+        """Start without a map."""
         self._opened: tuple[tuple[Path, int, str], TopologicalMap] | None = None
 
     def find(self, path: Path, rgb: Rgb, in_use: Predictor) -> FoundPlace:
-        """Look for a picture (H, W, 3) of any size in the map at the end of a recording.
+        """Find the place of a picture (H, W, 3) of any size in the map at the end of a recording.
 
         `in_use` is the open predictor, which is used instead of opening the map's own if both are the same. Raises
         RecordingError, MapError, OptionError and WeightsError.

@@ -47,7 +47,7 @@ class Overlay:
     """Poses x, y, yaw at which a see-through robot stands."""
     labels: tuple[Label, ...] = ()
     is_of_likeness: bool = False
-    """Nodes are coloured by how alike they look."""
+    """Whether nodes are coloured by the similarity of their images."""
 
 
 EMPTY_OVERLAY = Overlay()
@@ -103,11 +103,11 @@ class Selection:
     node: NodeId | None = None
     edge: EdgeKey | None = None
     before: NodeId | None = None
-    """The node that was pointed at before this one."""
+    """The node that was selected before this one."""
 
     @property
     def pair(self) -> EdgeKey | None:
-        """The two nodes that were pointed at last, whether or not an edge joins them."""
+        """The two nodes that were selected last, whether or not an edge joins them."""
         if self.edge is not None:
             return self.edge
         return None if self.node is None or self.before is None else (self.before, self.node)
@@ -118,7 +118,7 @@ class QuestionAnswer:
     """The answer to a question."""
 
     answer: Answer = EMPTY_ANSWER
-    """The links in it ask for commands."""
+    """Answer whose links request commands."""
     overlay: Overlay = EMPTY_OVERLAY
     input_hint: str = ""
     """Hint in the empty text field; empty hides the field."""
@@ -130,7 +130,7 @@ class QuestionAnswer:
 
     @property
     def is_pending(self) -> bool:
-        """Whether more is being computed in the background, and will be shown when it is there."""
+        """Whether a part of the answer is still being computed in the background."""
         return self.answer.is_pending
 
 
@@ -143,7 +143,7 @@ class Inspection:
     """The debugger's state for the page."""
 
     question: str = QuestionName.NONE
-    """Its name, as the page calls it."""
+    """Name of the question in the page."""
     about: str = ""
     verb: str = ""
     """Label of the button that submits the typed text."""
@@ -153,9 +153,9 @@ class Inspection:
     selection: Selection = NOTHING_SELECTED
     offered: tuple[str, ...] = (QuestionName.NONE,)
     notice: str = ""
-    """Message for the page that asks, and no other."""
+    """Message only for the page that asks."""
     notice_number: int = 0
-    """Counts notices, so that the same words twice are two."""
+    """Number of the notice, so that a repeated text is shown again."""
 
     markup: str = ""
     """The answer as HTML, its links numbered from 0."""

@@ -1,6 +1,6 @@
-"""The live map with its pictures and the network that reads them; everything here runs in the worker's thread.
+"""The live map with its images and its predictor; everything here runs in the worker's thread.
 
-Owns when the whole map is replaced. The decisions are in `ltvn_core.graph`.
+Owns the replacement of the whole map. The mapping algorithm is in `ltvn_core.graph`.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -35,12 +35,13 @@ class LiveMap:
     def __init__(
         self, known: TopologicalMap, rng: np.random.Generator, *, world_time: Callable[[], float] | None = None
     ) -> None:
-        """Begin with a map, as a rule an empty one; `world_time` tells the seconds of a world with its own clock."""
+        """Start with a map, usually an empty one; `world_time` returns the time in seconds of a world with its own
+        clock."""
         self._world_time = world_time
         self._map = known
         self._rng = rng
         self.findings: Sequence[Finding] = ()
-        """What is doubtful about the last map that was built."""
+        """Doubtful findings about the last map that was built."""
         self._rebuilt_from: TopologicalMap | None = None
         self._online = self._new_online()
         self._navigator: Navigator | None = None
@@ -73,7 +74,7 @@ class LiveMap:
         return self.predictor.fingerprint
 
     def use_system(self, system: NavigationSystem) -> None:
-        """Let queries from now on be those of another navigation system, in the same map."""
+        """Use another navigation system for all further queries, in the same map."""
         self._map = replace(self._map, system=system)
         self._navigator = None
 
@@ -88,16 +89,16 @@ class LiveMap:
         return deltas
 
     def load(self, known: TopologicalMap) -> Sequence[GraphDelta]:
-        """Take a map in place of the present one and return the deltas that make it up."""
+        """Replace the present map with another one and return the deltas that build it."""
         self._replace(known)
         if frames := known.keyframes.frames:
-            # Further driving has another odometry, whether or not anyone drives.
+            # Further driving has another odometry frame, so it is another drive.
             self._next_drive = frames[-1] + 1
             self.keyframes.begin_drives([self._next_drive])
         return known.graph.deltas(Cause.LOAD)
 
     def _begun_drive(self, observation: Observation) -> Sequence[GraphDelta]:
-        """Begin another drive where the map was loaded, or where the robot was put down elsewhere."""
+        """Start another drive after a map was loaded, or after the robot was moved to another place."""
         before, self._last_odometry = self._last_odometry, observation.odometry
         first, self._next_drive = self._next_drive, None
         if first is None and (before is None or distance(relative(before, observation.odometry)) < ODOMETRY_JUMP):
@@ -137,11 +138,11 @@ class LiveMap:
 
     @property
     def can_undo_rebuild(self) -> bool:
-        """Tell whether the map was rebuilt, and no other has taken its place since."""
+        """Tell whether the map was rebuilt, and has not been replaced since."""
         return self._rebuilt_from is not None
 
     def undo_rebuild(self) -> Sequence[GraphDelta]:
-        """Take the map of before `rebuild` back; returns every change. Raises MapError where there is none."""
+        """Restore the map from before `rebuild`; returns every change. Raises MapError if there is none."""
         before = self._rebuilt_from
         if before is None:
             raise MapError("There is no map to bring back: the map on show was not rebuilt.")
@@ -188,7 +189,7 @@ class LiveMap:
         return [*(NodeDropped(node, Cause.BUILD) for node in self.graph.nodes), *released]
 
     def _diagnosed(self, seen: Sequence[Observation]) -> Sequence[Finding]:
-        """Return what is doubtful about the map that was built from images in order, with likely causes."""
+        """Return doubtful findings about the map built from `seen`, images in order, with likely causes."""
         drive = MappedDrive(
             observations=seen,
             camera=None,
@@ -201,7 +202,7 @@ class LiveMap:
         return diagnose(drive, map_coverage(seen, self.graph, self.keyframes, self.predictor, self.system))
 
     def query(self, robot: LiveRobot, goal: NodeId, query: int) -> Iterator[Event | Tick]:
-        """Begin a navigation task; its last event is the verdict. Raises MapError when the goal is not in the map."""
+        """Start a navigation task; its last event is the verdict. Raises MapError if the goal is not in the map."""
         if self._navigator is None:
             self._navigator = self._map.navigator(robot, seed=self._rng, world_time=self._world_time)
         run = QueryRun(self._navigator, goal, query, verdict=lambda: self._verdict(robot, goal, query))
@@ -219,7 +220,7 @@ class LiveMap:
         return None if truth is None or exact is None else judge_goal_reached(query, exact, truth)
 
     def map_observations(self) -> Sequence[Observation]:
-        """Return the pictures that make up the map: of its nodes, its reserve and its views."""
+        """Return the images of the map: of its nodes, its reserve and its views."""
         return self._map.observations
 
     def node_images(self, frames: Sequence[FrameId]) -> Sequence[tuple[FrameId, Rgb]]:
@@ -232,7 +233,7 @@ class LiveMap:
         return report
 
     def similar_nodes(self, rgb: Rgb, count: int) -> Sequence[tuple[NodeId, float]]:
-        """Return the nodes that look most like a picture (H, W, 3), best first, and how much they do, in [-1, 1].
+        """Return the nodes most similar to an image (H, W, 3), best first, with their similarity in [-1, 1].
 
         Raises MapError in an empty map.
         """

@@ -1,8 +1,8 @@
 """The live run: keeps the robot, its timeline and its recording in step.
 
-Images are numbered after those of the map that the app started with, and each is handed over once. The last command is
-remembered, so that the session can renew it while the robot moves and stop it while the navigator computes. Owns the
-rule that every image and event goes to timeline and recording together. Decides nothing, and is independent of the
+Images continue the numbering of the map that the app started with, and each is handed over once. The last command is
+stored, so that the session can renew it while the robot moves and stop it while the navigator computes. Owns the rule
+that every image and event goes to timeline and recording together. Makes no decisions, and is independent of the
 simulator.
 """
 
@@ -44,17 +44,17 @@ class LiveRobot(ContinuedRobot):
 
     @property
     def exact_pose(self) -> Pose | None:
-        """Where it really is, (3,), in simulation only; for drawing and for the verdict on a query."""
+        """True pose (3,), in simulation only; for drawing and for the verdict on a query."""
         return None if self._ground_truth is None else self._ground_truth()
 
     @property
     def drawn_pose(self) -> Pose:
-        """Where the page draws it, (3,): where it really is if anybody knows, else where odometry says."""
+        """Pose (3,) at which the page draws the robot: the true pose if it is known, else odometry."""
         exact = self.exact_pose
         return self._robot.state().odometry if exact is None else exact
 
     def observe(self) -> Observation:
-        """Take an image that timeline and recording get too, at most one per control step."""
+        """Take an image that is also added to timeline and recording, at most one per control step."""
         seen = self.glance()
         if seen.step != self._handed_over:
             self._handed_over = seen.step
@@ -62,7 +62,7 @@ class LiveRobot(ContinuedRobot):
         return seen
 
     def glance(self) -> Observation:
-        """Take an image to look at alone, or return the one already taken in this control step."""
+        """Take an image only for display, or return the one already taken in this control step."""
         seen = super().observe()
         if self._observation is None or seen.step != self._observation.step:
             self._observation = seen
@@ -74,7 +74,7 @@ class LiveRobot(ContinuedRobot):
             yield self._queue.get()
 
     def drive(self, twist: Twist) -> None:
-        """Command a velocity for the time of a lease."""
+        """Command a velocity for the duration of a lease."""
         self._command = twist
         self._robot.drive(twist)
 
@@ -84,12 +84,12 @@ class LiveRobot(ContinuedRobot):
         self._robot.stop()
 
     def renew(self) -> None:
-        """Renew the last velocity command for another lease, if time is real and the robot was not stopped."""
+        """Renew the last velocity command for another lease, if the clock is real and the robot was not stopped."""
         if self._command is not None and not self._clock.is_simulated:
             self._robot.drive(self._command)
 
     def hold(self) -> None:
-        """Stand still until the next command or `renew`, where time passes by itself."""
+        """On a real clock, stand still until the next command or `renew`."""
         if not self._clock.is_simulated:
             self._robot.stop()
 
@@ -112,44 +112,44 @@ class LiveRun:
         """Target speed of a simulator's time as a factor of real time."""
         self._images = ImageRecorder(self._write_frame, self._append)
         self.observation: Observation | None = None
-        """The newest image of timeline and recording."""
+        """The newest image in timeline and recording."""
         self.view: Observation | None = None
-        """The newest image of all."""
+        """The newest image, including those only for display."""
 
     @property
     def tick_s(self) -> float:
-        """Robot time between two pictures of the page, where a simulator computes it."""
+        """Robot time in seconds between two updates of the page, if a simulator computes it."""
         return TICK_S * self.pace
 
     @property
     def now_s(self) -> float:
-        """The robot's clock, or the last thing that happened where that is later; seconds."""
+        """Time in seconds on the robot's clock, or of the last event if that is later."""
         return max(self.robot.state().stamp, self.timeline.end_s)
 
     def let_pass(self, duration_s: float) -> None:
-        """Let robot time pass: a simulator computes it, the wall's passes by itself and is not waited for."""
+        """Advance robot time: a simulator computes it, while a wall clock runs by itself and is not waited for."""
         if self.robot.clock.is_simulated:
             self.robot.clock.advance(duration_s)
 
     def capture(self) -> Observation:
-        """Take a picture for the timeline and the recording, at most one per control step."""
+        """Take an image for the timeline and the recording, at most one per control step."""
         observation = self.robot.observe()
         self._take_in()
         return observation
 
     def glance(self) -> None:
-        """Take a picture to be shown, and for nothing else."""
+        """Take an image only for display."""
         self.view = self.robot.glance()
 
     def begin_recording(self) -> None:
-        """Begin a recording with the current image; raises RecordingError. Nothing else may use the robot meanwhile."""
+        """Start a recording with the current image; raises RecordingError. Nothing else may use the robot meanwhile."""
         self.recorder.start()
         before = self.observation
         if self.capture() is before and before is not None:
             self.recorder.write_frame(before)
 
     def emit(self, event: Event) -> None:
-        """Let an event have happened now."""
+        """Add an event at the current time."""
         self._take_in()  # Events name images by their step, so the images come first.
         now = self.robot.state()
         self._append(StampedEvent(now.step, now.stamp, event))
@@ -160,7 +160,7 @@ class LiveRun:
         self.breakpoint_monitor.consume(self.timeline)
 
     def _take_in(self) -> None:
-        """Put the images that session and navigator took into timeline and recording."""
+        """Add the images that session and navigator took to timeline and recording."""
         for observation in self.robot.taken():
             self._images.record(observation)
 

@@ -21,11 +21,11 @@ class AppOptions:
     port: int = 8080
     """Port on 127.0.0.1; 0 takes any free one."""
     scene: str = ""
-    """Scene to drive in; a map brings its own. Empty: the demo apartment, or for a robot of one's own its name."""
+    """Scene to drive in; a map sets its own scene. By default the demo apartment, or the name of the user's robot."""
     robot: str | None = None
-    """A robot of one's own instead of the simulated one: an installed name, or path/to/file.py:factory."""
+    """The user's robot instead of the simulated one: an installed name, or path/to/file.py:factory."""
     map: Path | None = None
-    """Map to begin with; None takes the ready-made one in the demo scene, else an empty one."""
+    """Map to start with; None takes the ready-made one in the demo scene, else an empty one."""
     recordings: Path = Path("recordings")
     """Folder for recordings."""
     predictor: str = AUTO
@@ -33,15 +33,15 @@ class AppOptions:
     weights: Path | None = None
     """Weights instead of those that come with the system."""
     system: str = DEFAULT_SYSTEM
-    """Navigation system; a map brings its own."""
+    """Name of the navigation system; a map sets its own."""
     preset: str = "robust"
     """Name of the method's settings."""
     maintenance: str | None = None
-    """Name of the maintenance; None is the system's own."""
+    """Name of the maintenance; None means the system's own."""
     world: str | None = None
-    """Name or file of a script that changes the scene; None is none."""
+    """Name or file of a script that changes the scene; None means no changes."""
     seed: int = 0
-    """Draws the robot's start and its odometry noise."""
+    """Seed for the robot's start and its odometry noise."""
     body: BodyName = "auto"
     """Body that moves the simulated robot."""
     tuner: FineTuner = field(default_factory=FineTuner)
@@ -51,15 +51,15 @@ class AppOptions:
     replay: str | None = None
     """Name of a recording in the folder to open at once; then simulator and network may be missing."""
     replay_at_s: float = 0.0
-    """Seconds after its beginning at which to show it first."""
+    """Initial time of playback, in seconds after the recording's beginning."""
     replay_question: str = ""
-    """Word of the question with which the debugger opens; empty for none."""
+    """Word of the debugger's initial question; empty for none."""
     floor_plan: FloorPlan | None = None
-    """A plan of the building to lay under everything, in the frame of the map."""
+    """Floor plan of the building to draw below the map, in the frame of the map."""
     questions: Sequence[Callable[[], Any]] = ()
-    """Questions for the debugger besides ours and the installed ones, each a class that is made without arguments."""
+    """Additional questions for the debugger, as classes whose constructors take no arguments."""
 
     @property
     def start_weights(self) -> Path | None:
-        """Weights to begin with, None being the predictor's own. Raises OptionError for an unknown system."""
+        """Initial weights; None means the predictor's own. Raises OptionError for an unknown system."""
         return system_entry(self.system).weights_for(self.predictor, self.weights)

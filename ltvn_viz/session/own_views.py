@@ -1,8 +1,8 @@
 """The Why tab of a page that only watches: its own question, selection and answers.
 
-Such a page sees the driver's question until it asks one itself; then it has its own copy until it chooses no question,
-or drives. Owns what it may ask: anything that others would notice is refused here, and only the asking page is told
-why. Runs in the session's thread.
+A watching page shows the driver's question until it asks its own; then it has its own view until it closes the question
+or takes the seat. Owns the check of its commands: commands with effects on other pages are refused, and only the asking
+page shows the reason. Runs in the session's thread.
 """
 
 from collections.abc import Set
@@ -22,7 +22,7 @@ TAKE_OVER_FIRST = "Another page drives. Take over to do this."
 
 
 def handle_own(state: AppState, page: ClientId, command: c.Command, moment: RunMoment) -> None:
-    """Run a command of a page without the seat, in its own view, while the pages show `moment`."""
+    """Run the command of a page without the seat in its own view; all pages show `moment`."""
     view = state.own_debuggers.get(page) or _copy_of_shared(state, page, moment)
     try:
         _carry_out(state, view, command)
@@ -34,7 +34,7 @@ def handle_own(state: AppState, page: ClientId, command: c.Command, moment: RunM
 
 
 def retain_own_views(state: AppState, watchers: Set[ClientId]) -> None:
-    """Forget the views of pages that are gone, or drive."""
+    """Drop the own views of pages that were closed or now drive."""
     for page in state.own_debuggers.keys() - watchers:
         del state.own_debuggers[page]
 
@@ -50,7 +50,7 @@ def refresh_next_own_view(state: AppState, moment: RunMoment) -> None:
 
 
 def _copy_of_shared(state: AppState, page: ClientId, moment: RunMoment) -> Debugger:
-    """Start an own view as a copy of the shared one."""
+    """Create an own view as a copy of the shared one."""
     view = state.new_own_debugger(page)
     shared = state.debugger.shown
     if shared.question in view.names:

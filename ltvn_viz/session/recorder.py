@@ -31,7 +31,7 @@ logger = logging.getLogger(__name__)
 _OPEN_S = 10.0
 """Time after which a folder that opens no file counts as unresponsive, in seconds."""
 _CLOSE_S = 45.0
-"""Longer than this the end of the app does not wait for a disk."""
+"""Longest wait for a disk when the app ends, in seconds."""
 
 
 WholeMap: TypeAlias = tuple[TopologicalGraph, Sequence[Observation]]
@@ -43,15 +43,15 @@ class RecordingSink(Protocol):
 
     @property
     def failure(self) -> str | None:
-        """Why nothing more is written, or None."""
+        """Reason why writing has stopped; None while it continues."""
         ...
 
     def write_map(self, graph: TopologicalGraph, observations: Sequence[Observation]) -> None:
-        """Begin with a whole map and its images."""
+        """Write a whole map and its images at the beginning."""
         ...
 
     def draw_scene(self, glb: bytes) -> None:
-        """Draw the scene, a binary glTF; while another thread writes, too."""
+        """Draw the scene, a binary glTF; may run while another thread writes."""
         ...
 
     def write_frame(self, observation: Observation) -> None:
@@ -73,18 +73,18 @@ class RecordingSink(Protocol):
 
 @dataclass(eq=False)
 class _RecordingUnderWay:
-    """One recording from the wish for it to its finished file."""
+    """One recording, from its request to its finished file."""
 
     began_s: float
     path: Path | None = None
-    """Known once the file exists."""
+    """Path of the file; None until it exists."""
     writer: RecordingSink | None = None
     has_map: bool = False
     """Whether the map was copied; later changes go into the recording as events."""
     ready: bool = False
-    """The map is in the file, so that rows may follow."""
+    """Whether the map is in the file, so that rows may follow."""
     finished: Callable[[Path], None] | None = None
-    """It is to end; called with its file then."""
+    """Called with the file at the end; None until the end is requested."""
     closing: bool = False
     waiting: list[Callable[[RecordingSink], None]] = field(default_factory=list)
     frames: int = 0
@@ -107,9 +107,9 @@ class Recorder:
     ) -> None:
         """Write into `library`.
 
-        `open_writer` starts a new file, in the recorder's thread. `take_map` returns a copy of the map for the file to
-        begin with, and is called while nobody changes it. `scene_glb` is called in the recorder's thread, which draws
-        the scene once rows are on their way. `executor` has a single thread.
+        `open_writer` starts a new file, in the recorder's thread. `take_map` returns a copy of the map, which is
+        written first; it is called while the map does not change. `scene_glb` is called in the recorder's thread, which
+        draws the scene after the first rows. `executor` has a single thread.
         """
         self._library = library
         self._open = open_writer
@@ -130,11 +130,11 @@ class Recorder:
 
     @property
     def is_on(self) -> bool:
-        """Whether a recording is under way, or about to be."""
+        """Whether a recording is running or was requested."""
         return self._current is not None
 
     def start(self) -> None:
-        """Begin a recording; raises RecordingError if one is running. `tick` does the rest.
+        """Request a recording, which `tick` starts; raises RecordingError if one is running.
 
         Rows that arrive before the file is ready are queued and written first.
         """
@@ -147,18 +147,18 @@ class Recorder:
         self._files.submit(self._try_open, lambda opened: self._opened(current, opened))
 
     def write_frame(self, observation: Observation) -> None:
-        """Append an image, if a recording is under way; a failure ends the recording, see `take_failure`."""
+        """Append an image, if a recording is running; a failure ends the recording, see `take_failure`."""
         if (current := self._current) is None:
             return
         if not current.frames:
             current.first_s = observation.stamp
-        # The mapper may hand in an image again, which the file then holds once.
+        # The mapper may pass the same image again; it counts once.
         current.frames += not current.frames or observation.stamp > current.last_s
         current.last_s = max(current.last_s, observation.stamp)
         self._write(current, lambda writer: writer.write_frame(observation))
 
     def write_event(self, stamped: StampedEvent) -> None:
-        """Append an event, if a recording is under way; a failure ends the recording, see `take_failure`."""
+        """Append an event, if a recording is running; a failure ends the recording, see `take_failure`."""
         current = self._current
         if current is None or (isinstance(stamped.event, GraphChanged) and not current.has_map):
             return  # Changes before the copy are part of the map.
@@ -170,12 +170,13 @@ class Recorder:
             self._write(self._current, lambda writer: writer.draw_graph(graph, step, stamp))
 
     def keep(self, then: Callable[[Path], None]) -> None:
-        """End the recording soon and call `then` with its finished file; raises RecordingError when there is none."""
+        """End the recording soon and call `then` with its finished file; raises RecordingError without a recording."""
         current = self._require()
         current.finished = current.finished or then
 
     def discard(self, then: Callable[[Path], None]) -> None:
-        """End the recording soon, move it aside and call `then` with its place; raises RecordingError without one."""
+        """End the recording soon, move it aside and call `then` with its new path; raises RecordingError without a
+        recording."""
 
         def moved(place: Path | Exception) -> None:
             if isinstance(place, Exception):
@@ -204,7 +205,7 @@ class Recorder:
             self._files.collect()
 
     def take_failure(self) -> str | None:
-        """Return once why a recording ended by itself; None when none did since this was asked last."""
+        """Return the reason why a recording ended by itself, once; None if none did since the last call."""
         failure, self._failure = self._failure, None
         return failure
 
@@ -246,7 +247,7 @@ class Recorder:
             self._close(current, lambda _outcome: None)
 
     def _go_on(self, current: _RecordingUnderWay) -> None:
-        """Take the next step on the way of a recording: the map, and in the end the end."""
+        """Do the next step of a recording: write the map, or finally close the file."""
         writer = current.writer
         if writer is None:
             return
@@ -319,7 +320,7 @@ def _tried(job: Callable[[], T]) -> T | Exception:
 class DaemonExecutor(Executor):
     """An executor with a single daemon thread, which never keeps the program from ending.
 
-    The standard library waits for its pools at the end of the program, for ever where a job waits for a lost disk.
+    At the end of the program the standard library waits for its pools, for ever if a job waits for a lost disk.
     """
 
     def __init__(self, name: str) -> None:
@@ -328,7 +329,7 @@ class DaemonExecutor(Executor):
         threading.Thread(target=self._run, name=name, daemon=True).start()
 
     def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
-        """Do a job when those before it are done."""
+        """Run a job after all earlier ones."""
         future: Future[T] = Future()
         self._jobs.put((future, lambda: fn(*args, **kwargs)))
         return future

@@ -1,6 +1,6 @@
 """The folder of recordings: its content, and file names that never overwrite.
 
-Owns every path the page may touch. A name from a browser is only ever looked up in the list of existing files.
+Owns all paths that the page may use. A name from a browser is only looked up in the list of existing files.
 Recordings that the page opens in Rerun are served until the app ends.
 """
 
@@ -23,7 +23,7 @@ class RecordingLibrary:
     """Recordings in one folder."""
 
     def __init__(self, folder: Path) -> None:
-        """Use `folder`, which is made when the first recording needs it."""
+        """Use `folder`, which is created for the first recording."""
         self.folder = folder
         self._seen: dict[tuple[str, int], bool] = {}
         """Whether an entry, by its name and time, is a drive in another format."""
@@ -33,12 +33,12 @@ class RecordingLibrary:
         return tuple(self.words())
 
     def words(self) -> dict[str, str]:
-        """Return the recordings, newest first, each with a few words about its file: when it was written, how large."""
+        """Return the recordings, newest first, each with a short description of its file: time and size."""
         try:
             with os.scandir(self.folder) as entries:
                 found = [(entry.stat(), entry.name) for entry in entries if _is_recording(entry)]
         except OSError:
-            return {}  # No folder yet, or none that can be read; a recording will say which when it begins.
+            return {}  # The folder does not exist or is unreadable; the start of a recording reports which.
         found.sort(key=lambda each: (each[0].st_mtime, each[1]), reverse=True)
         return {name: f"{_day(stat.st_mtime)}, {stat.st_size / 1e6:.1f} MB" for stat, name in found}
 
@@ -71,19 +71,19 @@ class RecordingLibrary:
         return self.folder / name
 
     def new_path(self, now: datetime) -> Path:
-        """Return a name for a new recording that nothing has yet; raises RecordingError when there can be none."""
+        """Return an unused path for a new recording; raises RecordingError if there is none."""
         return _free(self.folder, f"drive-{now:%Y%m%d-%H%M%S}")
 
     def new_file(self, stem: str, suffix: str = SUFFIX) -> Path:
-        """Return a name for something made from a recording that nothing has yet; raises RecordingError."""
+        """Return an unused path for a file made from a recording; raises RecordingError."""
         return _free(self.folder, stem, suffix)
 
     def new_weights(self, drive: str, now: datetime) -> Path:
-        """Return a name that nothing has yet for weights that learned from a drive; raises RecordingError."""
+        """Return an unused path for weights trained on a drive; raises RecordingError."""
         return _free(self.folder, f"{Path(drive).stem}-learned-{now:%Y%m%d-%H%M%S}", ".safetensors")
 
     def discard(self, path: Path) -> Path:
-        """Move a recording to the folder of discarded ones and return where it is now."""
+        """Move a recording to the folder of discarded ones and return its new path."""
         return path.rename(_free(self.folder / DISCARDED, path.stem))
 
 
@@ -125,7 +125,7 @@ class RerunViewers:
         self._addresses: dict[Path, str] = {}
 
     def address(self, recording: Path) -> str:
-        """Return where a recording is shown, and begin to serve it the first time. Raises RecordingError, ServerError.
+        """Return the address of a recording, and start to serve it if necessary. Raises RecordingError, ServerError.
 
         Runs in one thread; the very first time takes seconds, because the viewer is unpacked.
         """
@@ -137,5 +137,5 @@ class RerunViewers:
 
 
 def rerun_unavailable(recording: Path) -> str:
-    """Refuse to open Rerun where the viewer could not be closed again."""
+    """Refuse to open Rerun, because the viewer could not be closed again."""
     raise ServerError(f"This page cannot open Rerun; run `ltvn view {recording}`.")

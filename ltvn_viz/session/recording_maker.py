@@ -1,7 +1,7 @@
 """Makes new recordings from files in the folder: at most one at a time, in a separate thread.
 
-Robot and map are not involved and continue meanwhile. Owns the state of such a job: started, cancelled, failed, done.
-`command_handlers` defines the content.
+Robot and map continue meanwhile. Owns the state of the job: started, cancelled, failed, done. `command_handlers`
+defines the content of the recording.
 """
 
 import logging
@@ -23,25 +23,25 @@ class MadeRecording(NamedTuple):
 
     name: str
     text: str
-    """Its content, in words."""
+    """Description of the recording's content."""
     findings: tuple[Finding, ...] = ()
-    """What is doubtful about it."""
+    """Doubtful findings about the recording."""
 
 
 class FailedRecording(NamedTuple):
-    """Nothing was made."""
+    """A job that failed."""
 
     reason: str
 
 
 Progress: TypeAlias = Callable[[int, int | None], None]
-"""Called with how much is done, and of how much where that is known; raises to end a job that was cancelled."""
+"""Called with the amount done and the total amount, if known; raises an exception to end a cancelled job."""
 Make: TypeAlias = Callable[[Progress], MadeRecording]
 """Makes a recording, or raises LtvnError and leaves nothing. Runs in the maker's thread."""
 
 
 class MakingCancelled(Exception):
-    """A person gave up."""
+    """A person cancelled the job."""
 
 
 class RecordingMaker:
@@ -57,13 +57,13 @@ class RecordingMaker:
 
     @property
     def work(self) -> JobProgress | None:
-        """How far it is; None while nothing is made."""
+        """Progress of the current job; None without one."""
         if not self._worker.pending:
             return None
         return JobProgress("Stopping" if self._cancelled.is_set() else self._label, *self._images)
 
     def begin(self, label: str, make: Make) -> None:
-        """Begin; raises OptionError while another recording is made."""
+        """Start a job; raises OptionError while another one is running."""
         if self._worker.pending:
             raise OptionError(f"{self._label} is not done yet; wait for it, or cancel it first.")
         self._label = label
@@ -72,7 +72,7 @@ class RecordingMaker:
         self._worker.submit(lambda: self._run(make), self._ended)
 
     def cancel(self) -> None:
-        """Leave nothing behind; takes effect at the next image."""
+        """Cancel the job at the next image, and leave no files."""
         self._cancelled.set()
 
     def collect(self) -> MadeRecording | FailedRecording | None:
@@ -82,7 +82,7 @@ class RecordingMaker:
         return result
 
     def close(self) -> None:
-        """Give up and wait for the thread."""
+        """Cancel the job and wait for the thread."""
         self.cancel()
         self._worker.close()
 

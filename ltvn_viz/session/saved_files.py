@@ -1,6 +1,6 @@
-"""Files written for download, which the page can hand out as long as the app runs.
+"""Files written for download from the page, available as long as the app runs.
 
-Owns their addresses: random numbers that nobody can guess, a new one for each file. No other file can be requested.
+Owns their addresses: an unguessable random number for each file. No other file can be requested.
 """
 
 import secrets
@@ -12,19 +12,19 @@ from threading import Lock
 SAVED_PREFIX = "/saved/"
 SAVED_ENDING = "bin"
 _NUMBERS = 10**12
-"""An address has no more digits."""
+"""Upper limit of the random numbers in addresses."""
 _OFFERED = 32
 """Number of latest files that can be downloaded; older ones stay in the folder."""
 
 
 @dataclass(frozen=True, slots=True)
 class SavedFile:
-    """A file that the page hands out."""
+    """A file for download."""
 
     path: Path
     address: str
     size: int
-    """In bytes."""
+    """Size of the file in bytes."""
 
     @property
     def title(self) -> str:
@@ -41,7 +41,7 @@ class SavedFiles:
         self._lock = Lock()
 
     def offer(self, path: Path) -> SavedFile:
-        """Hand out a file that was just written."""
+        """Offer a new file for download."""
         number = secrets.randbelow(_NUMBERS)
         with self._lock:
             self._paths[number] = path

@@ -33,7 +33,7 @@ def go_through_time(state: AppState, command: c.TimeCommand) -> None:
 
 
 def seek(state: AppState, time_s: float) -> None:
-    """Show the state at a time in seconds after the beginning; live, the end means now."""
+    """Show the state at a time in seconds after the beginning; in a live run, the end means now."""
     if isinstance(state.activity, Playback):
         state.activity.seek(time_s)
         return
@@ -44,7 +44,7 @@ def seek(state: AppState, time_s: float) -> None:
 
 
 def show_now(state: AppState) -> None:
-    """End a look back at the live run; a recording has no now, and stays."""
+    """End a look back at the live run; this does not change a recording, which has no present."""
     state.shown_stamp = None
     state.plays_past = False
 
@@ -71,7 +71,7 @@ def let_time_pass(state: AppState, tick_s: float) -> None:
 
 
 def seek_mark(state: AppState, kind: MarkKind | None, *, forwards: bool) -> None:
-    """Show the next moment with a mark of a kind, or with any event for None, or the last one before."""
+    """Show the next or the previous moment with a mark of a kind; None means any event."""
     if isinstance(state.activity, Playback):
         state.activity.play(playing=False)
     state.plays_past = False

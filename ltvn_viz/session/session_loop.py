@@ -45,7 +45,7 @@ class TwistSource(Protocol):
     """The seat of the driver."""
 
     def current_twist(self) -> Twist | None:
-        """Return the velocity asked for now; None without a driver."""
+        """Return the velocity that the driver requests now; None without a driver."""
         ...
 
     def keep(self, *, kept: bool) -> None:
@@ -68,7 +68,8 @@ class Session:
     ) -> None:
         """Put the parts together; nothing runs before `run` or `tick`. `publish` must not block.
 
-        `absence` says since when no page is there, None while one is; `watchers` which pages have not got the seat.
+        `absence` returns the current time without any open page, or None while one is open; `watchers` returns the
+        pages without the seat.
         """
         self._state = state
         self._driver = driver
@@ -108,12 +109,12 @@ class Session:
         self.wake()
 
     def _is_fresh_stop(self, command: c.Command) -> bool:
-        """Tell whether a command must get through, however many wait: a stop with something to stop before it."""
+        """Tell whether a command must be accepted even if the queue is full: a stop that does not follow another."""
         latest = next(reversed(self._commands), None)
         return isinstance(command, c.StopRobot) and not isinstance(latest, c.StopRobot)
 
     def wake(self) -> None:
-        """Let the session look at commands and driver now rather than at its next tick. Safe from any thread."""
+        """Let the session check commands and the driver now and not only at its next tick. Safe from any thread."""
         self._awake.set()
 
     def stop(self) -> None:
@@ -131,7 +132,7 @@ class Session:
                 self._awake.clear()
                 self._guarded(self._react)
                 if self._clock() < due:
-                    continue  # Woken early: the command is carried out already, time is not due yet.
+                    continue  # Woken early: the command has been run, but the next tick is not due yet.
                 self._guarded(self._advance)
                 self._guarded(self._show)
                 ticks += 1
@@ -146,7 +147,7 @@ class Session:
         self._guarded(self._show)
 
     def close(self) -> None:
-        """Stop the robot and keep the recording under way."""
+        """Stop the robot and keep the running recording."""
         self._state.live.robot.stop()
         self._state.cancel("The app is closing.")
         self._state.fine_tuning.cancel()
@@ -172,13 +173,13 @@ class Session:
         if twist is not None and isinstance(state.activity, Navigation) and not state.activity.is_stopping:
             handle(state, c.TakeOver())
         if twist is not None and not isinstance(state.activity, Playback):
-            show_now(state)  # A robot must not be driven by a picture of the past.
+            show_now(state)  # Nobody may drive the robot by an image of the past.
         if twist is not None and state.open_loop:
             state.say(state.open_loop, Severity.WARN)
         state.teleop.handle(twist if state.activity is state.teleop else None)
 
     def _advance(self) -> None:
-        """Let a tick of robot time pass."""
+        """Advance robot time by a tick."""
         state = self._state
         self._serve_watchers()
         _watch_link(state)
@@ -223,7 +224,7 @@ class Session:
         self._publish(self._snapshot_builder.build(self._state))
 
     def _guarded(self, part: Callable[[], None]) -> None:
-        """Run a part of the loop; after any error the robot stands, the page reports it, and the loop continues."""
+        """Run a part of the loop; after an error the robot stops, the page shows the error, and the loop continues."""
         try:
             part()
         except LtvnError as error:
@@ -241,7 +242,7 @@ class Session:
 
 
 def _watch_link(state: AppState) -> None:
-    """Say when the link to the robot breaks, which ends a query, and when it is back."""
+    """Report when the link to the robot breaks, which ends a query, and when it is restored."""
     news = None if state.link is None else state.link.look()
     if news is None:
         return
@@ -251,7 +252,7 @@ def _watch_link(state: AppState) -> None:
 
 
 def _hold_without_pages(state: AppState, absence: Absence | None) -> None:
-    """Pause a query that nobody watches, unless a person wanted it to continue."""
+    """Pause a query while no page is open, unless a person wants it to continue."""
     query = state.activity
     if absence is None or state.keeps_going or not isinstance(query, Navigation):
         return
@@ -260,7 +261,7 @@ def _hold_without_pages(state: AppState, absence: Absence | None) -> None:
 
 
 def _handle_breakpoint(state: AppState) -> None:
-    """Hold the query if a breakpoint was met since this was asked last."""
+    """Hold the query if a breakpoint was met since the last call."""
     stop = state.live.breakpoint_monitor.take_latest()
     if stop is None:
         return

@@ -1,10 +1,10 @@
 """Links that show another person the same view: recording, time, question, selection and camera.
 
-Owns the words of the address, written and read. Nothing in it is trusted: names are looked up in lists, numbers are
-checked, and everything else in an address is ignored.
+Owns the format of the address, for writing and reading. Addresses are untrusted: names are looked up in lists, numbers
+are checked, and everything else is ignored.
 
-A camera view is nine numbers. `static/links.js` checks them too before it hands the numbers to viser, whose page moves
-the camera.
+A camera view is nine numbers. `static/links.js` also checks them before it passes them to viser, whose page moves the
+camera.
 """
 
 import math
@@ -44,12 +44,12 @@ class Viewpoint:
 
     @property
     def word(self) -> str:
-        """The view as an address has it, to the millimetre."""
+        """The view as text for an address, rounded to millimetres."""
         return ",".join(f"{number:.3f}".rstrip("0").rstrip(".") for number in (*self.position, *self.look_at, *self.up))
 
 
 def parse_viewpoint(word: str) -> Viewpoint:
-    """Return the view that a word of an address names. Raises OptionError."""
+    """Parse the view in an address. Raises OptionError."""
     try:
         numbers = [float(part) for part in word.split(",")] if _NINE.fullmatch(word) else []
     except ValueError:
@@ -63,7 +63,7 @@ def parse_viewpoint(word: str) -> Viewpoint:
 
 
 def latest_viewpoint(clients: Iterable[viser.ClientHandle]) -> Viewpoint | None:
-    """Return the view of the page whose camera was moved last, None while there is no page."""
+    """Return the view of the page whose camera was moved last; None without a page."""
     cameras = [client.camera for client in clients]
     if not cameras:
         return None
@@ -77,7 +77,7 @@ def _point(numbers: Iterable[float]) -> Point:
 
 
 def _rounded(point: NDArray[np.float64]) -> Point:
-    """Round to millimetres, so that a camera at rest is one view."""
+    """Round to millimetres, so that a resting camera gives a constant view."""
     return _point(round(float(number), 3) + 0.0 for number in point)
 
 
@@ -86,7 +86,7 @@ _MAX_FIELDS = 32
 QUESTION_WORDS: Mapping[str, str] = {
     word: name.value for name in QuestionName for word in (name.word, *name.earlier_words) if word
 }
-"""The names of our own questions by their words."""
+"""Names of our own questions, by their words in addresses."""
 
 
 def link(
@@ -112,8 +112,8 @@ def link(
 def commands_from_link(query: str, questions: Mapping[str, str] = QUESTION_WORDS) -> tuple[Command, ...]:
     """Return the commands in the query of an address, none if it has none. Raises OptionError.
 
-    `questions` has the names of the questions by their words. The page itself moves the camera; an invalid camera is
-    reported, and the rest is done.
+    `questions` maps words to names of questions. The page itself moves the camera; an invalid camera is reported, and
+    all other commands are returned.
     """
     try:
         fields = parse_qs(query.removeprefix("?"), max_num_fields=_MAX_FIELDS)
@@ -136,9 +136,9 @@ def _complaint(camera: str | None) -> tuple[Command, ...]:
 
 
 def question_commands(word: str | None, known: Mapping[str, str]) -> tuple[Command, ...]:
-    """Return the commands that open the debugger with the question of a word, none for no word. Raises OptionError.
+    """Return the commands that open the debugger with the question of a word; none for None. Raises OptionError.
 
-    `known` has the names of the questions by their words.
+    `known` maps words to names of questions.
     """
     if not word:
         return ()

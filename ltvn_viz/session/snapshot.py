@@ -25,7 +25,7 @@ from ltvn_viz.timeline.run_moment import RunMoment
 from ltvn_viz.wishes.commands import Mode
 
 BOX_SIZE_M = (0.4, 0.4, 0.5)
-"""Width, depth and height of a box that is put down."""
+"""Width, depth and height of a placed box, in metres."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,24 +35,24 @@ class DoorView:
     door: int
     """Its number among the scene's doors."""
     label: str
-    """Which rooms it joins."""
+    """Description of the rooms that the door joins."""
     x: float
     y: float
-    """Its middle in metres."""
+    """Position of the door's centre along y, like `x` in metres."""
     along_x: bool
-    """Whether its wall runs along x."""
+    """Whether the door's wall runs along x."""
     width_m: float
     is_open: bool = True
 
 
 @dataclass(frozen=True, slots=True)
 class BoxView:
-    """A box that was put down."""
+    """A box that a person placed."""
 
     number: int
     x: float
     y: float
-    """Its middle in metres."""
+    """Position of the box's centre along y, like `x` in metres."""
 
 
 class FloorView(NamedTuple):
@@ -72,11 +72,11 @@ class WorldView:
     doors: tuple[DoorView, ...]
     boxes: tuple[BoxView, ...]
     aimed: int | None
-    """Number of the box that waits for a click on the floor, 0 for a new one; None where none does."""
+    """Number of the box that waits for a click on the floor, 0 for a new one; None without such a box."""
     light: float
-    """Brightness; 1 is the scene as it was made."""
+    """Brightness of the light; 1 is the original brightness of the scene."""
     undo: str
-    """Description of the change that undo would revert; empty without one."""
+    """Description of the change that undo would revert; empty if there is none."""
 
 
 def doors_of(scene: Scene) -> tuple[DoorView, ...]:
@@ -86,7 +86,7 @@ def doors_of(scene: Scene) -> tuple[DoorView, ...]:
 
 
 def floor_of(scene: Scene) -> FloorView:
-    """Return where the floor of a scene is."""
+    """Return the bounds of a scene's floor."""
     clearance = scene.clearance
     rows, columns = clearance.blocked.shape
     x, y = clearance.origin.tolist()
@@ -106,12 +106,12 @@ def _door(number: int, name: str, doorway: Doorway) -> DoorView:
 
 
 class ImageSource(StrEnum):
-    """Which image of the robot's surroundings is on show."""
+    """Source of the camera picture on show."""
 
     OBSERVATION = "observation"
-    """The one that the method works with."""
+    """The image that the method uses."""
     RENDERED = "rendered"
-    """One that the simulator draws larger, for people alone."""
+    """A larger image that the simulator renders only for people."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -119,56 +119,56 @@ class CameraImage:
     """The camera's picture for people, of any size."""
 
     rgb: Rgb
-    """(H, W, 3)."""
+    """(H, W, 3) colours."""
     depth: Depth | None
-    """(H, W) metres; None where the robot has no depth camera."""
+    """(H, W) depth in metres; None if the robot has no depth camera."""
     source: ImageSource = ImageSource.OBSERVATION
 
 
 @dataclass(frozen=True, slots=True)
 class LoopRates:
-    """How well the loop keeps up."""
+    """Measured rates and delays of the session loop."""
 
     loop_hz: float = 0.0
     frame_age_ms: float = 0.0
-    """Age of the picture on show."""
+    """Age of the picture on show, in milliseconds."""
     dropped: int = 0
-    """Pictures that were replaced before they were shown, since the start."""
+    """Number of pictures since the start that were replaced before they were shown."""
 
 
 @dataclass(frozen=True, slots=True)
 class RecordingStatus:
-    """Whether something is being recorded, and into what."""
+    """State of the running recording."""
 
     name: str | None = None
-    """File under way; None when nothing is recorded."""
+    """Name of the file; None without a recording."""
     frames: int = 0
     seconds: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class PlaybackStatus:
-    """Which recording is open and where in it we are."""
+    """The open recording and the current position in it."""
 
     name: str
     length_s: float
     time_s: float
-    """Seconds since its beginning."""
+    """Current time in seconds since the recording's beginning."""
     playing: bool
 
 
 @dataclass(frozen=True, slots=True)
 class TimelineStatus:
-    """Where in time the page is, and how many marks its timeline has."""
+    """The moment on show, and the number of marks on the timeline."""
 
     run: int = 0
     """Number of the run's marks, see `ltvn_viz.timeline.strip_marks`; 0 for none."""
     marks: int = 0
     time_s: float = 0.0
-    """Of the moment on show, seconds since the beginning of the run."""
+    """Time of the moment on show, in seconds since the beginning of the run."""
     length_s: float = 0.0
     is_now: bool = True
-    """The robot itself is on show, and not its past or a recording."""
+    """Whether the page shows the robot now, and not its past or a recording."""
     is_replay: bool = False
     is_playing: bool = False
     speed: float = 1.0
@@ -176,25 +176,25 @@ class TimelineStatus:
 
 @dataclass(frozen=True, slots=True)
 class Message:
-    """Something the person must read."""
+    """A message that the person must read."""
 
     text: str
     severity: Severity
     number: int
-    """Counts messages, so that the same words twice are two messages."""
+    """Number of the message, so that a repeated text is a new message."""
     title: str = ""
     """Title in a few words; empty for the title of its severity."""
 
 
 @dataclass(frozen=True, slots=True)
 class JobProgress:
-    """A job that takes a while."""
+    """Progress of a long job."""
 
     label: str
     images: int = 0
     """Number of images that are done."""
     of_images: int | None = None
-    """Number of all images; None where it is unknown."""
+    """Number of all images; None if it is unknown."""
 
     @property
     def share(self) -> float | None:
@@ -203,14 +203,14 @@ class JobProgress:
 
 
 class FineTuningPhase(StrEnum):
-    """Where fine-tuning stands."""
+    """Phase of fine-tuning."""
 
     IDLE = "idle"
     LEARNING = "learning"
     LEARNED = "learned"
-    """New weights are on offer."""
+    """New weights are offered."""
     WORSE = "worse"
-    """New weights are on disk, but call more far pairs reachable than the old ones."""
+    """New weights are on disk, but predict more far pairs reachable than the old ones."""
     FAILED = "failed"
 
 
@@ -222,16 +222,16 @@ class FineTuningStatus:
     drive: str = ""
     """The drive to learn from."""
     share: float = 0.0
-    """How much is done in [0, 1]."""
+    """Share that is done, in [0, 1]."""
     doing: str = ""
     left: str = ""
-    """How long it still takes, in words."""
+    """Remaining time, in words."""
     besides_s: float | None = None
-    """Seconds that the last lesson took on top of the time asked for; None before there was one."""
+    """Time in seconds that the last fine-tuning took beyond the requested time; None before the first one."""
     lines: tuple[str, ...] = ()
     """Results of the last fine-tuning."""
     path: str = ""
-    """Where the new weights lie."""
+    """Path of the new weights."""
     is_possible: bool = True
     """False if the predictor has no weights to train."""
 
@@ -241,16 +241,16 @@ class LikePlace(NamedTuple):
 
     node: NodeId
     likeness: float
-    """In [-1, 1]; 1 is the same image."""
+    """Similarity in [-1, 1]; 1 means the same image."""
 
 
 class WayNodes(NamedTuple):
     """Pictures of the nodes along a running query."""
 
     at: NodeId | None
-    """Where the robot thinks it is; None while it is lost."""
+    """Node at which the robot is localised; None while it is lost."""
     next: NodeId | None
-    """The subgoal that it drives to; None while it looks around."""
+    """The current subgoal; None while the robot looks around."""
     goal: NodeId
 
 
@@ -259,9 +259,9 @@ class UploadMatch:
     """An uploaded image and the nodes that look like it."""
 
     picture: str
-    """Address of a small copy, which holds the copy itself."""
+    """Data URL of a small copy of the image."""
     places: tuple[LikePlace, ...]
-    """Best first."""
+    """Nodes that look like the image, best first."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -274,15 +274,15 @@ class Snapshot:
     moment: RunMoment = field(default_factory=RunMoment)
     camera: CameraImage | None = None
     shows_larger: bool | None = None
-    """That image is a larger one, drawn for people; None where that is not on offer."""
+    """Whether the picture is a larger one, rendered for people; None if that is not offered."""
     rates: LoopRates = LoopRates()
     recording: RecordingStatus = RecordingStatus()
     recordings: Mapping[str, str] = field(default_factory=dict)
-    """Files of the recordings folder, newest first, with when each was written and how large it is."""
+    """Files in the folder of recordings, newest first, each with a description of its time and size."""
     sources: tuple[str, ...] = ()
-    """Drives in other formats in that folder, which can be imported."""
+    """Drives in other formats in the folder of recordings, which can be imported."""
     is_making: bool = False
-    """Whether a new recording is being made of one of these."""
+    """Whether a new recording is being made from a file of the folder."""
     replay: PlaybackStatus | None = None
     timeline: TimelineStatus = TimelineStatus()
     course: NDArray[np.float64] = field(default_factory=lambda: NO_TRAJECTORY, repr=False)
@@ -290,15 +290,15 @@ class Snapshot:
     lone_camera: CameraModel | None = None
     """The camera that took the images if the robot is unknown; None for a known robot."""
     pause_notice: str = ""
-    """Why the app itself paused a query; empty when it did not."""
+    """Reason why the app itself paused a query; empty if it did not."""
     keeps_going: bool | None = None
     """Whether a query continues when the last page closes; None if that is not offered."""
     is_open_loop: bool = False
-    """A recorded drive plays the robot, so that nothing can be driven."""
+    """Whether a recorded drive replaces the robot, so that it obeys no command."""
     destination: NodeId | None = None
-    """Where a query under way drives to, also while it is paused; None when the robot is a person's."""
+    """Goal of the running or paused query; None while a person drives."""
     selected: NodeId | None = None
-    """The goal that was chosen; shown with a pin."""
+    """The chosen goal; shown with a pin."""
     gallery: tuple[NodeId, ...] = ()
     """Nodes offered as goals by their pictures."""
     way: WayNodes | None = None
@@ -308,25 +308,25 @@ class Snapshot:
     message: Message | None = None
     work: JobProgress | None = None
     can_undo_build: bool = False
-    """The map was rebuilt, and the one before can be brought back."""
+    """Whether the map was rebuilt and the earlier one can be restored."""
     fine_tuning: FineTuningStatus = FineTuningStatus()
     weights: str = ""
     """Fingerprint of the weights in use."""
     world: WorldView | None = None
     """Possible changes of the simulated world; None in a replay, and for a real robot."""
     link: LinkReport | None = None
-    """How well the robot is heard; None in simulation, and in a replay."""
+    """Quality of the link to the robot; None in simulation, and in a replay."""
     story: tuple[str, ...] = ()
     """Captions of “Watch it learn” so far."""
     story_goes_on: bool = False
-    """More of it is to come."""
+    """Whether the story is still running."""
     story_door: int | None = None
-    """The door that it is about, once that is known."""
+    """The story's door; None until it is known."""
     story_query: int | None = None
-    """The query that it began last; None before it began one."""
+    """The last query of the story; None before the first one."""
     inspection: Inspection = NO_INSPECTION
     """The debugger's state."""
     own_inspections: Mapping[ClientId, Inspection] = field(default_factory=dict)
-    """The debugger's state on pages that only watch and have a question of their own."""
+    """The debugger's state on watching pages that have their own question."""
     hint: str = ""
-    """What to do next."""
+    """Hint about the next thing to do."""

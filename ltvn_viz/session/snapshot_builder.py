@@ -20,10 +20,10 @@ from ltvn_viz.timeline.run_moment import RunMoment, moment_of
 from ltvn_viz.wishes.commands import Mode
 
 LIST_EVERY_S = 2.0
-"""How often the folder of recordings is looked through."""
+"""Interval between searches of the folder of recordings, in seconds."""
 
 OWN_VIEW_EVERY_S = 0.1
-"""How often one of the pages that only watch may look again."""
+"""Interval between refreshes of the own views of watching pages, in seconds; each refreshes one view."""
 
 WINDOW_S = 1.0
 """Time over which rates are averaged, in seconds."""
@@ -42,7 +42,7 @@ class RateMeter:
         self._began: float | None = None
 
     def count(self) -> None:
-        """Note one event, now."""
+        """Count one event at the current time."""
         now = self._clock()
         if self._began is None:
             self._began = now
@@ -52,14 +52,14 @@ class RateMeter:
 
     @property
     def hz(self) -> float:
-        """Events per second lately; 0 until a whole window has passed, for a few that come together say nothing."""
+        """Recent events per second; 0 until a whole window has passed, because a short burst gives no rate."""
         if self._began is None or self._times[-1] - self._began < WINDOW_S:
             return 0.0
         return len(self._times) / WINDOW_S
 
 
 class SnapshotBuilder:
-    """Builds snapshots, and caches what need not be looked up each time."""
+    """Builds snapshots, and caches their slowly changing parts."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         """Measure rates by `clock`."""
@@ -79,7 +79,7 @@ class SnapshotBuilder:
         making = state.maker.work
         snapshot = _replayed(activity) if isinstance(activity, Playback) else _live(state)
         self.moment = snapshot.moment
-        # Even while no question is on show: which ones are offered depends on the run.
+        # This is needed even while no question is on show, because the offered questions depend on the run.
         state.debugger.refresh(state, snapshot.moment)
         if self._clock() >= self._own_due:
             self._own_due = self._clock() + OWN_VIEW_EVERY_S

@@ -1,6 +1,6 @@
 """Connects the pages to the session: their drive sockets, and viser's panels and scene.
 
-Both send an action of the table of wishes. Driving and stopping go through the seat.
+Both send actions of `WISHES`. Driving and stopping go through the seat.
 """
 
 from ltvn_core.errors import OptionError
@@ -53,7 +53,7 @@ def drive_listener(session: Session) -> DriveListener:
 
 
 class SessionPages:
-    """The pages of a server and the session they ask. Implements `ltvn_viz.page_layout.Pages`."""
+    """The pages of a server and their session. Implements `ltvn_viz.page_layout.Pages`."""
 
     def __init__(self, server: GuardedServer, session: Session) -> None:
         """Forward the requests of the pages of `server` to `session`."""
@@ -70,17 +70,17 @@ class SessionPages:
             self._session.send(command)
 
     def ask_from(self, viser_client: int, action: Action, value: Value = None) -> None:
-        """Ask for something from the seat if the page has it, or takes it, and in the page's own view if not."""
+        """Request an action from the seat if the page has it or can take it, else in the page's own view."""
         asker = self._server.asker(viser_client)
         if asker.page is not None and (command := command_for(action, value)) is not None:
             self._session.send(command, watcher=None if asker.drives else asker.page)
 
     def number_of(self, viser_client: int) -> ClientId | None:
-        """Return our number of a page by viser's."""
+        """Convert viser's number of a page to ours."""
         return self._server.number_of(viser_client)
 
     def file_address(self, address: str) -> str:
-        """Return the address of a served file as a picture in a panel may have it."""
+        """Return the address of a served file with the key that a picture in a panel needs."""
         return self._server.file_address(address)
 
     def show_picture(self, jpeg: bytes) -> None:
@@ -88,9 +88,9 @@ class SessionPages:
         self._server.show_picture(jpeg)
 
     def tell_moment(self, message: str) -> None:
-        """Tell all pages which moment is on show."""
+        """Send the moment on show to all pages."""
         self._server.tell_moment(message)
 
     def tell_activity(self, message: str) -> None:
-        """Tell all pages about autonomous driving."""
+        """Send the robot's current activity to all pages."""
         self._server.tell_activity(message)

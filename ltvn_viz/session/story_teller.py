@@ -1,7 +1,7 @@
 """“Watch it learn” in the page: plays the story of a door that closes and opens again, with captions.
 
-Owns how the story's steps become commands, and the app's maintenance and pace during the story. The story itself is
-`ltvn_core.evaluation.door_story`. For the session's thread only.
+Owns the conversion of the story's steps to commands, and the app's maintenance and pace during the story. The story
+itself is in `ltvn_core.evaluation.door_story`. For the session's thread only.
 """
 
 from collections.abc import Sequence
@@ -37,7 +37,7 @@ class StoryTeller:
     """One story in the page."""
 
     def __init__(self, live: LiveRun, live_map: LiveMap, world: ChangeableWorld) -> None:
-        """Begin a story; until it ends the map is maintained with presence."""
+        """Start a story; until it ends, the map is maintained with presence."""
         self._live = live
         self._live_map = live_map
         self._world = world
@@ -56,7 +56,7 @@ class StoryTeller:
         self._is_calling_back = False
         self._is_closed = False
         self.query: int | None = None
-        """The query that it began last."""
+        """The last query that the story started."""
 
     @property
     def door(self) -> int | None:
@@ -65,7 +65,7 @@ class StoryTeller:
 
     @property
     def is_over(self) -> bool:
-        """Whether it has come to its end."""
+        """Whether the story has ended."""
         return self.story.is_over
 
     @property
@@ -74,9 +74,9 @@ class StoryTeller:
         return tuple(self.story.captions)
 
     def lead(self, *, is_free: bool) -> bool:
-        """Drive the robot where the story leads it; returns whether it does.
+        """Drive the robot as the story requires; returns whether the story drives it.
 
-        `is_free` says that nobody else drives it; otherwise the story ends.
+        `is_free` says that nothing else drives the robot; otherwise the story ends.
         """
         if self._led is None:
             return False
@@ -110,14 +110,14 @@ class StoryTeller:
         return command
 
     def close(self) -> None:
-        """Let the map be maintained again as before the story, and time go as before."""
+        """Restore the map's maintenance and the pace of time from before the story."""
         if not self._is_closed:
             self._is_closed = True
             self._live_map.use_system(self._system_before)
             self._live.pace = 1
 
     def stop(self, why: str) -> None:
-        """End it early, with the door open."""
+        """End the story early, with the door open."""
         self._led = None
         self._carry_out(self.story.stop(why))
 
@@ -160,7 +160,7 @@ class StoryTeller:
         self._read = len(events)
 
     def _tell(self) -> None:
-        """Store a caption with the run; the page shows it below the scene, and nowhere else."""
+        """Store a caption with the run; the page shows it only below the scene."""
         for text in self.captions[self._told :]:
             self._told += 1
             self._live.emit(Note(text))

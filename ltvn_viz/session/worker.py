@@ -13,12 +13,12 @@ T = TypeVar("T")
 
 
 class JobQueue(Protocol):
-    """Takes jobs."""
+    """A queue of jobs."""
 
     def submit(
         self, job: Callable[[], T], then: Callable[[T], None], *, otherwise: Callable[[], None] = lambda: None
     ) -> None:
-        """Run `job` some time, and then `then` with its result, or `otherwise` if it raised."""
+        """Run `job` later, and then `then` with its result, or `otherwise` if it raised."""
         ...
 
 
@@ -29,7 +29,7 @@ class _Job(NamedTuple):
 
 
 class Worker:
-    """A queue of jobs with something to do after each."""
+    """A queue of jobs, each with a follow-up."""
 
     def __init__(self, executor: Executor) -> None:
         """Run jobs on `executor`, which must have a single thread."""
@@ -38,7 +38,7 @@ class Worker:
 
     @property
     def pending(self) -> int:
-        """How many jobs are not dealt with yet."""
+        """Number of jobs whose results are not handled yet."""
         return len(self._jobs)
 
     def submit(
@@ -62,18 +62,18 @@ class Worker:
             self.collect()
 
     def wait(self, at_most_s: float) -> None:
-        """Wait for the oldest job, but not for long; `collect` deals with it."""
+        """Wait for the oldest job, at most `at_most_s` seconds; `collect` handles its result."""
         if self._jobs:
             wait([self._jobs[0].future], at_most_s)
 
     def close(self) -> None:
-        """Wait for the job under way and drop the rest."""
+        """Wait for the running job and drop all others."""
         self._executor.shutdown(wait=True, cancel_futures=True)
         self._jobs = deque(job for job in self._jobs if not job.future.cancelled())
 
 
 class PatientWorker:
-    """Hands jobs to a worker one by one, and only while it has nothing else to do: for pages that merely watch."""
+    """A queue of low-priority jobs for watching pages: passes one job at a time to a worker, only while it is idle."""
 
     def __init__(self, worker: Worker) -> None:
         """Wait for `worker`."""
@@ -83,10 +83,10 @@ class PatientWorker:
     def submit(
         self, job: Callable[[], T], then: Callable[[T], None], *, otherwise: Callable[[], None] = lambda: None
     ) -> None:
-        """Keep a job until `go_on` finds the time."""
+        """Queue a job until `go_on` starts it."""
         self._waiting.append(lambda: self._worker.submit(job, then, otherwise=otherwise))
 
     def go_on(self) -> None:
-        """Begin the next job if the worker is free."""
+        """Start the next job if the worker is idle."""
         if self._waiting and self._worker.pending == 0:
             self._waiting.popleft()()

@@ -1,4 +1,4 @@
-"""Changes the simulated world on command, and reports the result. In the session's thread only."""
+"""Runs the commands that change the simulated world, and reports the results. In the session's thread only."""
 
 from typing import assert_never
 
@@ -13,7 +13,7 @@ from ltvn_viz.wishes import commands as c
 
 
 def change_world(state: AppState, command: c.WorldCommand) -> None:
-    """Ask for a change of the world. Raises OptionError where there is none to change."""
+    """Queue a change of the world. Raises OptionError without a simulated world."""
     if state.world is None:
         raise OptionError("Only a simulated world can be changed here; this robot drives in a real one.")
     match command:
@@ -38,7 +38,7 @@ def change_world(state: AppState, command: c.WorldCommand) -> None:
 
 
 def carry_out_changes(state: AppState) -> None:
-    """Apply the queued changes, unless the navigator is looking at the world; then at a later tick."""
+    """Apply the queued changes; while the navigator is computing, they wait for a later tick."""
     if state.world is None or (isinstance(state.activity, Navigation) and state.activity.is_thinking):
         return
     try:
@@ -52,7 +52,7 @@ def carry_out_changes(state: AppState) -> None:
 
 
 def interrupt_story(state: AppState) -> None:
-    """End the story if the robot is led just now; a query that is called off ends it by itself."""
+    """End the story if it is driving the robot now; a cancelled query ends the story by itself."""
     if state.story is not None:
         state.story.lead(is_free=False)
 

@@ -1,4 +1,4 @@
-"""`ltvn export`: a moment, a test, a page or a figure out of a recording, or all of it in another format."""
+"""`ltvn export`: writes an excerpt of a recording, a test, a page or a figure, or converts all of it."""
 
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Options of the verbs that lay a floor plan under a map."""
+"""Options of the verbs that draw a floor plan below a map."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -6,7 +6,7 @@ from pathlib import Path
 
 @dataclass(frozen=True, kw_only=True)
 class FloorPlanOptions:
-    """A floor plan and where it lies."""
+    """Options for a floor plan and its alignment with the map."""
 
     floor_plan: Path | None = None
     """A floor plan of the building to lay under the map: the map.yaml of nav2. Maps of `ltvn export` are written in its

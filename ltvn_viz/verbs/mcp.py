@@ -1,4 +1,4 @@
-"""`ltvn mcp`: programs that work by a language model ask about recordings, by the Model Context Protocol."""
+"""`ltvn mcp`: answers questions of language-model programs about recordings, over the Model Context Protocol."""
 
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,8 @@
-"""A floor plan as nav2's map server has it: `map.yaml` and the picture that it names, as cells and as a picture.
+"""Floor plans in the format of nav2's map server: `map.yaml` and its image, read as an occupancy grid.
 
-Owns what the map server makes of brightness, and where a pixel lies: the origin is the pose of the picture's lower left
-corner, in metres and radians. The picture must be beside `map.yaml` or below, as with all files of strangers.
+Owns the map server's conversion of brightness to occupancy, and the position of each pixel: the origin is the pose of
+the image's lower left corner, in metres and radians. The image must be in the folder of `map.yaml` or below it, because
+a file from an untrusted source must not read other files.
 """
 
 import math
@@ -25,38 +26,38 @@ from ltvn_core.types import Pose
 UNKNOWN = -1
 OCCUPIED = 100
 MOST_M = 100_000.0
-"""No building is so long, or so far from its origin."""
+"""Upper limit for the size of a floor plan and for its distance from the origin, in metres."""
 _OCCUPIED_THRESHOLD, _FREE_THRESHOLD = 0.65, 0.196
-"""The usual ones, taken where a file names none; the grey 205 of map savers is just above the latter, so unknown."""
+"""Default thresholds. The grey value 205 that map savers write for unknown is just above the second, so not free."""
 _WHITE = 3 * 255
 _YES, _NO = ("1", "true", "yes", "on"), ("0", "false", "no", "off", "")
 
 
 class FloorPlanMode(Enum):
-    """What brightness means to nav2's map server."""
+    """How nav2's map server converts brightness to occupancy."""
 
     TRINARY = "trinary"
     """Cells are free, occupied or unknown."""
     SCALE = "scale"
-    """Brightness between both thresholds is a share of occupied."""
+    """Brightness between both thresholds is converted linearly to occupancy."""
     RAW = "raw"
     """The pixel is the value of the cell, 0 to 100."""
 
 
 @dataclass(frozen=True, eq=False)
 class FloorPlan:
-    """Which cells of a floor are free and which are walls, and where they lie."""
+    """An occupancy grid of a floor, and its pose."""
 
     cells: NDArray[np.int8]
-    """(H, W): 0 is free, 100 occupied, -1 unknown; the first row is the picture's upper one."""
+    """(H, W) occupancy: 0 is free, 100 occupied, -1 unknown; the first row is the top row of the image."""
     resolution_m: float
-    """Side of a cell."""
+    """Side of a cell in metres."""
     corner: Pose
-    """(3,) of the picture's lower left corner; x runs along its lower side."""
+    """(3,) pose of the image's lower left corner; x runs along its lower side."""
 
     @classmethod
     def open(cls, path: Path) -> Self:
-        """Read `map.yaml` and its picture. Raises DriveError, which says what to mend."""
+        """Read `map.yaml` and its image. Raises DriveError, whose message says what to correct."""
         said = CalibrationYaml(path, what="map.yaml")
         name = said.word("image")
         if not name:
@@ -78,22 +79,22 @@ class FloorPlan:
 
     @property
     def size_m(self) -> tuple[float, float]:
-        """Width and height."""
+        """Width and height in metres."""
         height, width = self.cells.shape
         return width * self.resolution_m, height * self.resolution_m
 
     @property
     def middle(self) -> Pose:
-        """The pose (3,) of the picture's middle."""
+        """Pose (3,) of the image's centre."""
         width_m, height_m = self.size_m
         return compose(self.corner, np.array([width_m / 2, height_m / 2, 0.0]))
 
     def moved(self, frame: Pose) -> Self:
-        """Return the plan in another frame, in which its own has the pose `frame` (3,)."""
+        """Return the plan in another frame; `frame` (3,) is the pose of the current frame in it."""
         return replace(self, corner=compose(frame, self.corner))
 
     def cells_at(self, places: ArrayLike) -> NDArray[np.int8]:
-        """Return the cells (N,) at places (N, 2) in metres; outside of the plan they are unknown."""
+        """Return the occupancy (N,) at positions (N, 2) in metres; -1 (unknown) outside the plan."""
         places = np.asarray(places, np.float64).reshape(-1, 2)
         inside = relative(self.corner, np.column_stack([places, np.zeros(len(places))]))
         column, up = np.floor(inside[:, :2].T / self.resolution_m)
@@ -105,10 +106,10 @@ class FloorPlan:
         return found
 
     def picture(self, most_px: int) -> NDArray[np.uint8]:
-        """Return the plan in colours with opacity (H, W, 4), unknown cells clear; shrunk to `most_px` a side."""
+        """Return an RGBA image (H, W, 4) whose longer side has at most `most_px` pixels; unknown is transparent."""
         share = np.linspace(0, 1, OCCUPIED + 1)[:, None]
         ramp = (1 - share) * np.array(palette.FLOOR_PLAN_FREE) + share * np.array(palette.FLOOR_PLAN_WALL)
-        colours = np.full((OCCUPIED + 2, 4), 255, np.uint8)  # The last is that of -1.
+        colours = np.full((OCCUPIED + 2, 4), 255, np.uint8)  # The last row is for -1 (unknown).
         colours[:-1, :3] = ramp.round()
         colours[-1] = (*palette.FLOOR_PLAN_FREE, 0)
         drawn = colours[self.cells]
@@ -134,7 +135,7 @@ def _number(said: CalibrationYaml, name: str, path: Path, default: float | None 
 
 
 def _shown_cells(said: CalibrationYaml, path: Path) -> NDArray[np.int8]:
-    """Return what cell each sum of red, green and blue (766,) stands for. Raises DriveError."""
+    """Return the occupancy (766,) for each sum of red, green and blue. Raises DriveError."""
     negate = said.word("negate").lower()
     if negate not in (*_YES, *_NO):
         raise DriveError(f"{path}: negate is 0 or 1, got {negate!r:.40}.")

@@ -1,7 +1,7 @@
-"""Lays a floor plan under a map: by the map's own frame, or by points of the plan at which nodes are known to be.
+"""Alignment of a floor plan with a map: in the map's own frame, or by pairs of a node and its point on the plan.
 
-Owns how a person writes such a pair, and what makes pairs useless. Plan and map are moved as a whole, never stretched:
-both are in metres.
+Owns the syntax of a pair and the checks of pairs. The plan is moved rigidly and never scaled, because plan and map are
+both in metres.
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,27 +16,27 @@ from ltvn_core.types import NodeId, Pose
 
 LEAST_PAIRS = 2
 LEAST_APART_M = 0.5
-"""Points nearer to each other say nothing of the turn."""
+"""Least extent of the points along x or y, in metres; closer points do not determine the rotation."""
 DOUBTFUL_M = 1.0
-"""Pairs that agree no better are wrong, or odometry drifted much."""
+"""Error in metres above which the pairs are probably wrong, or odometry drifted much."""
 _FORM = "NODE=X,Y, in metres of the plan, as 17=-1.5,2"
 
 
 class Alignment(NamedTuple):
-    """How a plan lies in a map."""
+    """Pose of a floor plan in a map, and its error."""
 
     frame: Pose
     """(3,) pose of the plan's frame in the map's."""
     error_m: float
-    """Root mean square distance between the plan's points and their nodes."""
+    """Root mean square distance between the plan's points and their nodes, in metres."""
 
 
 def align_floor_plan(pairs: Sequence[str], poses: Mapping[NodeId, Pose]) -> Alignment:
-    """Return how a plan lies by pairs `NODE=X,Y`; without any, in the map's own frame.
+    """Return the alignment of a plan from pairs `NODE=X,Y`; without pairs, the identity.
 
     Args:
-        pairs: None, or two and more.
-        poses: (3,) of each node of the map.
+        pairs: Empty, or at least two pairs.
+        poses: Pose (3,) of each node of the map.
 
     Raises:
         OptionError: A pair cannot be read or names no node, or all points are at one place.
@@ -63,7 +63,8 @@ def align_floor_plan(pairs: Sequence[str], poses: Mapping[NodeId, Pose]) -> Alig
 
 
 def _pair(text: str) -> tuple[tuple[float, float], NodeId]:
-    """Return a point of the plan (x_m, y_m) and its node, named first, as an argument must not begin with a minus.
+    """Parse a point of the plan (x_m, y_m) and its node. The node comes first, because an argument must not start with
+    a minus.
 
     Raises OptionError.
     """

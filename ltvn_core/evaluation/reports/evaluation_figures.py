@@ -2,7 +2,7 @@
 
 Owns the drawing of those that compare methods (success, size of the graph, causes of failure) and of those of lifelong
 evaluations (success, map size and spurious edges over queries, and calibration of p). Those of maps over the floor plan
-are `map_figures`. The numbers come in rows and courses.
+are in `map_figures`. The numbers come from result rows and lifelong groups.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -109,7 +109,7 @@ def _success(axes: Axes, group: LifelongGroup, palette: FigurePalette) -> None:
 
 
 def _changes(axes: Axes, group: LifelongGroup, palette: FigurePalette) -> None:
-    """Draw bars of added edges upwards and of pruned ones downwards, the bad part of either darker."""
+    """Draw bars of added edges upwards and of pruned edges downwards; the harmful part of each is darker."""
     for interval in maintenance_intervals(group):
         middle = (interval.first + interval.until) / 2
         width = 0.72 * (interval.until - interval.first)
@@ -155,7 +155,7 @@ def success(rows: Sequence[ResultRow], palette: FigurePalette) -> Figure:
 
 
 def size_figure(rows: Sequence[ResultRow], palette: FigurePalette) -> Figure:
-    """Draw nodes and edges of each method's maps, the mean of the seeds and from the smallest to the largest."""
+    """Draw the nodes and edges of each method's maps: the mean over seeds, and the range from smallest to largest."""
     figure = Figure(figsize=(WIDTH_IN, 5.6), layout="constrained")
     columns = _Columns(rows, palette)
     for axes, what in zip(figure.subplots(2, 1, sharex=True), ("nodes", "edges"), strict=True):

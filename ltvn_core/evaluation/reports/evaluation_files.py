@@ -42,10 +42,10 @@ _Result = TypeVar("_Result", TrialResult, LifelongResult)
 
 
 def moment_s(recording: Path, failure: FailureCause | None) -> float | None:
-    """Return where playback should start, in seconds after the recording's beginning; None if it cannot be read.
+    """Return the start of playback, in seconds after the recording's beginning; None if the recording is unreadable.
 
-    For collisions that is shortly before the last one, after a wrong turn before the last attempt that failed, and
-    otherwise before the end.
+    Playback starts shortly before the last collision, before the last failed attempt after a wrong turn, and shortly
+    before the end in all other cases.
     """
     try:
         opened = Recording.open(recording)
@@ -111,9 +111,9 @@ def find_results(folder: Path) -> FoundResults:
 
 
 def with_images(rows: Iterable[FailureRow]) -> tuple[FailureRow, ...]:
-    """Add start and goal images to rows whose drive exists, and the moment of failure to those with a recording.
+    """Add start and goal images to rows whose drive exists, and the moment of failure to rows with a recording.
 
-    What cannot be read is left out: a report of results is worth having without pictures.
+    Unreadable files are skipped, because a report is useful without images.
     """
     return tuple(_illustrated(row) for row in rows)
 
@@ -159,7 +159,7 @@ def _drawn_lifelong(path: Path, result: LifelongResult) -> LifelongResult:
 
 
 def _longest(found: Iterable[tuple[Path, _Result]]) -> dict[Path, _Result]:
-    """Keep the longest of several results of one plan, which begin with the same episodes."""
+    """Keep the longest of several results of one plan; shorter ones contain its first episodes."""
     kept: dict[object, tuple[Path, _Result]] = {}
     for path, result in found:
         before, other = kept.get(key := _key(result), (path, result))

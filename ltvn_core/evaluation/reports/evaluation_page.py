@@ -1,8 +1,7 @@
 """The evaluation report as one self-contained HTML page, and as blocks of a page in Markdown.
 
-Owns what goes into the pages, and the names of the blocks: each stands between two comments, and what is written
-between the blocks by hand stays as it is. How the HTML looks is in `templates/`; numbers and pictures come from the
-other modules.
+Owns the contents of the pages and the names of the blocks. Each block is between two comments; text written by hand
+outside the blocks is not changed. The HTML layout is in `templates/`; numbers and pictures come from other modules.
 """
 
 import os
@@ -52,7 +51,7 @@ def render_page(
 ) -> str:
     """Return the report as HTML for a file in `folder`, with these failures in its gallery.
 
-    Raises OptionError for a picture of the gallery that is none.
+    Raises OptionError if an image of the gallery is neither JPEG nor PNG.
     """
     with documentation_style(palette):
         pictures = [(picture, Markup(inline_svg(picture, palette))) for picture in figures_of(results, palette)]

@@ -1,6 +1,6 @@
 """The tables of the evaluation, for HTML and Markdown.
 
-Owns their columns and how numbers are written. The numbers come in rows and courses.
+Owns the columns and the number format. The numbers come from result rows and lifelong groups.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -125,7 +125,7 @@ def cause_table(rows: Sequence[ResultRow]) -> ReportTable:
 
 
 def recognition_table(rows: Sequence[ResultRow]) -> ReportTable:
-    """Return how far each method came, and how often it took a place for another; without rows for older results."""
+    """Return each method's progress towards goals and its wrong recognitions; older results have no row."""
     head = (
         "scene",
         "method",
@@ -184,7 +184,7 @@ def run_table(results: EvaluationResults) -> ReportTable:
 
 
 def merged_rows(rows: Iterable[tuple[_Key, tuple[str, ...]]]) -> Iterator[tuple[_Key, tuple[str, ...]]]:
-    """Yield one row for each key, whose cells list what differs in the order in which it came, with commas."""
+    """Yield one row for each key; its cells list the different values in order of appearance, separated by commas."""
     by_key: dict[_Key, list[tuple[str, ...]]] = {}
     for key, cells in rows:
         by_key.setdefault(key, []).append(cells)
@@ -228,7 +228,7 @@ def _of_one_scene(rows: Sequence[ResultRow]) -> Sequence[ResultRow]:
 
 
 def _occasion(row: ResultRow) -> str:
-    """Return the stage, and the conditions that were harder than usual."""
+    """Return the stage, and any conditions that were harder than usual."""
     return ", ".join([row.setup.stage, *row.trials[0].conditions])
 
 
@@ -266,7 +266,7 @@ def _size(row: ResultRow) -> tuple[str, str]:
 
 
 def _goals(row: ResultRow) -> tuple[str, str]:
-    """Return the goals told as not held, of these rightly, and those not told; a dash for results without a count."""
+    """Return the mean numbers of goals reported as doubtful (of these, rightly) and of missed goals, or dashes."""
     maps = [trial.map for trial in row.trials]
     counts = [(each.goals_told, each.goals_told_rightly, each.goals_untold) for each in maps]
     known = [[number for number in count if number is not None] for count in counts]

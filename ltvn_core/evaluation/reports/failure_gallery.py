@@ -1,6 +1,6 @@
-"""The gallery of failed episodes: which are shown, with their images and recordings where they exist.
+"""The gallery of failed episodes: selects episodes to show, with images and recordings if there are any.
 
-Owns what a row holds. How it looks is in the page's template.
+Owns the contents of a row. Its layout is in the page's template.
 """
 
 import re
@@ -27,7 +27,7 @@ class FailureRow:
     trial: TrialResult
     episode: QueryResult
     start: bytes | None = None
-    """What the robot saw at its start, JPEG or PNG."""
+    """The robot's first image, JPEG or PNG."""
     goal: bytes | None = None
     """The goal image, JPEG or PNG."""
     drive: Path | None = None
@@ -61,7 +61,7 @@ class FailureRow:
 
     @property
     def command(self) -> str | None:
-        """The command that shows the moment in the app, None without a recording."""
+        """The command that shows the moment in the app; None without a recording."""
         if self.recording is None:
             return None
         at = "" if self.time_s is None else f" --at {self.time_s:.1f}"
@@ -69,7 +69,7 @@ class FailureRow:
 
     @property
     def recording_command(self) -> str | None:
-        """The command that records an episode which is not recorded; None where there is none."""
+        """The command that records an episode without a recording; None if there is no such command."""
         if self.recording is not None or not self.trial.command.startswith("ltvn evaluate "):
             return None
         failed = [episode.query for episode in self.trial.episodes if not episode.reached]
@@ -88,8 +88,7 @@ def data_url(image: bytes) -> str:
 def select_failures(rows: Sequence[FailureRow], most: int) -> tuple[FailureRow, ...]:
     """Return a limited number of rows for each scene, method and stage.
 
-    They are taken from each cause in turn, so that none crowds out another. Rows with a recording come before those
-    without.
+    Rows are taken from each cause in turn, so that every cause is represented. Rows with a recording come first.
     """
     groups: dict[TrialSetup, list[FailureRow]] = {}
     for row in rows:

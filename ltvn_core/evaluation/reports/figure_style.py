@@ -1,7 +1,7 @@
-"""The style of figures: of the documentation, saved as small files, and of the evaluation, embedded in an HTML page.
+"""The style of figures: small files for the documentation, and SVG for the HTML pages of evaluations.
 
-Owns fonts, inks and the file size, the colours of methods and causes, and the SVG that takes its text colour from the
-page around it. The other colours come from the page's palette, through `FigurePalette`.
+Owns fonts, colours of text, the file size, the colours of methods and causes, and SVG that inherits the text colour of
+its page. The other colours come from the page's palette, through `FigurePalette`.
 """
 
 import io
@@ -30,7 +30,7 @@ MAX_BYTES = 150_000
 """Largest size of a figure's file."""
 DOTS_PER_INCH = 150
 _COLOURS_OF_DRAWING = 10_000
-"""More are those of photographs."""
+"""Number of colours above which a picture counts as a photograph."""
 Colour: TypeAlias = tuple[float, float, float]
 """Red, green, blue in [0, 1]."""
 WIDTH_IN = 8.4
@@ -127,7 +127,7 @@ def small_png(png: bytes) -> bytes:
 
 
 def _method(picture: Image.Image) -> Image.Quantize:
-    """Return how to choose colours: in a drawing none must be far off, in photographs most of them must be right."""
+    """Return the quantization method: for drawings it limits the largest error, for photographs the mean error."""
     is_drawing = picture.getcolors(_COLOURS_OF_DRAWING) is not None
     return Image.Quantize.MAXCOVERAGE if is_drawing else Image.Quantize.MEDIANCUT
 
@@ -137,9 +137,9 @@ class ReportFigure:
     """A figure with its title and caption; `draw` creates it."""
 
     kind: str
-    """Which part of the report it belongs to."""
+    """Part of the report that the figure belongs to."""
     name: str
-    """Name of its file without ending."""
+    """File name without extension."""
     title: str
     caption: str
     """Description in short sentences."""
@@ -148,7 +148,7 @@ class ReportFigure:
 
 
 def method_colours(methods: Sequence[str], palette: FigurePalette) -> dict[str, Colour]:
-    """Give each method a colour; the same methods in the same order get the same ones."""
+    """Return a colour for each method; the same methods in the same order get the same colours."""
     colours = (palette.first, palette.second, palette.third, *_MORE_COLOURS)
     return {method: colours[number % len(colours)] for number, method in enumerate(methods)}
 
@@ -193,11 +193,11 @@ def inline_svg(picture: ReportFigure, palette: FigurePalette) -> str:
     text = buffer.getvalue()
     text = text[text.index("<svg") :]
     text = re.sub(r'\s+xmlns(:\w+)?="[^"]*"', "", text).replace("xlink:href", "href")
-    # Two equal images have the same name, and nobody asks for it.
+    # Two equal images would have the same id, and nothing refers to it.
     text = re.sub(r'(<image\b[^>]*?)\sid="[^"]*"', r"\1", text)
-    # Several figures live in one page, so every name in them must be its own.
+    # Several figures share one page, so every id must be unique.
     text = re.sub(r'(id="|href="#|url\(#)', rf"\g<1>{picture.name}-", text)
-    # Axes are black, whatever the ink.
+    # Axes are black, whatever the text colour.
     text = re.sub(f"#000000|{to_hex(palette.text)}", "currentColor", text)
     text = text.replace(str(mpl.rcParams["grid.color"]), "var(--line)")
     return text.replace("<svg ", '<svg role="img" ', 1)

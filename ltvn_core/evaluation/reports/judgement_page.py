@@ -1,6 +1,6 @@
-"""The worst pairs of a judgement as one self-contained HTML page: both images, the truth, what the predictor says.
+"""The worst pairs of a judgement as one self-contained HTML page: both images, the ground truth and the prediction.
 
-Owns which pairs are shown and what a row holds. How it looks is in `templates/`.
+Owns the selection of pairs and the contents of a row. The layout is in `templates/`.
 """
 
 import shlex
@@ -27,10 +27,10 @@ class PairImage:
     """One image of a pair."""
 
     picture: str
-    """As a data URL."""
+    """The image as a data URL."""
     frame: int
     command: str
-    """Shows its moment in the page."""
+    """Command that opens the recording at this image."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,7 +50,7 @@ class PairGroup:
 
     title: str
     found: int
-    """Pairs of this kind among those that were compared."""
+    """Number of pairs of this kind among the compared ones."""
     compared: int
     rows: tuple[PairRow, ...]
 
@@ -63,7 +63,7 @@ def render_judgement(
     predictor: str,
     most: int,
 ) -> str:
-    """Return the page as HTML, with at most so many pairs of each kind."""
+    """Return the page as HTML, with a limited number of pairs of each kind."""
     world = Environment(
         loader=PackageLoader("ltvn_core.evaluation.reports"),
         autoescape=True,
@@ -135,7 +135,8 @@ def _groups(scores: PairScores, looking: JudgedSequence, mapped: JudgedSequence,
 
 
 def _worst(scores: PairScores, pairs: NDArray[np.intp], order: NDArray[np.float64], most: int) -> Sequence[int]:
-    """Return the pairs with the lowest numbers in `order` (P,), each image at most once, for neighbours look alike."""
+    """Return the pairs with the lowest `order` (P,). Each image is used once at most, because its neighbours look like
+    it."""
     shown: set[int] = set()
     found: list[int] = []
     for pair in pairs[np.argsort(order[pairs], kind="stable")]:

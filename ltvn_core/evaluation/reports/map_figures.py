@@ -1,6 +1,6 @@
 """Figures of maps over the floor plan: nodes with their yaw, edges coloured by p, spurious ones marked.
 
-Owns their drawing. What is free and what is spurious comes with the results.
+Owns the drawing. Free floor and spurious edges come with the results.
 """
 
 import math
@@ -20,7 +20,7 @@ from ltvn_core.evaluation.results import MapDrawing, TrialResult
 _SPURIOUS: Colour = (0.85, 0.1, 0.25)
 _TWO_IN_A_ROW = 4
 _FULL_SIZE_NODES = 250
-"""Nodes up to which they are drawn in full size."""
+"""Largest number of nodes that are drawn in full size."""
 
 
 class MapPanel(NamedTuple):
@@ -31,7 +31,7 @@ class MapPanel(NamedTuple):
 
 
 def map_figure(panels: Sequence[MapPanel], palette: FigurePalette) -> Figure:
-    """Draw maps of one scene side by side, two in a row, or three where there are many.
+    """Draw maps of one scene side by side: two in a row, or three if there are many.
 
     Trials without a floor plan are left out.
     """
@@ -56,7 +56,7 @@ def map_figure(panels: Sequence[MapPanel], palette: FigurePalette) -> Figure:
 
 
 def _height(plan: MapDrawing | None, width_in: float) -> float:
-    """Return the height of a panel in inches that fits the scene's shape."""
+    """Return the height in inches of a panel that fits the scene's shape."""
     if plan is None or not plan.free:
         return 3.0
     return float(np.clip(0.45 + 0.98 * width_in * len(plan.free) / len(plan.free[0]), 1.5, 7.0))

@@ -1,6 +1,6 @@
-"""Draws the map of a recording as a small PNG picture, for programs that look at pixels and cannot draw an SVG.
+"""Draws the map of a recording as a small PNG image, for programs that cannot render SVG.
 
-Owns the drawing alone: what lies where, and what is spurious, is `map_svg`'s layout.
+Owns the drawing. Positions and spurious edges come from the layout in `map_svg`.
 """
 
 from collections.abc import Iterator
@@ -16,7 +16,7 @@ from ltvn_core.palette import Rgb8
 from ltvn_core.types import NodeId
 
 LONGER_SIDE = 1024
-"""Pixels; the size does not depend on the map's."""
+"""Length of the image's longer side in pixels, whatever the size of the map."""
 _MARGIN = 24
 _LABELS = 60
 """Maximum number of nodes that are labelled with their numbers."""
@@ -24,7 +24,7 @@ _FONT = cv2.FONT_HERSHEY_SIMPLEX
 
 
 class _Canvas:
-    """A picture with metres, x to the right and y up."""
+    """An image with coordinates in metres, x to the right and y up."""
 
     def __init__(self, plan: MapDrawing) -> None:
         low, high = _extent(plan)
@@ -50,9 +50,7 @@ class _Canvas:
 
 
 def map_png(drawn: MapLayout) -> bytes:
-    """Return the map as PNG: edges from unlikely to likely in the colours of the page, spurious ones thick, and nodes
-    with the numbers of some.
-    """
+    """Return the map as PNG: edges in the page's colours for p, spurious edges thick, and nodes, some with numbers."""
     canvas = _Canvas(drawn.plan)
     _draw_floor(canvas, drawn.plan)
     _draw_edges(canvas, drawn.plan)
@@ -62,7 +60,7 @@ def map_png(drawn: MapLayout) -> bytes:
 
 
 def _extent(plan: MapDrawing) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the corners of the floor, or of what the nodes take up: low and high, (2,)."""
+    """Return the low and high corner (2,) of the floor, or of the nodes without a floor."""
     if plan.free:
         low = np.array(plan.origin)
         return low, low + np.array([len(plan.free[0]), len(plan.free)]) * plan.resolution_m
@@ -101,7 +99,7 @@ def _draw_nodes(canvas: _Canvas, plan: MapDrawing) -> None:
 
 
 def _labelled(plan: MapDrawing) -> Iterator[NodeId]:
-    """Yield the ends of spurious edges, and other nodes at even distances in the list."""
+    """Yield the ends of spurious edges, and other nodes at regular steps in the list."""
     yield from (node for source, target, _, wrong in plan.edges if wrong for node in (source, target))
     yield from (node for node, *_ in plan.nodes[:: max(1, len(plan.nodes) // _LABELS)])
 

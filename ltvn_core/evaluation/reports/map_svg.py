@@ -1,8 +1,8 @@
 """Draws the map of a recording as SVG, over the floor of its scene, with a tooltip for every node and edge.
 
-Nodes are at their exact poses over the floor where both are known, else at their odometry without a floor. Below are
-title, legend and scale bar, so that the figure can be read where nothing explains it. Needs no other library than those
-of the core; hovering a part shows its title in any browser.
+Nodes are drawn at their exact poses over the floor if both are known, else at their odometry poses without a floor.
+Title, legend and scale bar are below the map, so that the figure explains itself. Uses only libraries of the core;
+every browser shows the tooltips.
 """
 
 import base64
@@ -34,11 +34,11 @@ class MapLayout:
     title: str
     graph: TopologicalGraph
     plan: MapDrawing
-    """Without floor and without verdicts outside simulation."""
+    """Nodes and edges; outside simulation without floor and without spurious edges."""
     simulated: bool
     """Whether the ground truth is known."""
     floor_plan: FloorPlan | None = None
-    """What a person laid under the map."""
+    """Floor plan of the building under the map; None if there is none."""
 
 
 def map_layout(recording: Recording, *, at_s: float | None = None) -> MapLayout:
@@ -90,11 +90,11 @@ def _by_odometry(graph: TopologicalGraph) -> MapDrawing:
 
 _MARGIN_M = 0.3
 _PLAN_MARGIN_M = 2.0
-"""So much of a floor plan is seen around the nodes."""
+"""Margin around the nodes in which a floor plan is visible, in metres."""
 _PLAN_PX = 2048
 _NODE_M = 0.05
 _YAW_M = 0.16
-"""Length of the tick that shows a node's heading."""
+"""Length of the line that shows a node's heading, in metres."""
 
 
 class _Box(NamedTuple):
@@ -107,7 +107,7 @@ class _Box(NamedTuple):
 def map_svg(drawn: MapLayout) -> str:
     """Return a self-contained SVG in metres, x to the right and y up, with title, legend and scale bar below."""
     box = _box(drawn.plan, _MARGIN_M if drawn.floor_plan is None else _PLAN_MARGIN_M)
-    # A picture's y goes down, so everything is drawn with its sign turned.
+    # The y axis of an image points down, so everything is drawn with negated y.
     whole_m = box.height_m + legend_height_m(box.width_m)
     view = f"{box.x_m:.3f} {-(box.y_m + box.height_m):.3f} {box.width_m:.3f} {whole_m:.3f}"
     style = (
@@ -162,7 +162,7 @@ def _floor(plan: MapDrawing) -> Iterator[str]:
 
 
 def _floor_plan(plan: FloorPlan | None) -> Iterator[str]:
-    """Draw a floor plan, one unit a cell before it is moved to where it lies."""
+    """Draw a floor plan as an image with one unit per cell, scaled and moved to its place by a transform."""
     if plan is None:
         return
     pixels = cv2.cvtColor(plan.picture(_PLAN_PX), cv2.COLOR_RGBA2BGRA)
@@ -221,12 +221,12 @@ def _probability_css(p: float) -> str:
 
 
 _TEXT_SHARE = 0.022
-"""Height of the letters, in widths of the figure."""
+"""Height of letters as a share of the figure's width."""
 _BAR_SHARE = 0.25
-"""The scale bar takes at most so much of the width."""
+"""Largest length of the scale bar as a share of the figure's width."""
 _SHORTEST_M = 0.01
 _LINES = 4.5
-"""Height of all below the map, in heights of its letters."""
+"""Height of the legend below the map, in heights of its letters."""
 
 
 def bar_length_m(width_m: float) -> float:
@@ -236,12 +236,12 @@ def bar_length_m(width_m: float) -> float:
 
 
 def legend_height_m(width_m: float) -> float:
-    """Return how much room the legend needs below a map of that width."""
+    """Return the height in metres of the legend below a map of that width."""
     return _LINES * _TEXT_SHARE * width_m
 
 
 def map_legend(drawn: MapLayout, left_m: float, top_m: float, width_m: float) -> Iterator[str]:
-    """Yield parts of an SVG in metres, y down, that fill a strip below the map."""
+    """Yield the SVG elements of the legend below the map, in metres, with y down."""
     letter = _TEXT_SHARE * width_m
     counts = f"{len(drawn.graph.nodes):,} nodes (the tick: where the camera looked), {len(drawn.graph.edges):,} edges"
     first = top_m + 1.5 * letter
@@ -288,5 +288,5 @@ def _spurious(left: float, base: float, letter: float) -> Iterator[str]:
 
 
 def _text(x: float, y: float, words: str, letter: float) -> str:
-    # Elements of their own size: the figure's style has another for what is written into the map.
+    # The legend sets its own font size, because the figure's style has another one for text in the map.
     return f'<text x="{x:.3f}" y="{y:.3f}" style="font-size:{letter:.4f}px">{escape(words)}</text>'

@@ -1,7 +1,7 @@
 """Groups trials into rows, one for each scene, method and stage, and lifelong results by scene and method.
 
-A row or group holds all map seeds. Owns which results belong together, their order and the name of a method for a
-reader. Draws and writes nothing.
+A row or group holds all map seeds. Owns the grouping, the order of rows and the display names of methods. Draws and
+writes nothing.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -24,10 +24,10 @@ ALL_SCENES = "all scenes"
 
 @dataclass(frozen=True, slots=True)
 class TrialSetup:
-    """What the trials of one row have in common."""
+    """The settings that all trials of one row share."""
 
     scene: str
-    """The scene, and behind a comma the conditions that were harder than usual."""
+    """The scene, followed by a comma and any conditions that were harder than usual."""
     system: str
     """Name of the navigation system in the registry."""
     preset: str
@@ -35,9 +35,9 @@ class TrialSetup:
     """Label of the method: `LTVN robust`, `SPTM`, `LTVN robust without pruning`."""
     finetuned: bool
     queries: int
-    """Queries with maintenance before the episodes."""
+    """Number of queries with maintenance before the episodes."""
     ablated: bool
-    """Whether parts of the method were switched off or replaced by ground truth, or the camera was spoiled."""
+    """Whether parts of the method were switched off or replaced by ground truth, or camera images were degraded."""
 
     @property
     def stage(self) -> str:
@@ -80,8 +80,8 @@ class ResultRow:
 
 
 def setup_of(trial: TrialResult) -> TrialSetup:
-    """Return what a trial has in common with others of its row."""
-    # Whether the network was fine-tuned is a stage of every method and no part of its name.
+    """Return the settings that a trial shares with the others of its row."""
+    # Fine-tuning is a stage of every method, so it is not part of the method's name.
     without = [part for part in trial.without if not part.replace("-", "").startswith("finetun")]
     system = known_system(trial.method)
     name = trial.method if system is None else system.label
@@ -107,7 +107,7 @@ def setup_of(trial: TrialResult) -> TrialSetup:
 
 
 def _under(place: str, trial: TrialResult) -> str:
-    """Return a scene, or all of them, with the conditions of a trial."""
+    """Return the name of a scene, or of all scenes, with the conditions of a trial."""
     return ", ".join([place, *trial.conditions])
 
 
@@ -117,7 +117,7 @@ def scene_name(scene: str) -> str:
 
 
 def order_of(setup: TrialSetup) -> tuple[object, ...]:
-    """Return what rows are sorted by: scene, then method, then stage."""
+    """Return the sort key of a row: scene, then method, then stage."""
     return (setup.scene, *_method_order(setup), setup.finetuned, setup.queries)
 
 
@@ -127,7 +127,7 @@ def rows_of(trials: Iterable[TrialResult]) -> tuple[ResultRow, ...]:
 
 
 def rows_over_scenes(rows: Sequence[ResultRow]) -> tuple[ResultRow, ...]:
-    """Group rows of the same method, stage and conditions over the scenes, leaving out those that miss a scene."""
+    """Group rows of the same method, stage and conditions over all scenes; skip groups that lack a scene."""
     trials = [trial for row in rows for trial in row.trials]
     scenes: dict[str, set[str]] = {}
     for trial in trials:
@@ -158,13 +158,13 @@ def _gathered(trials: Iterable[TrialResult], key: Callable[[TrialResult], TrialS
 def _method_order(setup: TrialSetup) -> tuple[object, ...]:
     names = system_names()
     rank = names.index(setup.system) if setup.system in names else len(names)
-    # Robust before paper, whole methods before those with parts switched off.
+    # Robust comes before paper, and complete methods before ablated ones.
     return rank, setup.ablated, setup.preset == "paper", setup.method
 
 
 @dataclass(frozen=True)
 class LifelongGroup:
-    """Queries with maintenance in one scene by one method, each run from a map of its own."""
+    """Queries with maintenance in one scene by one method; each run starts from its own map."""
 
     scene: str
     method: str
@@ -226,7 +226,7 @@ def end_points(lifelong_groups: Sequence[LifelongGroup], *, last: bool) -> list[
 
 
 def calibration_of(points: Iterable[LifelongPoint]) -> tuple[EdgeCalibrationBin, ...]:
-    """Add up the calibration of p over several tests, empty cells left out."""
+    """Add up the calibration of p over several tests, without empty bins."""
     found: dict[tuple[float, float], list[EdgeCalibrationBin]] = {}
     for point in points:
         for cell in point.calibration:

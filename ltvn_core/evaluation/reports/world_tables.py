@@ -1,6 +1,6 @@
-"""The tables of evaluations in changing worlds: what each maintenance came to, and what makes each result again.
+"""The tables of evaluations in changing worlds: metrics of each maintenance, and the commands that reproduce them.
 
-Of people met there, a table says how near the robot came, whom it touched, and how long it waited.
+Where the robot met people, a table reports its distances to them, contacts and waiting times.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -31,7 +31,7 @@ _PEOPLE_HEAD = (
 
 
 def world_table(results: Sequence[WorldResult]) -> ReportTable:
-    """Return the metrics of each maintenance in each world, over all scenes where there are several and in each."""
+    """Return the metrics of each maintenance in each world, in each scene and, if there are several, over all."""
     head = (
         *(
             "world",
@@ -110,7 +110,8 @@ def _on_detours(found: WorldMetrics) -> str:
 
 
 def people_table(results: Sequence[WorldResult]) -> ReportTable:
-    """Return the encounters in each world, over all scenes where there are several and in each; none of empty ones."""
+    """Return the encounters with people in each world, in each scene and, if there are several, over all; worlds
+    without encounters have no row."""
     met = [result for result in results if any(query.people.encounters for query in result.queries)]
     body = tuple(_people_line(*group) for group in world_groups(met))
     caption = (
@@ -134,7 +135,7 @@ def _people_line(world: str, scene: str, results: Sequence[WorldResult]) -> tupl
 
 
 def _distances(people: EncounterCounts) -> tuple[str, str, str, str]:
-    """Return least distance, and the quantiles of 1, 10 and 50 %; older results know the first alone."""
+    """Return the least distance and its 1 %, 10 % and 50 % quantiles; older results have only the least distance."""
     least = "–" if people.closest_m is None else f"{people.closest_m:.2f}"
     if len(people.closest_each_m) < people.encounters:
         return least, "–", "–", "–"

@@ -58,7 +58,7 @@ def _hall(x0: float, y0: float, x1: float, y1: float) -> Room:
 
 
 def _split(rng: SeededRng, block: Room, room_area_m2: float) -> list[Room]:
-    """Halve a block across its longer side until the rooms have about the given area."""
+    """Halve a block across its longer side repeatedly, until its rooms have about the given area."""
     x0 = block.x0
     y0 = block.y0
     x1 = block.x1
@@ -77,7 +77,7 @@ def _split(rng: SeededRng, block: Room, room_area_m2: float) -> list[Room]:
 
 
 def _spine(rng: SeededRng, width: float, depth: float) -> list[Room]:
-    """A large room at one end and a corridor from it between two rows of rooms."""
+    """Return a large room at one end, and a corridor from it between two rows of rooms."""
     corridor = rng.uniform_multiple(1.3, 1.6)
     one_row = depth < 5.4 + corridor
     low = 0.0 if one_row else snap((depth - corridor) * rng.uniform(0.42, 0.58))
@@ -98,7 +98,7 @@ def _spine(rng: SeededRng, width: float, depth: float) -> list[Room]:
 
 
 def _elbow(rng: SeededRng, width: float, depth: float) -> list[Room]:
-    """A corridor with a corner, and three blocks of rooms around it."""
+    """Return a corridor with a corner, and three blocks of rooms around it."""
     corridor = rng.uniform_multiple(1.3, 1.6)
     low = snap(max(2.7, depth * rng.uniform(0.36, 0.46)))
     high = snap(low + corridor)
@@ -111,7 +111,7 @@ def _elbow(rng: SeededRng, width: float, depth: float) -> list[Room]:
 
 
 def _open(rng: SeededRng, width: float, depth: float) -> list[Room]:
-    """A small entrance hall and rooms that lead into each other."""
+    """Return a small entrance hall, and rooms that lead into each other."""
     deep = rng.uniform_multiple(2.0, 3.0)
     broad = rng.uniform_multiple(1.5, 2.0)
     at = snap(width * rng.uniform(0.35, 0.6))
@@ -263,7 +263,7 @@ MIN_PASSAGE_CLEARANCE_M = 0.22
 """Least clearance of a passage. It belongs to the generator, not to a robot: seeds must make the same apartments."""
 
 _DOOR_APRON_M = 0.7
-"""Floor on both sides of a doorway on which nothing may stand."""
+"""Depth of the floor on both sides of a doorway on which nothing may stand, in metres."""
 
 
 @dataclass(frozen=True, slots=True)

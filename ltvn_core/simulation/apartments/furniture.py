@@ -1,7 +1,7 @@
 """The kinds of furniture and the geometry of each.
 
-A piece is built in a frame of its own: x along its width, y from its back to its front, the origin on the floor in its
-middle. Its geometry fills its rectangle on the floor, so that the robot meets no gap which the planner calls blocked.
+Each piece is built in its own frame: x along its width, y from its back to its front, the origin on the floor in its
+centre. Its geometry fills its rectangle on the floor, because the planner takes the whole rectangle as blocked.
 """
 
 from collections.abc import Callable

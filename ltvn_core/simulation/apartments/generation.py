@@ -30,7 +30,7 @@ _ROOMS_WITH_RUG = {
 }
 
 _RUG_M = 0.03
-"""The robot drives over anything lower than this."""
+"""Height in metres below which the robot drives over everything."""
 _FINE = 5
 """Subdivisions of a cell's side when its free share is measured."""
 _MIN_FREE_SHARE = 0.5
@@ -48,13 +48,13 @@ class Building:
     origin: NDArray[np.float64]
     """(2,) x and y in metres of the lower corner of that grid."""
     parts: SceneParts
-    """What of it can be moved or exchanged."""
+    """Parts that can be moved or exchanged."""
 
 
 def generate_apartment(seed: int, area_m2: float) -> Building:
     """Generate the apartment of a seed with a floor area (45 to 130 m2)."""
     rng = SeededRng(np.random.default_rng(seed))
-    while True:  # A plan whose empty rooms are not connected is drawn again; none was met so far.
+    while True:  # A plan whose empty rooms are not connected is drawn again; this has not happened so far.
         plan = generate_floor_plan(rng.spawn(), area_m2)
         builder = SurfaceBuilder()
         occupancy = OccupancyGrid(plan)
@@ -91,7 +91,7 @@ def generate_apartment(seed: int, area_m2: float) -> Building:
 def finished_building(
     plan: FloorPlan, builder: SurfaceBuilder, occupancy: OccupancyGrid, parts: SceneParts
 ) -> Building:
-    """Return what was built as a building, with the cells of its floor that are really occupied."""
+    """Return the finished building, with the floor cells that its geometry really occupies."""
     surfaces = builder.build()
     blocked = _occupied_cells(occupancy.blocked, occupancy.origin, surfaces.vertices[surfaces.faces])
     return Building(plan=plan, surfaces=surfaces, blocked=blocked, origin=occupancy.origin, parts=parts)

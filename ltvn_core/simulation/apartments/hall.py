@@ -1,8 +1,9 @@
-"""Generates a building from a seed that is mostly one open hall: a canteen, an office without walls or a lobby.
+"""Generates a hall from a seed: a building with one large open room, such as a canteen, open-plan office or lobby.
 
 The same seed gives the same hall on every machine, as with apartments: the order of the draws is part of the format.
-Islands of tables, desks or sofas stand in a wide free floor, and two to four small rooms lie along one side. Most walls
-are far away, and much is seen at once. Coordinates are as in `floor_plan`; the parts of the hall count as rooms.
+Islands of tables, desks or sofas stand on a wide free floor, and two to four small rooms lie along one side. Most walls
+are far away, and each view shows a large part of the hall. Coordinates are as in `floor_plan`; the parts of the hall
+count as rooms.
 
     +-----+-----+------+
     |     |     |      |
@@ -42,13 +43,13 @@ _ISLAND_PITCH_M = 5.2
 """Least distance between the middles of islands, in metres, so that ways wider than a metre remain between them."""
 _ISLAND_SHIFT_M = 0.3
 _WALL_GAP_M = 0.6
-"""Islands are so much farther from walls than from each other."""
+"""Extra distance between islands and walls, compared with the distance between islands, in metres."""
 _ZONE_M = 6.0
 _PILLAR_M = 0.4
 _SMALL_ROOMS = (RoomKind.MEETING, RoomKind.STUDY, RoomKind.KITCHEN, RoomKind.LIBRARY)
 
 Island = tuple[tuple[FurnitureKind, FurniturePlacement], ...]
-"""Pieces, and where they stand from the middle of the island."""
+"""Pieces of furniture, with their placement relative to the centre of the island."""
 
 
 def _part(kind: FurnitureKind, y: float, *, cos: float = 1.0) -> tuple[FurnitureKind, FurniturePlacement]:
@@ -63,7 +64,10 @@ _ISLANDS = (_TABLES, _DESKS, _SOFAS)
 
 
 def generate_hall_plan(rng: SeededRng, area_m2: float) -> FloorPlan:
-    """Return a hall, which comes first, and small rooms along it, with a given area together (300 to 650 m2)."""
+    """Return the plan of a hall and the small rooms along it, with a given total area (300 to 650 m2).
+
+    The hall is the first room.
+    """
     width = snap((area_m2 * rng.uniform(1.0, 1.3)) ** 0.5)
     depth = snap(area_m2 / width)
     wall = snap(depth - rng.uniform(3.4, 4.0))
@@ -111,7 +115,7 @@ def generate_hall(seed: int, area_m2: float) -> Building:
 
 
 def _edges(low: float, high: float, pitch_m: float) -> list[float]:
-    """Return the edges of as many equal parts as are at least `pitch_m` long, or a single one."""
+    """Return the edges of equal parts: as many as fit with at least `pitch_m` each, or one."""
     parts = max(1, int((high - low) / pitch_m))
     return [snap(low + (high - low) * number / parts) for number in range(parts + 1)]
 

@@ -1,8 +1,9 @@
 """Generates an office from a seed: equal rooms along corridors, furnished in a few ways that repeat.
 
 The same seed gives the same office on every machine, as with apartments: the order of the draws is part of the format.
-Twenty rooms of one size, with equal doors, lie along two corridors that two others join. They are hard to map on
-purpose: what tells them apart is the way there. Coordinates are as in `floor_plan`.
+Twenty rooms of one size, with equal doors, lie along two corridors that are joined at both ends by two others. The
+office is hard to map on purpose: only the way to a room distinguishes it from others. Coordinates are as in
+`floor_plan`.
 
     +--+----+----+----+----+----+--+
     |  |    |    |    |    |    |  |
@@ -48,11 +49,11 @@ ROWS = 4
 _CORRIDORS = 2
 _DOORWAY_M = 0.95
 _OPENING_INSET_M = 0.15
-"""Where two corridors meet, so much wall is left on each side."""
+"""Length of wall on each side of the opening between two corridors, in metres."""
 FURNISHINGS = 4
-"""Ways in which rooms are furnished; each is used about as often."""
+"""Number of furnishings, each used for about the same number of rooms."""
 _HALLS = FURNISHINGS
-"""Number of the draws for corridors, after those for rooms."""
+"""Index of the seed for corridors, after the seeds for rooms."""
 
 
 def generate_office_plan(rng: SeededRng, area_m2: float) -> FloorPlan:
@@ -81,7 +82,7 @@ def generate_office_plan(rng: SeededRng, area_m2: float) -> FloorPlan:
 
 
 def corridors(width: float, depth: float, broad: float, lows: tuple[float, float]) -> tuple[Room, ...]:
-    """Return the two corridors along x that begin at some y, and the two that join their ends."""
+    """Return two corridors along x whose lower edges are at y = `lows`, and the two corridors that join their ends."""
     along = [(broad, snap(low), snap(width - broad), snap(low + broad)) for low in lows]
     across = [(0.0, 0.0, broad, depth), (snap(width - broad), 0.0, width, depth)]
     return tuple(Room(RoomKind.HALL, *edges) for edges in (*along, *across))
@@ -118,7 +119,7 @@ def generate_office(seed: int, area_m2: float) -> Building:
     sides = [wall_sides(plan, index) for index in range(len(plan.rooms))]
     shells: list[RoomShell] = []
     for room, room_sides, number in zip(plan.rooms, sides, furnishing, strict=True):
-        # The same draws again for each room that is furnished alike.
+        # Rooms with the same furnishing repeat the same draws.
         draws = SeededRng(np.random.default_rng(seeds[number]))
         shells.append(RoomShell(builder, occupancy, draws, materials, height_m))
         shells[-1].draw(room, room_sides, styles[room.kind])
@@ -126,7 +127,7 @@ def generate_office(seed: int, area_m2: float) -> Building:
 
 
 def _furnishings(plan: FloorPlan, rng: SeededRng) -> list[int]:
-    """Return for each room how it is furnished."""
+    """Return the index of each room's furnishing."""
     offices = [index for index, room in enumerate(plan.rooms) if room.kind is not RoomKind.HALL]
     numbers = [_HALLS] * len(plan.rooms)
     for order, index in enumerate(rng.shuffled(offices)):

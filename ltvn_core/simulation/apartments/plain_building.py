@@ -1,7 +1,7 @@
-"""Generates a plain building from a seed: bare grey walls and floors, no pictures, windows and hardly any furniture.
+"""Generates a plain building from a seed: bare grey walls and floors, no pictures, no windows, hardly any furniture.
 
-There is little to recognise a place by but the shape of its rooms. The same seed gives the same building on every
-machine, as with apartments: the order of the draws is part of the format.
+Places differ in little but the shape of their rooms. The same seed gives the same building on every machine, as with
+apartments: the order of the draws is part of the format.
 """
 
 import numpy as np
@@ -18,7 +18,7 @@ from ltvn_core.simulation.rooms import RoomKind, SceneParts
 from ltvn_core.simulation.surfaces import SurfaceBuilder
 
 _FURNISHED = {RoomKind.KITCHEN, RoomKind.BATH}
-"""All other rooms are empty."""
+"""Kinds of rooms with furniture; all others are empty."""
 
 
 def generate_plain_building(seed: int, area_m2: float) -> Building:
@@ -39,7 +39,7 @@ def generate_plain_building(seed: int, area_m2: float) -> Building:
 
 
 def _walls(plan: FloorPlan, builder: SurfaceBuilder, occupancy: OccupancyGrid, rng: SeededRng) -> FurniturePlacer:
-    """Build floors, ceilings and walls, all alike, and return what furnishes the rooms."""
+    """Build identical floors, ceilings and walls, and return the placer of furniture."""
     materials = choose_apartment_materials(builder, rng.spawn())
     grey = builder.texture(tiling_textures.plain(rng.spawn(), hsv_colour(0.6, 0.02, rng.uniform(0.6, 0.8))))
     floor = builder.texture(tiling_textures.plain(rng.spawn(), hsv_colour(0.1, 0.04, rng.uniform(0.4, 0.55))))

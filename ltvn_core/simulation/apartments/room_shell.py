@@ -16,7 +16,7 @@ from ltvn_core.simulation.surfaces import SurfaceBuilder, TextureIndex
 _HALF_WALL_M = 0.05
 _DOOR_TOP_M = 2.05
 _PIECE_OF_WALL_M = 5.0
-"""A long wall has as many windows and paintings in each piece of about this length as a room's wall has."""
+"""Approximate length in metres of the segments of a long wall; each is decorated like the wall of a room."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,9 +30,9 @@ class WallSide:
     inward: int
     """+1 if the room lies on the side of larger coordinates, else -1."""
     low: float
-    """Coordinate along the wall where it begins."""
+    """Coordinate along the wall of its start."""
     high: float
-    """Coordinate along the wall where it ends."""
+    """Coordinate along the wall of its end."""
     gaps: tuple[tuple[float, float], ...]
     """Doorways (low, high) along the wall, in order."""
     outer: bool
@@ -93,7 +93,7 @@ class RoomShell:
         self._materials = materials
         self._height = height_m
         self.paintings: list[TextureIndex] = []
-        """The textures of the paintings that were hung so far."""
+        """Textures of the paintings hung so far."""
 
     def draw(self, room: Room, sides: tuple[WallSide, ...], style: RoomMaterials) -> None:
         """Add floor, ceiling, lamp and walls of a room, and block the walls."""
@@ -125,7 +125,7 @@ class RoomShell:
             self.add_decoration(room, replace(side, low=low, high=low + length), [])
 
     def hang_painting(self, side: WallSide, taken: list[tuple[float, float]]) -> None:
-        """Hang a painting on a wall where nothing is yet, and note its place in `taken`; none where six draws fail."""
+        """Hang a painting on a free part of a wall and add its interval to `taken`; none if six draws find no place."""
         width = self._rng.uniform(0.4, 1.1)
         place = self._free_interval(side, width, taken)
         if place is None:
@@ -146,7 +146,7 @@ class RoomShell:
         *,
         thick: float = 0.02,
     ) -> None:
-        """Fix a plate that shows a texture once to a wall; `place` is where it begins and ends along the wall."""
+        """Fix a plate that shows a texture once to a wall; `place` is its interval (low, high) along the wall."""
         middle = side.face + side.inward * thick / 2
         self._plate(side, middle, thick, *place, bottom, top, texture, None)
 
@@ -183,7 +183,7 @@ class RoomShell:
         *,
         proud: float = 0.0,
     ) -> None:
-        """Add a segment of wall that stands out of the wall's surface by `proud` metres."""
+        """Add a panel that stands out from the wall's surface by `proud` metres."""
         if high - low < 1e-3:
             return
         back = side.at - side.inward * 2 * _HALF_WALL_M if side.outer else side.at

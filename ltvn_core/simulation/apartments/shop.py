@@ -1,7 +1,7 @@
 """Generates a shop from a seed: one or two halls with rows of tall shelves, and tills at the entrance.
 
 The same seed gives the same shop on every machine, as with apartments: the order of the draws is part of the format.
-Every shelf shows many small coloured things, but all aisles have one shape. Coordinates are as in `floor_plan`; the
+Every shelf shows many small coloured goods, but all aisles have the same shape. Coordinates are as in `floor_plan`; the
 parts of a hall count as rooms.
 
     +-----------------------+
@@ -37,18 +37,18 @@ from ltvn_core.simulation.surfaces import SurfaceBuilder, TextureIndex
 _LARGEST_HALL_M2 = 400.0
 _HEIGHT_M = 3.0
 _SHELF_M = 0.9
-"""Depth of a shelf with goods on both sides; those along walls have half of it."""
+"""Depth of a shelf with goods on both sides, in metres; shelves along walls have half of it."""
 _SECTION_M = 1.25
 """Approximate length of a section of shelves, in metres."""
 _LEVEL_M = 0.36
 _TILLS_M = 5.0
-"""Depth of the floor with the tills."""
+"""Depth of the floor with the tills, in metres."""
 _TILL_PITCH_M = 2.2
 _TWO_BLOCKS_M = 12.0
-"""Shelves longer than this are divided by a cross aisle."""
+"""Length of shelves in metres above which a cross aisle divides them."""
 _DOORWAY_M = 1.2
 _GOODS = 24
-"""Pictures of goods in a shop; each is on several shelves."""
+"""Number of pictures of goods in a shop; each is on several shelves."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,9 +57,9 @@ class ShopPlan:
 
     walls: FloorPlan
     across: tuple[float, ...]
-    """Edges of the aisles along x, from the hall's own edge: the middles of shelves, and the walls."""
+    """Edges of the aisles along x, in metres from the hall's edge: centre lines of shelves, and the walls."""
     along: tuple[tuple[float, float], ...]
-    """Each block of shelves begins and ends there, along y."""
+    """Start and end of each block of shelves along y, in metres."""
 
     def zones(self, hall: Room) -> tuple[Room, ...]:
         """Return the parts of a hall: the floor with the tills, aisles and cross aisles."""
@@ -93,7 +93,7 @@ def generate_shop_plan(rng: SeededRng, area_m2: float) -> ShopPlan:
 
 
 def _walls(width: float, depth: float, halls: int, end: float) -> FloorPlan:
-    """Return halls side by side; doorways lead from tills to tills and between the cross aisles at the back."""
+    """Return halls side by side, with doorways between their tills and between their cross aisles at the back."""
     edges = [snap(width * number) for number in range(halls + 1)]
     rooms = tuple(Room(RoomKind.HALL, x0, 0.0, x1, depth) for x0, x1 in pairwise(edges))
     doorways = tuple(
@@ -138,7 +138,7 @@ def _shelves(
     sides: tuple[WallSide, ...],
     goods: list[TextureIndex],
 ) -> None:
-    """Place the shelves of a hall, section by section; those of a row are equally high."""
+    """Place the shelves of a hall, section by section; all shelves of a row have the same height."""
     rows = [(snap(hall.x0 + x), _SHELF_M) for x in plan.across[1:-1]]
     rows += [(side.face + side.inward * _SHELF_M / 4, _SHELF_M / 2) for side in sides[:2]]
     for (x, depth), (low, high) in product(rows, plan.along):
@@ -152,7 +152,7 @@ def _shelves(
 
 
 def _front(placer: FurniturePlacer, rng: SeededRng, hall: Room, kind: FurnitureKind) -> None:
-    """Place a row of tills, or of tables with offers, between the entrance and the shelves."""
+    """Place a row of tills, or of tables with special offers, between the entrance and the shelves."""
     along, depth = kind.usual_size
     count = min(2 + rng.index(3), int((hall.x1 - hall.x0 - 3.0) / _TILL_PITCH_M))
     for number in range(count):
@@ -162,7 +162,7 @@ def _front(placer: FurniturePlacer, rng: SeededRng, hall: Room, kind: FurnitureK
 
 
 def _draw_shelf(c: FurnitureBuilder, *, goods: list[TextureIndex], height_m: float) -> None:
-    """Build boards with goods that are seen from both sides."""
+    """Build boards with goods that are visible from both sides."""
     w = c.placement.width
     d = c.placement.depth
     inner = w - 0.06

@@ -1,10 +1,10 @@
-"""Generates an office building from a seed that repeats itself: rows of rooms that are copies of each other.
+"""Generates a repetitive office building from a seed: rows of rooms that are copies of each other.
 
 The same seed gives the same building on every machine, as with apartments: the order of the draws is part of the
-format. All offices have one size, the same walls and the same furniture in the same places, and so have the meeting
-rooms, which lie in pairs on both sides of a corridor. Those on one side are the others turned by half a turn, so that
-they look the same from their doors. A poster in some rooms is all that tells them apart. Coordinates are as in
-`floor_plan`; large buildings have two corridors, joined at both ends.
+format. All offices have the same size, walls and furniture, and so do all meeting rooms. Rooms on one side of a
+corridor are copies of those on the other side, rotated by 180 degrees, so that they look the same from their doors.
+Only posters, in some of the rooms, distinguish them. Coordinates are as in `floor_plan`; large buildings have two
+corridors, joined at both ends.
 
     +---+---+-------+---+---+
     |   |   |       |   |   |
@@ -38,26 +38,26 @@ from ltvn_core.simulation.surfaces import SurfaceBuilder, TextureIndex
 
 _TWO_CORRIDORS_M2 = 800.0
 _OFFICE_M = 3.2
-"""An office is about so wide; a meeting room takes the place of two."""
+"""Approximate width of an office in metres; a meeting room takes the place of two offices."""
 _DOORWAY_M = 0.95
 _HEIGHT_M = 2.7
 _POSTER_SHARE = 0.25
 _POSTERS_IN_CORRIDOR = 2
-"""On each of its walls."""
+"""Number of posters on each wall of a corridor."""
 _AROUND_M = 1.0
-"""Free floor around the room in which an arrangement is drawn."""
+"""Width in metres of the free floor around the single room in which an arrangement is drawn."""
 _PICTURE_M = 1.5
 
 
 Pieces = tuple[tuple[FurnitureKind, FurniturePlacement], ...]
-"""Furniture and where it stands, from the corner of a room whose door is in its wall of least y."""
+"""Furniture with its placement relative to the lower corner of a room whose door is in the wall with the least y."""
 Hidden = tuple[tuple[tuple[float, float], ...], ...]
-"""For each of the four walls the intervals (low, high) that tall furniture hides, from that corner."""
+"""Intervals (low, high) of each of the four walls that tall furniture hides, from the room's lower corner."""
 
 
 @dataclass(frozen=True, slots=True)
 class Pattern:
-    """What all rooms of one kind have in common."""
+    """The furnishing that all rooms of one kind share."""
 
     pieces: Pieces
     hidden: Hidden
@@ -65,7 +65,7 @@ class Pattern:
     seed: int
 
     def draws(self) -> SeededRng:
-        """Return the same draws for each room."""
+        """Return a generator that repeats the same draws for each room."""
         return SeededRng(np.random.default_rng(self.seed))
 
 
@@ -93,7 +93,7 @@ def generate_wings_plan(rng: SeededRng, area_m2: float) -> FloorPlan:
 
 
 def _halls(width: float, depth: float, broad: float, deep: float, count: int) -> tuple[tuple[Room, ...], list[Doorway]]:
-    """Return one corridor, or two and those that join them, with the openings between them."""
+    """Return one corridor, or two corridors and the two that join them, with the openings between them."""
     if count == 1:
         return (Room(RoomKind.HALL, 0.0, deep, width, snap(deep + broad)),), []
     halls = corridors(width, depth, broad, (deep, snap(3 * deep + broad)))
@@ -101,14 +101,14 @@ def _halls(width: float, depth: float, broad: float, deep: float, count: int) ->
 
 
 def _slots(count: int) -> list[tuple[int, int]]:
-    """Return for each room of a row its first slot and how many it takes; two meeting rooms take two each."""
+    """Return the first slot of each room in a row, and its number of slots: two for a meeting room, else one."""
     meeting = (count // 4, count - 2 - count // 4)
     taken = {first + 1 for first in meeting}
     return [(first, 2 if first in meeting else 1) for first in range(count) if first not in taken]
 
 
 def _doorway(room: Room, rooms: tuple[int, int], door_at: float, *, turned: bool) -> Doorway:
-    """Return the door of a room, at its least y, or at its largest where the room is turned by half a turn."""
+    """Return the door of a room: in the wall with the least y, or with the largest y if the room is turned."""
     low = snap(room.x1 - door_at - _DOORWAY_M if turned else room.x0 + door_at)
     return Doorway(rooms=rooms, axis=1, wall=room.y1 if turned else room.y0, low=low, high=snap(low + _DOORWAY_M))
 
@@ -141,7 +141,7 @@ def generate_wings(seed: int, area_m2: float) -> Building:
 
 
 def _patterns(rng: SeededRng, builder: SurfaceBuilder, plan: FloorPlan) -> dict[RoomKind, Pattern]:
-    """Return what the rooms of each kind have in common."""
+    """Return the pattern of each kind of room."""
     patterns: dict[RoomKind, Pattern] = {}
     hue = rng.uniform(0, 1)
     for shift, kind in enumerate((RoomKind.HALL, RoomKind.STUDY, RoomKind.MEETING)):
@@ -153,7 +153,7 @@ def _patterns(rng: SeededRng, builder: SurfaceBuilder, plan: FloorPlan) -> dict[
 
 
 def _arrangement(rng: SeededRng, plan: FloorPlan, number: int) -> tuple[Pieces, Hidden]:
-    """Furnish a copy of a room that stands alone, and return its furniture and what this hides of each wall."""
+    """Furnish a single copy of a room, and return the furniture and the intervals of each wall that it hides."""
     kind = plan.rooms[number].kind
     if kind is RoomKind.HALL:
         return (), ((), (), (), ())
@@ -197,14 +197,14 @@ def _from_corner(piece: FurniturePiece) -> FurniturePlacement:
 
 
 def _is_turned(plan: FloorPlan, number: int) -> bool:
-    """Whether a room is a copy by half a turn: one that lies below its corridor."""
+    """Whether a room is a copy rotated by 180 degrees; these rooms lie below their corridor."""
     room = plan.rooms[number]
     above = (door.wall == room.y1 for door in plan.doorways if number in door.rooms)
     return room.kind is not RoomKind.HALL and any(above)
 
 
 def _sides(plan: FloorPlan, number: int) -> tuple[WallSide, ...]:
-    """Return the walls of a room in the order of those of a room that is not turned; a room's door is in the third."""
+    """Return the walls of a room in the order that they have in an unturned room; the door is in the third one."""
     low_x, high_x, low_y, high_y = wall_sides(plan, number)
     if _is_turned(plan, number):
         return high_x, low_x, high_y, low_y
@@ -212,7 +212,7 @@ def _sides(plan: FloorPlan, number: int) -> tuple[WallSide, ...]:
 
 
 def _placed(placement: FurniturePlacement, room: Room, *, turned: bool) -> FurniturePlacement:
-    """Return where a piece stands in a room."""
+    """Return the placement of a piece in a room."""
     if not turned:
         return replace(placement, x=room.x0 + placement.x, y=room.y0 + placement.y)
     cos, sin = placement.turn
@@ -220,7 +220,7 @@ def _placed(placement: FurniturePlacement, room: Room, *, turned: bool) -> Furni
 
 
 def _hang_picture(shell: RoomShell, side: WallSide, pictures: tuple[TextureIndex, TextureIndex]) -> None:
-    """Give the wall opposite the door a window, or a picture of the same size where another room is behind it."""
+    """Add a window to the wall opposite the door, or a picture of the same size if another room is behind the wall."""
     view, picture = pictures
     low = (side.low + side.high - _PICTURE_M) / 2
     shell.mount(side, (low, low + _PICTURE_M), 0.9, 2.1, view if side.outer else picture)
@@ -229,7 +229,7 @@ def _hang_picture(shell: RoomShell, side: WallSide, pictures: tuple[TextureIndex
 def _hang_posters(
     posters: RoomShell, rng: SeededRng, pattern: Pattern, room: Room, sides: tuple[WallSide, ...]
 ) -> None:
-    """Hang a poster in some rooms, and a few in a corridor, where nothing hides the wall."""
+    """Hang a poster in some rooms, and a few in corridors, where no furniture hides the wall."""
     if room.kind is RoomKind.HALL:
         for side in sides:
             for _ in range(_POSTERS_IN_CORRIDOR):

@@ -1,6 +1,6 @@
-"""Divides large halls into zones that count as rooms of a building, though no wall stands between them.
+"""Divides large halls into zones that count as rooms, although no walls separate them.
 
-Who drives through all rooms, or draws goals in each, then comes everywhere in a hall, and not to a place or two of it.
+A tour of all rooms, or a goal drawn in each room, then covers the whole hall and not only one or two places in it.
 """
 
 from collections.abc import Sequence
@@ -12,11 +12,12 @@ from ltvn_core.simulation.rooms import Doorway, Room, RoomKind
 
 
 def in_zones(plan: FloorPlan, zones: Sequence[Sequence[Room]]) -> FloorPlan:
-    """Return a plan whose rooms are zones; where two zones of a room touch there is a passage as wide as their edge.
+    """Return a plan whose rooms are zones; two adjacent zones of a room are connected along their whole common edge.
 
     Args:
-        plan: The rooms as walls divide them.
-        zones: For each room the zones that tile it, or itself alone. Shelves stand between two aisles that touch.
+        plan: The plan with the rooms that walls divide.
+        zones: The zones that tile each room, or the room itself. Two adjacent aisles are not connected, because shelves
+            stand between them.
     """
     firsts = [0, *accumulate(len(parts) for parts in zones)]
     doorways = [
@@ -33,7 +34,7 @@ def in_zones(plan: FloorPlan, zones: Sequence[Sequence[Room]]) -> FloorPlan:
 
 
 def _zone_at(door: Doorway, end: int, zones: Sequence[Sequence[Room]], firsts: Sequence[int]) -> int:
-    """Return the number of the zone to which a doorway leads in one of its two rooms."""
+    """Return the number of the zone that a doorway leads to in one of its two rooms."""
     x, y = door.middle
     room = door.rooms[end]
     nearest = min(
@@ -44,5 +45,5 @@ def _zone_at(door: Doorway, end: int, zones: Sequence[Sequence[Room]], firsts: S
 
 
 def _outside_m(zone: Room, x: float, y: float) -> float:
-    """Return how far outside a zone a point lies, along the axis on which it is farther; not above 0 inside."""
+    """Return the distance in metres of a point outside a zone, as the maximum over both axes; at most 0 inside."""
     return max(zone.x0 - x, x - zone.x1, zone.y0 - y, y - zone.y1)

@@ -26,7 +26,7 @@ from ltvn_core.structured_text import parse_json
 
 log = logging.getLogger(__name__)
 _SURE = 1.3
-"""Ratio of level slabs above which the other axis points up instead of the one of the format's standard."""
+"""Least ratio of areas of level slabs for which up is the other axis and not the one of the format's standard."""
 _SLAB_M = 0.1
 """Thickness of a slab, in metres."""
 _LEAST_SPAN_M = 1.0
@@ -59,9 +59,9 @@ _LEVEL = 0.9
 _CANDIDATES = 6
 """Maximum number of heights that are examined."""
 _LEAST_FLOOR_M2 = 1.0
-"""Navigable area that a floor needs."""
+"""Least navigable area of a floor, in square metres."""
 _START_CLEARANCE_M = 0.4
-"""Clearance that some place of the floor needs, so that a robot can turn there."""
+"""Least clearance in metres of the widest place of a floor, so that a robot can turn there."""
 _GROUND_SHARE = 0.5
 """Least share of a map's floor that is in the mesh; scans have holes, but not over half of the floor."""
 KnownFloor = Callable[[NDArray[np.float64], NDArray[np.float64]], Mask]
@@ -139,7 +139,7 @@ def align_z_up(surfaces: Surfaces, mesh: Path, settings: MeshSettings) -> Surfac
     up = settings.up or ("z" if mesh.stem.startswith("mesh_z_up") else _guess_up(surfaces, mesh, settings.scale))
     vertices = (surfaces.vertices * settings.scale).astype(np.float32)
     if up == "y":
-        # A quarter turn about x and not only an exchange of axes, which would mirror the scene.
+        # This is a quarter turn about x; a mere exchange of axes would mirror the scene.
         vertices = vertices[:, [0, 2, 1]] * np.array([1, -1, 1], np.float32)
     turned = replace(surfaces, vertices=vertices)
     low, high = _extent(turned)
@@ -160,7 +160,7 @@ def _guess_up(surfaces: Surfaces, mesh: Path, scale: float) -> str:
 
 
 def _largest_slab(surfaces: Surfaces, axis: int, scale: float) -> float:
-    """Return the largest area in square metres of faces perpendicular to an axis within two neighbouring slabs."""
+    """Return the largest area in square metres, over pairs of neighbouring slabs, of faces perpendicular to an axis."""
     corners = surfaces.vertices[surfaces.faces].astype(np.float64) * scale
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     area = np.linalg.norm(normal, axis=1) / 2
@@ -218,11 +218,11 @@ class StoreyFloor:
     tall: Mask
     """(rows, columns) of the clearance map's grid: cells with walls and other objects above 1.4 m."""
     area_m2: float
-    """Area of the floor indoors, furnished parts included."""
+    """Area of the floor indoors in square metres, including furnished parts."""
 
     @property
     def navigable_m2(self) -> float:
-        """Area where the centre of the robot can be; 0 if it can turn nowhere."""
+        """Area in square metres where the robot's centre can be; 0 if there is no place to turn."""
         if not (self.clearance.navigable & (self.clearance.grid > _START_CLEARANCE_M)).any():
             return 0.0
         return float(np.count_nonzero(self.clearance.navigable)) * CELL_M**2

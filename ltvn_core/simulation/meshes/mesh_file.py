@@ -1,8 +1,8 @@
-"""Reads triangles and textures from a mesh file (GLB, glTF, OBJ, PLY), and finds the files that it names.
+"""Reads triangles and textures from a mesh file (GLB, glTF, OBJ, PLY), and finds the files that it refers to.
 
-A glTF file is prepared for trimesh by its JSON alone: compressions that nobody here reads are named, and integers that
-stand for shares of 1 (`KHR_mesh_quantization`) are scaled, which trimesh leaves as they are. Draco is read by trimesh
-where DracoPy is installed. Coordinates stay those of the file; `mesh_alignment` finds the upward axis and the unit.
+The JSON of a glTF file is prepared for trimesh: unsupported compressions are rejected, and normalised integers
+(`KHR_mesh_quantization`) are marked, because trimesh does not scale them. Trimesh decodes Draco if DracoPy is
+installed. Coordinates stay those of the file; `mesh_alignment` finds the upward axis and the unit.
 """
 
 import base64
@@ -34,31 +34,31 @@ _MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression")
 _BASIS = "KHR_texture_basisu"
 _READ = (_DRACO, _BASIS, "KHR_mesh_quantization", "EXT_texture_webp", "KHR_materials_pbrSpecularGlossiness")
 _NORMALISED = "LTVN_normalised"
-"""Our mark at a primitive: its accessors of normalised integers, and the number that stands for 1 in each."""
+"""Name of our mark on a primitive: its accessors of normalised integers, and the integer that means 1 in each."""
 _ONE = {5120: 127, 5121: 255, 5122: 32767, 5123: 65535}
-"""Component type -> the integer that stands for 1."""
+"""Component type -> the integer that means 1."""
 _MAGIC = b"glTF"
 _JSON = b"JSON"
 _KTX2 = b"\xabKTX 20\xbb"
 FORMATS = (".glb", ".gltf", ".obj", ".ply")
 _NAMED = 5
-"""Missing files that a message names at most."""
+"""Maximum number of missing files in a message."""
 
 
 class AssetFinder(FilePathResolver):
-    """Looks a file up by the path in the mesh, and else by its bare name in the folder of the mesh.
+    """Finds a file by its path in the mesh, or else by its bare name in the folder of the mesh.
 
-    Meshes from other machines name their pictures by paths there, of Windows as well.
+    Meshes from other machines refer to textures by paths on those machines, including Windows paths.
     """
 
     def __init__(self, mesh: Path) -> None:
-        """Look beside a mesh."""
+        """Search in the folder of a mesh."""
         super().__init__(str(mesh))
         self.missing: list[str] = []
         """Names of files that were not found."""
 
     def get(self, name: str) -> Any:
-        """Return the bytes of a file. Raises OSError where there is none."""
+        """Return the bytes of a file. Raises OSError if it does not exist."""
         plain = unquote(name)  # Names in glTF are parts of URLs: a space is %20.
         for candidate in (name, plain, *self._beside(plain)):
             try:
@@ -70,11 +70,11 @@ class AssetFinder(FilePathResolver):
         raise FileNotFoundError(name)
 
     def _beside(self, name: str) -> list[str]:
-        """Return the files in the folder of the mesh of the same bare name, in large or small letters."""
+        """Return the files in the mesh's folder with the same bare name, ignoring case."""
         bare = name.replace("\\", "/").rpartition("/")[2].strip()
         wanted = [bare.lower()]
         if " " in bare:
-            wanted.append(bare.split()[-1].lower())  # The file comes last, after the options of a material library.
+            wanted.append(bare.split()[-1].lower())  # In a material library, options come before the file name.
         files = sorted(each.name for each in Path(self.parent).iterdir() if each.is_file())
         return [file for each in wanted for file in files if file.lower() == each]
 
@@ -105,7 +105,7 @@ class GltfFile:
         return cls(path, header, rest) if isinstance(header, dict) else None
 
     def require_readable(self) -> None:
-        """Raise SceneError for a compression that cannot be read here, with the way out."""
+        """Raise SceneError for an unsupported compression; its message says what to do."""
         required = self._required()
         way_out = f"`npx @gltf-transform/cli cp {self.path.name} plain.glb` writes it without the compression"
         for name in _MESHOPT:
@@ -116,7 +116,7 @@ class GltfFile:
 
     @property
     def is_draco(self) -> bool:
-        """Whether the triangles are compressed with Draco and nothing else."""
+        """Whether the triangles are stored with Draco compression only."""
         return _DRACO in self._required()
 
     def with_marked_integers(self) -> bytes | None:
@@ -172,7 +172,7 @@ class GltfFile:
 
 @register_handler(_NORMALISED, scope="primitive_preprocess")
 def _scale(context: Any) -> None:
-    """Divide the marked integers of a primitive, once where several primitives share them."""
+    """Scale the marked integers of a primitive; integers shared by several primitives are scaled once."""
     accessors = context["accessors"]
     for place, one in context["data"].items():
         numbers = accessors[int(place)]
@@ -181,16 +181,16 @@ def _scale(context: Any) -> None:
 
 
 class MeshContent(NamedTuple):
-    """What a mesh file holds."""
+    """The content of a mesh file."""
 
     surfaces: Surfaces
     """All triangles in the file's own axes and units."""
     doubts: tuple[str, ...]
-    """What of its looks is missing, in whole sentences with what to do."""
+    """Sentences about missing textures, each with what to do."""
 
 
 def read_mesh(path: Path) -> MeshContent:
-    """Return all triangles of a file, and what of its textures is missing.
+    """Return all triangles of a file, and sentences about missing textures.
 
     Raises:
         SceneError: The file does not exist, cannot be read or has no triangles.
@@ -224,7 +224,7 @@ def read_mesh(path: Path) -> MeshContent:
 
 
 def _doubts(path: Path, finder: AssetFinder, gltf: GltfFile | None) -> Iterator[str]:
-    """Yield what of a mesh's looks is missing."""
+    """Yield a sentence for each problem with the textures of a mesh."""
     if finder.missing:
         names = ", ".join(finder.missing[:_NAMED]) + (" ..." if len(finder.missing) > _NAMED else "")
         yield (

@@ -1,4 +1,4 @@
-"""Loads a mesh as a scene: read, align, detect the floor, divide it into places to visit, mark what is overhead.
+"""Loads a mesh as a scene: reads and aligns it, detects the floor, divides it into places, marks overhead surfaces.
 
 Reads the folder of a Gibson space too: a mesh with z up, the heights of its floors, and traversability maps. A map has
 1 cm per pixel and the world's origin in its middle, x along columns and y along rows; white is free.
@@ -25,15 +25,15 @@ GIBSON_MESH = "mesh_z_up.obj"
 _PIXELS_PER_METRE = 100
 log = logging.getLogger(__name__)
 _PLACE_M = 3.5
-"""Side of the squares that stand for rooms in a tour, because a mesh does not say where its rooms are."""
+"""Side in metres of the squares that replace rooms in a tour, because a mesh does not describe its rooms."""
 _LEAST_PLACE_M2 = 0.5
-"""Navigable area that a square needs."""
+"""Least navigable area of a square, in square metres."""
 _HIGH_M = 1.3
-"""Level surfaces higher than this are overhead, except on top of walls and shelves."""
+"""Height in metres above which level surfaces are overhead, except the tops of walls and shelves."""
 _LEVEL = 0.3
 """Vertical component of the unit normal of a level surface; small, so that sloping ceilings are included."""
 _STOREY_M = 4.0
-"""Everything higher than this is overhead."""
+"""Height in metres above which everything is overhead."""
 
 
 def find_mesh(folder: Path) -> Path:

@@ -19,13 +19,13 @@ MAX_TEXELS = 24_000_000
 bytes of memory."""
 
 GREY = (200, 200, 200)
-"""Colour where the file names none."""
+"""Colour if the file sets none."""
 
 _SMOOTH_STEP = 20
 """A face whose corners differ by more than this in one channel is subdivided, because the palette gives each face one
 colour."""
 _DIVISIONS = 5
-"""Subdivisions at most, each into four faces."""
+"""Maximum number of subdivisions, each into four faces."""
 
 
 class TexturedTriangles(NamedTuple):

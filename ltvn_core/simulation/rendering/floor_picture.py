@@ -17,9 +17,9 @@ def floor_picture(surfaces: Surfaces, low: ArrayLike, high: ArrayLike, *, most_p
 
     Args:
         surfaces: The scene, without its ceiling.
-        low: (2,) corner of the picture with the least x and y, in metres.
-        high: (2,) corner with the largest.
-        most_px: Pixels of the longer side.
+        low: (2,) corner of the image with the least x and y, in metres.
+        high: (2,) corner of the image with the largest x and y, in metres.
+        most_px: Length of the image's longer side in pixels.
 
     Raises:
         ImportError: Embree is not installed.
@@ -57,6 +57,6 @@ def _seen(
     directions = np.zeros((origins.shape[0] * origins.shape[1], 3), np.float32)
     directions[:, 2] = -1
     hits = caster.cast(origins.reshape(-1, 3), directions)
-    # All rays are parallel, so that a sample is as wide at any distance.
+    # All rays are parallel, so a sample has the same width at any distance.
     colours = shader.colours(hits._replace(t=np.ones_like(hits.t)), directions, pixel_m)
     return np.rint(colours).clip(0, 255).astype(np.uint8).reshape(len(y), len(x), 3)

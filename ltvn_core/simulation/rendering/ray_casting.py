@@ -1,4 +1,4 @@
-"""The directions in which the pixels of a camera look, and intersections of rays with triangles.
+"""The viewing directions of a camera's pixels, and the intersections of rays with triangles.
 
 The only module that imports Embree.
 """
@@ -20,7 +20,7 @@ class Rays(NamedTuple):
     up: NDArray[np.float32]
 
     def directions(self, yaw_rad: float, camera: CameraModel) -> NDArray[np.float32]:
-        """Return the directions (N, 3) in the world frame of a camera on a robot that is turned by a yaw."""
+        """Return the directions (N, 3) in the world frame, for a camera on a robot with this yaw."""
         rays = self
         if camera.roll_rad or camera.quarter_turns:
             rays = _rolled(rays, replace(camera, pitch_rad=0.0).rotation)
@@ -29,7 +29,7 @@ class Rays(NamedTuple):
 
 @lru_cache(maxsize=8)
 def pixel_rays(camera: CameraModel) -> Rays:
-    """Return where the pixels (H * W) look before the camera is rolled and tilted."""
+    """Return the viewing directions (H * W) of the pixels, before the camera is rolled and tilted."""
     columns = np.arange(camera.width)
     rows = np.arange(camera.height)
     if camera.distortion or camera.fisheye:

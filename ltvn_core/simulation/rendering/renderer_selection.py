@@ -90,9 +90,10 @@ def _installed_renderer(scene: RenderableScene) -> _NamedRenderer:
 
 
 def _pose_with_a_view(renderer: _NamedRenderer, camera: CameraModel, scene: RenderableScene) -> Pose:
-    """Return a pose (3,) with an image that is not blank; an image of a bare wall or into the open proves nothing.
+    """Return a pose (3,) whose image is not blank. One blank image is no proof of a failure, because it may show a bare
+    wall or the open, so several poses are tried.
 
-    Raises SceneError if there is none.
+    Raises SceneError if all images are blank.
     """
     poses = scene.clearance.sample_poses(np.random.default_rng(0), _LOOKS)
     for pose in poses:

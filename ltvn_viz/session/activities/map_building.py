@@ -15,15 +15,15 @@ from ltvn_viz.session.worker import Worker
 from ltvn_viz.wishes.commands import Mode
 
 Rebuild = Callable[[Callable[[int, int], None]], Sequence[GraphDelta]]
-"""Builds the map, reporting images done and in all, and returns every change from the old one."""
+"""Builds the map, reports the numbers of done and all images, and returns every change from the old map."""
 
 
 def _nothing() -> None:
-    """Nothing follows."""
+    """Do nothing."""
 
 
 class MapBuildingCancelled(Exception):
-    """A person gave up building."""
+    """A person cancelled the building of the map."""
 
 
 class MapBuilding:
@@ -42,7 +42,7 @@ class MapBuilding:
     ) -> None:
         """Stop the robot and start building in the worker's thread; `then` runs in the session's thread after success.
 
-        `findings` returns afterwards what is doubtful about the new map.
+        Afterwards `findings` returns the doubtful properties of the new map.
         """
         self._live = live
         self._then = then
@@ -56,11 +56,11 @@ class MapBuilding:
 
     @property
     def work(self) -> JobProgress:
-        """How far it is."""
+        """Progress of the building."""
         return JobProgress("Building the map", self._done, self._total)
 
     def cancel(self) -> None:
-        """Keep the old map; takes effect at the next image."""
+        """Cancel the building at the next image and keep the old map."""
         self._cancelled.set()
 
     def tick(self) -> None:

@@ -1,8 +1,8 @@
 """Autonomous driving: runs the navigator, one control step at a time.
 
-The navigator computes in the worker's thread and holds the robot meanwhile; the session advances the robot's time only
-in between. So computing never delays a command, and the robot does not move meanwhile: a simulator's time stands still,
-and a robot on the wall clock is stopped as soon as the computation takes longer than a tick.
+The navigator computes in the worker's thread; the session advances the robot's time only between computations. So a
+computation never delays a command, and the robot does not move during it: the time of a simulator stands still, and a
+robot on the wall clock is stopped as soon as the computation takes longer than a tick.
 """
 
 from collections.abc import Callable, Iterator
@@ -23,7 +23,7 @@ class Navigation:
     def __init__(
         self, live: LiveRun, worker: Worker, goal: NodeId, query: Iterator[Event | Tick], cancel: Callable[[], None]
     ) -> None:
-        """Pull `query`; `cancel` makes it end with its events at the next pull and may be called from any thread."""
+        """Run the generator `query`. `cancel` ends it, with its last events, at the next pull; thread-safe."""
         self._live = live
         self._worker = worker
         self.goal = goal
@@ -37,9 +37,9 @@ class Navigation:
         self.held_because = ""
         """Why the robot is stopped in the middle of a control step; empty while it is not."""
         self.is_stopping = False
-        """It was given up, and its last events are still to come."""
+        """Whether the query was cancelled and its last events are still to come."""
         self.over = False
-        """The query has come to its end and the robot is free."""
+        """Whether the query has ended and the robot is free."""
 
     @property
     def mode(self) -> Mode:
@@ -72,12 +72,12 @@ class Navigation:
         self.held_because = ""
 
     def cancel(self) -> None:
-        """Stop the robot and end the query as cancelled, as soon as the navigator has finished its thought."""
+        """Stop the robot and end the query as cancelled, as soon as the current computation of the navigator ends."""
         self.is_stopping = True
         self._live.robot.stop()
 
     def tick(self) -> None:
-        """Let a tick of robot time pass, or let the navigator think at the end of a control step."""
+        """Advance robot time by a tick, or let the navigator compute at the end of a control step."""
         self._drain()
         if self._thinking:
             self._live.robot.hold()
@@ -96,7 +96,7 @@ class Navigation:
     def _move(self) -> None:
         clock = self._live.robot.clock
         if clock.is_simulated:
-            # The last tick takes all that is left, so that rounding never leaves a sliver of a control step.
+            # The last tick takes all remaining time, so that rounding leaves no tiny rest of a control step.
             tick_s = self._live.tick_s
             duration = tick_s if self._owed_s > 1.5 * tick_s else self._owed_s
             clock.advance(duration)
@@ -112,7 +112,7 @@ class Navigation:
             self._cancel()
         elif self._steps_left:
             self._steps_left -= 1
-        with suppress(RobotError) if self.is_stopping else nullcontext():  # A query ends also where the robot is lost.
+        with suppress(RobotError) if self.is_stopping else nullcontext():  # A query can end without the robot.
             self._live.capture()  # Events name images by their step, so the image comes first.
         self._thinking = True
         self._worker.submit(self._pull, self._pulled)

@@ -47,10 +47,10 @@ class ReplayMethod(NamedTuple):
 
 
 class ReplayMethods:
-    """Opens predictors for recordings, each once. Use it in the worker's thread alone."""
+    """Opens predictors for recordings, each once. Use it only in the worker's thread."""
 
     def __init__(self, options: AppOptions, robots: Predictor) -> None:
-        """Take the options, with the predictor by its own name, and the one that looks through the robot's camera."""
+        """Take the options, which name the predictor, and the open predictor for the robot's camera."""
         self._options = options
         self._robots = robots
         self._opened: dict[str, ReplayMethod] = {}
@@ -58,7 +58,7 @@ class ReplayMethods:
     def of(self, meta: RecordingMetadata) -> ReplayMethod | None:
         """Return the method that compares a recording's images.
 
-        None stands for the robot's, which is also used if the recording's own cannot be opened here.
+        None means the robot's method, which is also used if the recording's own cannot be opened here.
         """
         try:
             choice = ImageSource.of(meta).choose()
@@ -84,11 +84,11 @@ class ReplayMethods:
 
 
 MethodChoice: TypeAlias = Callable[[RecordingMetadata], ReplayMethod | None]
-"""How a recording's images are to be compared; None as those of the robot."""
+"""Returns the method that compares a recording's images; None for the method of the robot."""
 
 
 class ObservationSource(Protocol):
-    """Where a replay finds the images of its frames."""
+    """Source of the images of a replay's frames."""
 
     def observation(self, frame: FrameId) -> Observation:
         """Read one image."""
@@ -137,19 +137,19 @@ class Playback:
         self.speed = 1.0
         """Playback speed as a factor of real time."""
         self.found: NodeId | None = None
-        """Where an uploaded image was taken; shown with a pin."""
+        """Node where an uploaded image was taken; shown with a pin."""
         self.breakpoint_monitor = BreakpointMonitor()
         """Breakpoints at which playback stops."""
         self._shown: tuple[FrameId | None, CameraImage | None] = (None, None)
 
     @property
     def status(self) -> PlaybackStatus:
-        """Where in the recording we are."""
+        """Current position in the recording."""
         return PlaybackStatus(self.name, self.length_s, self.time_s, self.playing)
 
     @property
     def stamp(self) -> float:
-        """The place in time on the robot's clock, seconds; the end is the end, however it is rounded."""
+        """Current time on the robot's clock, in seconds; exact at the end of the recording, despite rounding."""
         return self.timeline.end_s if self.time_s >= self.length_s else self._start_s + self.time_s
 
     @cached_property
@@ -163,13 +163,13 @@ class Playback:
         self.time_s = min(max(0.0, time_s), self.length_s)
 
     def play(self, *, playing: bool) -> None:
-        """Run or hold; running from the end begins again."""
+        """Play or pause; playing from the end starts at the beginning."""
         if playing and self.time_s >= self.length_s:
             self.time_s = 0.0
         self.playing = playing
 
     def tick(self) -> None:
-        """Let a tick of recorded time pass."""
+        """Advance the recorded time by a tick."""
         if not self.playing:
             return
         before = self.time_s
@@ -181,7 +181,7 @@ class Playback:
             self.breakpoint_monitor.announce(stop)
 
     def moment(self) -> RunMoment:
-        """Return the world at the present place in time."""
+        """Return the state of the run at the current time."""
         return moment_of(self.timeline, self.stamp)
 
     def camera(self, frame: FrameId | None) -> CameraImage | None:

@@ -20,7 +20,7 @@ from ltvn_viz.wishes.commands import Mode
 KEYFRAME_M = 0.12
 KEYFRAME_RAD = float(np.deg2rad(10))
 LAG_LIMIT = 50
-"""Keyframes that may wait for the mapper; older ones are left out of the map, never out of the recording."""
+"""Largest number of keyframes that wait for the mapper; older ones are left out of the map, but are recorded."""
 
 
 class Teleop:
@@ -60,7 +60,7 @@ class Teleop:
         self._moving = twist is not None
 
     def tick(self) -> None:
-        """Let time pass; at a new control step look, if anything moved."""
+        """Advance time; at a new control step take an image, if anything moved."""
         self._live.let_pass(self._live.tick_s)
         step = self._live.robot.state().step
         if step != self._step:
@@ -71,7 +71,7 @@ class Teleop:
     def _look(self) -> None:
         pose = self._live.robot.state().odometry
         if self._captured is not None and np.array_equal(pose, self._captured):
-            # A standing robot sees nothing new for the map, but people walk past it, and doors close before it.
+            # A standing robot sees nothing new for the map, but people may walk past, and doors may close.
             self._live.glance()
             return
         self._captured = pose
@@ -105,13 +105,13 @@ class Teleop:
 
 
 class AbsentTeleop(Teleop):
-    """A robot that is not there does not move and sees nothing."""
+    """Teleoperation without a robot: nothing moves, and there are no images."""
 
     def handle(self, twist: Twist | None) -> None:
-        """Let nothing happen."""
+        """Do nothing."""
 
     def tick(self) -> None:
-        """Let nothing happen."""
+        """Do nothing."""
 
 
 def _moved(before: Pose, after: Pose) -> bool:

@@ -1,1 +1,1 @@
-"""The jobs of the page's verbs; they import plainly what they need, and `Verb.run` alone imports them."""
+"""The jobs of the page's verbs. They import their dependencies at the top; only `Verb.run` imports them."""

@@ -23,7 +23,7 @@ _LOG = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class AppSummary:
-    """The page is closed again."""
+    """Summary after the page was closed."""
 
     scene: str
     port: int
@@ -44,7 +44,7 @@ def open_replay(options: ReplayVerb) -> Summary:
 
 
 def _find(options: ReplayVerb) -> Path:
-    """Return the recording; a demo file that is meant by its name alone is copied into `recordings` first."""
+    """Return the recording; a demo file that is given by its bare name is copied into `recordings` first."""
     if options.recording.exists():
         return options.recording
     shipped = demo_file(options.recording.name)

@@ -1,4 +1,4 @@
-"""`ltvn export`: a moment, a test, a page or a figure out of a recording, or all of it in another format."""
+"""`ltvn export`: writes an excerpt of a recording, a test, a page or a figure, or converts all of it."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,29 +15,29 @@ from ltvn_viz.verbs.jobs.floor_plan import lay_floor_plan
 
 @dataclass(frozen=True)
 class ExportSummary:
-    """What was written."""
+    """Summary of an export."""
 
     recording: Path
-    """What it came from."""
+    """The exported recording."""
     output: Path | None
-    """The moment, a recording of its own."""
+    """New recording of the exported moment."""
     frames: int | None
-    """In it."""
+    """Number of frames in the new recording."""
     events: int | None
     size_bytes: int | None
     test: Path | None
-    """A pytest file about the moment, to be changed by hand."""
+    """A pytest file about the moment, to be edited by hand."""
     html: Path | None
     svg: Path | None
     format: str | None
-    """Other than a recording, by --to."""
+    """Format given by --to; None for a recording."""
     nodes: int | None
-    """Of a map in another format."""
+    """Number of nodes of a map in another format."""
     edges: int | None
 
 
 def export(options: ExportVerb) -> Summary:
-    """Write what is asked for; raises OptionError, RecordingError, MapError and SceneError."""
+    """Write the requested files; raises OptionError, RecordingError, MapError and SceneError."""
     to_s, to_format = _end(options)
     _check(options, to_format)
     if to_format is not None:
@@ -54,7 +54,7 @@ def export(options: ExportVerb) -> Summary:
 
 
 def _end(options: ExportVerb) -> tuple[float | None, ExportFormat | None]:
-    """Return where the moment ends, and another format; --to says one of the two."""
+    """Return the end of the moment and the other format; --to gives one of the two."""
     if options.to is None:
         return options.until, None
     if options.to in (names := [each.value for each in ExportFormat]):

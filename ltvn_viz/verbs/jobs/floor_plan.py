@@ -1,4 +1,4 @@
-"""The floor plan of `ltvn app | replay | export`: read, laid under the map, and how well it lies there."""
+"""The floor plan of `ltvn app | replay | export`: reads it, aligns it with the map, and reports the alignment."""
 
 import logging
 from pathlib import Path
@@ -18,19 +18,18 @@ _LOG = logging.getLogger(__name__)
 
 
 class LaidFloorPlan(NamedTuple):
-    """A floor plan under a map."""
+    """A floor plan aligned with a map."""
 
     plan: FloorPlan
-    """In the frame of the map."""
+    """The plan in the frame of the map."""
     frame: Pose
-    """(3,) pose of the plan's own frame in the map's."""
+    """Pose (3,) of the plan's own frame in the frame of the map."""
 
 
 def lay_floor_plan(options: FloorPlanOptions, map_file: Path | None) -> LaidFloorPlan | None:
-    """Return the plan of the options under a map, or under none yet; None without a plan.
+    """Return the plan of the options, aligned with a map if there is one; None without a plan.
 
-    Raises DriveError for a plan that cannot be read, OptionError for pairs that cannot be right, RecordingError and
-    MapError for the map of those pairs.
+    Raises DriveError for an unreadable plan, OptionError for invalid pairs, RecordingError and MapError for the map.
     """
     if options.floor_plan is None:
         if options.align:
@@ -49,7 +48,7 @@ def lay_floor_plan(options: FloorPlanOptions, map_file: Path | None) -> LaidFloo
 
 
 def _tell(alignment: Alignment, under_nodes: np.ndarray) -> None:
-    """Say how well the pairs agree, and how many nodes are on free floor."""
+    """Report how well the pairs agree, and how many nodes are on free floor."""
     x, y, yaw = alignment.frame
     _LOG.info(
         "The plan's origin lies at %.2f m, %.2f m, turned by %.1f degrees; the points are off by %.2f m. "

@@ -1,4 +1,4 @@
-"""`ltvn mcp`: programs that work by a language model ask about recordings, by the Model Context Protocol."""
+"""`ltvn mcp`: answers questions of language-model programs about recordings, over the Model Context Protocol."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -12,14 +12,14 @@ from ltvn_viz.verbs.mcp import McpVerb
 
 @dataclass(frozen=True)
 class AgentSummary(OwnWords):
-    """How much was asked."""
+    """Numbers of calls."""
 
     calls: int
     refused: int
-    """Calls that made no sense."""
+    """Number of invalid calls."""
 
     def as_text(self) -> str:
-        """Return nothing: standard output belongs to the program that asked."""
+        """Return an empty text, because standard output belongs to the protocol."""
         return ""
 
     def as_json(self) -> dict[str, Any]:

@@ -13,7 +13,7 @@ _LOG = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class PairsSummary:
-    """The page is closed again."""
+    """Summary after the page was closed."""
 
     folder: Path
 

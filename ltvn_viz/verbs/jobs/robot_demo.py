@@ -1,4 +1,4 @@
-"""`ltvn demo --robot`: a robot of ROS 2, each of its parts a process, and the page that drives it."""
+"""`ltvn demo --robot`: a ROS 2 robot, with each of its parts in its own process, and the page that drives it."""
 
 import logging
 import multiprocessing
@@ -33,25 +33,25 @@ _LOOK_S = 0.1
 
 @dataclass(frozen=True)
 class RobotProcesses:
-    """The parts; each may be stopped, suspended or killed by itself."""
+    """The processes of a robot; each may be stopped, suspended or killed separately."""
 
     address: str
-    """Where the router listens."""
+    """Address at which the router listens."""
     router: BaseProcess
     robot: BaseProcess
     guard: BaseProcess
 
     @property
     def place(self) -> str:
-        """What `--robot` takes."""
+        """The value for `--robot`."""
         return f"{PROFILE}@{self.address}"
 
 
 @contextmanager
 def robot_processes(scene: str, *options: str) -> Iterator[RobotProcesses]:
-    """Start all parts at a free port of this machine, with `options` for `ltvn serve`, and end them.
+    """Start all processes at a free port of this machine, with `options` for `ltvn serve`, and end them on exit.
 
-    Raises RobotError where one ends at once or does not come up.
+    Raises RobotError if a process ends at once or does not come up.
     """
     with socket.create_server(("127.0.0.1", 0)) as free:
         address = f"tcp/127.0.0.1:{free.getsockname()[1]}"
@@ -96,9 +96,9 @@ def _process(target: Callable[..., None], arguments: tuple[object, ...]) -> Base
 
 @contextmanager
 def _ctrl_c_kept() -> Iterator[None]:
-    """Start programs that Ctrl-C does not reach: whoever started them ends them, in the right order."""
+    """Protect processes started in this context from Ctrl-C, so that their parent ends them in the right order."""
     if threading.current_thread() is not threading.main_thread():
-        yield  # Python allows no one else to say what a signal does.
+        yield  # Python allows only the main thread to set signal handlers.
         return
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
@@ -131,7 +131,7 @@ def _answers(host: str, port: int) -> bool:
 
 
 def _end(processes: Sequence[BaseProcess]) -> None:
-    """End them, the last first, so that the guard's zero still finds its way."""
+    """End the processes in reverse order, so that the guard's zero velocity still reaches the robot."""
     for each in reversed(processes):
         each.terminate()
         each.join(_END_S)
@@ -142,7 +142,7 @@ def _end(processes: Sequence[BaseProcess]) -> None:
 
 def _run(verb: type[Verb], options: Sequence[str]) -> None:
     _end_with_parent()
-    sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115  (what it sums up at its end nobody asked for)
+    sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115  (hides the summary of the verb)
     sys.exit(run_verb("ltvn", verb, options))
 
 
@@ -167,7 +167,7 @@ _LOG = logging.getLogger(__name__)
 
 
 def drive_robot(options: DemoVerb) -> Summary:
-    """Start a robot of ROS 2 and the page that drives it; in the demo apartment with its ready-made map."""
+    """Start a ROS 2 robot and the page that drives it; in the demo apartment, use its ready-made map."""
     if options.headless or options.story:
         raise OptionError("--robot is for the page; leave --headless and --story out.")
     _LOG.info("Starting a router, the simulated robot and its guard…")

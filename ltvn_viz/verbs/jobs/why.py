@@ -14,36 +14,36 @@ from ltvn_viz.verbs.why import WhyVerb
 
 @dataclass(frozen=True)
 class OfferedQuestions(OwnWords):
-    """The questions that can be answered in a file."""
+    """The questions that can be answered for a file."""
 
     file: Path
     questions: Mapping[str, str]
-    """What each shows, by its word."""
+    """Description of each question, by its word."""
 
     def as_text(self) -> str:
-        """Return a line for each."""
+        """Return a line for each question."""
         width = max(map(len, self.questions), default=0)
         return "\n".join(f"{word:<{width}}  {about}" for word, about in self.questions.items())
 
     def as_json(self) -> dict[str, Any]:
-        """Return them as a list."""
+        """Return the questions as a list."""
         listed = [{"question": word, "about": about} for word, about in self.questions.items()]
         return {"file": str(self.file), "questions": listed}
 
 
 @dataclass(frozen=True)
 class TerminalAnswer(OwnWords):
-    """An answer, to be read in the terminal or by a program."""
+    """An answer for the terminal or for a program."""
 
     file: Path
     said: FileAnswer
 
     def as_text(self) -> str:
-        """Return its lines and tables."""
+        """Return the answer's lines and tables."""
         return answer_text(self.said.answer)
 
     def as_json(self) -> dict[str, Any]:
-        """Return its blocks, with links as command lines, and what was asked."""
+        """Return the question and the answer's blocks, with links as command lines."""
         asked = self.said.asked
         return {
             "file": str(self.file),
@@ -59,7 +59,7 @@ class TerminalAnswer(OwnWords):
 
 
 def ask(options: WhyVerb) -> Summary:
-    """Answer, or list the questions; raises RecordingError, and OptionError that says what would be valid."""
+    """Answer the question, or list all questions; raises RecordingError, and OptionError that lists valid values."""
     asked = FileAsk(
         question=options.ask,
         at_s=options.at,

@@ -20,7 +20,7 @@ class LifelongVerb(ProtocolOptions):
     """Random episodes of each static test, always the same."""
 
     maintenance: tuple[MaintenanceName, ...] = ()
-    """What driving teaches the map; by default what its system does. static: nothing; paper, robust: beliefs and
+    """How driving updates the map; by default as its system does. static: nothing; paper, robust: beliefs and
     pruning as in that preset; brm: BRM's posterior, which prunes nothing; brm-rooms: the same of ways between rooms;
     persistent: also what is open at which time; truth: what the world knows, with --world. Several
     are compared on the same queries of a --world."""

@@ -56,7 +56,7 @@ class NavigateOptions(Verb):
     preset: Literal["robust", "paper"] = "robust"
     """The method's settings: robust is ours, paper is the literal method."""
     maintenance: MaintenanceName | None = None
-    """What driving teaches the map; by default what its system does. static: nothing; paper, robust: beliefs and
+    """How driving updates the map; by default as its system does. static: nothing; paper, robust: beliefs and
     pruning as in that preset; brm: BRM's posterior, which prunes nothing; brm-rooms: the same of ways between rooms;
     persistent: also what is open at which time; truth: what the simulator knows."""
     world: str | None = None

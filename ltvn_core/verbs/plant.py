@@ -36,7 +36,7 @@ class PlantVerb(Verb):
     rounds: int = 1
     """All queries are driven so often."""
     maintenance: MaintenanceName | None = None
-    """What driving teaches the map; by default what the system of the map does."""
+    """How driving updates the map; by default as the navigation system of the map says."""
     steps: int = 80
     """Control steps of 0.1 s that end a query."""
     predictor: PredictorName = AUTO

@@ -1,4 +1,4 @@
-"""A map in its scene as one HTML file that asks nothing of any other machine: viser's own client with all it shows.
+"""A map in its scene as one HTML file that needs no network: viser's own client with all it shows.
 
 Owns what is put into that file: walls, nodes, edges, a legend, and a policy that lets no request out. The flat
 figure, with the numbers of every node and edge, is `evaluation.reports.map_svg`.

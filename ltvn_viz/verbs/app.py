@@ -44,7 +44,7 @@ class AppVerb(FloorPlanOptions, Verb):
     preset: Literal["robust", "paper"] = "robust"
     """The method's settings: robust is ours, paper is the literal method."""
     maintenance: MaintenanceName | None = None
-    """What driving teaches the map; by default what its system does. static: nothing; paper, robust: beliefs and
+    """How driving updates the map; by default as its system does. static: nothing; paper, robust: beliefs and
     pruning as in that preset; brm: BRM's posterior, which prunes nothing; persistent: also what is open at which
     time."""
     world: str | None = None

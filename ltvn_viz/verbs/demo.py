@@ -13,7 +13,7 @@ class DemoVerb(HeadlessDemoVerb):
     """Collect, build, navigate and record: the page's main job, or all of it without a browser (--headless)."""
 
     headless: bool = False
-    """Do it all here and print the result; without this the page opens."""
+    """Run everything without a browser and print the result; by default the page opens."""
     robot: bool = False
     """Let the page drive a robot of ROS 2: the simulated one, behind a router and a guard, each a process."""
     port: int = 8080

@@ -36,6 +36,6 @@ class ExportVerb(FloorPlanOptions, Verb):
     test: Path | None = None
     """Write a pytest file here that opens the moment and asserts what happened; lies beside --output."""
     html: Path | None = None
-    """Write the map in its scene, in 3D, as one page that asks nothing of any other machine."""
+    """Write the map in its scene, in 3D, as one HTML file that needs no network."""
     svg: Path | None = None
     """Write it as a flat figure; pointing at a node or an edge shows its numbers."""

@@ -10,8 +10,8 @@ from ltvn_core.verbs.verb import Verb
 
 @dataclass(frozen=True, kw_only=True)
 class McpVerb(Verb):
-    """Let a program that works by a language model ask about recordings and maps (Model Context Protocol, on standard
-    input and output). It reads the files that are named, and nothing else.
+    """Let an AI agent ask about recordings and maps (Model Context Protocol, on standard input and output). It reads
+    the files that are named, and nothing else.
     """
 
     job = "ltvn_viz.verbs.jobs.mcp:serve_agent"

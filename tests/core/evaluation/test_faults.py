@@ -56,7 +56,7 @@ def test_a_spurious_edge_leads_through_a_wall_and_the_map_is_sure_of_it() -> Non
 def test_several_spurious_edges_share_no_node_and_a_map_with_too_few_says_how_many_it_has() -> None:
     graph = map_with_edges(*ROUND, nodes=(1, 2, 3, 5, 6))
     assert len(spurious_edges(graph, truth(), BeliefConfig(), 1, detour_m=2.0)) == 1
-    with pytest.raises(MapError, match="has 1 .*but 2"):
+    with pytest.raises(MapError, match=r"has 1 .*but 2"):
         spurious_edges(graph, truth(), BeliefConfig(), 2, detour_m=2.0)
 
 

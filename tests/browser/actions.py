@@ -3,6 +3,7 @@
 Owns how a test acts without racing the session, the mapper and the painter, which run in threads of their own.
 """
 
+import re
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import Protocol
@@ -22,6 +23,9 @@ HOLDS = 5
 """So often a key is pressed anew where the page stalled for longer than the lease."""
 EXCHANGED_MS = 10_000
 """An image that cannot be clicked for so long was probably exchanged for another."""
+
+PRESSED_S = 30.0
+"""A press of a button that has no effect for this long is repeated, in seconds."""
 
 
 class _Served(Protocol):
@@ -96,3 +100,16 @@ def hold_key(app: App, page: Page, key: str, holds: Callable[[], bool]) -> None:
         if holds():
             return
     raise AssertionError(f"holding {key} never did it: {app.server.seat.state_of(1)}")
+
+
+def press(page: Page, name: str, took_effect: Callable[[], bool]) -> None:
+    """Press a button until the press takes effect, which a page that stalled for longer than the lease may lose."""
+    button = page.get_by_role("button", name=re.compile(f"^{name}"))
+
+    def once() -> None:
+        with suppress(PlaywrightTimeoutError):
+            button.click(timeout=EXCHANGED_MS)
+        with suppress(AssertionError):
+            until(took_effect, patience_s=PRESSED_S)
+
+    until(took_effect, meanwhile=once)

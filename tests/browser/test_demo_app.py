@@ -13,7 +13,7 @@ from playwright.sync_api import Browser, Page, expect
 
 from ltvn_viz.app import AppOptions, RunningApp
 from ltvn_viz.wishes.commands import Mode
-from tests.browser.actions import wait_for_built_map
+from tests.browser.actions import press, wait_for_built_map
 from tests.browser.pages import open_page, wait_until_drawn
 from tests.browser.running_app import running_app
 from tests.waiting import PATIENCE_S, until
@@ -53,8 +53,7 @@ def count(page: Page, what: str) -> int:
 def test_one_drives_the_map_grows_and_is_built_anew_and_the_recording_is_watched(app: RunningApp, page: Page) -> None:
     expect(page.get_by_text("Hold W A S D or the arrow keys")).to_be_visible()
     expect(page.get_by_role("tab", name="Drive")).to_have_attribute("aria-selected", "true")
-    page.get_by_role("button", name=re.compile("^Record")).click()
-    expect(page.locator("#ltvn-rec .lt-rec")).to_be_visible()
+    press(page, "Record", page.locator("#ltvn-rec .lt-rec").is_visible)
 
     def turn_on() -> None:
         page.keyboard.down("d")

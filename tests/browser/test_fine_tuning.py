@@ -18,6 +18,7 @@ from ltvn_viz.app import AppOptions, RunningApp
 from ltvn_viz.session.fine_tuner import FineTuner
 from ltvn_viz.timeline.run_moment import moment_of
 from ltvn_viz.wishes.commands import Mode
+from tests.browser.actions import press
 from tests.browser.pages import open_page
 from tests.browser.running_app import running_app
 from tests.viz.tiny_fine_tuning import PLAN, TinyRehearsal
@@ -77,8 +78,7 @@ def button(page: Page, name: str) -> Locator:
 def record(app: RunningApp, page: Page, holds: Callable[[], bool]) -> None:
     """Record while the robot turns and drives by turns, until something holds."""
     last_recording = app.session.state.last_recording
-    button(page, "Record").click()
-    until(lambda: app.session.state.live.recorder.is_on)
+    press(page, "Record", lambda: app.session.state.live.recorder.is_on)
 
     def drive_on() -> None:
         for key in "wa":  # Anew each time: a page that stalled for longer than the lease has lost it.
@@ -87,8 +87,7 @@ def record(app: RunningApp, page: Page, holds: Callable[[], bool]) -> None:
             page.keyboard.up(key)
 
     until(holds, meanwhile=drive_on, explain=lambda: f"turned too little: {app.server.seat.state_of(1)}")
-    button(page, "Keep").click()
-    until(lambda: app.session.state.last_recording != last_recording)
+    press(page, "Keep", lambda: app.session.state.last_recording != last_recording)
 
 
 def weights_in(app: RunningApp) -> set[str]:

@@ -15,7 +15,7 @@ from ltvn_core.types import NodeId, Pose
 from ltvn_viz.app import AppOptions, RunningApp
 from ltvn_viz.timeline.run_moment import moment_of
 from ltvn_viz.wishes.commands import Mode
-from tests.browser.actions import click_goal_image, hold_key, wait_for_built_map
+from tests.browser.actions import click_goal_image, hold_key, press, wait_for_built_map
 from tests.browser.pages import open_page
 from tests.browser.running_app import running_app
 from tests.repository import ROOT
@@ -72,14 +72,12 @@ def test_it_is_driven_recorded_mapped_and_sent_somewhere(app: RunningApp, page: 
     live, live_map = app.session.state.live, app.session.state.live_map
     expect(page.locator("#ltvn-caption")).to_contain_text("What the method sees: 96 x 72 pixels")
 
-    page.get_by_role("button", name=re.compile("^Record")).click()
-    until(lambda: live.recorder.is_on)
+    press(page, "Record", lambda: live.recorder.is_on)
     turn_by(app, page, 6.5)
     drive_by(app, page, 1.2)
     turn_by(app, page, 3.0)
     until(lambda: len(live_map.graph.nodes) > 5)
-    page.get_by_role("button", name=re.compile("^Keep")).click()
-    until(lambda: not live.recorder.is_on)
+    press(page, "Keep", lambda: not live.recorder.is_on)
 
     page.get_by_role("button", name=re.compile("^Rebuild")).click()
     wait_for_built_map(app)

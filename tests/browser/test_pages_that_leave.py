@@ -16,7 +16,7 @@ from ltvn_viz.wishes.commands import Mode
 from tests.browser.drive_page import renderers
 from tests.browser.flat_app import FlatApp, serving, until_shown
 from tests.browser.pages import open_page
-from tests.viz.page_sockets import open_sockets
+from tests.viz.page_sockets import open_live_page
 from tests.waiting import until
 
 pytestmark = pytest.mark.browser
@@ -70,8 +70,7 @@ def test_a_query_pauses_while_the_only_page_is_frozen_or_reloads_and_goes_on_by_
 
 def test_a_watching_page_is_grey_says_why_and_looks_by_itself(app: FlatApp, chromium: Browser) -> None:
     with (
-        open_sockets(app.server) as driver,
-        driver.staying(),
+        open_live_page(app.server) as driver,
         open_page(chromium, app.server.url, width=1000, height=640, draws=False) as page,
     ):
         page.get_by_text("Next:").wait_for()

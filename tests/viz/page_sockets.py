@@ -125,6 +125,13 @@ def open_sockets(server: GuardedServer) -> Iterator[PageSockets]:
         yield PageSockets(server, key, drive, panels, server.viser.get_clients()[number])
 
 
+@contextmanager
+def open_live_page(server: GuardedServer) -> Iterator[PageSockets]:
+    """Open both sockets of a page that gives signs of life and reads what it is told, as a browser does."""
+    with open_sockets(server) as page, page.reading(), page.staying():
+        yield page
+
+
 def _read_all(socket: Connection) -> None:
     with suppress(ConnectionClosed):
         for _ in socket:

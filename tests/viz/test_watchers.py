@@ -20,7 +20,7 @@ from ltvn_viz.wishes.commands import Mode
 from ltvn_viz.wishes.wish_table import Action
 from tests.browser.flat_app import FlatApp, serving, until_shown
 from tests.viz.hostile_messages import HostileMessages, targets_of
-from tests.viz.page_sockets import PageSockets, open_sockets
+from tests.viz.page_sockets import PageSockets, open_live_page, open_sockets
 from tests.waiting import until
 
 PAUSE_WITHIN_S = 0.3
@@ -81,7 +81,7 @@ def test_a_query_pauses_within_300_ms_of_the_last_page(app: FlatApp, how: str) -
 
 
 def test_a_watcher_s_5000_well_formed_messages_change_nothing(app: FlatApp) -> None:
-    with open_sockets(app.server) as driver, driver.staying(), open_sockets(app.server) as watcher:
+    with open_live_page(app.server) as driver, open_sockets(app.server) as watcher:
         driver.take_seat()
         own_control(watcher, viser.GuiDropdownHandle)
         before = state_of(app)
@@ -96,7 +96,7 @@ def test_a_watcher_s_5000_well_formed_messages_change_nothing(app: FlatApp) -> N
 
 
 def test_a_watcher_asks_why_and_selects_in_a_view_of_its_own(app: FlatApp) -> None:
-    with open_sockets(app.server) as driver, driver.staying(), open_sockets(app.server) as watcher, watcher.staying():
+    with open_live_page(app.server) as driver, open_live_page(app.server) as watcher:
         driver.take_seat()
         questions = own_control(watcher, viser.GuiDropdownHandle)
 
@@ -125,7 +125,7 @@ def test_a_watcher_asks_why_and_selects_in_a_view_of_its_own(app: FlatApp) -> No
 
 
 def test_a_watcher_who_picks_a_node_is_told_what_to_do_and_the_robot_stays(app: FlatApp) -> None:
-    with open_sockets(app.server) as driver, driver.staying(), open_sockets(app.server) as watcher, watcher.staying():
+    with open_live_page(app.server) as driver, open_live_page(app.server) as watcher:
         driver.take_seat()
         watcher.say(click_on("/graph/nodes", 3))
         until(lambda: watcher.number in app.harness.now.own_inspections)

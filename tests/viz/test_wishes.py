@@ -13,7 +13,7 @@ from ltvn_viz.wishes import commands as c
 from ltvn_viz.wishes.commands import BaseCommand, Mode
 from ltvn_viz.wishes.wish_table import UNASKED, WISHES, Action, Carried, Value, command_for
 from tests.browser.flat_app import FlatApp, serving, until_shown
-from tests.viz.page_sockets import PageSockets, open_sockets
+from tests.viz.page_sockets import PageSockets, open_live_page
 from tests.waiting import until
 
 
@@ -74,7 +74,7 @@ class Asking:
 def asking(tmp_path: Path) -> Iterator[Asking]:
     with serving(tmp_path, lease_s=None) as app:
         until_shown(app, lambda now: bool(now.gallery))
-        with open_sockets(app.server) as page, page.reading(), page.staying():
+        with open_live_page(app.server) as page:
             page.take_seat()
             yield Asking(app, page)
 

@@ -247,11 +247,12 @@ def test_an_uploaded_image_finds_its_place(app: FlatApp, page: Page, tmp_path: P
     assert found is not None
     expect(best).to_contain_text(f"node {found.places[0].node}")
     expect(best).to_contain_text(f"{found.places[0].likeness:.2f}")
-    own_box = own.bounding_box()
-    best_box = best.bounding_box()
-    assert own_box is not None
-    assert best_box is not None
-    assert own_box["x"] + own_box["width"] <= best_box["x"]  # Side by side, for the eye to compare.
+
+    def are_side_by_side() -> bool:
+        left, right = own.bounding_box(), best.bounding_box()
+        return left is not None and right is not None and left["x"] + left["width"] <= right["x"]
+
+    until(are_side_by_side)
 
 
 def test_an_upload_that_is_no_image_is_a_clear_error(app: FlatApp, page: Page, tmp_path: Path) -> None:

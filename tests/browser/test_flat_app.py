@@ -234,7 +234,6 @@ def test_an_uploaded_image_finds_its_place(app: FlatApp, page: Page, tmp_path: P
     upload(page, picture)
     expect(page.get_by_text("Going to the place").first).to_be_visible()
     shows_no_success_of_its_own(page)
-    until_shown(app, lambda now: now.mode is Mode.NAVIGATING)
     match = page.locator(".lt-upload")
     own = match.get_by_alt_text("your image")
     # Not `wait_for_function`, which evaluates text in the page, as its policy forbids.

@@ -1,6 +1,6 @@
 """SE(2) in closed form: compose, invert, relate, and the paper's distance. Pure numpy, batched over leading axes."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -63,14 +63,25 @@ def rotation(yaw_rad: float) -> NDArray[np.float64]:
     return np.array([[cos, -sin], [sin, cos]])
 
 
-def rigid_fit(points: ArrayLike, onto: ArrayLike) -> Pose:
-    """Return the pose (3,) that moves points (N, 2) nearest to others (N, 2) by least squares (Umeyama, 1991)."""
+class RigidFit(NamedTuple):
+    """How points lie on others."""
+
+    pose: Pose
+    """(3,) of the points' frame in the frame of the others."""
+    error_m: float
+    """Root mean square distance that is left."""
+
+
+def rigid_fit(points: ArrayLike, onto: ArrayLike) -> RigidFit:
+    """Return the motion that brings points (N, 2) nearest to others (N, 2) by least squares (Umeyama, 1991)."""
     points, onto = np.asarray(points, np.float64), np.asarray(onto, np.float64)
     middle, to_middle = points.mean(axis=0), onto.mean(axis=0)
     left, right = points - middle, onto - to_middle
     cross = (left[:, 0] * right[:, 1] - left[:, 1] * right[:, 0]).sum()
     turn = float(np.arctan2(cross, (left * right).sum()))
-    return np.array([*(to_middle - rotation(turn) @ middle), turn])
+    apart = left @ rotation(turn).T - right
+    pose = np.array([*(to_middle - rotation(turn) @ middle), turn])
+    return RigidFit(pose, float(np.sqrt((apart**2).sum(axis=1).mean())))
 
 
 def lengths_along(path: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -25,7 +25,7 @@ EXCHANGED_MS = 10_000
 """An image that cannot be clicked for so long was probably exchanged for another."""
 
 PRESSED_S = 30.0
-"""A press of a button that has no effect for this long is repeated, in seconds."""
+"""An action that has no effect for this long is repeated, in seconds."""
 
 
 class _Served(Protocol):
@@ -103,13 +103,18 @@ def hold_key(app: App, page: Page, key: str, holds: Callable[[], bool]) -> None:
 
 
 def press(page: Page, name: str, took_effect: Callable[[], bool]) -> None:
-    """Press a button until the press takes effect, which a page that stalled for longer than the lease may lose."""
+    """Press a button until the press takes effect; see `act`."""
     button = page.get_by_role("button", name=re.compile(f"^{name}"))
+    act(lambda: button.click(timeout=EXCHANGED_MS), took_effect)
 
-    def once() -> None:
+
+def act(once: Callable[[], None], took_effect: Callable[[], bool]) -> None:
+    """Do something until it takes effect, because a page that stalled for longer than the lease may lose it."""
+
+    def again() -> None:
         with suppress(PlaywrightTimeoutError):
-            button.click(timeout=EXCHANGED_MS)
+            once()
         with suppress(AssertionError):
             until(took_effect, patience_s=PRESSED_S)
 
-    until(took_effect, meanwhile=once)
+    until(took_effect, meanwhile=again)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser, Locator, Page, expect
 
+from ltvn_core.navigation.events import QueryStarted
 from ltvn_core.types import NodeId
 from ltvn_viz.panels.status_panel import PANEL_MARK
 from ltvn_viz.server.guarded_server import GuardedServer
@@ -231,6 +232,8 @@ def test_an_uploaded_image_finds_its_place(app: FlatApp, page: Page, tmp_path: P
     node = farthest(app, app.harness.now.gallery)
     picture = tmp_path / "goal.jpg"
     picture.write_bytes(app.harness.thumbnails.get(node) or b"")
+    events = app.harness.state.live.timeline.events
+    before = len(events)
     upload(page, picture)
     expect(page.get_by_text("Going to the place").first).to_be_visible()
     shows_no_success_of_its_own(page)
@@ -244,6 +247,8 @@ def test_an_uploaded_image_finds_its_place(app: FlatApp, page: Page, tmp_path: P
     best = places.first
     found = app.harness.now.upload
     assert found is not None
+    goal = found.places[0].node
+    until(lambda: goal in [each.event.goal for each in events[before:] if isinstance(each.event, QueryStarted)])
     expect(best).to_contain_text(f"node {found.places[0].node}")
     expect(best).to_contain_text(f"{found.places[0].likeness:.2f}")
 

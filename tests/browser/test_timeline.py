@@ -2,15 +2,14 @@
 
 import re
 from collections.abc import Iterator
-from contextlib import suppress
 
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from ltvn_core.navigation import events as e
+from tests.browser.actions import act
 from tests.browser.flat_app import FlatApp, serving, until_shown
 from tests.browser.pages import open_page
-from tests.waiting import until
 
 pytestmark = pytest.mark.browser
 
@@ -49,18 +48,11 @@ def click_strip(page: Page, share: float) -> None:
     page.mouse.click(box["x"] + share * box["width"], box["y"] + box["height"] / 2)
 
 
-def look_back(app: FlatApp, page: Page) -> None:
-    click_strip(page, 0.5)
-    with suppress(AssertionError):
-        until(lambda: not app.harness.now.timeline.is_now, patience_s=30.0)
-
-
 def test_a_click_into_the_strip_looks_back_and_live_returns(app: FlatApp, page: Page) -> None:
     expect(page.get_by_role("button", name="back to now")).to_be_disabled()
     expect(page.get_by_role("button", name="play", exact=True)).to_be_disabled()
 
-    # A page that stalls for longer than the lease may lose a click.
-    until(lambda: not app.harness.now.timeline.is_now, meanwhile=lambda: look_back(app, page))
+    act(lambda: click_strip(page, 0.5), lambda: not app.harness.now.timeline.is_now)
     past = app.harness.now.timeline
     assert 0.2 < past.time_s / past.length_s < 0.8
     expect(page.locator(".ltvn-time-clock")).to_contain_text("ago")

@@ -18,7 +18,7 @@ from ltvn_core.data.importing.frame_preparation import FramePreparation
 from ltvn_core.data.importing.import_options import OdometrySource
 from ltvn_core.data.importing.raw_frame import DriveFacts
 from ltvn_core.data.importing.stamped_lists import period_s
-from ltvn_core.geometry import compose, distance, relative, rigid_fit
+from ltvn_core.geometry import distance, relative, rigid_fit
 from ltvn_core.graph.bridges import REACH
 from ltvn_core.graph.odometry_gate import JUMP_M, PAUSE_S
 from ltvn_core.graph.revisits import near_pairs, revisits
@@ -214,16 +214,10 @@ def drift(odometry: Pose, truth: Pose) -> Drift | None:
     gap = relative(relative(truth[starts], truth[ends]), relative(odometry[starts], odometry[ends]))
     stretch_m = way[ends] - way[starts]
     return Drift(
-        position_rmse_m=_aligned_rmse_m(odometry, truth),
+        position_rmse_m=rigid_fit(odometry[:, :2], truth[:, :2]).error_m,
         per_metre=float(np.median(np.hypot(gap[:, 0], gap[:, 1]) / stretch_m)),
         yaw_deg_per_metre=float(np.degrees(np.median(np.abs(gap[:, 2]) / stretch_m))),
     )
-
-
-def _aligned_rmse_m(odometry: Pose, truth: Pose) -> float:
-    """Return the root mean square distance after the best rigid alignment in the plane."""
-    moved = compose(rigid_fit(odometry[:, :2], truth[:, :2]), odometry)[:, :2]
-    return float(np.sqrt(((moved - truth[:, :2]) ** 2).sum(axis=1).mean()))
 
 
 def tilt_range(tilts: Sequence[Tilt]) -> TiltRange | None:

@@ -5,13 +5,12 @@ both in metres.
 """
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
 
 import numpy as np
 
 from ltvn_core.data.importing.floor_plan import MOST_M
 from ltvn_core.errors import OptionError
-from ltvn_core.geometry import compose, rigid_fit
+from ltvn_core.geometry import RigidFit, rigid_fit
 from ltvn_core.types import NodeId, Pose
 
 LEAST_PAIRS = 2
@@ -22,16 +21,7 @@ DOUBTFUL_M = 1.0
 _FORM = "NODE=X,Y, in metres of the plan, as 17=-1.5,2"
 
 
-class Alignment(NamedTuple):
-    """Pose of a floor plan in a map, and its error."""
-
-    frame: Pose
-    """(3,) pose of the plan's frame in the map's."""
-    error_m: float
-    """Root mean square distance between the plan's points and their nodes, in metres."""
-
-
-def align_floor_plan(pairs: Sequence[str], poses: Mapping[NodeId, Pose]) -> Alignment:
+def align_floor_plan(pairs: Sequence[str], poses: Mapping[NodeId, Pose]) -> RigidFit:
     """Return the alignment of a plan from pairs `NODE=X,Y`; without pairs, the identity.
 
     Args:
@@ -42,7 +32,7 @@ def align_floor_plan(pairs: Sequence[str], poses: Mapping[NodeId, Pose]) -> Alig
         OptionError: A pair cannot be read or names no node, or all points are at one place.
     """
     if not pairs:
-        return Alignment(np.zeros(3), 0.0)
+        return RigidFit(np.zeros(3), 0.0)
     found = [_pair(text) for text in pairs]
     missing = [str(node) for _, node in found if node not in poses]
     if missing:
@@ -57,9 +47,7 @@ def align_floor_plan(pairs: Sequence[str], poses: Mapping[NodeId, Pose]) -> Alig
         raise OptionError(
             f"--align needs at least {LEAST_PAIRS} pairs, better 3, at places more than {LEAST_APART_M} m apart."
         )
-    frame = rigid_fit(on_plan, on_map)
-    moved = compose(frame, np.column_stack([on_plan, np.zeros(len(found))]))[:, :2]
-    return Alignment(frame, float(np.sqrt(((moved - on_map) ** 2).sum(axis=1).mean())))
+    return rigid_fit(on_plan, on_map)
 
 
 def _pair(text: str) -> tuple[tuple[float, float], NodeId]:

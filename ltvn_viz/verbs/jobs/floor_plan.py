@@ -8,9 +8,10 @@ import numpy as np
 
 from ltvn_core.data.exporting.map_files import placed_map
 from ltvn_core.data.importing.floor_plan import FloorPlan
-from ltvn_core.data.importing.floor_plan_alignment import DOUBTFUL_M, Alignment, align_floor_plan
+from ltvn_core.data.importing.floor_plan_alignment import DOUBTFUL_M, align_floor_plan
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.errors import OptionError
+from ltvn_core.geometry import RigidFit
 from ltvn_core.types import Pose
 from ltvn_viz.verbs.floor_plan_options import FloorPlanOptions
 
@@ -42,14 +43,14 @@ def lay_floor_plan(options: FloorPlanOptions, map_file: Path | None) -> LaidFloo
         raise OptionError("--align names nodes of a map; name the map too, by --map.")
     poses = placed_map(Recording.open(map_file)).poses
     alignment = align_floor_plan(options.align, poses)
-    laid = plan.moved(alignment.frame)
+    laid = plan.moved(alignment.pose)
     _tell(alignment, laid.cells_at([pose[:2] for pose in poses.values()]))
-    return LaidFloorPlan(laid, alignment.frame)
+    return LaidFloorPlan(laid, alignment.pose)
 
 
-def _tell(alignment: Alignment, under_nodes: np.ndarray) -> None:
+def _tell(alignment: RigidFit, under_nodes: np.ndarray) -> None:
     """Report how well the pairs agree, and how many nodes are on free floor."""
-    x, y, yaw = alignment.frame
+    x, y, yaw = alignment.pose
     _LOG.info(
         "The plan's origin lies at %.2f m, %.2f m, turned by %.1f degrees; the points are off by %.2f m. "
         "%d of %d nodes are on its free floor.",

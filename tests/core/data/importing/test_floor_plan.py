@@ -138,7 +138,7 @@ def test_points_tell_how_a_plan_lies(pairs: int) -> None:
 
     found = align_floor_plan([f"{10 * k}={x},{y}" for k, (x, y, _) in enumerate(points)], poses)
 
-    np.testing.assert_allclose(found.frame, frame, atol=1e-9)
+    np.testing.assert_allclose(found.pose, frame, atol=1e-9)
     assert found.error_m == pytest.approx(0, abs=1e-9)
 
 
@@ -147,9 +147,9 @@ def test_points_that_do_not_fit_are_told_and_no_points_keep_the_frame() -> None:
 
     found = align_floor_plan(["1=0,0", "2=6,0"], poses)
 
-    np.testing.assert_allclose(found.frame, (-1, 0, 0), atol=1e-12)
+    np.testing.assert_allclose(found.pose, (-1, 0, 0), atol=1e-12)
     assert found.error_m == pytest.approx(1.0)
-    np.testing.assert_array_equal(align_floor_plan([], poses).frame, np.zeros(3))
+    np.testing.assert_array_equal(align_floor_plan([], poses).pose, np.zeros(3))
 
 
 @pytest.mark.parametrize(

@@ -6,9 +6,11 @@ the check of every field. Connects to no robot.
 
 import math
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from functools import cache
 from importlib.resources import files
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -21,9 +23,27 @@ from ltvn_core.structured_text import parse_toml
 from ltvn_core.terminal_text import which_name
 
 _TOPIC = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
-_LAST_DOMAIN = 232
 _FRAME = re.compile(r"[A-Za-z_][A-Za-z0-9_/-]*")
 _OPTIONAL = ("topics.odometry", "topics.battery", "topics.bumper", "topics.truth")
+_ALLOWED: Mapping[str, tuple[float, float]] = {
+    "domain": (0, 232),
+    "body.radius_m": (0.01, 10),
+    "body.height_m": (0.01, 10),
+    "body.ground_clearance_m": (0, 1),
+    "camera.height_m": (0, 10),
+    "camera.pitch_deg": (-89, 89),
+    "camera.roll_deg": (-180, 180),
+    "camera.quarter_turns": (0, 3),
+    "camera.depth_unit_m": (1e-6, 1),
+    "speeds.linear_m_s": (0.01, 10),
+    "speeds.angular_rad_s": (0.01, 10),
+    "speeds.turning_radius_m": (0, 100),
+    "accelerations.linear_m_s2": (0.01, 100),
+    "accelerations.angular_rad_s2": (0.01, 100),
+    "accelerations.linear_braking_m_s2": (0.01, 100),
+    "accelerations.angular_braking_rad_s2": (0.01, 100),
+}
+"""Least and greatest value of each number of a profile; no comparison holds for NaN, so that it is refused too."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -154,15 +174,18 @@ class RobotProfile:
                 raise RobotError(f"{place} is {topic!r:.60}; a topic is written as /camera/color/image_raw.")
         if self.driving.guard_topic == self.topics.command:
             raise RobotError("driving.guard_topic is topics.command too, so that the guard would hear itself.")
-        if not 0 <= self.domain <= _LAST_DOMAIN:
-            raise RobotError(f"domain is {self.domain}; a ROS_DOMAIN_ID is from 0 to {_LAST_DOMAIN}.")
-        for limits in (self.speeds, self.accelerations):
-            for each in fields(limits):
-                if each.name != "turning_radius_m" and getattr(limits, each.name) <= 0:
-                    raise RobotError(f"{each.name} is {getattr(limits, each.name)}; a limit is above 0.")
-        if self.speeds.turning_radius_m < 0:
-            raise RobotError(f"turning_radius_m is {self.speeds.turning_radius_m}; it is 0 or above.")
-        self.spec(CameraModel.from_fov(64, 48, 1.0))  # Its own checks know sizes and angles.
+        self._check_numbers()
+        self.spec(CameraModel.from_fov(64, 48, 1.0))  # Its own checks know which sizes fit together.
+
+    def _check_numbers(self) -> None:
+        values = {name: attrgetter(name)(self) for name in _ALLOWED}
+        wrong = [
+            f"{name} is {values[name]}; it is from {least:g} to {most:g}"
+            for name, (least, most) in _ALLOWED.items()
+            if not least <= values[name] <= most
+        ]
+        if wrong:
+            raise RobotError(f"{'; '.join(wrong)}.")
 
     def spec(self, lens: CameraModel) -> RobotSpec:
         """Return the robot's properties, with the lens that the robot published."""
@@ -243,12 +266,12 @@ def _converter() -> cattrs.Converter:
 
 def _strict(value: Any, kind: type) -> Any:
     fits = isinstance(value, (int, float) if kind is float else kind) and (kind is bool) == isinstance(value, bool)
-    if not fits or (kind is float and not math.isfinite(value)):
+    if not fits:
         raise ValueError(f"expected {_KINDS[kind]}, got {value!r:.60}")
     return kind(value)
 
 
-_KINDS = {float: "a finite number", int: "a whole number", bool: "true or false", str: "text in quotes"}
+_KINDS = {float: "a number", int: "a whole number", bool: "true or false", str: "text in quotes"}
 
 
 def _words(error: BaseException, _: type | None) -> str:

@@ -265,13 +265,17 @@ class Guard:
             raise RobotError(f"{self._source}: after silence a driver sends a stop first; it is not driven yet.")
         self.forwarded += 1
         if not self.has_listener:
-            self._complaints.say(
-                RobotError(
-                    f"Nobody listens at {self._command} for {self._kind}, so forwarded commands move nothing: is the "
-                    "robot's driver running? `ros2 topic info -v` says who listens where; correct topics.command or "
-                    "driving.stamped in the profile."
-                )
-            )
+            self._complaints.say(RobotError(self._unheard()))
+
+    def _unheard(self) -> str:
+        listeners = self._wheels.listeners
+        others = listeners.other_types if listeners is not None else []
+        reason = (
+            f"it is expected to be {' or '.join(others)}; correct driving.stamped in the profile."
+            if others
+            else "is the robot's driver running? `ltvn robot check` says which line of the profile to change."
+        )
+        return f"Nobody listens at {self._command} for {self._kind}, so forwarded commands move nothing: {reason}"
 
     def _sound(self, received: Received) -> Twist:
         """Return the speeds of a command. If they are invalid, stops the robot and raises RobotError."""

@@ -39,7 +39,7 @@ def look_over(robot: RosRobot, *, seconds: float, drives: bool) -> RobotReport:
         commands_taken=taken,
         driving=_try_driving(robot) if drives and taken else None,
     )
-    findings = [*_findings(report, robot.inbox.streams)]
+    findings = [*_findings(report, robot.inbox.streams), *robot.declared_otherwise()]
     bumper = robot.profile.topics.bumper
     if bumper and not robot.link.publishers(bumper):
         text = f"Nobody publishes {bumper}, so no touch is felt; correct topics.bumper, or leave it out."

@@ -17,10 +17,12 @@ from typing import Any
 
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.errors import LtvnError, RobotError
+from ltvn_core.findings import Finding
 from ltvn_core.robots.drive_lease import LEASE_S, DriveLease
 from ltvn_core.robots.link_report import STALE_S, LinkReport
 from ltvn_core.robots.robot import WallClock
 from ltvn_core.robots.robot_spec import RobotSpec, SpeedLimits
+from ltvn_core.robots.ros2.declared_topics import declared_otherwise
 from ltvn_core.robots.ros2.profile import RobotProfile, open_profile
 from ltvn_core.robots.ros2.robot_sensors import (
     colour_topic,
@@ -33,7 +35,7 @@ from ltvn_core.robots.ros2.robot_sensors import (
 from ltvn_core.robots.ros2.ros_cameras import CAMERA_INFO, is_calibrated, ros_camera
 from ltvn_core.robots.ros2.ros_messages import twist_message
 from ltvn_core.robots.ros2.sensor_inbox import Moment, SensorInbox, Stream
-from ltvn_core.robots.ros2.topic_keys import BATTERY, BUMPER, ODOMETRY, TWIST, TWIST_STAMPED, Topic
+from ltvn_core.robots.ros2.topic_keys import BATTERY, BUMPER, ODOMETRY, TWIST, TWIST_STAMPED, Role, Topic
 from ltvn_core.robots.ros2.zenoh_link import Complaints, ZenohLink
 from ltvn_core.types import CONTROL_STEP_S, ZERO_TWIST, Observation, Pose, RobotState, Twist
 
@@ -162,9 +164,11 @@ class RosRobot:
         self._complaints = Complaints()
         self._subscribe()
         if not self.inbox.wait_for_all(patience_s):
+            otherwise = " ".join(map(str, self.declared_otherwise()))
             raise RobotError(
                 f"{profile.name} at {link.address}: within {patience_s:g} s not everything came: "
-                f"{self.inbox.complaint(time.monotonic())}. `ros2 topic list` has the names; put them into a profile."
+                f"{self.inbox.complaint(time.monotonic())}. "
+                f"{otherwise or '`ros2 topic list` has the names; put them into a profile.'}"
             )
         first = self._newest()
         self._spec = profile.spec(self._lens(first))
@@ -267,6 +271,10 @@ class RosRobot:
     def has_listener(self) -> bool:
         """Whether the guard or the robot subscribes to commands."""
         return self._commands.has_listener
+
+    def declared_otherwise(self) -> list[Finding]:
+        """Return the lines of the profile that disagree with what the robot declares."""
+        return list(declared_otherwise(self.profile, [each for role in Role for each in self.link.declared(role)]))
 
     def _subscribe(self) -> None:
         topics = self.profile.topics

@@ -132,12 +132,16 @@ class Topic:
         return f"{self._place}/{dds_name(self.type_name)}/{NO_HASH}"
 
     @property
-    def unhashed_subscribers(self) -> str:
-        """Key expression of the liveliness tokens of subscribers to `unhashed_key`."""
-        return (
-            f"{TOKENS}/{self.domain}/*/*/*/{Role.SUBSCRIBES.value}/*/*/*/{self._mangled}/{dds_name(self.type_name)}/"
-            f"{NO_HASH}/*"
-        )
+    def subscriber_tokens(self) -> str:
+        """Key expression of the liveliness tokens of subscribers to this topic, of any type and edition."""
+        return token_pattern(Role.SUBSCRIBES, domain=str(self.domain), name=self.name)
+
+    def fits(self, declared: "Declared") -> bool:
+        """Tell whether an endpoint is of this topic, of its type and of an edition that can be read."""
+        return declared[2:] in (self._as_declared(type_hash(self.type_name)), self._as_declared(NO_HASH))
+
+    def _as_declared(self, edition: str) -> tuple[str, str, str, str]:
+        return str(self.domain), self.name, self.type_name, edition
 
     @property
     def any_type_key(self) -> str:
@@ -147,10 +151,6 @@ class Topic:
     @property
     def _place(self) -> str:
         return f"{self.domain}/{self.name.strip('/')}"
-
-    @property
-    def _mangled(self) -> str:
-        return self.name.replace("/", "%")
 
     def check_key(self, key: str) -> None:
         """Raise RobotError if a message of this topic has another type, or another edition of its type."""
@@ -199,6 +199,31 @@ class Endpoint:
     def gid(self) -> bytes:
         """Id of this endpoint in the attachment of its messages, 16 bytes."""
         return hashlib.blake2b(self.token.encode(), digest_size=GID_BYTES).digest()
+
+
+class Declared(NamedTuple):
+    """An endpoint of any node, as its liveliness token declares it."""
+
+    role: Role
+    node: str
+    domain: str
+    """The ROS_DOMAIN_ID, as text."""
+    name: str
+    """Name of the topic with its namespace, such as `/robot1/odom`."""
+    type_name: str
+    edition: str
+    """Hash of the type, or `NO_HASH`."""
+
+    @classmethod
+    def from_token(cls, token: str) -> "Declared":
+        """Read a token that matches `token_pattern`."""
+        parts = token.split("/")
+        return cls(Role(parts[5]), parts[8], parts[1], parts[9].replace("%", "/"), ros_name(parts[10]), parts[11])
+
+
+def token_pattern(role: Role, *, domain: str = "*", name: str = "*") -> str:
+    """Return the key expression of the liveliness tokens of endpoints."""
+    return f"{TOKENS}/{domain}/*/*/*/{role.value}/*/*/*/{name.replace('/', '%')}/*/*/*"
 
 
 def node_token(session: str, node: str, domain: int) -> str:

@@ -18,7 +18,18 @@ from typing import Any, NamedTuple, Self
 import zenoh
 
 from ltvn_core.errors import LtvnError, RobotError
-from ltvn_core.robots.ros2.topic_keys import TOKENS, Attachment, Endpoint, Role, Topic, decode, encode, node_token
+from ltvn_core.robots.ros2.topic_keys import (
+    NO_HASH,
+    Attachment,
+    Declared,
+    Endpoint,
+    Role,
+    Topic,
+    decode,
+    encode,
+    node_token,
+    token_pattern,
+)
 
 _LOG = logging.getLogger(__name__)
 _AGAIN_S = 5.0
@@ -95,7 +106,7 @@ class ZenohLink:
     def publisher(self, topic: Topic, *, best_effort: bool = False) -> "TopicPublisher":
         """Announce a publisher of a topic."""
         endpoint = self._announce(topic, Role.PUBLISHES, best_effort)
-        return TopicPublisher(self._keep(_declare_publisher(self._session, topic, topic.key)), endpoint)
+        return self._keep(TopicPublisher(_declare_publisher(self._session, topic, topic.key), endpoint))
 
     def command_publisher(self, topic: Topic) -> "TopicPublisher":
         """Announce a publisher of commands, for robots with any edition of ROS 2.
@@ -104,11 +115,9 @@ class ZenohLink:
         twice.
         """
         publisher = self.publisher(topic)
-        unhashed = UnhashedListeners(self._keep(_declare_publisher(self._session, topic, topic.unhashed_key)))
-        self._keep(
-            self._session.liveliness().declare_subscriber(topic.unhashed_subscribers, unhashed.take, history=True)
-        )
-        publisher.unhashed = unhashed
+        listeners = Listeners(topic, _declare_publisher(self._session, topic, topic.unhashed_key))
+        self._keep(self._session.liveliness().declare_subscriber(topic.subscriber_tokens, listeners.take, history=True))
+        publisher.listeners = listeners
         return publisher
 
     def subscribe(self, topic: Topic, take: Callable[[Received], None], refuse: Callable[[RobotError], None]) -> None:
@@ -126,14 +135,18 @@ class ZenohLink:
             except Exception:  # Zenoh would drop the exception silently.
                 _LOG.exception("%s: a message could not be handled.", topic.name)
 
-        self._announce(topic, Role.SUBSCRIBES, best_effort=False)
         self._keep(self._session.declare_subscriber(topic.any_type_key, receive))
+        self._announce(topic, Role.SUBSCRIBES, best_effort=False)  # Whoever sees the token may send at once.
 
     def publishers(self, name: str) -> list[str]:
         """Return the nodes that announce a publisher of a topic, such as `/odom`."""
-        pattern = f"{TOKENS}/{self.domain}/*/*/*/{Role.PUBLISHES.value}/*/*/*/{name.replace('/', '%')}/*/*/*"
-        replies = [reply.ok for reply in self._session.liveliness().get(pattern, timeout=1.0)]
-        return sorted(str(reply.key_expr).split("/")[8] for reply in replies if reply is not None)
+        found = self.declared(Role.PUBLISHES)
+        return sorted(each.node for each in found if (each.domain, each.name) == (str(self.domain), name))
+
+    def declared(self, role: Role) -> list[Declared]:
+        """Return all endpoints of a role, in any domain. Waits up to 1 s; not to be called in a thread of the link."""
+        replies = [reply.ok for reply in self._session.liveliness().get(token_pattern(role), timeout=1.0)]
+        return [Declared.from_token(str(reply.key_expr)) for reply in replies if reply is not None]
 
     def close(self) -> None:
         """Undeclare everything and disconnect; closing twice is allowed."""
@@ -161,59 +174,86 @@ class ZenohLink:
         return declared
 
 
-class UnhashedListeners:
-    """Subscribers of ROS 2 Humble to one topic, by their liveliness tokens, and the publisher for them."""
+class Listeners:
+    """Subscribers to a topic of commands, by their liveliness tokens, and the publisher for those of ROS 2 Humble."""
 
-    def __init__(self, publisher: zenoh.Publisher) -> None:
-        self._publisher = publisher
-        self._tokens: set[str] = set()
+    def __init__(self, topic: Topic, unhashed: zenoh.Publisher) -> None:
+        self._topic = topic
+        self._unhashed = unhashed
+        self._found: dict[str, Declared] = {}
 
     def __bool__(self) -> bool:
-        """Tell whether there is any subscriber."""
-        return bool(self._tokens)
+        """Tell whether any subscriber can read the messages."""
+        return any(map(self._topic.fits, self._all))
+
+    @property
+    def other_types(self) -> list[str]:
+        """The types that other subscribers expect instead."""
+        return sorted({each.type_name for each in self._all} - {self._topic.type_name})
+
+    @property
+    def _all(self) -> list[Declared]:
+        return list(self._found.values())
 
     def take(self, token: zenoh.Sample) -> None:
         """Register that a subscriber appeared or disappeared."""
+        key = str(token.key_expr)
         if token.kind == zenoh.SampleKind.DELETE:
-            self._tokens.discard(str(token.key_expr))
+            self._found.pop(key, None)
         else:
-            self._tokens.add(str(token.key_expr))
+            self._found[key] = Declared.from_token(key)
 
     def put(self, payload: bytes, attachment: bytes) -> None:
-        """Send a message if there is any subscriber."""
-        if self._tokens:
-            self._publisher.put(payload, attachment=attachment)
+        """Send a message if there is any subscriber of ROS 2 Humble."""
+        if any(each.edition == NO_HASH and self._topic.fits(each) for each in self._all):
+            self._unhashed.put(payload, attachment=attachment)
+
+    def undeclare(self) -> None:
+        """Withdraw the publisher."""
+        self._unhashed.undeclare()
 
 
 class TopicPublisher:
     """Sends messages of one topic, with a sequence number and its id. May be used from any thread."""
 
-    unhashed: UnhashedListeners | None = None
-    """Subscribers of ROS 2 Humble; None if they are not served."""
+    listeners: Listeners | None = None
+    """Subscribers to commands; None for other messages."""
 
     def __init__(self, publisher: zenoh.Publisher, endpoint: Endpoint) -> None:
         self._publisher = publisher
         self._gid = endpoint.gid
         self._sequence = 0
+        self._is_open = True
         self._lock = threading.Lock()
 
     @property
     def has_listener(self) -> bool:
-        """Whether the topic has a subscriber now."""
-        if self.unhashed:
-            return True
-        status: Any = self._publisher.matching_status  # The stub declares bool.
-        return bool(status.matching)
+        """Whether the topic has a subscriber now; for commands, one that declares their type."""
+        if self.listeners is not None:
+            return bool(self.listeners)
+        with self._lock:
+            status: Any = self._publisher.matching_status if self._is_open else None  # The stub declares bool.
+            return status is not None and bool(status.matching)
 
     def put(self, message: Any) -> None:
-        """Send a message now, or drop it if the link is broken or full, because an old message is useless."""
+        """Send a message now, or drop it if the link is closed, broken or full, because an old message is useless."""
         payload = encode(message)
         with self._lock:
+            if not self._is_open:
+                return
             self._sequence += 1
             attachment = Attachment(self._sequence, time.time_ns(), self._gid).to_bytes()
             self._publisher.put(payload, attachment=attachment)
-            if self.unhashed is not None:
-                self.unhashed.put(payload, attachment)
+            if self.listeners is not None:
+                self.listeners.put(payload, attachment)
+
+    def undeclare(self) -> None:
+        """Withdraw the publisher; waits for a message that another thread is sending."""
+        with self._lock:
+            self._is_open = False
+            self._publisher.undeclare()
+            if self.listeners is not None:
+                self.listeners.undeclare()
 
 
 def check_address(address: str) -> tuple[str, str, int]:

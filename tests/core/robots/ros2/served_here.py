@@ -4,8 +4,10 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from ltvn_core.errors import RobotError
 from ltvn_core.robots.robot import Robot
 from ltvn_core.robots.ros2.profile import RobotProfile, read_profile, shipped_profiles
+from ltvn_core.robots.ros2.ros_robot import RosRobot
 from ltvn_core.robots.ros2.served_robot import ServedRobot
 from ltvn_core.robots.ros2.zenoh_link import ZenohLink
 from tests.waiting import PATIENCE_S
@@ -33,3 +35,13 @@ def served_here(robot: Robot, profile: RobotProfile) -> Iterator[str]:
         finally:
             over.set()
             thread.join(PATIENCE_S)
+
+
+def opened(address: str, profile: RobotProfile, patience_s: float = 30.0) -> RosRobot:
+    """The robot at an address, once it was heard. Raises RobotError."""
+    link = ZenohLink.connect(address, node="ltvn")
+    try:
+        return RosRobot(link, profile, patience_s=patience_s)
+    except RobotError:
+        link.close()
+        raise

@@ -11,17 +11,15 @@ import pytest
 from ltvn_core.errors import RobotError
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.robots.ros2.guard import DepthStop
-from ltvn_core.robots.ros2.profile import RobotProfile
 from ltvn_core.robots.ros2.robot_probe import look_over
 from ltvn_core.robots.ros2.ros_messages import bumper_message, camera_info_message, transform_message
-from ltvn_core.robots.ros2.ros_robot import RosRobot
 from ltvn_core.robots.ros2.sensor_inbox import SensorInbox
 from ltvn_core.robots.ros2.served_robot import compressed_depth_message
 from ltvn_core.robots.ros2.topic_keys import TRANSFORMS, Attachment, Topic
 from ltvn_core.robots.ros2.zenoh_link import Received, ZenohLink
 from ltvn_core.types import Observation, RobotState, Twist
 from tests.core.flat_world import FlatRobot, one_room
-from tests.core.robots.ros2.served_here import changed_profile, served_here
+from tests.core.robots.ros2.served_here import changed_profile, opened, served_here
 from tests.waiting import until
 
 TREE = changed_profile(('odometry = "/odom"\n', ""), ("[driving]", "[odometry_transform]\nchild = 'base'\n\n[driving]"))
@@ -43,15 +41,6 @@ class PlacedRobot(FlatRobot):
 
     def state(self) -> RobotState:
         return super().state()._replace(bumper_pressed=self.touches)
-
-
-def opened(address: str, profile: RobotProfile, patience_s: float = 30.0) -> RosRobot:
-    link = ZenohLink.connect(address, node="ltvn")
-    try:
-        return RosRobot(link, profile, patience_s=patience_s)
-    except RobotError:
-        link.close()
-        raise
 
 
 def _publish_another_part(address: str) -> None:
@@ -79,7 +68,9 @@ def test_a_transform_that_never_comes_is_named_with_those_that_do() -> None:
     inbox = SensorInbox(TREE)
     for child in ("base_link", "camera"):
         inbox.take_transforms(_received(transform_message(np.zeros(3), 1.0, "odom", child)))
-    assert "/tf never came (it has no odom to base, but odom to base_link, odom to camera)" in inbox.complaint(2.0)
+    assert "/tf never came (it has no odom to base, but odom to base_link, odom to camera: correct" in inbox.complaint(
+        2.0
+    )
 
 
 def test_compressed_images_are_seen_and_a_change_of_their_size_is_refused() -> None:

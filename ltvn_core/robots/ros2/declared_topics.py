@@ -1,0 +1,78 @@
+"""Compares a robot's profile with the topics that its nodes declare, and names the line of the profile to change."""
+
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple
+
+from ltvn_core.findings import Finding
+from ltvn_core.robots.ros2.profile import RobotProfile
+from ltvn_core.robots.ros2.robot_sensors import colour_topic, depth_topic, odometry_topic
+from ltvn_core.robots.ros2.ros_cameras import CAMERA_INFO
+from ltvn_core.robots.ros2.ros_images import COMPRESSED_IMAGE, IMAGE
+from ltvn_core.robots.ros2.topic_keys import BATTERY, BUMPER, ODOMETRY, TWIST, TWIST_STAMPED, Declared, Role, Topic
+
+_TYPE_LINES = {
+    ("topics.command", TWIST): "driving.stamped = false",
+    ("topics.command", TWIST_STAMPED): "driving.stamped = true",
+    ("topics.colour", IMAGE): "camera.compressed_colour = false",
+    ("topics.colour", COMPRESSED_IMAGE): "camera.compressed_colour = true",
+    ("topics.depth", IMAGE): "camera.compressed_depth = false",
+    ("topics.depth", COMPRESSED_IMAGE): "camera.compressed_depth = true",
+}
+"""Line of the profile for each other type that a topic may have."""
+
+
+class _Wanted(NamedTuple):
+    """A topic of the robot in its profile."""
+
+    line: str
+    """Name of the field."""
+    topic: Topic
+    role: Role = Role.PUBLISHES
+    """What the robot does with it."""
+
+
+def declared_otherwise(profile: RobotProfile, declared: Iterable[Declared]) -> Iterator[Finding]:
+    """Yield, for each topic that no endpoint has as in the profile, the lines that would make it fit a declared one."""
+    everything = list(declared)
+    for wanted in _wanted(profile):
+        found = [each for each in everything if each.role is wanted.role]
+        changes = [] if any(map(wanted.topic.fits, found)) else [_changes(wanted, each) for each in found]
+        possible = sorted({", ".join(lines) for lines in changes if lines}, key=lambda text: (text.count(","), text))
+        if possible:
+            fewest = [text for text in possible if text.count(",") == possible[0].count(",")]
+            yield Finding(
+                f"{wanted.topic.name} in the profile is not what the robot declares.",
+                remedy=f"Change the profile: {'; or '.join(fewest)}.",
+                where=wanted.topic.name,
+            )
+
+
+def _wanted(profile: RobotProfile) -> Iterator[_Wanted]:
+    topics, domain = profile.topics, profile.domain
+    yield _Wanted("topics.colour", colour_topic(profile))
+    yield _Wanted("topics.depth", depth_topic(profile))
+    yield _Wanted("topics.camera_info", Topic(topics.camera_info, CAMERA_INFO, domain))
+    place = "topics.odometry" if profile.odometry_transform is None else "odometry_transform.topic"
+    yield _Wanted(place, odometry_topic(profile))
+    for name, kind in (("battery", BATTERY), ("bumper", BUMPER), ("truth", ODOMETRY)):
+        if topic := getattr(topics, name):
+            yield _Wanted(f"topics.{name}", Topic(topic, kind, domain))
+    command = TWIST_STAMPED if profile.driving.stamped else TWIST
+    yield _Wanted("topics.command", Topic(topics.command, command, domain), Role.SUBSCRIBES)
+
+
+def _changes(wanted: _Wanted, found: Declared) -> list[str]:
+    """Return the lines that make a wanted topic fit a declared one; none if it is another topic."""
+    topic = wanted.topic
+    type_line = _TYPE_LINES.get((wanted.line, found.type_name))
+    if not _alike(topic.name, found.name) or (found.type_name != topic.type_name and type_line is None):
+        return []
+    lines = [] if found.domain == str(topic.domain) else [f"domain = {found.domain}"]
+    lines += [] if found.name == topic.name else [f'{wanted.line} = "{found.name}"']
+    return lines if found.type_name == topic.type_name else [*lines, str(type_line)]
+
+
+def _alike(one: str, other: str) -> bool:
+    """Tell whether two names differ at most in their namespace."""
+    tails = {name.split("/", 2)[-1] for name in (one, other)}
+    return one.endswith(other) or other.endswith(one) or len(tails) == 1

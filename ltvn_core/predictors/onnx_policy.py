@@ -6,6 +6,7 @@ descriptor proposes pairs, which `geometric` verifies. The model's card describe
 """
 
 import hashlib
+import math
 from collections.abc import Sequence
 
 import cv2
@@ -93,7 +94,8 @@ class OnnxPolicy:
 
     def encode(self, observations: Sequence[Observation]) -> Features:
         """Return (N, F) images, resized and normalised for the model."""
-        return prepared_images(observations, self._card).reshape(len(observations), -1)
+        images = prepared_images(observations, self._card)
+        return images.reshape(len(images), math.prod(images.shape[1:]))
 
     def predict(self, sources: Features, targets: Features) -> Prediction:
         """Compare sources (N, F) or (1, F) with targets (N, F)."""
@@ -164,7 +166,7 @@ class OnnxDescriptor:
             self._model.run({self._card.image: images[k : k + _AT_ONCE]})[self._card.embedding]
             for k in range(0, len(images), _AT_ONCE)
         ]
-        found = np.concatenate([part.reshape(len(part), -1) for part in parts])
+        found = np.concatenate([part.reshape(len(part), -1) for part in parts] or [np.empty((0, 0), np.float32)])
         return found / np.maximum(np.linalg.norm(found, axis=1, keepdims=True), 1e-6)
 
     def same_place(self, sources: NDArray[np.float32], targets: NDArray[np.float32]) -> NDArray[np.float64]:

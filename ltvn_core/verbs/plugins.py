@@ -1,6 +1,7 @@
 """`ltvn plugins`: what packages add to the toolkit, whether it works, and a test of it."""
 
 from dataclasses import dataclass
+from pathlib import Path
 
 from tyro.conf import Positional
 
@@ -21,6 +22,8 @@ class PluginsVerb(Verb):
     """Nothing lists all plug-ins; `test NAME` tests one."""
     group: str = ""
     """Where several groups have the name: the one meant, as in ltvn.predictors."""
+    weights: Path | None = None
+    """Weights or card of the predictor that is tested, as in `ltvn plugins test onnx --weights gnm.toml`."""
 
     def exit_code(self, summary: Summary) -> int:
         """Fail where a plug-in breaks its contract."""

@@ -263,8 +263,10 @@ def plugin_row(plugin: Plugin) -> PluginRow:
     return PluginRow(plugin.group.name, plugin.name, plugin.package, plugin.version, works=not why, why=why)
 
 
-def contract_checks(plugin: Plugin) -> Iterator[ContractCheck]:
-    """Look at all points of a plug-in's contract, one after the other."""
+def contract_checks(plugin: Plugin, weights: Path | None = None) -> Iterator[ContractCheck]:
+    """Look at all points of a plug-in's contract, one after the other; only a predictor takes weights."""
+    if plugin.group == PREDICTORS:
+        return predictor_checks(plugin, weights)
     checks = _CONTRACTS.get(plugin.group, _loads)
     return checks(plugin)
 
@@ -294,7 +296,6 @@ def _load(plugin: Plugin) -> None:
 
 
 _CONTRACTS: Mapping[PluginGroup, Callable[[Plugin], Iterator[ContractCheck]]] = {
-    PREDICTORS: predictor_checks,
     SYSTEMS: system_checks,
     ROBOTS: robot_checks,
     READERS: reader_checks,

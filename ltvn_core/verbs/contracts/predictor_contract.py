@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -97,9 +98,9 @@ def sample_images(count: int) -> SampleImages:
     return SampleImages(tuple(recording.observation(frame) for frame in recording.frames[:count]), recording.meta)
 
 
-def predictor_checks(plugin: Plugin) -> Iterator[ContractCheck]:
-    """Open a predictor for the demo map's images and look at all points of its contract."""
-    contract = PredictorContract(plugin, sample_images(IMAGES))
+def predictor_checks(plugin: Plugin, weights: Path | None = None) -> Iterator[ContractCheck]:
+    """Open a predictor for the demo map's images, with weights or a card, and look at all points of its contract."""
+    contract = PredictorContract(plugin, sample_images(IMAGES), weights)
     return run_checks(
         ("opens and says what it is", contract.opens),
         [
@@ -124,11 +125,12 @@ class PredictorContract:
 
     plugin: Plugin
     samples: SampleImages
+    weights: Path | None = None
 
     @cached_property
     def request(self) -> PredictorRequest:
         """What it is opened for."""
-        return PredictorRequest(scene=self.samples.meta.scene, camera=self.samples.meta.camera)
+        return PredictorRequest(self.samples.meta.scene, self.weights, self.samples.meta.camera)
 
     @cached_property
     def predictor(self) -> Predictor:

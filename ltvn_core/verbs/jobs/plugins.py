@@ -4,7 +4,7 @@ import logging
 from dataclasses import dataclass
 
 from ltvn_core.errors import OptionError
-from ltvn_core.plugins import Plugin
+from ltvn_core.plugins import PREDICTORS, Plugin
 from ltvn_core.verbs.contracts.plugin_contracts import PluginRow, contract_checks, installed_plugins, plugin_row
 from ltvn_core.verbs.contracts.predictor_contract import ContractCheck
 from ltvn_core.verbs.plugins import PluginsVerb
@@ -59,8 +59,10 @@ def _find(options: PluginsVerb, name: str) -> Plugin:
 
 
 def _tested(options: PluginsVerb, plugin: Plugin) -> PluginTestSummary:
+    if options.weights is not None and plugin.group != PREDICTORS:
+        raise OptionError(f"--weights belongs to a predictor; {plugin.name} is a {plugin.group.noun}.")
     _LOG.info("Testing %s.", plugin.title)
-    checks = tuple(contract_checks(plugin))
+    checks = tuple(contract_checks(plugin, options.weights))
     return PluginTestSummary(
         group=plugin.group.name,
         name=plugin.name,

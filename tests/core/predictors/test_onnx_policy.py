@@ -1,19 +1,23 @@
 """Other people's models, from an ONNX file and a card."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from ltvn_core.data.recording.reader import Recording
-from ltvn_core.errors import WeightsError
+from ltvn_core.errors import OptionError, WeightsError
 from ltvn_core.maps.topological_map import build_map
 from ltvn_core.predictors.composed import ComposedPredictor
 from ltvn_core.predictors.onnx_policy import OnnxPolicy
 from ltvn_core.predictors.opening import open_predictor
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.types import Observation
+from ltvn_core.verbs.jobs.plugins import list_or_test
+from ltvn_core.verbs.plugins import PluginsVerb
 from tests.core.predictors.onnx_models import CARD, STEPS_PER_COLOUR, descriptor_card, policy_card
 
 pytest.importorskip("onnxruntime")
@@ -127,3 +131,20 @@ def test_a_damaged_model_and_a_missing_card_are_clear_errors(tmp_path: Path) -> 
         open_predictor("onnx")
     with pytest.raises(WeightsError, match="cannot be read"):
         open_predictor("onnx", weights=tmp_path / "nothing.toml")
+
+
+@pytest.mark.parametrize("card", [policy_card, descriptor_card])
+def test_a_model_keeps_the_contract_of_predictors(tmp_path: Path, card: Callable[[Path], Path]) -> None:
+    options = PluginsVerb(command=("test", "onnx"), weights=card(tmp_path))
+
+    tested: Any = list_or_test(options)
+
+    assert [check for check in tested.checks if not check.passed] == []
+    assert options.exit_code(tested) == 0
+
+
+def test_weights_belong_to_predictors_alone(tmp_path: Path) -> None:
+    options = PluginsVerb(command=("test", "sptm"), weights=policy_card(tmp_path))
+
+    with pytest.raises(OptionError, match="--weights belongs to a predictor"):
+        list_or_test(options)

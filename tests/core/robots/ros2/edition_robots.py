@@ -1,4 +1,4 @@
-"""Stand-ins for robots of each edition of ROS 2, which write the keys, tokens and attachments of `rmw_zenoh` themselves."""
+"""Stand-ins for robots of each edition of ROS 2, which write keys, tokens and attachments of `rmw_zenoh` themselves."""
 
 import struct
 import threading

@@ -32,19 +32,23 @@ class _Wanted(NamedTuple):
 
 
 def declared_otherwise(profile: RobotProfile, declared: Iterable[Declared]) -> Iterator[Finding]:
-    """Yield, for each topic that no endpoint has as in the profile, the lines that would make it fit a declared one."""
+    """Yield the topics that no endpoint has as in the profile, with the lines that make them fit declared ones."""
     everything = list(declared)
+    names: dict[str, list[str]] = {}
     for wanted in _wanted(profile):
         found = [each for each in everything if each.role is wanted.role]
-        changes = [] if any(map(wanted.topic.fits, found)) else [_changes(wanted, each) for each in found]
-        possible = sorted({", ".join(lines) for lines in changes if lines}, key=lambda text: (text.count(","), text))
-        if possible:
-            fewest = [text for text in possible if text.count(",") == possible[0].count(",")]
-            yield Finding(
-                f"{wanted.topic.name} in the profile is not what the robot declares.",
-                remedy=f"Change the profile: {'; or '.join(fewest)}.",
-                where=wanted.topic.name,
-            )
+        if not any(map(wanted.topic.fits, found)) and (lines := _fewest_changes(wanted, found)):
+            names.setdefault(lines, []).append(wanted.topic.name)
+    for lines, topics in names.items():
+        text = f"The robot does not declare {', '.join(topics)} as in the profile."
+        yield Finding(text, remedy=f"Change the profile: {lines}.", where=topics[0] if len(topics) == 1 else "")
+
+
+def _fewest_changes(wanted: _Wanted, found: Iterable[Declared]) -> str:
+    """Return the shortest list of lines, or several of the same length; empty if nothing declared is alike."""
+    possible = [lines for each in found if (lines := _changes(wanted, each))]
+    fewest = min(map(len, possible), default=0)
+    return "; or ".join(sorted({", ".join(lines) for lines in possible if len(lines) == fewest}))
 
 
 def _wanted(profile: RobotProfile) -> Iterator[_Wanted]:

@@ -52,7 +52,7 @@ type: $(STAMP)  ## Check types.
 
 check: lint type test  ## Everything that must be clean before a commit.
 
-bench: $(STAMP)  ## Measure the budgets of docs/architecture.md; prints JSON.
+bench: $(STAMP)  ## Measure the budgets of docs/performance.md; prints JSON.
 	$(BIN)/python -m benchmarks --json -
 
 docs: $(STAMP)  ## Build the documentation site into site/; it fetches nothing.

@@ -26,7 +26,10 @@ _SYNC_S = 5.0
 _STALL_S = 5.0
 """Time after which a disk that accepts nothing counts as unresponsive, in seconds."""
 _CLOSE_S = 30.0
-"""Longest wait for the end of a file, in seconds."""
+"""Longest wait for the disk at the end of a file, in seconds."""
+_ENDING_S = 600.0
+"""Longest wait for the ending to be put together, in seconds. That of an hour takes seconds of an idle core, and a
+minute on a machine with thirty busy programs; it waits for no disk."""
 
 
 class FilePlace:
@@ -170,7 +173,7 @@ class AppendedFile:
         self._queue.put(None)
         in_time = self.wait_until_written(at_most_s=_CLOSE_S)
         if in_time:
-            self._ending_is_known.wait(_CLOSE_S)  # That of an hour takes seconds to put together.
+            self._ending_is_known.wait(_ENDING_S)
         self._thread.join(_STALL_S if in_time else 0)
         if self._thread.is_alive():
             self._fail(

@@ -39,12 +39,33 @@ class Layout:
     """Entities of the user's own whose scalars are plotted."""
 
 
-def blueprint(layout: Layout) -> rrb.Blueprint:
+class _Blueprint(rrb.Blueprint):
+    """A blueprint that remembers Rerun's temporary stream.
+
+    The stream and its memory refer to each other, so their two threads end only when somebody disconnects them.
+    """
+
+    stream: rr.RecordingStream | None = None
+
+    def _log_to_stream(self, stream: rr.RecordingStream) -> None:
+        self.stream = stream
+        super()._log_to_stream(stream)
+
+
+def send_layout(stream: rr.RecordingStream, layout: Layout) -> None:
+    """Let a recording open in the designed layout."""
+    sent = _blueprint(layout)
+    stream.send_blueprint(sent)
+    if sent.stream is not None:
+        sent.stream.disconnect()
+
+
+def _blueprint(layout: Layout) -> _Blueprint:
     """Return the designed layout: the floor from above in the middle, images on the left, beliefs, state and log below.
 
     It opens at the end of the recording, where the map, the trail and the last plan are all drawn.
     """
-    return rrb.Blueprint(
+    return _Blueprint(
         rrb.Vertical(
             rrb.Horizontal(_images(), _world(layout.floor), _belief_table(), column_shares=[4, 11, 4]),
             rrb.Horizontal(_curves(layout), _log(), column_shares=[3, 2]),

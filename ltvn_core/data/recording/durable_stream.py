@@ -16,10 +16,11 @@ from types import FrameType
 
 import pyarrow as pa
 import rerun as rr
+import rerun_bindings
 
 from ltvn_core.data.recording import schema
 from ltvn_core.data.recording.appended_file import WAITING_BYTES, AppendedFile
-from ltvn_core.data.recording.blueprint import Layout, blueprint
+from ltvn_core.data.recording.blueprint import Layout, send_layout
 from ltvn_core.data.recording.live_server import LiveServer
 from ltvn_core.data.recording.rrf2.chunk_table import ChunkTable
 from ltvn_core.data.recording.rrf2.closing_record import RecordingEnding
@@ -165,6 +166,8 @@ class DurableStream:
         except BaseException:
             self._close_live()
             raise
+        # Rerun keeps the threads and buffers of each recording that ended until it is told to let go of them.
+        rerun_bindings.flush_and_cleanup_orphaned_recordings()
         self._rerun = rr.RecordingStream(
             schema.APPLICATION_ID, recording_id=recording_id, batcher_config=_BY_TICK_ALONE
         )
@@ -193,7 +196,7 @@ class DurableStream:
         self._layout = layout
         if self._live is not None:
             # A layout takes 150 kB in the finished file, so only a recording with a live viewer has two of them.
-            self._rerun.send_blueprint(blueprint(layout))
+            send_layout(self._rerun, layout)
             self._live.start()
 
     @contextmanager
@@ -258,7 +261,7 @@ class DurableStream:
             # Twice in the file, so that damage to one place leaves the other.
             self._rerun.send_property(schema.PROPERTIES, self._description)
         if self._layout is not None:
-            self._rerun.send_blueprint(blueprint(self._layout))
+            send_layout(self._rerun, self._layout)
         self._pass_on()
         self._rerun.disconnect()
         self._file.close()

@@ -17,6 +17,7 @@ from rerun.chunk import RrdReader
 
 from ltvn_core.atomic_files import require_usable_name
 from ltvn_core.data.recording import schema
+from ltvn_core.data.recording.mapped_batches import MappedBatches
 from ltvn_core.data.recording.metadata import RecordingMetadata, read_metadata, read_schema_version
 from ltvn_core.data.recording.reading_trial import reading_failure
 from ltvn_core.data.recording.rrf2.closing_record import ClosingRecord, FileCheck, check_file
@@ -27,6 +28,7 @@ from ltvn_core.errors import RecordingError
 ROW_ID = "rerun.controls.RowId"
 DESCRIPTION = f"/__properties/{schema.PROPERTIES}"
 _READ = frozenset(f"/{entity}" for entity in schema.READ_BACK)
+_IMAGES = frozenset(f"/{entity}" for entity in (schema.RGB, schema.DEPTH, schema.ORIGINAL))
 
 
 def joined_rows(batches: Sequence[pa.RecordBatch], needed: Set[str]) -> Sequence[pa.RecordBatch]:
@@ -227,7 +229,13 @@ def _read_batches(path: Path, named: Path) -> _StoreBatches:
         stores = reader.recordings()
         # Reading from here on touches every message, so damage inside one shows as an exception of any kind.
         chunks = reader.stream(store=stores[0]) if stores else ()
-        batches = [(chunk.entity_path, chunk.to_record_batch()) for chunk in chunks if _is_read(chunk.entity_path)]
+        rows: dict[str, list[pa.RecordBatch]] = defaultdict(list)
+        images = MappedBatches()
+        for chunk in chunks:
+            if chunk.entity_path in _IMAGES:
+                images.append(rows[chunk.entity_path], chunk.to_record_batch())
+            elif _is_read(chunk.entity_path):
+                rows[chunk.entity_path].append(chunk.to_record_batch())
     except Exception as error:
         raise _damaged_inside(named, str(error)) from error
     if not stores:
@@ -236,9 +244,6 @@ def _read_batches(path: Path, named: Path) -> _StoreBatches:
         raise RecordingError(
             f"{named} was written by another program, {stores[0].application_id!r}; name a file written by ltvn."
         )
-    rows: dict[str, list[pa.RecordBatch]] = defaultdict(list)
-    for entity, batch in batches:
-        rows[entity].append(batch)
     others = [each.recording_id for each in stores[1:] if each.application_id == schema.APPLICATION_ID]
     return _StoreBatches(stores[0].recording_id, others, rows)
 

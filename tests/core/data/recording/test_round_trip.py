@@ -1,16 +1,20 @@
 """What goes into a recording comes out again."""
 
+import tempfile
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import psutil
 import pytest
 import rerun as rr
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.testing import assert_array_equal
 
 from ltvn_core import worlds as w
+from ltvn_core.data.recording import mapped_batches
 from ltvn_core.data.recording.damage.integrity import verify
 from ltvn_core.data.recording.event_codec import decode_event, encode_event
 from ltvn_core.data.recording.info import read_info
@@ -241,3 +245,27 @@ def test_a_frame_without_depth_is_kept_among_the_others(path: Path, depth: np.nd
             writer.write_frame(replace(seen, depth=depth) if step == 3 else seen)
     recording = Recording.open(path)
     assert [recording.observation(frame).has_depth for frame in recording.frames] == [True] * 3 + [False] + [True] * 2
+
+
+def test_a_recording_that_ended_leaves_no_threads_behind(tmp_path: Path) -> None:
+    example_recording.write(tmp_path / "first.rrd")
+    before = psutil.Process().num_threads()
+    for number in range(5):
+        example_recording.write(tmp_path / f"{number}.rrd")
+    assert psutil.Process().num_threads() < before + 5
+
+
+@pytest.mark.parametrize("folder", ["", "missing"])
+def test_images_that_leave_memory_are_read_as_before(
+    folder: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "drive.rrd"
+    example_recording.write(path)
+    kept = Recording.open(path)
+    monkeypatch.setattr(mapped_batches, "PART_BYTES", 1)
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / folder))
+    moved = Recording.open(path)
+    assert moved.frames == kept.frames
+    assert all(moved.is_intact(frame) for frame in kept.frames)
+    assert_array_equal(moved.observation(3).rgb, kept.observation(3).rgb)
+    assert_array_equal(moved.observation(3).depth, kept.observation(3).depth)

@@ -158,7 +158,7 @@ def _make_folder(path: Path) -> None:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except FileExistsError as error:
-        raise RecordingError(f"{path} cannot be written: {path.parent} is no folder; name another place.") from error
+        raise RecordingError(f"{path} cannot be written: {path.parent} is not a folder; name another path.") from error
     except OSError as error:
         raise _refused(path, error) from error
 
@@ -170,4 +170,6 @@ def _refused(path: Path, error: OSError) -> RecordingError:
 
 
 def _exists(path: Path) -> RecordingError:
-    return RecordingError(f"{path} exists already and is never overwritten; name another file or move that one away.")
+    return RecordingError(
+        f"{path} exists already and is never overwritten; name another file, or move the existing one."
+    )

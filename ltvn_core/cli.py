@@ -212,7 +212,10 @@ def _exit_code(job: Callable[[], int], *, debug: bool) -> int:
     except OSError as error:
         return _say(_system_failure(error), error, FAILED, debug=debug)
     except MemoryError as error:
-        text = f"there is not enough memory ({error or 'no more to be had'}); close other programs, or ask for less."
+        text = (
+            f"there is not enough memory ({error or 'all of it is used'}); close other programs, or choose smaller "
+            "numbers."
+        )
         return _say(text, error, FAILED, debug=debug)
     except UnicodeError as error:
         text = f"a name or a text is not UTF-8 ({error}); rename the file, or save the text as UTF-8."

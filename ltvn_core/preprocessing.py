@@ -193,8 +193,8 @@ def _matching_camera(image: Rgb, camera: CameraModel | None, target: CameraModel
         return _assumed_camera(width, height, target)
     if (camera.width, camera.height) != (width, height):
         raise ImageError(
-            f"{source}: the image is {width} x {height} but its camera takes {camera.width} x {camera.height}; give "
-            "the camera of this size, for instance with `CameraModel.scaled`."
+            f"{source}: the image is {width} x {height} but its camera's images are {camera.width} x {camera.height}; "
+            "give a camera of this size, for instance with `CameraModel.scaled`."
         )
     return camera
 

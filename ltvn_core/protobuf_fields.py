@@ -60,7 +60,7 @@ def read_fields(message: bytes) -> Iterator[Field]:
         else:
             raise ValueError(f"a protobuf field of the unknown kind {kind}")
         if place + length > len(message):
-            raise ValueError("a protobuf field goes on behind the end of its message")
+            raise ValueError("a protobuf field exceeds the end of its message")
         yield Field(key >> 3, message[place : place + length])
         place += length
 
@@ -81,4 +81,4 @@ def _read_varint(message: bytes, place: int) -> tuple[int, int]:
             return number, place
         if shift >= _MOST_BITS:
             raise ValueError("a protobuf number of more than 64 bits")
-    raise ValueError("a protobuf number goes on behind the end of its message")
+    raise ValueError("a protobuf number exceeds the end of its message")

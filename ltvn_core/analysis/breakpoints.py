@@ -156,7 +156,7 @@ def parse_breakpoint(text: str, config: BeliefConfig = ROBUST.believing) -> Brea
         return BeliefCrossingBreakpoint(parse_number(found[1], text, "no breakpoint"))
     if words.lower() in _TRIGGERS:
         return EventBreakpoint(BreakpointTrigger(words.lower()))
-    raise OptionError(f"{text[:60]!r} is no breakpoint; write one of: {', '.join(BREAKPOINT_EXAMPLES)}.")
+    raise OptionError(f"{text[:60]!r} is not a breakpoint; write one of: {', '.join(BREAKPOINT_EXAMPLES)}.")
 
 
 def prune_threshold_breakpoint(config: BeliefConfig) -> BeliefCrossingBreakpoint:

@@ -276,41 +276,47 @@ def explain_decision(made: PresenceDecision) -> Iterator[str]:
     seen = "" if made.seen_s is None else f", {duration_text(made.at_s - made.seen_s)} after it was last seen blocked"
     verdict = f"so it counted as {'open' if made.counts_as_open else 'closed'} (limit {OPEN_ABOVE})"
     yield f"At {clock_text(made.at_s)}{seen}, edge {source} -> {target} was open with p = {made.p:.2f}, {verdict}."
-    yield f"Through it the way to {made.plan.planned.nodes[-1]} cost {made.through.cost:.2f}."
+    yield f"The path through it to {made.plan.planned.nodes[-1]} cost {made.through.cost:.2f}."
     if made.counts_as_open:
-        around = f"cost {made.around.cost:.2f}" if isfinite(made.around.cost) else "was none"
-        yield f"The doubt is in that cost, and the edge was driven like any other. The way around it {around}."
+        cost = made.around.cost
+        around = f"The path around it cost {cost:.2f}." if isfinite(cost) else "There was no path around it."
+        yield f"This cost includes the doubt whether it is open, and the edge was driven like any other. {around}"
     elif not isfinite(made.around.cost):
         yield from _without_way_around(made)
     else:
         yield from _with_way_around(made)
     if not made.follows_rule:
         yield (
-            "Planning again by the rule of today gives another way: the run used other thresholds, another filter or "
-            "knew more."
+            "The present rule gives another plan: the run used other thresholds or another filter, or had more "
+            "information."
         )
 
 
 def _without_way_around(made: PresenceDecision) -> Iterator[str]:
-    yield "There was no way around."
+    yield "There was no path around it."
     if not made.tries:
-        yield "Nothing had been in the way in this query yet, so it went to see."
+        yield "No obstacle had been met in this query yet, so the robot drove there to look."
     elif made.p >= HOPELESS_BELOW:
-        yield f"Something had been in the way in this query already; with p at least {HOPELESS_BELOW} it tried again."
+        yield (
+            f"An obstacle had been met in this query already; as p is at least {HOPELESS_BELOW}, the robot tried again."
+        )
     else:
-        yield f"Something had been in the way in this query already, and p is below {HOPELESS_BELOW}: no try."
+        yield (
+            f"An obstacle had been met in this query already, and p is below {HOPELESS_BELOW}, so the robot did not "
+            "try."
+        )
 
 
 def _with_way_around(made: PresenceDecision) -> Iterator[str]:
-    yield f"Around it, it cost {made.around.cost:.2f}."
+    yield f"The path around it cost {made.around.cost:.2f}."
     yield (
-        f"If it turned out closed: {made.to_edge_cost:.2f} to the edge and {made.back_cost:.2f} from there around. So "
-        f"a try was expected to cost {made.p:.2f} x {made.through.cost:.2f} + {1 - made.p:.2f} x "
+        f"If the edge turned out closed, the cost was {made.to_edge_cost:.2f} to the edge and {made.back_cost:.2f} "
+        f"from there around. So a try was expected to cost {made.p:.2f} x {made.through.cost:.2f} + {1 - made.p:.2f} x "
         f"{made.to_edge_cost + made.back_cost:.2f} = {made.expected_cost:.2f}."
     )
     if made.tries:
-        yield "Something had been in the way in this query already: then it goes around without another try."
+        yield "An obstacle had been met in this query already, so the robot goes around without another try."
     elif made.expected_saving > 0:
-        yield f"That is {made.expected_saving:.2f} less than going around, so going to look was worth it."
+        yield f"That is {made.expected_saving:.2f} less than going around, so a try was worth it."
     else:
-        yield f"That is {-made.expected_saving:.2f} more than going around, so it went around."
+        yield f"That is {-made.expected_saving:.2f} more than going around, so the robot went around."

@@ -79,7 +79,7 @@ def lifelong_success(timeline: Timeline, window: int = 10, *, threshold: float =
     window below one query.
     """
     if window < 1:
-        raise OptionError(f"A window of {window} queries holds nothing; choose at least 1.")
+        raise OptionError(f"A window has at least 1 query, got {window}.")
     queries = [query for query in timeline.queries if query.succeeded is not None]
     succeeded = np.array([bool(query.succeeded) for query in queries], bool)
     ends = tuple(query.end for query in queries if query.end is not None)

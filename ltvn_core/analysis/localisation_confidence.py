@@ -142,7 +142,7 @@ class PerceptualAlias:
         claim = f"{self.first} and {self.second} look {self.distance:.2f} apart (r {self.reachability:.2f})"
         rest = "rest of the " if self.has_edge else ""
         way = (
-            f"{self.path_length:.1f} through the {rest}map" if math.isfinite(self.path_length) else "no way in the map"
+            f"{self.path_length:.1f} through the {rest}map" if math.isfinite(self.path_length) else "no path in the map"
         )
         edge = ", and an edge joins them" if self.has_edge else ""
         return f"{claim}, yet they are {self.odometry_m:.1f} m apart by odometry, {way}{edge}."

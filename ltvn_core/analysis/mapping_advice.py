@@ -244,7 +244,7 @@ def _join(graph: TopologicalGraph, here: Pose, components: Sequence[Sequence[Nod
     gap, node = sorted(nearest)[1]
     target = graph.nodes[node].odometry
     way = "Drive from there back to where you are" if gap < _HERE_M else f"Drive to node {node}, {_way(here, target)}"
-    remedy = f"{way}, and look ahead on the way, so that they join."
+    remedy = f"{way}, with the camera facing forward, so that the pieces join."
     return _told(f"The map is in {len(worth)} pieces.", remedy), target
 
 
@@ -273,7 +273,7 @@ def _go_on(here: Pose, novelty: float | None) -> _Hint | None:
     if novelty is None or 1 - novelty > _KNOWN:
         return None
     target = here + np.array([_AHEAD_M * np.cos(here[2]), _AHEAD_M * np.sin(here[2]), 0.0])
-    remedy = "Go on slowly, so that the next pictures join it to the map."
+    remedy = "Continue slowly, so that the next images join it to the map."
     return _told("This view is new.", remedy), pose_row(target)
 
 
@@ -282,7 +282,7 @@ def _elsewhere(here: Pose, poses: Pose) -> _Hint:
     middle = poses[:, :2].mean(axis=0)
     rim = poses[int(np.argmax(np.hypot(*(poses[:, :2] - middle).T)))]
     target = PoseRow(float(rim[0]), float(rim[1]), float(np.arctan2(*(rim[:2] - middle)[::-1])))
-    return _told("All is well here.", f"Go beyond the rim of what you have seen, {_way(here, target)}."), target
+    return _told("All is well here.", f"Drive beyond what you have seen, {_way(here, target)}."), target
 
 
 def _apart(graph: TopologicalGraph, here: Pose, node: NodeId) -> float:

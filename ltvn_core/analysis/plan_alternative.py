@@ -45,7 +45,7 @@ class ExplanationStep:
 
     text: str
     instant: Instant | None
-    """Where to jump to; None where there is no one moment."""
+    """The instant that a click shows; None if no single instant fits."""
     kind: ExplanationKind
     ids: tuple[NodeId, ...]
     """The nodes it speaks of, to be shown; source and target of an edge."""
@@ -55,14 +55,14 @@ CAUSE_TEXTS = {
     Cause.BUILD: "when the map was built",
     Cause.ONLINE: "while somebody drove",
     Cause.ATTEMPT: "after it was driven",
-    Cause.NOVEL: "because the robot was lost and nobody recognised what it saw",
+    Cause.NOVEL: "because the robot was lost and saw no known place",
     Cause.EXPAND: "because there was no path without it",
-    Cause.GOAL: "to tie in a goal",
-    Cause.LOAD: "with a map out of a file",
+    Cause.GOAL: "to connect a goal",
+    Cause.LOAD: "with a map from a file",
     Cause.SIGHT: "because of what was seen",
     Cause.HAND: "by hand",
 }
-"""How each cause is said."""
+"""The text for each cause."""
 
 
 def belief_text(belief: Belief) -> str:
@@ -167,13 +167,13 @@ def explain_planned_edge(
         return (ExplanationStep(text, at, ExplanationKind.NEVER, (source, target)),)
     reasons = [_planned(made), _edge_cost_step(made)]
     if made.penalty:
-        text = f"{made.penalty:.2f} of its cost is for having failed in this query, and it was still the best."
+        text = f"{made.penalty:.2f} of its cost is for having failed in this query, and the plan was still the best."
         reasons.append(ExplanationStep(text, made.plan.instant, ExplanationKind.PENALTY, made.edge))
     if not made.matches_recording:
         text = (
             f"Planning again costs {made.replanned.cost:.2f}, not {made.plan.planned.cost:.2f} as recorded: the run "
             "used "
-            "other thresholds or another system, so the costs here only compare among themselves."
+            "other thresholds or another system, so compare these costs only with each other."
         )
         reasons.append(ExplanationStep(text, made.plan.instant, ExplanationKind.PLAN, made.edge))
     return (*reasons, _alternative(made))

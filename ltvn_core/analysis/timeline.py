@@ -127,7 +127,7 @@ class Timeline:
     @property
     def notes(self) -> tuple[str, ...]:
         """What is wrong with the events, for a person to read; empty if all is well."""
-        late = f"{self._late} events come after a later one; all are put in order by their steps."
+        late = f"{self._late} events were recorded after a later one; all were sorted by their steps."
         return (*([late] if self._late else []), *self._closed.notes)
 
     @property

@@ -185,7 +185,7 @@ class TimelineRows:
         """Return the rows after `count` events, those too of a query and an attempt under way; linear in them."""
         twin = self._copy_unclosed()
         if twin._query is not None:
-            twin.notes.append(f"Query {twin._query.started.query} is cut: the events end before it does.")
+            twin.notes.append(f"Query {twin._query.started.query} is cut off: its events end before it does.")
         twin._close_query(count - 1)
         return ClosedRows(
             queries=tuple(twin.queries),
@@ -226,7 +226,7 @@ class TimelineRows:
     def begin_map(self, index: int, instant: Instant, cause: Cause, epoch: int) -> None:
         """Let map number `epoch` begin with event number `index`."""
         self._epoch = epoch
-        text = f"map {epoch + 1} comes in ({cause.value})"
+        text = f"map {epoch + 1} is loaded ({cause.value})"
         self._add_mark(Mark(kind=MarkKind.MAP, instant=instant, event=index, ids=(), text=text))
 
     def _add_mark(self, mark: Mark) -> None:

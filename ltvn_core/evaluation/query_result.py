@@ -247,6 +247,6 @@ def append_to_log(path: Path, result: QueryResult) -> None:
             os.fsync(file.fileno())
     except OSError as error:
         raise OptionError(
-            f"{path} cannot be written: {error.strerror}. Free some space or name another --folder; what is done is "
-            "kept."
+            f"{path} cannot be written: {error.strerror}. Free some space or name another --folder; the results so "
+            "far are kept."
         ) from error

@@ -120,13 +120,13 @@ class KeyframeStore:
         try:
             return self._observations[frame]
         except KeyError:
-            raise MapError(f"The image of frame {frame} is not at hand; the map must hold all its images.") from None
+            raise MapError(f"The image of frame {frame} is missing; a map must contain all its images.") from None
 
     def features(self, frames: Sequence[FrameId]) -> Features:
         """Return (N, F) features; raise MapError if one is not held."""
         missing = [frame for frame in frames if frame not in self._rows]
         if self._features is None or missing:
-            raise MapError(f"The images of frames {missing[:5]} are not at hand; the map must hold all its images.")
+            raise MapError(f"The images of frames {missing[:5]} are missing; a map must contain all its images.")
         return self._features.array[[self._rows[frame] for frame in frames]]
 
     def held(self, frames: tuple[FrameId, ...]) -> HeldFeatures | None:

@@ -146,13 +146,13 @@ class GoalReport(NamedTuple):
             return None
         if self.standing is Standing.UNSURE:
             return Finding(
-                f"The map is not sure of {goal}: every way there leads over an edge that is believed less than a half.",
-                remedy="The robot may try; drive the way there once more, and the map will know.",
+                f"The map is not sure of {goal}: every path there has an edge with p below 0.5.",
+                remedy="The robot may try; driving this path once more makes the map sure.",
                 where=goal,
             )
         instead = "" if self.nearest is None else f" Nearest to it is node {self.nearest}, r = {self.reachability:.2f}."
         return Finding(
-            f"The map does not hold {goal}: no way leads there from most of the map.{instead}",
+            f"The map does not contain {goal}: no path leads there from most of the map.{instead}",
             remedy="Go there instead, or drive past the goal once more, slowly.",
             where=goal,
         )

@@ -68,7 +68,7 @@ def likelihoods(measured: DrivingMeasurements) -> Likelihoods:
     not_there = measured.success_if_not.shrunk if measured.success_if_not.trials else BeliefConfig().p_success_if_not
     if there <= not_there:
         raise WeightsError(
-            f"Edges that exist were driven with success less often ({there:.2f}) than edges that do not "
+            f"Edges that exist were driven successfully less often ({there:.2f}) than edges that do not "
             f"({not_there:.2f}), so these weights cannot maintain a map; train them longer, or measure more attempts."
         )
     return Likelihoods(there, not_there, max(measured.distance_sigma, MIN_SIGMA_M) ** 2)

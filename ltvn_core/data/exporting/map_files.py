@@ -80,7 +80,7 @@ def write_nav2_route(placed: PlacedMap, path: Path) -> None:
     Raises MapError for a map without edges, which the server refuses.
     """
     if not placed.graph.edges:
-        raise MapError("A map without edges is no route graph for Nav2; build it from a longer drive.")
+        raise MapError("A map without edges is not a route graph for Nav2; build one from a longer drive.")
     features = [
         _feature("Point", _point(pose), {"id": node, "frame": MAP_FRAME, "metadata": {"yaw": float(pose[2])}})
         for node, pose in placed.poses.items()

@@ -78,7 +78,7 @@ class EurocReader(ImageFilesReader):
         if model not in ("pinhole", "") or distortion not in (*_FISHEYES, *_DISTORTIONS):
             self.doubts.append(
                 f"The lens in {_SENSOR} is of the kind {model} with {distortion or 'no distortion'}, which is not "
-                "read; name a pinhole lens by --camera."
+                "supported; give a pinhole lens with --camera."
             )
             return None
         focal = said.numbers("intrinsics")
@@ -142,7 +142,7 @@ def _camera_folder(path: Path, wanted: str | None) -> Path:
         names = sorted(each.name for each in body.iterdir() if _is_camera(each)) if body.is_dir() else []
         raise DriveError(
             f"{body} has no {wanted or _FIRST} with {_IMAGES}/ and {_LIST}; there are {', '.join(names) or 'none'}"
-            ". Choose one by --rgb."
+            ". Choose one with --rgb."
         )
     return body / (wanted or _FIRST)
 

@@ -43,8 +43,8 @@ def chosen_odometry(reader: DriveReader, wanted: OdometrySource = OdometrySource
     if wanted in offered and offered[wanted] not in roles:
         found = ", ".join(sorted(roles)) or "nothing"
         raise DriveError(
-            f"--odometry-from {wanted}: the drive has no {offered[wanted]}; found {found}. Leave the option out to "
-            "take what there is."
+            f"--odometry-from {wanted}: the drive has no {offered[wanted]}; found {found}. Omit the option to use "
+            "what the drive has."
         )
     return wanted
 
@@ -70,11 +70,11 @@ class ImportOptions:
     def __post_init__(self) -> None:
         """Check the numbers."""
         if not (0 <= self.every_m < math.inf and 0 <= self.every_deg < math.inf):
-            raise OptionError(f"--every-m and --every-deg are 0 or more, got {self.every_m} and {self.every_deg}.")
+            raise OptionError(f"--every-m and --every-deg must be 0 or more, got {self.every_m} and {self.every_deg}.")
         if self.height_m is not None and not 0 <= self.height_m < 100:
-            raise OptionError(f"--height is metres above the floor, got {self.height_m}.")
+            raise OptionError(f"--height must be in metres above the floor, got {self.height_m}.")
         if self.pitch_deg is not None and not abs(self.pitch_deg) < 90:
-            raise OptionError(f"--pitch is degrees from level, between -90 and 90, got {self.pitch_deg}.")
+            raise OptionError(f"--pitch must be between -90 and 90 degrees from level, got {self.pitch_deg}.")
 
     @property
     def has_own_spacing(self) -> bool:

@@ -115,8 +115,8 @@ class PlayedDrive:
         self._name = drive.path.name
         reader = drive.open()
         self.open_loop = (
-            f"{self._name} is a recorded drive, played open loop: it shows what was seen, and obeys no command. Goals "
-            "need a robot; where it led, `ltvn robot check --map` says."
+            f"{self._name} is a recorded drive, played back without control: it cannot be driven, so it cannot go to "
+            "goals. `ltvn robot check --map` shows where the drive went."
         )
         """Why commands do nothing."""
         self._odometry = chosen_odometry(reader)

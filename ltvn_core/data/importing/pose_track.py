@@ -125,7 +125,7 @@ def read_poses(path: Path, *, scalar_first: bool = False, unit_s: float | None =
     try:
         numbers = np.array([[stamp, *map(float, words[: _COLUMNS - 1])] for stamp, words in lines])
     except ValueError as error:
-        raise DriveError(f"{path}: a pose is no row of numbers ({error!s:.80}).") from error
+        raise DriveError(f"{path}: a pose is not a row of numbers ({error!s:.80}).") from error
     numbers = numbers[np.unique(numbers[:, 0], return_index=True)[1]]
     norms = np.linalg.norm(numbers[:, 4:], axis=1)
     wrong = ~np.isfinite(numbers).all(axis=1) | (np.abs(norms - 1) > _UNIT_TOLERANCE)
@@ -210,8 +210,8 @@ def _rows(path: Path, count: int) -> NDArray[np.float64]:
     numbers = _numbers(path)
     if not numbers or len(numbers) % _NUMBERS or len(numbers) // _NUMBERS != count:
         raise DriveError(
-            f"{path} holds {len(numbers)} numbers, which are not 16 for each of the {count} pictures (a 4 x 4 matrix, "
-            "camera to world, row by row). Complete the file, or move it away to import the pictures without poses."
+            f"{path} holds {len(numbers)} numbers, which are not 16 for each of the {count} images (a 4 x 4 matrix, "
+            "camera to world, row by row). Complete the file, or move it away to import the images without poses."
         )
     return np.array(numbers).reshape(count, 4, 4)
 

@@ -1,7 +1,7 @@
 """The camera of a drive as people write it down: numbers on the command line, `camera.json`, or a little of YAML.
 
 Owns these notations, Replica's `cam_params.json`, and the fit of a camera to the images that were found. Guesses
-nothing: where nobody says what the lens is, there is no camera. Of YAML it reads what calibration files use, words and
+nothing: without a stated lens there is no camera. Of YAML it reads what calibration files use, words and
 lists of numbers behind names, as OpenCV and EuRoC write it: no library is needed for that, and YAML's references and
 tags, by which a small file can stand for a large one, mean nothing here.
 """
@@ -24,13 +24,13 @@ CAMERA_FILE = "camera.json"
 REPLICA_FILE = "cam_params.json"
 """As NICE-SLAM's copy of Replica has it, for all its rooms or beside one."""
 HOW_TO = (
-    "say it by --camera fx,fy,cx,cy,width,height (in pixels, then the distortion k1,k2,p1,p2,k3 where there is one), "
-    "or roughly by --fov DEGREES, the horizontal field of view"
+    "give it with --camera fx,fy,cx,cy,width,height (in pixels, then the distortion k1,k2,p1,p2,k3 if there is any), "
+    "or roughly with --fov DEGREES, the horizontal field of view"
 )
 """Advice for a message about an unknown lens."""
 HOW_TO_SCALE = (
-    'write {"depth_scale": N} into a camera.json, where N is how many units a metre has (1000 for millimetres), and '
-    "name the file by --camera"
+    'write {"depth_scale": N} into a camera.json, where N is the number of units in a metre (1000 for millimetres), '
+    "and name the file with --camera"
 )
 """Advice for a message about depth in another unit."""
 
@@ -63,7 +63,7 @@ def parse_camera(text: str) -> CameraModel:
         fx, fy, cx, cy, width, height = numbers[:_SIX]
         return _camera(fx, fy, cx, cy, width=width, height=height, distortion=numbers[_SIX:])
     except (ValueError, OverflowError, CameraError) as error:
-        raise DriveError(f"--camera {text!s:.80} is no camera ({error!s:.160}); {HOW_TO}.") from error
+        raise DriveError(f"--camera {text!s:.80} is not a camera ({error!s:.160}); {HOW_TO}.") from error
 
 
 def read_camera_option(text: str) -> CameraFile:
@@ -74,8 +74,7 @@ def read_camera_option(text: str) -> CameraFile:
     said = read_camera_file(Path(text))
     if said.camera is None and said.metres_per_unit is None:
         raise DriveError(
-            f"{text} says neither what the lens is, which needs width, height, fx, fy, cx and cy in pixels, nor what "
-            "the unit of depth is, which is depth_scale."
+            f"{text} has neither a lens (width, height, fx, fy, cx and cy in pixels) nor a unit of depth (depth_scale)."
         )
     return said
 
@@ -91,7 +90,7 @@ def read_camera_file(path: Path) -> CameraFile:
     try:
         fields = parse_json(read_foreign(path, most_bytes=_MOST_BYTES, what="camera.json"))
         if not isinstance(fields, dict):
-            raise ValueError("it is no JSON object")
+            raise ValueError("it is not a JSON object")
         return CameraFile(_file_camera(fields), _positive(fields, "depth_fx_nominal"), _depth_unit(fields))
     except (OSError, ValueError, TypeError, KeyError, OverflowError, CameraError) as error:
         raise DriveError(
@@ -145,8 +144,8 @@ def fitted(camera: CameraModel, width: int, height: int, source: str) -> CameraM
         return camera
     if abs(width / height / camera.aspect - 1) > _ASPECT_TOLERANCE:
         raise DriveError(
-            f"{source}: the images are {width} x {height}, but the camera takes {camera.width} x {camera.height}, "
-            f"which is of another aspect, so it is not the camera of these images; {HOW_TO}."
+            f"{source}: the images are {width} x {height}, but the camera's are {camera.width} x {camera.height}, "
+            f"with another aspect ratio, so it is not the camera of these images; {HOW_TO}."
         )
     return camera.scaled(width, height)
 

@@ -49,7 +49,9 @@ def _read_list(path: Path, what: str) -> str:
     except (OSError, UnicodeDecodeError) as error:
         raise DriveError(f"{path} cannot be read as text ({error!s:.120}).") from error
     if max(text.count("\n"), text.count("\r")) > MOST_LINES:
-        raise DriveError(f"{path} has more than {MOST_LINES:,} lines, which no {what} has; import the drive in parts.")
+        raise DriveError(
+            f"{path} has more than {MOST_LINES:,} lines, which is too many for a {what}; import the drive in parts."
+        )
     return text
 
 

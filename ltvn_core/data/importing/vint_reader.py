@@ -30,7 +30,7 @@ _LONGEST_ROW = 16
 """Numbers of one pose."""
 _NUMBERS = (int, float, np.number)
 
-NO_POSE = "without a row of poses"
+NO_POSE = "without a pose"
 
 
 class VintReader(ImageFilesReader):
@@ -47,7 +47,9 @@ class VintReader(ImageFilesReader):
         self._poses = _poses(folder)
         self._numbered = _images(folder)
         if options.rate_hz is None:
-            self.doubts.append(f"The images have no stamps; {DEFAULT_RATE_HZ:g} a second are assumed, --rate says it.")
+            self.doubts.append(
+                f"The images have no stamps; {DEFAULT_RATE_HZ:g} per second are assumed; --rate sets another rate."
+            )
         self.facts = DriveFacts(
             format="vint",
             frames=len(self._numbered),

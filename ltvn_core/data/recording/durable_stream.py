@@ -94,7 +94,7 @@ class MessageStream:
         try:
             block = self._encoded.read(flush=True, flush_timeout_sec=_ENCODING_S)
         except (RuntimeError, ValueError) as error:
-            raise RecordingError(f"Rerun could not encode what was to be recorded ({error}).") from error
+            raise RecordingError(f"Rerun could not encode a message of the recording ({error}).") from error
         if not block:
             return ()
         header = () if self._begun else (block[:HEADER_BYTES],)
@@ -291,7 +291,7 @@ class DurableStream:
     def _taking(self) -> bool:
         self._raise_once()
         if self._closed and not self.failure:
-            raise RecordingError(f"The recording {self.path} is closed; open a new one for what follows.")
+            raise RecordingError(f"The recording {self.path} is closed; open a new one to record more.")
         return self.failure is None
 
     def _raise_once(self) -> None:

@@ -60,7 +60,7 @@ def decode_event(text: str) -> Event:
         data = parse_json(text)
         return _CONVERTER.structure(data | {"kind": current_kind(data["kind"])}, Event)  # pyright: ignore[reportArgumentType]
     except (ValueError, KeyError, TypeError, cattrs.BaseValidationError) as error:
-        raise RecordingError(f"This is not an event of the present schema: {text[:120]}") from error
+        raise RecordingError(f"This is not an event of the current schema: {text[:120]}") from error
 
 
 def current_kind(kind: str) -> str:

@@ -98,7 +98,7 @@ class DepthWatch:
         if was_lost or not self._is_lost:
             return None
         return Note(
-            f"Image {observation.step} has no depth: it is kept, and not used where depth is needed.", Severity.WARN
+            f"Image {observation.step} has no depth: it is kept, but not used where depth is needed.", Severity.WARN
         )
 
 

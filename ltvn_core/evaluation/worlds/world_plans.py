@@ -226,5 +226,5 @@ def _draw(
             )
             return episode, float(lengths_m[chosen])
     raise OptionError(
-        "No goal of the map can be reached from anywhere; the world is closed up. Choose another --world."
+        "No goal of the map can be reached from any place; the world is completely closed. Choose another --world."
     )

@@ -31,7 +31,7 @@ def test_an_imported_drive_is_real_whatever_its_camera_is() -> None:
 
 def test_a_map_is_gone_on_with_by_the_predictor_that_made_it() -> None:
     made = ImageSource(camera=KINECT, config={"predictor": "oracle"}, fingerprint="oracle")
-    assert str(made.choose()) == "oracle (it made the map)"
+    assert str(made.choose()) == "oracle (the map was built with it)"
     assert made.choose_anew().name == "geometric"
     assert str(made.choose("network")) == "network (as asked)"
 

@@ -53,7 +53,7 @@ class DepthCodes:
         numbers = (self.depth_min, self.depth_max, self.shift)
         if not (all(map(math.isfinite, numbers)) and self.depth_max > self.depth_min > -self.shift):
             raise DriveError(
-                f"Depth between {self.depth_min} and {self.depth_max} m, shifted by {self.shift}, is none."
+                f"Depth between {self.depth_min} and {self.depth_max} m, shifted by {self.shift}, is not a valid range."
             )
 
     def metres(self, codes: NDArray[np.uint16]) -> Depth:
@@ -84,7 +84,7 @@ def rows_at_once(metadata: pq.FileMetaData, columns: Sequence[str]) -> int:
         if part.total_uncompressed_size > _MOST_PART_BYTES or part.num_values > rows * _MOST_NUMBERS:
             raise DriveError(
                 f"The column {part.path_in_schema!s:.80} unpacks to {part.total_uncompressed_size:,} bytes and "
-                f"{part.num_values:,} values in {rows:,} rows, which no drive has."
+                f"{part.num_values:,} values in {rows:,} rows, which is too large for a drive."
             )
         largest = max(largest, part.total_uncompressed_size)
     # Each row may hold the column's largest value, which is at most as large as all of them.
@@ -200,11 +200,11 @@ def _layout(folder: Path, info: Mapping[str, Any]) -> Layout:
     if version.startswith("v2"):
         size = info.get("chunks_size", LayoutV2.CHUNK)
         if not isinstance(size, int) or not 0 < size <= _LARGEST_CHUNK:
-            raise DriveError(f"{folder / INFO}: chunks_size is {size!r:.20}, and must be a number of episodes.")
+            raise DriveError(f"{folder / INFO}: chunks_size is {size!r:.20}, but must be a number of episodes.")
         return LayoutV2(folder, data, video, size)
     raise DriveError(
-        f"{folder} is a LeRobotDataset of version {version!r:.20}, and versions 2.0, 2.1 and 3 are read; convert it "
-        "to one of these with a release of LeRobot that reads it."
+        f"{folder} is a LeRobotDataset of version {version!r:.20}, but only 2.0, 2.1 and 3 are supported; convert it "
+        "with a release of LeRobot that reads it."
     )
 
 
@@ -242,5 +242,5 @@ def _names(said: object) -> tuple[str, ...]:
 
 def _positive(value: object, name: str) -> float:
     if not isinstance(value, int | float) or not 0 < value < 10_000:
-        raise DriveError(f"{name} is {value!r:.20}, and must be images a second.")
+        raise DriveError(f"{name} is {value!r:.20}, but must be images per second.")
     return float(value)

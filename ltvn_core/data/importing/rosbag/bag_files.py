@@ -95,8 +95,8 @@ def _read(opener: _Opener, data: bytes, most: int) -> bytes:
 
 def _too_large(size: str) -> DriveError:
     return DriveError(
-        f"A compressed part of the bag unpacks to {size}, where {MAX_CHUNK_BYTES:,} bytes are the most that is "
-        "read at once; write the bag again with smaller chunks, for instance with `ros2 bag convert`."
+        f"A compressed part of the bag unpacks to {size}, but at most {MAX_CHUNK_BYTES:,} bytes are read at once; "
+        "write the bag again with smaller chunks, for instance with `ros2 bag convert`."
     )
 
 
@@ -220,7 +220,7 @@ class BagFiles:
             return self._reader.read(message.data, message.written)
         except Exception as error:  # The library reads lengths from the message and trusts them.
             raise DriveError(
-                f"{self.path}: a message of {message.topic} is no {message.written.schema} ({_said(error)})."
+                f"{self.path}: a message of {message.topic} is not a {message.written.schema} ({_said(error)})."
             ) from error
 
     def _count(self, connections: Collection[Connection]) -> None:
@@ -260,8 +260,8 @@ def _decompressed(file: Path, folder: Path) -> Path:
         while piece := packed.read(2**20):
             if unpacked.tell() > most:
                 raise DriveError(
-                    f"{file} unpacks to more than {most:,} bytes, which is more than images do or than half of the "
-                    "free disk; unpack it yourself with `zstd -d` and name the unpacked file."
+                    f"{file} unpacks to more than {most:,} bytes, which is too large for images or for the free disk; "
+                    "unpack it with `zstd -d` and name the unpacked file."
                 )
             unpacked.write(piece)
     return target
@@ -323,11 +323,11 @@ def _remedy(file: Path, error: Exception) -> str:
     if not begin:
         return " The file is empty; name one that holds the drive."
     if not begin.startswith(magic):
-        return f" It does not begin as a {file.suffix} does, so it is another file of that name; name a bag."
+        return f" Its first bytes are not those of a {file.suffix} file; name a bag."
     if file.suffix == ".mcap" and not end.endswith(magic):
-        return " It was cut while recording or copying: `mcap recover` writes a new file of what is whole."
+        return " It was cut off while recording or copying: `mcap recover` writes the whole part to a new file."
     if file.suffix == ".bag" and "index" in str(error).lower():
-        return " It was cut while recording or copying: `rosbag reindex` mends it."
+        return " It was cut off while recording or copying: `rosbag reindex` repairs it."
     return ""
 
 

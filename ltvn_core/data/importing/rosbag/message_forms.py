@@ -144,7 +144,7 @@ def read_message(data: bytes, encoding: str, name: str) -> SimpleNamespace:
     if encoding == PROTOBUF:
         return _ProtobufReader().read(data, SCHEMAS[name])
     if len(data) > _MOST_JSON_BYTES:
-        raise ValueError(f"{len(data):,} bytes of JSON, where {_MOST_JSON_BYTES:,} are the most that is read")
+        raise ValueError(f"{len(data):,} bytes of JSON, but at most {_MOST_JSON_BYTES:,} are read")
     return _json_fields(parse_json(data), SCHEMAS[name])
 
 
@@ -191,7 +191,7 @@ def _integer(value: int | bytes) -> int:
 
 def _bytes(value: int | bytes) -> bytes:
     if isinstance(value, int):
-        raise ValueError("a number stands where the schema has bytes")
+        raise ValueError("there is a number where the schema has bytes")
     return value
 
 

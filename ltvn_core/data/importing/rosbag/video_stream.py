@@ -28,8 +28,8 @@ _CODECS = {
 _DEPTH = re.compile(r"gray1\d|16uc1|mono16|32fc1|64fc1|y16")
 KNOWN = ", ".join(_CODECS)
 """Codecs that are read, for messages."""
-BEFORE_KEY_FRAME = "no key frame of the video before"
-NO_PICTURE = "no picture in the packet of the video"
+BEFORE_KEY_FRAME = "no key frame of the video before it"
+NO_PICTURE = "no image in the packet of the video"
 DAMAGED = "damaged image"
 _MOST_PIXELS = 35_651_584
 """Of a picture at the highest level of H.264 and of H.265."""
@@ -90,8 +90,8 @@ class VideoStream:
         codec = video_codec(form)
         if codec is None:
             raise DriveError(
-                f"{topic} is video in {form.partition('/')[2] or 'no named format'!r:.40}, which is not read: expected "
-                f"{KNOWN}. Choose other colours by --rgb."
+                f"{topic} is video in {form.partition('/')[2] or 'no named format'!r:.40}, which is not supported: "
+                f"expected {KNOWN}. Choose other colours with --rgb."
             )
         with naming_the_extra():
             import av

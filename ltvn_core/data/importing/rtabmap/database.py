@@ -68,7 +68,8 @@ class RigCamera(NamedTuple):
         assert self.lens is not None
         if abs(width / height / self.lens.aspect - 1) > 0.02:
             raise CameraError(
-                f"the images are {width} x {height}, but their calibration is of {self.lens.width} x {self.lens.height}"
+                f"the images are {width} x {height}, but their calibration is for {self.lens.width} x "
+                f"{self.lens.height}"
             )
         return self.lens.scaled(width, height)
 
@@ -98,7 +99,7 @@ def parse_calibration(blob: bytes, version: tuple[int, ...], source: str) -> lis
         return cameras
     except (ValueError, struct.error, CameraError, IndexError) as error:
         raise DriveError(
-            f"{source}: the calibration is damaged ({error!s:.120}); give the lens by --camera."
+            f"{source}: the calibration is damaged ({error!s:.120}); give the lens with --camera."
         ) from error
 
 
@@ -203,8 +204,8 @@ class RtabmapDatabase:
         self.version = self._version()
         if self.version < _OLDEST:
             raise DriveError(
-                f"{path} was written by RTAB-Map {'.'.join(map(str, self.version))}, and databases are read from 0.10 "
-                "on; open it in a newer RTAB-Map, which converts it."
+                f"{path} was written by RTAB-Map {'.'.join(map(str, self.version))}, but only 0.10 and later are "
+                "supported; open it in a newer RTAB-Map, which converts it."
             )
 
     def nodes(self) -> list[Node]:
@@ -294,8 +295,8 @@ class RtabmapDatabase:
             yield
         except (sqlite3.Error, OverflowError, MemoryError, UnicodeError, ValueError) as error:
             raise DriveError(
-                f"{self.path} cannot be read as a database of RTAB-Map ({error!s:.120}); if the program was ended "
-                "early, mend it with `rtabmap-recovery`."
+                f"{self.path} cannot be read as a database of RTAB-Map ({error!s:.120}); if RTAB-Map was stopped "
+                "while writing, repair it with `rtabmap-recovery`."
             ) from error
 
 

@@ -74,7 +74,7 @@ def open_salvage(path: Path, recording_id: str | None = None) -> Salvage:
     found = find_messages(data)
     stores = _stores([each.data for each in found.messages])
     if not stores:
-        raise RecordingError(f"{path} holds no whole message of a recording; nothing in it can be saved.")
+        raise RecordingError(f"{path} has no undamaged message of a recording; nothing can be recovered.")
     store = _chosen_store(path, stores, recording_id)
     number = _record_of(found, store)
     messages = [each for each in found.messages if _belongs(each, store, {*stores} - {store}, number)]

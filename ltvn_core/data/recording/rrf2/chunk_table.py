@@ -195,7 +195,10 @@ class ChunkTable:
             try:
                 self._read(block)
             except (pa.ArrowException, ValueError, LookupError, TypeError, MemoryError):
-                _LOG.warning("The recording will have no table of chunks: Rerun's own one is unknown.", exc_info=True)
+                _LOG.warning(
+                    "The recording will have no table of chunks: the layout of Rerun's own table is unknown.",
+                    exc_info=True,
+                )
                 self._incomplete = True
 
     def encoded(self, places: Sequence[ChunkPlace]) -> bytes:
@@ -211,7 +214,7 @@ class ChunkTable:
         try:
             return b"".join(bytes_field(_MANIFESTS, self._manifest(key, stores[key], places)) for key in stores)
         except (pa.ArrowException, ValueError, LookupError, TypeError, RuntimeError, MemoryError):
-            _LOG.warning("The recording has no table of chunks: it could not be put together.", exc_info=True)
+            _LOG.warning("The recording has no table of chunks: it could not be made.", exc_info=True)
             return b""
 
     def _read(self, block: _Block) -> None:
@@ -378,9 +381,9 @@ def _read_batch(rows: bytes) -> pa.RecordBatch:
     payload = values[_PAYLOAD]
     size = values.get(_SIZE, 0)
     if not isinstance(payload, bytes) or not isinstance(size, int):
-        raise TypeError("the table is laid out otherwise")
+        raise TypeError("the table has another layout")
     if size > _MOST_RATIO * len(payload):
-        raise ValueError("the table is compressed by more than LZ4 can")
+        raise ValueError("the table is larger than LZ4 can compress")
     stream = pa.Codec("lz4_raw").decompress(payload, size) if values.get(_COMPRESSION) == _LZ4 else payload
     (batch,) = pa.ipc.open_stream(stream)
     return batch

@@ -236,7 +236,7 @@ def _damage(
             return f"message {place}, at byte {position}, changed"
         position += found.size
     if len(messages) != len(record.messages):
-        return f"it holds {len(messages)} messages and was finished with {len(record.messages)}"
+        return f"it has {len(messages)} messages, but {len(record.messages)} when it was finished"
     return None
 
 
@@ -250,8 +250,11 @@ def _damage_without_record(messages: Sequence[MessageSum], end: EndMessage) -> s
     if not end.footer_is_right:
         return "Rerun's table of its chunks changed"
     if not end.footer:
-        return "it has neither our table of checksums nor Rerun's table of its chunks, as if it was cut and then ended"
+        return (
+            "it has neither our table of checksums nor Rerun's table of its chunks, as if it had been cut off and "
+            "then finished"
+        )
     listed = listed_chunks(end.footer)
     if listed is not None and listed != set(chunk_places(messages)):
-        return "Rerun's table lists other chunks than it holds"
+        return "Rerun's table does not list the same chunks as the file"
     return None

@@ -95,7 +95,7 @@ def _check_number(name: str, number: int) -> None:
     if name == "seed" and number < 0:
         raise OptionError(f"{option} must be 0 or more, got {number}.")
     if abs(number) > most:
-        raise OptionError(f"{option} is at most {most:,}, got {number!s:.40}.")
+        raise OptionError(f"{option} must be at most {most:,}, got {number!s:.40}.")
 
 
 def to_json(summary: Summary) -> str:

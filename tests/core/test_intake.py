@@ -82,7 +82,7 @@ def test_images_of_another_kind_are_refused(image: np.ndarray) -> None:
 
 
 def test_image_and_depth_of_different_sizes_are_refused() -> None:
-    with pytest.raises(ImageError, match="both must have one size"):
+    with pytest.raises(ImageError, match="same size"):
         taken(rgb(144, 192), depth())
 
 

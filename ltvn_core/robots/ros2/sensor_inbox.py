@@ -176,7 +176,7 @@ class SensorInbox:
         elif not self.odometry.count:
             self._other_edges = dict.fromkeys(list(self._other_edges | dict.fromkeys(edges))[:_FRAMES_TOLD])
             told = ", ".join(f"{parent:.40} to {child:.40}" for parent, child in self._other_edges)
-            self.odometry.refusal = f"it has no {wanted[0]} to {wanted[1]}, but {told or 'nothing'}"
+            self.odometry.refusal = f"it has no transform from {wanted[0]} to {wanted[1]}, but {told or 'none at all'}"
 
     def take_camera_info(self, received: Received) -> None:
         """Keep the CameraInfo."""

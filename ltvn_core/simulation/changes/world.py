@@ -190,7 +190,7 @@ class World:
             try:
                 check_change(timed.change, self.base, self.state)
             except WorldError as no_more:  # A person may have made the change impossible.
-                log.debug("The script's change cannot be any more: %s", no_more)
+                log.debug("A change of the script is not possible any more: %s", no_more)
                 continue
             if self._in_the_way(timed.change) is None:
                 yield self._carry_out(timed.change, ChangedBy.SCRIPT, timed.at_s)
@@ -226,11 +226,11 @@ class World:
         if self._body is not None:
             x, y, _ = self._body.exact_pose
             if distance_m(outline, x, y) < self._radius_m + _ROOM_M:
-                return f"This cannot be now ({w.change_text(change)}): the robot stands there. Drive it away first."
+                return f"This is impossible now ({w.change_text(change)}): the robot is there. Drive it away first."
         for person in self.state.people:
             x, y, _ = person.pose
             if not isinstance(change, w.PersonMoved) and distance_m(outline, x, y) < PERSON_RADIUS_M + _ROOM_M:
-                return f"This cannot be now ({w.change_text(change)}): {person.person} stands there. Wait a little."
+                return f"This is impossible now ({w.change_text(change)}): {person.person} is there. Wait a little."
         return None
 
     def _carry_out(self, change: w.WorldChange, by: ChangedBy, at_s: float) -> WorldChanged:

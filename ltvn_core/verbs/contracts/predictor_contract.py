@@ -101,19 +101,19 @@ def predictor_checks(plugin: Plugin) -> Iterator[ContractCheck]:
     """Open a predictor for the demo map's images and look at all points of its contract."""
     contract = PredictorContract(plugin, sample_images(IMAGES))
     return run_checks(
-        ("opens and says what it is", contract.opens),
+        ("opens and has a card", contract.opens),
         [
             ("encodes one row for each image", contract.encodes_rows),
-            ("encodes an image alike in whatever order they come", contract.encodes_in_any_order),
+            ("encodes an image the same way in any order", contract.encodes_in_any_order),
             ("returns r in [0, 1] and finite waypoints", contract.returns_numbers),
-            ("answers the same question alike", contract.is_deterministic),
-            ("compares one source with many targets as with each", contract.broadcasts),
-            ("takes no images and no targets", contract.takes_nothing),
-            ("knows an image again", contract.knows_an_image_again),
+            ("gives the same answer twice", contract.is_deterministic),
+            ("gives the same answer for one target and for many", contract.broadcasts),
+            ("accepts zero images and zero targets", contract.takes_nothing),
+            ("recognises the same image", contract.knows_an_image_again),
             ("bears a blank image", contract.bears_a_blank_image),
-            ("bears an image without depth, or says that it needs it", contract.bears_no_depth),
+            ("accepts an image without depth, or declares that it needs depth", contract.bears_no_depth),
             ("can be opened by other processes", contract.opens_in_workers),
-            ("is fast enough to watch", contract.speed),
+            ("is fast enough for the page", contract.speed),
         ],
     )
 
@@ -150,7 +150,7 @@ class PredictorContract:
         """Look at what it says of itself."""
         card = predictor_card(self.predictor)
         again = predictor_card(open_plugin(self.plugin, self.request))
-        require(card.fingerprint == again.fingerprint, "its fingerprint is another each time it is opened")
+        require(card.fingerprint == again.fingerprint, "its fingerprint changes each time it is opened")
         if (known := card.likelihoods) is not None:
             require(
                 0 < known.p_success_if_not < known.p_success_if_reachable < 1 and known.sigma2 > 0,
@@ -191,7 +191,7 @@ class PredictorContract:
         same = np.array_equal(first.reachability, second.reachability) and np.array_equal(
             first.waypoints, second.waypoints
         )
-        require(same, "the second answer is not the first one, bit for bit")
+        require(same, "the second answer differs from the first")
         return ""
 
     def broadcasts(self) -> str:
@@ -207,7 +207,7 @@ class PredictorContract:
 
     def takes_nothing(self) -> str:
         """Encode nothing and compare with nothing."""
-        require(len(self.predictor.encode([])) == 0, "encode must return no row for no image")
+        require(len(self.predictor.encode([])) == 0, "encode must return zero rows for zero images")
         self._require_sound(self.predictor.predict(self.features[:1], self.features[:0]), 0)
         return ""
 
@@ -233,7 +233,7 @@ class PredictorContract:
     def bears_no_depth(self) -> str:
         """Compare an image without depth with itself and with others."""
         if predictor_card(self.predictor).needs_depth:
-            return "it needs depth, and is given no image without"
+            return "not needed: it gets only images with depth"
         self._bears(replace(self.images[0], depth=np.zeros(self.images[0].rgb.shape[:2], np.float32)))
         return self._bears(replace(self.images[0], depth=None))
 
@@ -242,7 +242,7 @@ class PredictorContract:
         factory = self.plugin.load()
         require(pickle.loads(pickle.dumps(factory)) is factory, "its factory must be a function or class of a module")
         sent = pickle.loads(pickle.dumps(self.features))
-        self._require_equal(self._compare(sent), self._compare(self.features), "after a way to another process")
+        self._require_equal(self._compare(sent), self._compare(self.features), "after a copy to another process")
         return ""
 
     def speed(self) -> str:

@@ -70,13 +70,13 @@ def run_lifelong_test(options: LifelongVerb) -> Summary:
     if len({*options.maintenance}) < len(options.maintenance):
         raise OptionError("--maintenance has a name twice.")
     if options.world is not None and options.conditions:
-        raise OptionError("A --world has light and doors of its own; leave --conditions out, or name no world.")
+        raise OptionError("A --world already changes light and doors; omit --conditions or --world.")
     if options.world is not None:
         return _in_world(options, options.world)
     if len(options.maintenance) > 1 or {"truth", "brm-rooms"} & {*options.maintenance}:
         raise OptionError(
-            "Without --world, --maintenance takes one name, and not truth or brm-rooms, which ask the world. Name "
-            "a world that changes, or run the command once for each."
+            "Without --world, --maintenance takes one name, and not truth or brm-rooms, which need a simulated world. "
+            "Name a --world, or run the command once for each."
         )
     return _without_world(options, options.maintenance[0] if options.maintenance else None)
 

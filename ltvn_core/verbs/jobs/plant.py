@@ -60,7 +60,7 @@ def _drive(options: PlantVerb) -> PlantSummary:
     loaded = load_map(options.map)
     graph = loaded.graph
     if len(graph.nodes) < 2:
-        raise MapError(f"{options.map} has one node; faults lie between nodes, so choose a larger map.")
+        raise MapError(f"{options.map} has one node, but faults join nodes; choose a larger map.")
     opened = TopologicalMap.open(loaded, predictor=options.predictor, weights=options.weights, with_reserve=False)
     known = replace(opened, system=_system(options, opened.predictor, loaded))
     truth = GroundTruth(load_scene(known.scene).clearance, lambda node: loaded.observations[node])

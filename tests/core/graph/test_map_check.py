@@ -26,7 +26,7 @@ def test_a_map_of_one_node_is_told(caplog: pytest.LogCaptureFixture) -> None:
     built = build_map(standing, predictor=FlatPredictor(one_room()))
     assert len(built.graph.nodes) == 1
     (doubt,) = [doubt for doubt in built.doubts if "one node" in doubt]
-    assert "as if all 30 images showed one place" in doubt
+    assert "all 30 images seem to show the same place" in doubt
     assert doubt in caplog.text
 
 
@@ -128,7 +128,7 @@ def test_why_nothing_came_of_a_drive_is_said_with_what_to_do() -> None:
     said = " ".join(built.doubts)
     for cause in ("lens is not known", f"{len(images)} of {len(images)} images have no depth", "pitched by -40"):
         assert cause in said
-    assert "in a row 0 are recognised as one place. The predictor cannot compare" in said
+    assert "consecutive images are recognised as the same place. The predictor cannot compare" in said
     assert sum("Likely cause" in doubt for doubt in built.doubts) == 4
 
 

@@ -44,7 +44,7 @@ def test_maps_of_earlier_versions_were_made_by_the_network_or_the_oracle() -> No
 def test_a_predictor_that_is_not_installed_is_refused_with_those_that_are() -> None:
     with pytest.raises(OptionError, match=r"'clairvoyant'; installed are: network, geometric, oracle"):
         SIMULATED.choose("clairvoyant")
-    with pytest.raises(OptionError, match="Install the package that brings it"):
+    with pytest.raises(OptionError, match="Install the package"):
         replace(SIMULATED, config={"predictor": "clairvoyant"}).choose()
 
 

@@ -57,7 +57,7 @@ def stated_beliefs(replay: ReplayedFile, edge: EdgeKey) -> dict[str, tuple[str, 
     told = replay.text(QuestionName.EDGE)
     if found := re.search(r"p (\d\.\d\d) · length \(mu\) (\d+\.\d\d)", told):
         stated["edge"] = found[1], found[2]
-    for verdict in ("as it came in: p = ", "counted, .* p went from .* to "):
+    for verdict in ("still the first one: p = ", "counted, .* p went from .* to "):
         if found := re.search(rf"{verdict}(\d\.\d\d), length \(mu\) (?:= |from \d+\.\d\d to )(\d+\.\d\d)", told):
             stated["reasons"] = found[1], found[2]
     replay.do(c.PointAt(edge[0]))

@@ -126,7 +126,7 @@ def test_the_plan_at_another_time_of_day_is_drawn_with_what_would_be_open(harnes
     shown = follow(harness, shown, "at 18:00", ticks=4)
 
     assert "at 18:00 · forget" in words(shown)
-    assert "It would be day 1, 18:00, if nobody looked until then." in words(shown)
+    assert "It would be day 1, 18:00" in words(shown)
     assert "would be taken for open, now 0" in words(shown)
 
 

@@ -110,7 +110,7 @@ def test_the_same_weights_are_not_made_twice_and_others_not_overwritten(
     written = output.stat().st_mtime_ns
     assert fine_tune_for("ltvn", start, output, data=dataset) == first
     assert output.stat().st_mtime_ns == written
-    with pytest.raises(WeightsError, match="made otherwise; nothing is overwritten"):
+    with pytest.raises(WeightsError, match="is not overwritten"):
         fine_tune_for("ltvn", start, output, data=dataset, plan=replace(PLAN, steps=1))
 
 

@@ -116,7 +116,7 @@ def test_a_drive_that_cannot_teach_is_refused_with_a_reason() -> None:
         drive(TOUR, np.zeros_like(TOUR))
     missing = TOUR.copy()
     missing[3] = np.nan
-    with pytest.raises(RecordingError, match="and 1 of them have none"):
+    with pytest.raises(RecordingError, match="1 of the poses are missing"):
         drive(TOUR, missing)
 
 
@@ -137,7 +137,7 @@ def test_images_without_depth_teach_nothing_and_are_said(caplog: pytest.LogCaptu
     kept = select_keyframes(blind, "drive.rrd")
     assert kept.depth_mm.any(axis=(1, 2)).all()
     assert len(kept.poses) < len(select_keyframes(whole, "drive.rrd").poses)
-    assert "have no depth and teach nothing" in caplog.text
+    assert "have no depth" in caplog.text
 
 
 @pytest.mark.parametrize("depth", [None, np.zeros((72, 96), np.float32)], ids=["absent", "zero"])

@@ -92,7 +92,7 @@ def test_compressed_images_are_seen_and_a_change_of_their_size_is_refused() -> N
             np.testing.assert_allclose(seen.rgb[40, 40], (200, 100, 30), atol=3)
             np.testing.assert_allclose(seen.require_depth("a test"), 1.5, rtol=1e-5)
             served.size = 144, 192
-            with pytest.raises(RobotError, match="image_raw is 192 x 144 now, and was 96 x 72 at first"):
+            with pytest.raises(RobotError, match="image_raw is now 192 x 144, but was 96 x 72"):
                 until(lambda: robot.observe() is None)
         finally:
             robot.close()

@@ -128,7 +128,7 @@ def test_scripts_that_would_change_the_same_things_do_not_run_together(scene: Sc
     [
         ("{", "cannot be read as JSON"),
         ("[" * 900 + "]" * 900, "levels deep"),
-        ("[]", 'no object with a list "changes"'),
+        ("[]", 'object with a list "changes"'),
         ('{"changes": [], "speed": 2}', "unknown keys: speed"),
         ('{"changes": [], "people": -1}', "from 0 to 20"),
         ('{"changes": [{"at_s": 1, "change": "Earthquake"}]}', "one of DoorMoved, ThingPlaced"),

@@ -149,7 +149,7 @@ def change_text(change: WorldChange) -> str:
             tint = "" if abs(warmth) < 0.05 else ", warm" if warmth > 0 else ", cold"
             return f"light at {level:.0%}{tint}"
         case PicturesExchanged(seed):
-            return "the first pictures and rugs are back" if seed is None else "pictures and rugs exchanged"
+            return "the original pictures and rugs are back" if seed is None else "pictures and rugs exchanged"
         case PersonMoved(person, (x, y, _)):
             return f"{person} at x {x:.2f} m, y {y:.2f} m"
         case PersonLeft(person):

@@ -197,9 +197,9 @@ def _open_own_robot(options: AppOptions, stack: ExitStack) -> Robot | None:
     if options.robot is None:
         return None
     if options.world is not None:
-        raise OptionError("--world changes a simulated scene; leave it out with a robot of your own.")
+        raise OptionError("--world changes a simulated scene; omit it with your own robot.")
     if options.predictor == "oracle":
-        raise OptionError("The oracle knows simulated scenes alone; drive a robot of your own with the network.")
+        raise OptionError("The oracle knows only simulated scenes; use another predictor with your own robot.")
     robot = open_robot(options.robot)
     stack.callback(getattr(robot, "close", robot.stop))
     return robot
@@ -254,10 +254,10 @@ def _ready_made(options: AppOptions, predictor: Predictor) -> LoadedMap | None:
         return None
     known = load_map(place)
     if known.meta.fingerprint != predictor.fingerprint:
-        logger.info("The ready-made map belongs to other weights; beginning with an empty one.")
+        logger.info("The ready-made map was built with other weights; starting with an empty map.")
         return None
     if recorded_system(known.meta.config).name != options.system:
-        logger.info("The ready-made map is not of %s; beginning with an empty one.", options.system)
+        logger.info("The ready-made map is not of %s; starting with an empty map.", options.system)
         return None
     return known
 
@@ -267,7 +267,7 @@ def _new_recording(
 ) -> RecordingWriter:
     """Begin a recording; never waits for the disk, because the robot does not wait either."""
     if backend.robot is None:
-        raise SceneError("There is no robot here whose driving could be recorded; open the app with a scene.")
+        raise SceneError("There is no robot to record; open the app with a scene.")
     scene = backend.scene
     return RecordingWriter(
         path,

@@ -74,7 +74,7 @@ def choices(name: str, about: str, known: Sequence[str]) -> Parameter:
 
     def read(given: object) -> tuple[str, ...]:
         if not isinstance(given, list) or len(given) > len(known) or not all(each in known for each in given):
-            raise ValueError(f"a list of some of these: {', '.join(known)}")
+            raise ValueError(f"a list with any of these: {', '.join(known)}")
         return tuple(given)
 
     items = {"type": "string", "enum": list(known)}
@@ -97,7 +97,7 @@ def read_arguments(parameters: Sequence[Parameter], given: Mapping[str, object])
     known = {each.name: each for each in parameters}
     for name in given:
         if name not in known:
-            offered = f"{which_name(name[:60], known)}." if known else "This tool takes none."
+            offered = f"{which_name(name[:60], known)}." if known else "This tool takes no arguments."
             raise OptionError(f"There is no argument {name[:60]!r}. {offered}")
     found = {name: _read(known[name], value) for name, value in given.items() if value is not None}
     for each in parameters:

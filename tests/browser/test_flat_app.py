@@ -172,7 +172,7 @@ def test_a_recording_is_made_kept_opened_and_sought(app: FlatApp, page: Page) ->
     page.get_by_role("button", name="Open", exact=True).click()
     now = until_shown(app, lambda now: now.mode is Mode.REPLAY)
     assert now.replay is not None
-    expect(pad(page)).to_have_text("This is a recording; the robot stands")
+    expect(pad(page)).to_have_text("This is a recording; the robot is stopped")
     slider = page.get_by_role("slider", name="moment on show")
     slider.focus()
     slider.press("End")

@@ -131,7 +131,7 @@ def test_a_newcomer_reaches_a_goal_and_then_one_button_tells_how_the_map_learns(
     assert newcomer.first_query_s(app) < FIRST_GOAL_S
     before = app.session.state.live_map.graph.copy()
     newcomer.begin_story(page)
-    expect(page.locator(".ltvn-status")).to_contain_text("The story goes on")
+    expect(page.locator(".ltvn-status")).to_contain_text("The story continues")
     newcomer.wait_for_mark(page, newcomer.NEW)
     newcomer.wait_for_mark(page, newcomer.FADED)
     page.get_by_text("Learnt:").first.wait_for()

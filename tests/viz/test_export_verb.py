@@ -66,13 +66,13 @@ def test_a_floor_plan_lies_under_the_figure_and_gives_the_route_its_frame(tmp_pa
         ({"to": "nav2-route"}, "needs --output"),
         ({"to": "mp3", "output": Path("x")}, "--to takes a format"),
         ({"to": "vint", "output": Path("x.rrd")}, "no recording"),
-        ({"to": "vint", "output": Path("x"), "svg": Path("y")}, "one thing alone"),
+        ({"to": "vint", "output": Path("x"), "svg": Path("y")}, "only one output"),
         ({"to": "graphml", "output": Path("x"), "from_s": 3}, "map at the end"),
         ({"to": "3", "until": 4.0, "output": Path("x")}, "seconds already"),
         ({}, "name --output"),
-        ({"to": "vint", "output": Path("x"), "floor_plan": Path("map.yaml")}, "--floor-plan goes with"),
-        ({"output": Path("x"), "floor_plan": Path("map.yaml")}, "goes with --html, --svg"),
-        ({"svg": Path("x.svg"), "align": ("3=1,2",)}, "name it by --floor-plan"),
+        ({"to": "vint", "output": Path("x"), "floor_plan": Path("map.yaml")}, "--floor-plan only with"),
+        ({"output": Path("x"), "floor_plan": Path("map.yaml")}, "with --html, --svg"),
+        ({"svg": Path("x.svg"), "align": ("3=1,2",)}, "with --floor-plan"),
     ],
 )
 def test_what_does_not_go_together_is_refused(options: dict[str, Any], expected: str) -> None:

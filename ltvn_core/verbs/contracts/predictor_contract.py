@@ -110,10 +110,10 @@ def predictor_checks(plugin: Plugin) -> Iterator[ContractCheck]:
             ("gives the same answer for one target and for many", contract.broadcasts),
             ("accepts zero images and zero targets", contract.takes_nothing),
             ("recognises the same image", contract.knows_an_image_again),
-            ("bears a blank image", contract.bears_a_blank_image),
-            ("accepts an image without depth, or declares that it needs depth", contract.bears_no_depth),
+            ("accepts a blank image", contract.accepts_a_blank_image),
+            ("accepts an image without depth, or declares that it needs depth", contract.accepts_no_depth),
             ("can be opened by other processes", contract.opens_in_workers),
-            ("is fast enough for the page", contract.speed),
+            ("is timed", contract.speed),
         ],
     )
 
@@ -224,18 +224,18 @@ class PredictorContract:
         )
         return f"r at least {least:.2f}, within {100 * farthest:.1f} cm"
 
-    def bears_a_blank_image(self) -> str:
+    def accepts_a_blank_image(self) -> str:
         """Compare a black image of a plain wall with itself and with others."""
         seen = self.images[0]
         depth = np.full(seen.rgb.shape[:2], WALL_M, np.float32)
-        return self._bears(replace(seen, rgb=np.zeros_like(seen.rgb), depth=depth))
+        return self._accepts(replace(seen, rgb=np.zeros_like(seen.rgb), depth=depth))
 
-    def bears_no_depth(self) -> str:
+    def accepts_no_depth(self) -> str:
         """Compare an image without depth with itself and with others."""
         if predictor_card(self.predictor).needs_depth:
             return "not needed: it gets only images with depth"
-        self._bears(replace(self.images[0], depth=np.zeros(self.images[0].rgb.shape[:2], np.float32)))
-        return self._bears(replace(self.images[0], depth=None))
+        self._accepts(replace(self.images[0], depth=np.zeros(self.images[0].rgb.shape[:2], np.float32)))
+        return self._accepts(replace(self.images[0], depth=None))
 
     def opens_in_workers(self) -> str:
         """Send the factory and the features to another process and back."""
@@ -246,16 +246,16 @@ class PredictorContract:
         return ""
 
     def speed(self) -> str:
-        """Say how long an image and a pair take; how fast is fast enough, its author knows."""
+        """Say how long an image and a pair take; its author must judge whether that is fast enough."""
         before = time.perf_counter()
         self.predictor.encode(self.images)
         encoded = time.perf_counter()
         self.predictor.predict(self.features[:1], self.features)
         compared = time.perf_counter()
         image_ms, pair_ms = (1e3 * seconds / IMAGES for seconds in (encoded - before, compared - encoded))
-        return f"{image_ms:.1f} ms an image, {pair_ms:.2f} ms a pair"
+        return f"{image_ms:.1f} ms per image, {pair_ms:.2f} ms per pair"
 
-    def _bears(self, seen: Observation) -> str:
+    def _accepts(self, seen: Observation) -> str:
         row = self.predictor.encode([seen])
         self._require_sound(self.predictor.predict(row, self.features), IMAGES)
         self._require_sound(self.predictor.predict(row, row), 1)

@@ -100,7 +100,7 @@ def test_before_it_was_pruned_the_same_edge_is_weighed_and_its_end_foretold(past
     told = words(past.do(c.Seek(past.seconds(past.begins_s))))
 
     assert "Why is p =" in told
-    assert "Later it leaves the map" in told
+    assert "Later it is removed" in told
     assert "Why is it gone?" not in told
 
 

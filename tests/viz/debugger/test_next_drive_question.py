@@ -37,4 +37,4 @@ def test_in_a_recording_the_coach_says_why_it_is_silent(tmp_path: Path) -> None:
 
     shown = harness.do(c.OpenRecording(harness.writers[-1].path.name), c.ChooseQuestion(QuestionName.COACH), ticks=3)
 
-    assert "The coach helps while one drives" in words(shown)
+    assert "advice is for driving" in words(shown)

@@ -226,7 +226,7 @@ def test_without_odometry_one_learns_nothing_and_reads_why(folder: Path) -> None
 def test_the_oracle_cannot_be_taught(folder: Path) -> None:
     now = fine_tuning_harness(folder, None).do(c.FineTune(3))
     assert now.message is not None
-    assert (now.message.severity, "without --predictor oracle" in now.message.text) == (Severity.ERROR, True)
+    assert (now.message.severity, "--predictor network" in now.message.text) == (Severity.ERROR, True)
     assert now.fine_tuning.phase is FineTuningPhase.IDLE
 
 
@@ -274,7 +274,7 @@ def test_the_result_is_two_plain_lines() -> None:
     here, simulation = result_lines(learned(drive_metrics(0.004, 0.0738), drive_metrics(0.002, 0.0689)))
     assert here == "Here: false links 0.40 → 0.20 %, waypoint error 7.4 → 6.9 cm."
     assert simulation.startswith("Simulated: false links")
-    assert "nothing to judge by" in result_lines(learned({}, {}))[0]
+    assert "nothing to evaluate" in result_lines(learned({}, {}))[0]
 
 
 def test_weights_are_not_exchanged_within_a_recording(folder: Path) -> None:
@@ -346,4 +346,4 @@ def test_a_lesson_that_was_stopped_while_it_learned_says_nothing_of_the_whole(cl
     clock.now += 60
     assert lesson.left == "about 2 min left"
     assert lesson.besides_s is None
-    assert "once it has measured it" in besides_words(lesson.besides_s)
+    assert "after the first run" in besides_words(lesson.besides_s)

@@ -92,7 +92,7 @@ def test_a_real_robot_never_goes_on_with_nobody_there(harness: SessionHarness) -
     handle(harness.state, c.KeepGoing(is_on=True))
     assert not harness.state.keeps_going
     assert harness.state.message is not None
-    assert "needs somebody there" in harness.state.message.text
+    assert "needs a person" in harness.state.message.text
 
 
 def test_a_flood_of_a_watcher_s_wishes_keeps_out_nothing_that_the_driver_asks_for(harness: SessionHarness) -> None:

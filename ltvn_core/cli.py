@@ -43,7 +43,7 @@ _ADVICE = {
     errno.ENAMETOOLONG: "give it a shorter name",
     errno.EMFILE: "close other programs, or raise the limit of open files (ulimit -n)",
 }
-"""What to do next, by the system's error number."""
+"""Remedy for each error number of the operating system."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -58,7 +58,7 @@ class ServerError(LtvnError):
 
 
 class PluginError(LtvnError):
-    """What another package adds to the toolkit cannot be used."""
+    """A plug-in of another package cannot be used."""
 
 
 class MissingLibraryError(LtvnError):

@@ -1,4 +1,4 @@
-"""What is found doubtful of a drive, a map, a robot, a goal or a judgement: one record for all of them.
+"""Findings: doubts about a drive, a map, a robot, a goal or a judgement, in one record type.
 
 Owns the record and how it is written as sentences. The checks are where their subject is.
 """
@@ -21,10 +21,10 @@ class Finding:
     """One thing that a person should know; it refuses and changes nothing."""
 
     text: str
-    """What was found and the likely cause, in whole sentences."""
+    """The finding and its likely cause, in whole sentences."""
     severity: Severity = Severity.WARN
     remedy: str = ""
-    """What to do about it, in whole sentences; empty where `text` asks a question or nothing can be done."""
+    """The remedy, in whole sentences; empty if `text` asks a question or if there is no remedy."""
     where: str = ""
     """Name of the drive, file, topic or goal that the finding is about; empty where it is about the whole."""
 

@@ -1,6 +1,6 @@
-"""What a valid image is: types, shapes, units and limits of colour, depth, odometry, stamp and step.
+"""Checks of images: types, shapes, units and limits of colour, depth, odometry, stamp and step.
 
-Owns these rules and the words that refuse what breaks them. Changes the size of nothing (`ltvn_core.preprocessing`).
+Owns these rules and the messages of violations. Changes the size of nothing (`ltvn_core.preprocessing`).
 """
 
 import operator

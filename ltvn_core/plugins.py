@@ -28,7 +28,7 @@ class PluginGroup(NamedTuple):
     name: str
     """Its entry-point group, as in `[project.entry-points."ltvn.verbs"]`."""
     noun: str
-    """What messages call one."""
+    """Noun for one plug-in in messages."""
 
 
 VERBS = PluginGroup("ltvn.verbs", "verb")
@@ -51,7 +51,7 @@ class Plugin:
 
     @property
     def name(self) -> str:
-        """What a person types."""
+        """Name that a person types."""
         return self.entry.name
 
     @property
@@ -71,7 +71,7 @@ class Plugin:
 
     @property
     def title(self) -> str:
-        """What messages call it, as in `The robot turtle of the package turtles`."""
+        """Name in messages, such as `The robot turtle of the package turtles`."""
         known = f" of the package {self.package}" if self.entry.dist is not None else ""
         return f"The {self.group.noun} {self.name}{known}"
 
@@ -98,7 +98,7 @@ class Plugin:
 
     @property
     def remedy(self) -> str:
-        """What to do about a broken plug-in."""
+        """Remedy for a broken plug-in."""
         if self.package == OWN_PACKAGE:
             return "reinstall the toolkit: pip install ltvn (or -e .)"
         return "update, repair or uninstall that package"

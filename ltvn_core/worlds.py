@@ -1,6 +1,6 @@
-"""What can change in a world, and what a world is like after some changes: data alone, without a simulator.
+"""Changes of a world, and its state after some changes: only data, without a simulator.
 
-A change says what is so from now on. `WorldState.after` is a pure function, so that a replay knows the world of any
+A change holds from its time on. `WorldState.after` is a pure function, so that a replay knows the world of any
 moment. `simulation.changes` carries changes out; recordings store them as events.
 """
 
@@ -18,7 +18,7 @@ OWN_PREFIX = "own/"
 
 
 class ThingKind(StrEnum):
-    """What a thing is, and so what it looks like."""
+    """Kind of a thing, which decides how it looks."""
 
     BOX = "box"
     """A cardboard box."""
@@ -185,7 +185,7 @@ class WorldState:
 
     closed_doors: frozenset[int] = frozenset()
     things: tuple[ThingPlaced, ...] = ()
-    """What was put down or moved and stands there still, by name."""
+    """Things that were put down or moved and not removed, by name."""
     missing: frozenset[str] = frozenset()
     """The scene's own furniture that was taken away."""
     light: LightChanged = PLAIN_LIGHT

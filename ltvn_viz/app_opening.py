@@ -1,7 +1,6 @@
-"""What is put behind a page that is served already: simulator, network, map, session, and all that draws.
+"""Opening of everything behind a page that is already served: simulator, network, map, session, layers and panels.
 
-Owns what is opened in which order for the options of the command line, who drives in which world, and which map is the
-first. Takes seconds to import.
+Owns the order of opening for the options of the command line, and the choice of robot, world and first map. Takes seconds to import.
 """
 
 import logging

@@ -160,7 +160,7 @@ TITLE = "Lifelong Topological Visual Navigation"
 
 @dataclass(frozen=True, slots=True)
 class PageAssets:
-    """What is drawn from files."""
+    """Static parts that are drawn from files."""
 
     scene_glb: Callable[[str, WorldState], bytes]
     """Loads the scene of a name as it is in a state of its world, ceiling cut away; raises SceneError."""
@@ -172,7 +172,7 @@ class PageAssets:
     added_glb: Callable[[str, WorldState], bytes | None] = lambda _name, _state: None
     """Loads what stands in that scene for now; None where nothing does. Raises SceneError."""
     floor_plan: FloorPlan | None = None
-    """What a person laid under everything."""
+    """The floor plan that a person gave."""
 
 
 class Pages(Protocol):

@@ -24,7 +24,7 @@ class Term(NamedTuple):
 
     word: str
     shown: str = ""
-    """What is read in its place; empty for the word itself."""
+    """Text shown instead; empty for the word itself."""
 
 
 class Code(NamedTuple):
@@ -70,9 +70,9 @@ class Link(NamedTuple):
 
     label: str
     to: object
-    """What following it asks for: a command of the page."""
+    """The command of the page that a click sends."""
     about: str = ""
-    """What is said on hover."""
+    """Tooltip."""
 
 
 class Address(NamedTuple):
@@ -112,7 +112,7 @@ class Table:
 
 
 class Axis(NamedTuple):
-    """What one direction of a chart shows, and from where to where."""
+    """An axis of a chart: its label and its range."""
 
     label: str
     """With its unit."""
@@ -241,7 +241,7 @@ Block: TypeAlias = Paragraph | Table | Chart | Pictures | Pending
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What a question found."""
+    """The answer to a question."""
 
     blocks: tuple[Block, ...] = ()
 

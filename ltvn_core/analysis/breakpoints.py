@@ -33,7 +33,7 @@ _CROSSING = re.compile(r"p\s+crosses\s+(\S+)", re.IGNORECASE)
 
 
 class BreakpointTrigger(StrEnum):
-    """What can happen, in the words one types."""
+    """Kinds of events, as a person types them."""
 
     PRUNE = "prune"
     EXPANSION = "expand"
@@ -211,7 +211,7 @@ class EventContext:
 
     @property
     def before(self) -> d.Belief | None:
-        """What was believed of `key` before a belief update."""
+        """The belief of edge `key` before the update."""
         delta = self.event.delta if isinstance(self.event, e.GraphChanged) else None
         if not isinstance(delta, d.BeliefUpdated):
             return None
@@ -219,7 +219,7 @@ class EventContext:
 
     @property
     def after(self) -> d.Belief | None:
-        """What is believed of `key` with the event."""
+        """The belief of edge `key` after the event."""
         delta = self.event.delta if isinstance(self.event, e.GraphChanged) else None
         if isinstance(delta, d.EdgeAdded):
             return delta.edge.belief

@@ -21,7 +21,7 @@ from ltvn_core.types import FrameId, NodeId, Waypoint
 
 @dataclass(frozen=True, slots=True)
 class TimedBelief:
-    """What was believed of an edge from an instant on."""
+    """The belief of an edge from an instant on."""
 
     instant: Instant
     belief: d.Belief
@@ -118,7 +118,7 @@ class EdgeHistory:
 
     @property
     def belief(self) -> d.Belief | None:
-        """What was believed of it last."""
+        """The last belief."""
         return self.lifetimes[-1].beliefs[-1].belief if self.lifetimes else None
 
 
@@ -274,7 +274,7 @@ def _row(
 
 
 _NEAREST_M = 0.05
-"""What is less far ahead of the lens has no picture."""
+"""Points nearer to the camera than this are not projected, in metres."""
 
 
 class Pixel(NamedTuple):

@@ -36,7 +36,7 @@ _LONGEST_S = 14 * 86400.0
 
 
 class PresenceState(StrEnum):
-    """What is believed of an edge at a moment."""
+    """Presence of an edge at a moment."""
 
     OPEN = "open"
     CLOSED = "closed"
@@ -65,7 +65,7 @@ class PresenceStrip:
 
     @property
     def states(self) -> tuple[PresenceState, ...]:
-        """What is believed at each time."""
+        """The prediction for each time."""
         return tuple(presence_state(p) for p in self.probabilities)
 
 
@@ -193,7 +193,7 @@ class PresenceDecision:
 
     @property
     def expected_cost(self) -> float:
-        """What setting off for the closed edge costs on average: through if it is open, else there and around."""
+        """Expected cost of a try: through the edge if it is open, else to the edge and around it."""
         return self.p * self.through.cost + (1 - self.p) * (self.to_edge_cost + self.back_cost)
 
     @property

@@ -116,7 +116,7 @@ def _is_setback(event: Event, severity: Severity) -> bool:
 
 
 class FailureMode(StrEnum):
-    """What a query failed of, as far as the robot itself can tell."""
+    """Cause of a failed query, as far as the robot can know it."""
 
     WRONG_ARRIVAL = "wrong arrival"
     """It said that it had arrived, the evaluation says no."""
@@ -140,7 +140,7 @@ _WASTING_MODES = (
     FailureMode.LOST,
     FailureMode.NO_PATH,
 )
-"""What a robot may spend its steps on in vain."""
+"""Activities on which a robot can waste its steps."""
 
 _OBSTRUCTED_MODES = {AttemptEnd.COLLISION: FailureMode.COLLISION, AttemptEnd.BLOCKED: FailureMode.BLOCKED}
 
@@ -156,7 +156,7 @@ class FailedQuery:
     event: int
     """Index of the event with which it went wrong, in the timeline's events."""
     text: str
-    """What happened then."""
+    """The event."""
     edge: EdgeKey | None
     """The edge that was driven then."""
     node: NodeId | None

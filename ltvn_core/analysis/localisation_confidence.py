@@ -138,7 +138,7 @@ class PerceptualAlias:
 
     @property
     def sentence(self) -> str:
-        """What is odd about the pair, in one line."""
+        """The contradiction in one line."""
         claim = f"{self.first} and {self.second} look {self.distance:.2f} apart (r {self.reachability:.2f})"
         rest = "rest of the " if self.has_edge else ""
         way = (

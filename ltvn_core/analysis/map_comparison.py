@@ -150,7 +150,7 @@ class EdgeDifference:
 
 @dataclass(frozen=True, slots=True)
 class MapDifference:
-    """What two maps have in common and what not."""
+    """Common and different nodes and edges of two maps."""
 
     matched_by: MatchedBy
     nodes: Mapping[NodeId, NodeId]

@@ -1,6 +1,6 @@
-"""What in a map may have made a query fail: edges that odometry contradicts, and the gap between two parts of it.
+"""Faults of a map that may have made a query fail: edges that odometry contradicts, and the gap between two parts.
 
-Works without the truth and without images: odometry is the only witness. It drifts, so what is found here is where to
+Uses neither ground truth nor images, only odometry. It drifts, so what is found here is where to
 look first, and no verdict.
 """
 

@@ -19,14 +19,14 @@ from ltvn_core.types import NodeId
 
 
 class ExplanationKind(StrEnum):
-    """What a sentence is about."""
+    """Subject of a sentence."""
 
     BORN = "born"
     """An edge or node came in."""
     ATTEMPT = "attempt"
     """An edge was driven."""
     BELIEF = "belief"
-    """What all evidence together came to."""
+    """The result of all evidence."""
     GONE = "gone"
     """An edge or node left."""
     PLAN = "plan"
@@ -34,7 +34,7 @@ class ExplanationKind(StrEnum):
     PENALTY = "penalty"
     """An edge cost more in one query."""
     ALTERNATIVE = "alternative"
-    """What another way would have cost."""
+    """The cost of another path."""
     NEVER = "never"
     """Something never happened."""
 
@@ -87,7 +87,7 @@ class PlanAlternative:
     edge_cost: float
     """Without the penalty."""
     penalty: float
-    """What the edge cost more in this query, because it had failed in it."""
+    """Extra cost of the edge in this query, because an attempt had failed."""
     replanned: GraphPath
     """The best path as planned again now; the recorded one, if the same thresholds were in use."""
     without_edge: GraphPath

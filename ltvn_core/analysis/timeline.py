@@ -126,7 +126,7 @@ class Timeline:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What is wrong with the events, for a person to read; empty if all is well."""
+        """Defects of the events, as sentences; empty if there are none."""
         late = f"{self._late} events were recorded after a later one; all were sorted by their steps."
         return (*([late] if self._late else []), *self._closed.notes)
 

@@ -25,7 +25,7 @@ class Instant(NamedTuple):
 
 
 class MarkKind(StrEnum):
-    """What a mark on a timeline stands for."""
+    """Kind of a mark on the timeline."""
 
     MAP = "map"
     """A whole map came in: built, or out of a file."""

@@ -47,7 +47,7 @@ _STOPS = frozenset(MarkKind) - {
 
 
 class EventMark(NamedTuple):
-    """What an event's mark stands for."""
+    """The kind of mark of each event."""
 
     kind: MarkKind
     about: tuple[int, ...] = ()
@@ -167,7 +167,7 @@ class TimelineRows:
         self.marks: dict[MarkKind | None, list[Mark]] = {None: []}
         """By kind, and all of them under None."""
         self.notes: list[str] = []
-        """What is wrong with the events, in words."""
+        """Defects of the events, as sentences."""
         self.attempts_by_edge: dict[EdgeKey, tuple[AttemptRecord, ...]] = {}
         self._epoch = 0
         self._query: _OpenQuery | None = None

@@ -1,4 +1,4 @@
-"""What the planner was asked at one moment, and what it would plan with imagined changes.
+"""The planner's problem at one moment, and its plan after imagined changes.
 
 Owns the question (where the robot was, where to, which edges had failed), what each change does to a copy of the map,
 and the comparison of both plans. Neither the map nor the recording is touched. Counting what other thresholds would do
@@ -85,7 +85,7 @@ def ltvn_edge_weight(method: Method) -> EdgeWeight:
 
 @dataclass(frozen=True, slots=True)
 class PresenceMoment:
-    """What a planner knows by that looks at what is open: the filter, and the time."""
+    """Presence filter and time, for a planner that uses presence."""
 
     presence_filter: PresenceFilter
     at_s: float
@@ -107,11 +107,11 @@ class WhatIfScenario:
     presence: PresenceMoment | None = None
     """p(open) of edges; None if every edge that exists counts as open."""
     notes: list[str] = field(default_factory=list)
-    """What a plan here cannot tell, for a person."""
+    """Limits of this plan, as sentences."""
 
     @property
     def weight(self) -> EdgeWeight:
-        """What an edge costs here."""
+        """The cost of an edge."""
         return self.edge_weight_of(self.method)
 
 
@@ -271,13 +271,13 @@ def _node(graph: TopologicalGraph, node: NodeId) -> NodeId:
 
 @dataclass(frozen=True, slots=True)
 class EdgeCostParts:
-    """What one edge of a path costs, part by part."""
+    """Cost of one edge of a path, part by part."""
 
     edge: EdgeKey
     mu: float
     """Believed length."""
     doubt: float
-    """What the weight of the edge adds: -weight * ln p in the paper's system."""
+    """Part of the cost from p: -weight * ln p in the paper's system."""
     penalty: float
     """For failures earlier in the query."""
     open_p: float = 1.0
@@ -299,7 +299,7 @@ class PlanDifference:
     added_edges: tuple[EdgeKey, ...]
     """Edges that only the new path has, in order."""
     notes: tuple[str, ...]
-    """What these plans cannot tell about the changes, for a person."""
+    """Limits of these plans, as sentences."""
     old_open: Mapping[EdgeKey, float] = field(default_factory=dict)
     """p(open) now of each edge that was ever seen blocked."""
     new_open: Mapping[EdgeKey, float] = field(default_factory=dict)

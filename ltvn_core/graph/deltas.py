@@ -49,7 +49,7 @@ class PoseRow(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Belief:
-    """What the robot believes of one edge: existence ~ Bernoulli(p), length ~ N(mu, sigma2)."""
+    """Belief about one edge: existence ~ Bernoulli(p), length ~ N(mu, sigma2)."""
 
     p: float
     """Probability that the edge can be driven, in [0, 1]."""

@@ -42,7 +42,7 @@ class Stretch(NamedTuple):
 
 
 class MapCoverage(NamedTuple):
-    """What a map knows of the drive that it was built from."""
+    """Share of its own drive that a map recognises."""
 
     share: float
     """Share of the images that are nodes of the map's largest piece or are recognised as one of them."""
@@ -128,7 +128,7 @@ class Standing(StrEnum):
 
 
 class GoalReport(NamedTuple):
-    """What a map reports about a goal."""
+    """Report of a map about a goal."""
 
     goal: FrameId
     standing: Standing
@@ -140,7 +140,7 @@ class GoalReport(NamedTuple):
 
     @property
     def finding(self) -> Finding | None:
-        """What is wrong; None for a goal that is held."""
+        """The problem; None if the map contains the goal."""
         goal = f"goal {self.goal}"
         if self.standing is Standing.HELD:
             return None

@@ -129,7 +129,7 @@ class JoinedDrives:
     drives: tuple[JoinedDrive, ...]
     """Empty where there is only one."""
     findings: tuple[Finding, ...]
-    """What a person should know."""
+    """Notes for the user."""
 
 
 def join_drives(recordings: Sequence[Recording]) -> JoinedDrives:

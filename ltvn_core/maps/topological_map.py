@@ -65,7 +65,7 @@ class TopologicalMap(WithDoubts):
     goals: tuple[GoalReport, ...] = ()
     """How each of the goals that were named stood to the map when it was built."""
     findings: tuple[Finding, ...] = ()
-    """What was doubtful about the drive and the map when it was built, with likely causes and advice."""
+    """Doubts about the drive and the map when it was built, with likely causes and advice."""
 
     @classmethod
     def of(

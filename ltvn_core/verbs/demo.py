@@ -24,7 +24,7 @@ class HeadlessDemoVerb(Verb):
     loops: int = 2
     """How often the mapping tour goes round."""
     predictor: PredictorName = AUTO
-    """What compares images: the trained network, which auto takes, or another by name."""
+    """Predictor that compares images: the trained network, which auto uses, or another by name."""
     weights: Path | None = None
     """Weights to use instead of the shipped ones."""
     preset: Literal["robust", "paper"] = "robust"

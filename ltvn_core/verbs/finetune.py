@@ -22,7 +22,7 @@ class FinetuneVerb(Verb):
     """The weights to write, with a card beside them; must not exist yet. For the geometric predictor a calibration, a
     .json file with its card in it."""
     predictor: Literal["network", "geometric"] = "network"
-    """What is to learn."""
+    """Predictor to train."""
     part: str = "1/1"
     """Learn from this stretch of the drive alone, for instance 1/2, the first half; `ltvn judge --part 2/2` then judges
     by the other."""

@@ -20,7 +20,7 @@ class MeasureVerb(Verb):
     job = "ltvn_core.verbs.jobs.measure:measure_driving"
 
     predictor: PredictorName = "network"
-    """What to measure: the trained network, or another predictor by name."""
+    """Predictor to measure: the trained network, or another by name."""
     weights: Path | None = None
     """Weights to measure instead of the shipped ones."""
     preset: Literal["robust", "paper"] = "robust"

@@ -25,11 +25,11 @@ _LOG = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class NavigateSummary:
-    """What the queries came to."""
+    """Results of the queries."""
 
     recording: Path
     predictor: str
-    """What compared the images."""
+    """Predictor that compared the images."""
     map: Path | None
     """The map after all queries, if it was asked for."""
     nodes: int
@@ -63,7 +63,7 @@ class NavigateOptions(Verb):
     """Drive in a world that changes: static, doors, daily, telegraph, moving, light, people, all, several of them
     (doors+moving), or a JSON file with a script. A goal may be out of reach then."""
     predictor: PredictorName = AUTO
-    """What compares images; must be the one that built the map, which auto finds."""
+    """Predictor that compares images; must be the one that built the map, which auto finds."""
     weights: Path | None = None
     """Weights to use instead of those that come with the map's system; must be those that built the map."""
     seed: int = 0

@@ -19,7 +19,7 @@ class RobotVerb(Verb):
     job = "ltvn_core.verbs.jobs.robot:check_robot"
 
     command: Positional[Literal["check"]]
-    """What to do with it."""
+    """Action on the robot."""
     robot: Positional[str]
     """PROFILE@ADDRESS, as in turtlebot4@tcp/192.168.0.7:7447, or the path of a recorded drive, also PROFILE@PATH."""
     seconds: float = 3.0

@@ -1,4 +1,4 @@
-"""What all verbs share: the options of every verb and the shape of a summary. Owns no job."""
+"""Common parts of all verbs: the options of every verb and the form of a summary. Owns no job."""
 
 import json
 from abc import ABC, abstractmethod
@@ -81,7 +81,7 @@ def do_job(job: str, options: Verb) -> Summary:
 
 
 def refuse_renamed(verb: type[Verb], given: Sequence[str]) -> None:
-    """Raise OptionError for an option that has another name now."""
+    """Raise OptionError for an option that was renamed."""
     for option in (each.partition("=")[0].replace("_", "-") for each in given):
         if option in verb.renamed:
             raise OptionError(f"There is no {option} any more: {verb.renamed[option]}.")

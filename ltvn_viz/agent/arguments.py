@@ -1,6 +1,6 @@
-"""What a tool may be told: names, kinds and bounds of its arguments, as a JSON schema and as the check of what comes.
+"""Arguments of a tool: names, types and bounds, as a JSON schema and as a check of each request.
 
-Owns the check. Whatever a program sends is either a plain value within its bounds or an error that says what would be.
+Owns the check. Each value that a program sends is either valid or raises an error that says what is valid.
 """
 
 import math

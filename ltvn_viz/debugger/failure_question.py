@@ -1,4 +1,4 @@
-"""What failed up to the moment: queries by cause and place, the second before each failure, and success over time.
+"""Failures up to the moment: queries by cause and place, the second before each failure, and success over time.
 
 Owns the layout of the answer, and the curves of success, nodes and edges over queries. Causes and places come from
 `ltvn_core.analysis.failure_triage`, the numbers of the curves from `ltvn_core.analysis.lifelong_success`.

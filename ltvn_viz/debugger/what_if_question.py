@@ -1,4 +1,4 @@
-"""What if: old and new plan side by side, and the effect of other thresholds on the map."""
+"""The question “What if”: old and new plan side by side, and the effect of other thresholds on the map."""
 
 from collections.abc import Hashable
 from dataclasses import dataclass

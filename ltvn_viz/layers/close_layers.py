@@ -1,4 +1,4 @@
-"""What each page draws for itself, by where its camera is: the robot's marker, and the headings of nodes near by.
+"""Layers that depend on the camera of each page: the robot's marker, and the headings of nearby nodes.
 
 The marker can be found at every zoom: it is above all walls, never smaller than half a metre, and grows with the
 distance of the camera, so that it has about one size on the screen.

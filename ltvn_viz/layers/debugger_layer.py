@@ -1,6 +1,7 @@
-"""What a question of the debugger draws over the map.
+"""Overlay of a debugger question on the map.
 
-The edge that a person selected keeps the colour of its p, and a white halo marks it: any other colour would lie.
+The edge that a person selected keeps the colour of its p, and a white halo marks it: another colour would show a wrong
+p.
 """
 
 from collections.abc import Sequence

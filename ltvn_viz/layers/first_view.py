@@ -42,7 +42,7 @@ class View(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Floor:
-    """What is to be seen: the floor between two corners, with walls as they are drawn."""
+    """Extent of the scene: the floor between two corners, with walls as they are drawn."""
 
     low: Corner
     high: Corner

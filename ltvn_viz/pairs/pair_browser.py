@@ -49,7 +49,7 @@ PairCommand: TypeAlias = OpenScene | PairFilter | StepPairs | JumpToRandomPair
 
 @dataclass(frozen=True, eq=False)
 class ShownPair:
-    """What is shown."""
+    """The pair that is shown."""
 
     pair: LabelledPair | None
     """None where no pair passes the filter."""

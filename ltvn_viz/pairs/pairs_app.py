@@ -130,7 +130,7 @@ TITLE = "Labelled pairs"
 
 @dataclass(frozen=True)
 class PairsOptions:
-    """What a person may choose."""
+    """Options of the pair viewer."""
 
     folder: Path
     port: int = 8080

@@ -96,7 +96,7 @@ function whyLatched() {
 
 // What the robot does, or why it does nothing; empty while it is for a person to drive.
 function whatTheRobotDoes() {
-  if (activity.goal !== null) return `The robot ${activity.mode === "paused" ? "waits on its way" : "drives"} to node ${activity.goal}`;
+  if (activity.goal !== null) return `The robot ${activity.mode === "paused" ? "is paused on its path" : "drives"} to node ${activity.goal}`;
   if (activity.mode === "building") return "The map is being built; the robot is stopped";
   if (activity.mode === "replay") return "This is a recording; the robot is stopped";
   return "";

@@ -28,7 +28,7 @@ class BreakpointStop(NamedTuple):
 
 
 class BreakpointMonitor:
-    """What a person wants to stop at."""
+    """Breakpoints of a person."""
 
     def __init__(self) -> None:
         """Watch for nothing, which costs nothing."""

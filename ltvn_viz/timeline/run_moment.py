@@ -1,6 +1,6 @@
-"""What the page draws of one moment of a run: robot, trajectory, map, and what came and went lately.
+"""One moment of a run as the page draws it: robot, trajectory, map, and recent additions and removals.
 
-Owns what is about drawing alone: interpolation between images, thinning and fading. What happened, and when, is
+Owns only matters of drawing: interpolation between images, thinning and fading. What happened, and when, is
 `ltvn_core.analysis.timeline`. The same moment of the same run shares its arrays with the one drawn before.
 """
 

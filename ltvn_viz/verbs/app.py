@@ -37,8 +37,9 @@ class AppVerb(FloorPlanOptions, Verb):
     system: SystemName = DEFAULT_SYSTEM
     """The navigation system, ours or a rival: it builds maps and drives by them. An opened map brings its own."""
     predictor: PredictorName = AUTO
-    """What compares images, by name; auto takes the one that made the map, else the network for the simulated robot and
-    geometric for a robot of your own with another camera."""
+    """Predictor that compares images, by name; auto uses the one that built the map, else the network for the simulated
+    robot and geometric for your own robot with another camera.
+    """
     weights: Path | None = None
     """Weights to use instead of the shipped ones."""
     preset: Literal["robust", "paper"] = "robust"

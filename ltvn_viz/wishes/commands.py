@@ -1,4 +1,4 @@
-"""What a person can ask of the app, as data, and what the app is doing when each makes sense.
+"""Commands of a person to the app, as data, and the modes in which each is legal.
 
 Callbacks of the page build these and put them into the session's queue; the session alone carries them out. Driving
 is not among them: the held keys are polled from the driver's seat, so that they can never pile up in a queue. What
@@ -15,7 +15,7 @@ from ltvn_core.types import NodeId, Rgb
 
 
 class Mode(StrEnum):
-    """What the app is doing; the value is what the page shows."""
+    """Activity of the app; the value is the word that the page shows."""
 
     TELEOP = "driving"
     """A person drives; the map may grow."""
@@ -173,7 +173,7 @@ class SubmitText(BaseCommand, modes=ANYWHERE):
 
 @dataclass(frozen=True, slots=True)
 class QuestionRequest:
-    """What a link in an answer asks of the question that drew it; each question has its own kinds."""
+    """Request of a link in an answer to the question that drew it; each question has its own kinds."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -230,7 +230,7 @@ class OpenRecording(BaseCommand, modes=STANDING):
     at_s: float = 0.0
     """Seconds after its beginning at which to show it first."""
     then: "tuple[Command, ...]" = ()
-    """What to do once it is open."""
+    """Commands that follow when it is open."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -263,7 +263,7 @@ class SeekMark(BaseCommand, modes=LIVE | {Mode.REPLAY}):
 
 @dataclass(frozen=True, eq=False)
 class SeekBy(BaseCommand, modes=LIVE | {Mode.REPLAY}):
-    """Show the replay a number of seconds later, or earlier."""
+    """Show the replay some seconds later (positive) or earlier (negative)."""
 
     seconds: float
 
@@ -342,12 +342,12 @@ class ReportError(BaseCommand, modes=ANYWHERE):
 
 RecordingCommand: TypeAlias = StartRecording | KeepRecording | DiscardRecording
 PlaybackCommand: TypeAlias = Pause | StepOnce | OpenRecording | CloseRecording
-"""What means something to a query or a replay under way."""
+"""Commands for a running query or replay."""
 TimeCommand: TypeAlias = Seek | SeekMark | SeekBy | PlayTime | SetPlaySpeed | ShowNow
-"""What moves the time on show, in a recording or in the live run's past."""
+"""Commands that change the time shown, in a recording or in the live run's past."""
 DebuggerCommand: TypeAlias = ChooseQuestion | PointAt | SubmitText | AskQuestion | FollowLink
 WorldCommand: TypeAlias = ToggleDoor | AimBox | PutBox | TakeBox | SetLight | UndoWorldChange | WatchItLearn
-"""What changes the simulated world."""
+"""Commands that change the simulated world."""
 OtherCommand: TypeAlias = (
     StopRobot
     | BuildMap

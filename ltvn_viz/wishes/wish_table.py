@@ -1,4 +1,4 @@
-"""What a person can wish for on the page, each wish written once: its command, words, keys, value, and who may.
+"""The table of wishes on the page: for each, its command, words, keys, value, and audience.
 
 Keys, buttons, viser's controls, the palette, the help, and the sentence for what makes no sense now are all made from
 `WISHES`. The command of a wish says in which modes it makes sense, `session.command_handlers` what it does. Keys are
@@ -17,7 +17,7 @@ from ltvn_viz.wishes.commands import Command, Mode
 
 
 class Action(StrEnum):
-    """What a person asks for with one press or one click; the value is its name between page and server."""
+    """An action of one press or one click; the value is its name between page and server."""
 
     STOP = "stop"
     TAKE_OVER = "take_over"
@@ -66,18 +66,18 @@ class Action(StrEnum):
 
 
 class Audience(Enum):
-    """Who may have a wish."""
+    """Pages that may use a wish."""
 
     DRIVER = auto()
-    """The page with the seat, because all pages see what comes of it."""
+    """The page with the seat, because all pages see the effect."""
     OWN_VIEW = auto()
-    """Any page; one without the seat has it in its own view."""
+    """Any page; without the seat, the effect is only in that page's own view."""
     EVERYBODY = auto()
-    """Any page; the driver's seat or the page itself fulfils it."""
+    """Any page; the driver's seat or the page itself does it."""
 
 
 Value: TypeAlias = int | str | tuple[float, float] | None
-"""What a wish can carry."""
+"""Value of a wish."""
 MAX_WHOLE = 2**53 - 1
 """JavaScript counts exactly up to here."""
 MAX_TEXT = 500
@@ -122,16 +122,16 @@ class Wish:
     """One row of the table."""
 
     command: type[Command] | None
-    """What it asks of the session; None where the driver's seat or the page itself fulfils it."""
+    """The command for the session; None if the driver's seat or the page itself does it."""
     label: str
-    """What a button says; empty for what has no button."""
+    """Text of the button; empty if there is no button."""
     help: str
-    """What comes of it; it begins small, as after a key."""
+    """Effect of the action; it begins with a small letter, because it follows the name of a key."""
     keys: tuple[str, ...] = ()
     carries: Carried = Carried.NOTHING
     audience: Audience = Audience.DRIVER
     make: Callable[..., Command] | None = None
-    """Makes the command of the value, where its class does not."""
+    """Makes the command from the value, if its class does not."""
 
     @property
     def modes(self) -> frozenset[Mode]:
@@ -146,7 +146,7 @@ class Wish:
 
 SEEK_S = 1.0
 LEAST_SPEED, MOST_SPEED = 25, 800
-"""Of playing, in per cent."""
+"""Limits of the playing speed, in percent."""
 
 
 def _speed(percent: int) -> Command:

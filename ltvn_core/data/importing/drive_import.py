@@ -93,7 +93,7 @@ class PictureSelection:
     """Keeps an image when the picture has moved on; for drives without any odometry."""
 
     def __init__(self) -> None:
-        """Nothing was seen yet."""
+        """Start before the first image."""
         self._last: NDArray[np.uint8] | None = None
 
     def may_keep(self, pose: Pose, tilt: Tilt | None) -> bool:

@@ -43,7 +43,7 @@ class ImageFilesReader(ABC):
         self.dropped: Counter[str] = Counter()
         """How many images were left out, by reason."""
         self.doubts: list[str] = []
-        """What is doubtful about the drive."""
+        """Doubts about the drive, as sentences."""
 
     @classmethod
     def open(cls, path: Path, options: ReadOptions) -> Self:

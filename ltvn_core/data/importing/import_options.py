@@ -65,7 +65,7 @@ class ImportOptions:
     pitch_deg: float | None = None
     """Tilt of a mounted camera, upwards positive."""
     scene: str = ""
-    """What the recording calls the place; made from the source's name where it is empty."""
+    """Name of the place in the recording; if empty, made from the source's name."""
 
     def __post_init__(self) -> None:
         """Check the numbers."""

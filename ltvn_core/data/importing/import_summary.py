@@ -76,13 +76,13 @@ class ImportedCamera:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ImportSummary(WithDoubts):
-    """What an import found, left out and wrote."""
+    """Numbers of an import: found, left out and written."""
 
     recording: Path
     format: str
     """Name of the reader."""
     scene: str
-    """What the recording calls the place."""
+    """Name of the place in the recording."""
     frames: int
     """Images of the recording."""
     dropped: Mapping[str, int]
@@ -112,9 +112,9 @@ class ImportSummary(WithDoubts):
     drift: Drift | None
     """How odometry strays from the true poses, where the source has both."""
     findings: tuple[Finding, ...]
-    """What is doubtful, with the likely cause and advice; empty if nothing is."""
+    """Doubts, with likely causes and advice; empty if there are none."""
     next_step: str
-    """What to do now, and what that will tell."""
+    """Next step, and what it shows."""
 
 
 def import_summary(

@@ -31,7 +31,7 @@ _UNIT_TOLERANCE = 0.1
 _BESIDE_S = 0.025
 """Largest time between a pose and a sample on only one side of it, in seconds."""
 _AXES = {"z": (0, 0, 1), "-y": (0, -1, 0), "y": (0, 1, 0), "-z": (0, 0, -1)}
-"""What programs take for up: z in robotics, -y where the world is the first camera, y in graphics."""
+"""Possible up axes: z in robotics, -y if the first camera defines the world, y in graphics."""
 POSE_FOLDERS = ("pose", "poses")
 ROWS_FILE = "traj.txt"
 _NUMBERS = 16
@@ -50,7 +50,7 @@ class StampedPoses(NamedTuple):
     rotations: Rotation
     """N of them, from the frame whose pose it is to the world."""
     doubt: str | None
-    """What is doubtful about the stamps."""
+    """Doubts about the stamps, as sentences."""
 
 
 class PoseTrack:
@@ -71,7 +71,7 @@ class PoseTrack:
         """
         self.stamps = stamps
         self.doubt = doubt
-        """What is doubtful about its stamps."""
+        """Doubts about its stamps, as sentences."""
         self.up_axis = up_axis or _up_axis(rotations)
         """Which axis of the source's world is up; positions and rotations are turned so that it is z."""
         turn = Rotation.align_vectors([[0, 0, 1]], [_AXES[self.up_axis]])[0] if self.up_axis != "z" else None

@@ -36,7 +36,7 @@ class RawFrame:
     tilt: Tilt | None = None
     """How the camera was tilted then, where that changes; see `spatial_pose`."""
     name: str = ""
-    """What messages call it: a file, or a topic and a number."""
+    """Name of the frame in messages: a file, or a topic and a number."""
 
 
 class FrameMoment(NamedTuple):
@@ -92,9 +92,9 @@ class DriveFacts:
     frames: int | None = None
     """How many images will be looked at, for the progress bar; None where that is not known."""
     streams: Sequence[SourceFact] = ()
-    """What was found; `--rgb` and its like choose among these."""
+    """Streams that were found; `--rgb`, `--depth` and `--odometry` choose among them."""
     place: str = ""
-    """What the drive may be called: the name of the file or folder."""
+    """Default name of the drive: the name of the file or folder."""
     odometry_frame: str = ""
     """Name of the odometry frame in the source, such as `odom`; empty if it has none."""
 

@@ -50,7 +50,7 @@ class StoredFrame(NamedTuple):
 
     @property
     def intact(self) -> bool:
-        """Nothing changed since it was written."""
+        """The data is as it was written."""
         frame = self.frame
         stored = self.rgb_checksum, self.depth_checksum, self.original_checksum
         return stored == (frame.rgb_checksum, frame.depth_checksum, frame.original_checksum)

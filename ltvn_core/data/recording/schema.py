@@ -1,4 +1,4 @@
-"""What a recording is called inside, said once for writer and reader: versions, names, timelines, entities, columns.
+"""Schema of a recording, for writer and reader: versions, names, timelines, entities, columns.
 
 Owns also how one row of exact numbers and texts goes into Rerun beside what the viewer draws, as typed Arrow arrays,
 and comes back. `recordings/README.md` explains the same to people.
@@ -100,7 +100,7 @@ OWN_ENTITIES = (
     IMAGES,
     MARGIN,
 )
-"""What the recorder writes itself; each name also stands for all entities below it."""
+"""Entities that are reserved for the recorder, with all entities below them."""
 _OWN_BEGINNINGS = tuple(f"{own}/" for own in OWN_ENTITIES)
 
 

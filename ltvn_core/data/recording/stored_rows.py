@@ -31,7 +31,7 @@ class StoredEvent(NamedTuple):
 
     @property
     def intact(self) -> bool:
-        """Nothing changed since it was written."""
+        """The data is as it was written."""
         return self.checksum == self.event.checksum
 
 

@@ -171,7 +171,7 @@ class WorldScript:
 
 
 STATIC = WorldScript("static")
-"""Nothing ever changes by itself."""
+"""A script without changes."""
 
 
 def read_script(path: Path, scene: Scene) -> WorldScript:

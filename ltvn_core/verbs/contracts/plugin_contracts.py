@@ -241,7 +241,7 @@ class PluginRow:
     works: bool
     """It can be loaded and looks like one; `ltvn plugins test NAME` tells more."""
     why: str
-    """What is wrong with it; empty where it works."""
+    """The problem; empty if it works."""
 
     def __str__(self) -> str:
         mark = "works" if self.works else f"cannot be used: {self.why}"

@@ -30,13 +30,13 @@ Check: TypeAlias = Callable[[], str]
 
 @dataclass(frozen=True, slots=True)
 class ContractCheck:
-    """What came of one point."""
+    """Result of one check."""
 
     check: str
-    """What the plug-in must do."""
+    """Requirement that is checked."""
     passed: bool
     said: str
-    """What was found, or what is wrong."""
+    """Measured value, or the problem."""
 
     def __str__(self) -> str:
         return f"{'ok     ' if self.passed else 'BROKEN '} {self.check}" + (f": {self.said}" if self.said else "")
@@ -127,7 +127,7 @@ class PredictorContract:
 
     @cached_property
     def request(self) -> PredictorRequest:
-        """What it is opened for."""
+        """The request that it is opened with."""
         return PredictorRequest(scene=self.samples.meta.scene, camera=self.samples.meta.camera)
 
     @cached_property

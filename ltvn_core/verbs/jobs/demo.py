@@ -43,7 +43,7 @@ _LOG = logging.getLogger(__name__)
 
 @dataclass(frozen=True, kw_only=True)
 class DemoSummary(QueriesSummary):
-    """What happened, in numbers."""
+    """Results in numbers."""
 
     recording: Path
     map: Path | None
@@ -62,7 +62,7 @@ class DemoSummary(QueriesSummary):
 
 @dataclass(frozen=True)
 class StorySummary:
-    """What the map learned when a door closed and opened again."""
+    """Changes of the map when a door closed and opened again."""
 
     absent: int
     """Edges that were seen blocked."""

@@ -28,7 +28,7 @@ from ltvn_core.verbs.jobs.evaluation_progress import PartSummary, progress_on_ba
 
 @dataclass(frozen=True)
 class EvaluateSummary:
-    """What the episodes of all scenes and seeds came to."""
+    """Results of the episodes of all scenes and seeds."""
 
     scenes: tuple[str, ...]
     method: str

@@ -68,7 +68,7 @@ class ConditionSummary:
 
 @dataclass(frozen=True, kw_only=True)
 class JudgeSummary(ConditionSummary, WithDoubts):
-    """What a predictor was judged to be worth."""
+    """Accuracy of a predictor."""
 
     recording: Path
     part: str
@@ -94,7 +94,7 @@ class JudgeSummary(ConditionSummary, WithDoubts):
     perturbed: dict[str, ConditionSummary]
     """The same figures under each perturbation."""
     findings: tuple[Finding, ...]
-    """What is doubtful of these figures."""
+    """Doubts about these figures."""
     report: Path | None
 
 

@@ -25,7 +25,7 @@ from ltvn_core.verbs.verb import Summary
 
 @dataclass(frozen=True)
 class LifelongSummary:
-    """What the lifelong tests of all scenes and seeds came to."""
+    """Results of the lifelong tests of all scenes and seeds."""
 
     scenes: tuple[str, ...]
     preset: str
@@ -46,7 +46,7 @@ class LifelongSummary:
 
 @dataclass(frozen=True, kw_only=True)
 class WorldSummary(WorldMetrics):
-    """What the queries in a changing world came to; the numbers are those of the first maintenance."""
+    """Results of the queries in a changing world; the numbers are those of the first maintenance."""
 
     world: str
     days: float

@@ -34,7 +34,7 @@ _FEWEST_IMAGES = 10
 
 @dataclass(frozen=True)
 class MeasureSummary:
-    """What simulated driving showed; `driving` holds all of it."""
+    """Measurements of simulated driving; `driving` contains all of them."""
 
     card: Path | None
     """The card that was written, if it was asked for."""

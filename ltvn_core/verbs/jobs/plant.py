@@ -32,7 +32,7 @@ from ltvn_core.verbs.verb import Summary
 
 @dataclass(frozen=True)
 class PlantSummary:
-    """What was planted, and what became of the queries that met it."""
+    """Planted faults, and the results of the queries that met them."""
 
     recording: Path
     faults: tuple[Fault, ...]

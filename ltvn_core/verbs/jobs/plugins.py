@@ -26,7 +26,7 @@ class PluginsSummary:
 
 @dataclass(frozen=True)
 class PluginTestSummary:
-    """What came of the contract test of one plug-in."""
+    """Result of the contract test of one plug-in."""
 
     group: str
     name: str

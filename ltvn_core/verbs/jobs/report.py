@@ -18,7 +18,7 @@ from ltvn_core.verbs.verb import Summary
 
 @dataclass(frozen=True)
 class ReportSummary:
-    """What was written."""
+    """Files that were written."""
 
     output: Path
     results: Path

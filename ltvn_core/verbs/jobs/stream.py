@@ -1,4 +1,4 @@
-"""What a run that can be watched in Rerun says to the person who started it."""
+"""Messages to the person who started a run that can be watched in Rerun."""
 
 import logging
 

@@ -37,7 +37,7 @@ _LARGEST_CHUNK = 10**6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DepthCodes:
-    """What the codes 0 to 4095 mean. Code 0 also stands for everything nearer, and for no return."""
+    """Meaning of the codes 0 to 4095. Code 0 also stands for everything nearer, and for no return."""
 
     depth_min: float = 0.01
     """Depth at code 0, in metres."""

@@ -29,7 +29,7 @@ _SURVEY_S = (1.0, 20.0)
 
 @dataclass(frozen=True, slots=True)
 class BagSurvey:
-    """What the beginning of a bag says."""
+    """Result of reading the beginning of a bag."""
 
     samples: dict[str, Any] = field(default_factory=dict)
     """The first message of each topic."""

@@ -18,7 +18,7 @@ from ltvn_core.robots.ros2.ros_cameras import CAMERA_INFO
 from ltvn_core.robots.ros2.ros_images import COMPRESSED_IMAGE, IMAGE, has_sixteen_bits, shows_depth
 
 FROM_TREE = "tf"
-"""What `--odometry` says for the tree of frames."""
+"""Value of `--odometry` for the tree of frames."""
 
 _SUFFIXES = re.compile(r"/(compressed|compressedDepth|ffmpeg|foxglove)$")
 _TRUTH = re.compile(r"(^|[/_])(ground_?truth|gt|mocap|vicon|optitrack|qualisys)([/_]|$)", re.IGNORECASE)

@@ -65,7 +65,7 @@ class BagDrive:
         self.dropped: Counter[str] = Counter()
         """How many images were left out, by reason."""
         self.doubts: list[str] = []
-        """What is doubtful about the bag."""
+        """Doubts about the bag, as sentences."""
         self._by_log = self._lacks_stamps(found) or self._has_clocks_apart(found.ahead_s)
         self._is_zero_a_time = any(stamp < _CLOCK_BEGINS_S for stamp in found.earliest_s.values())
         self._edge = self._odometry_frames(options)

@@ -129,7 +129,7 @@ class VerifiedRecording:
     checksummed: bool
     """Every byte has a checksum. An older recording has them only for its frames and events."""
     note: str | None = None
-    """What the file lacks although everything that is read back is right."""
+    """Missing parts of the file, although all data that is read is correct."""
 
 
 @dataclass(frozen=True, slots=True)

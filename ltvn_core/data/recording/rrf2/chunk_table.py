@@ -51,7 +51,7 @@ class SorbetSchema(NamedTuple):
 
 
 class _Kind(NamedTuple):
-    """What columns must have in common to stand in one chunk."""
+    """Properties that all columns of one chunk share."""
 
     is_static: bool
     is_empty: bool
@@ -143,7 +143,7 @@ class _Block(NamedTuple):
 
 
 class _Layout(NamedTuple):
-    """What rows of the same kind have in common."""
+    """Properties that all rows of the same kind share."""
 
     entity: str
     columns: tuple[str, ...]

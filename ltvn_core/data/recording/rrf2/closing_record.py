@@ -1,4 +1,4 @@
-"""What a finished recording says of its own bytes, and the comparison of a file with it before Rerun's reader sees one.
+"""Closing record of a finished recording, and the check of a file against it before Rerun's reader opens the file.
 
 The closing record holds a checksum of every message, and how many rows were written. It stands in the end message, as a
 field that Rerun skips, and covers every byte of the file: its own, the rest of the end message and the tail too. Owns

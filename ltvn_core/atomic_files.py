@@ -1,8 +1,7 @@
-"""Files appear under their name only when they are whole: new ones never in place of another, others in one step.
+"""Atomic files: a file appears under its name only when it is complete. Some replace an old file, new ones never do.
 
-Owns that promise for recordings, maps, weights, checkpoints, shards and texts, and who may read them. What is written
-is written aside, in a file with a name of its own in the same folder, and renamed; whatever ends the writing early,
-that file vanishes.
+Owns that guarantee for recordings, maps, weights, checkpoints, shards and texts, and who may read them. Data is first
+written to a temporary file in the same folder, which is then renamed; if writing fails, the temporary file is removed.
 """
 
 import os
@@ -101,7 +100,7 @@ def write_text_atomically(path: Path, text: str) -> None:
 
 
 def create_new_file(path: Path) -> None:
-    """Make the folder and an empty file which nobody made before. Raises RecordingError."""
+    """Create the folder and an empty file that did not exist. Raises RecordingError."""
     require_usable_name(path)
     _make_folder(path)
     try:
@@ -113,7 +112,7 @@ def create_new_file(path: Path) -> None:
 
 
 def open_new_file(path: Path) -> int:
-    """Make a file which nobody made before and which only its owner may read, and return it open for appending.
+    """Create a file that did not exist and that only its owner may read, and return it open for appending.
 
     Its folder is made too. Raises RecordingError.
     """

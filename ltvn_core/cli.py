@@ -49,14 +49,14 @@ _ADVICE = {
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one verb and return the exit code.
 
-    0 done, 1 an error, 2 wrong usage, 130 interrupted, 141 nobody reads the output any more, 143 terminated.
+    0 done, 1 an error, 2 wrong usage, 130 interrupted, 141 the output was closed, 143 terminated.
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
     return _exit_code(lambda: _main(given), debug="--debug" in given)
 
 
 def run_verb(program: str, verb: "type[Verb]", arguments: Sequence[str] | None = None) -> int:
-    """Parse a verb's options, run it and return the exit code; prints what came of it.
+    """Parse a verb's options, run it and return the exit code; prints the result.
 
     Args:
         program: What a person types for this verb, for its help.
@@ -165,7 +165,7 @@ def _show_log() -> None:
 
 
 class _Terminated(KeyboardInterrupt):
-    """Somebody asked the program to end, politely."""
+    """The program received SIGTERM."""
 
 
 @contextmanager
@@ -261,7 +261,7 @@ def _honour_no_color() -> None:
 
 
 def _is_output_closed() -> bool:
-    """Tell whether nobody reads the output any more; if so, let the rest of it go nowhere."""
+    """Tell whether the output was closed; if so, discard the rest of it."""
     with suppress(OSError, ValueError, AttributeError):  # A stream without a file, or a system without poll.
         pipe = select.poll()
         pipe.register(sys.stdout.fileno(), 0)

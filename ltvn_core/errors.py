@@ -6,7 +6,7 @@ message and exits non-zero; the page shows it as a notification. Programming mis
 
 
 class LtvnError(Exception):
-    """Base of all errors that a user can cause and mend."""
+    """Base of all errors that a user can cause and correct."""
 
 
 class ImageError(LtvnError):

@@ -26,7 +26,7 @@ class Finding:
     remedy: str = ""
     """The remedy, in whole sentences; empty if `text` asks a question or if there is no remedy."""
     where: str = ""
-    """Name of the drive, file, topic or goal that the finding is about; empty where it is about the whole."""
+    """Name of the drive, file, topic or goal that the finding is about; empty if it is about the whole."""
 
     def __str__(self) -> str:
         """Write text and remedy as one paragraph."""
@@ -38,7 +38,7 @@ class Finding:
 
 
 def findings_of(texts: Iterable[str]) -> tuple[Finding, ...]:
-    """Return findings of sentences that nobody split, such as those of a plug-in's reader."""
+    """Return findings from sentences without a separate remedy, such as those of a plug-in's reader."""
     return tuple(Finding(text) for text in texts)
 
 

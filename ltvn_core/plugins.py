@@ -61,12 +61,12 @@ class Plugin:
 
     @property
     def package(self) -> str:
-        """The package that offers it, `unknown` where nobody says."""
+        """The package that offers it; `unknown` if its metadata is missing."""
         return _package_of(self.entry)
 
     @property
     def version(self) -> str:
-        """The version of that package, `unknown` where nobody says."""
+        """The version of that package; `unknown` if its metadata is missing."""
         return (self.entry.dist and self.entry.dist.version) or "unknown"
 
     @property
@@ -93,7 +93,7 @@ class Plugin:
             ) from error
 
     def refusal(self, reason: str) -> PluginError:
-        """Return the error that says why what was loaded cannot be used; `reason` goes on after its place."""
+        """Return the error that says why what was loaded cannot be used; `reason` follows the place in the sentence."""
         return PluginError(f"{self.title} is {self.place}, which {reason}; {self.remedy}.")
 
     @property

@@ -113,7 +113,7 @@ def _no_scene(path: Path) -> str:
 
 
 def _predictor_name(options: AppOptions, source: RecordingMetadata | None) -> str:
-    """Return the predictor that will be opened; empty where that depends on the camera of a robot of one's own.
+    """Return the predictor that will be opened; empty if that depends on the camera of a robot of one's own.
 
     `source` is what the map to begin with says of itself.
     """

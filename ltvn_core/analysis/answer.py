@@ -84,7 +84,7 @@ class Address(NamedTuple):
 
 
 class Hint(NamedTuple):
-    """Words with more to say on hover, and in brackets where there is none."""
+    """Words with more to say on hover, and in brackets if there is none."""
 
     text: str
     about: str
@@ -194,7 +194,7 @@ class Picture(NamedTuple):
     """An image of the run with its caption."""
 
     observation: Observation | None
-    """None where the image is not at hand."""
+    """None if the image is not at hand."""
     caption: str
     camera: CameraModel
     waypoint: Waypoint | None = None

@@ -49,7 +49,7 @@ class Decision:
     text: str
     """The decision in one sentence."""
     rules: tuple[RuleUse, ...]
-    """The rules behind it; none where the method leaves no choice."""
+    """The rules behind it; none if the method leaves no choice."""
 
 
 _ENDS = {

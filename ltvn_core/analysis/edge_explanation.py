@@ -96,7 +96,7 @@ def _view_text(delta: GraphDelta) -> str | None:
 
 
 def _circumstances(timeline: Timeline, change: MapChange, node: NodeId, cause: Cause) -> Iterator[ExplanationStep]:
-    """Yield what the robot was about when a node came in under way."""
+    """Yield the circumstances in which a node was added during a query."""
     query = timeline.query_at(change.event)
     if query is None or cause not in (Cause.EXPAND, Cause.NOVEL):
         return
@@ -163,7 +163,7 @@ def explain_pruned_edge(
 def explain_edge_belief(
     timeline: Timeline, source: NodeId, target: NodeId, *, at: Instant | None = None
 ) -> tuple[ExplanationStep, ...]:
-    """Tell how the belief of an edge came to be what it is at an instant, or what it was last.
+    """Explain the belief of an edge at an instant, or its last belief.
 
     Linear in plans and in what happened to the edge.
     """
@@ -197,7 +197,7 @@ def explain_missing_edge(
     """Tell why there is no edge at an instant.
 
     `seen` is (r, d) of the pair as a predictor sees it now, `thresholds` the thresholds of the map; with both it tells
-    which of them is in the way. Linear in the changes of the map.
+    which of them prevents the edge. Linear in the changes of the map.
     """
     history = edge_history(timeline, source, target, at)
     graph = timeline.graph_at(at)

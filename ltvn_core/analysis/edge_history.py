@@ -48,7 +48,7 @@ class EdgeRemoval:
 
 @dataclass(frozen=True, slots=True)
 class EdgeLifetime:
-    """The time of an edge in the map, from coming in to leaving; one that comes back has another."""
+    """The time of an edge in the map, from its addition to its removal; an edge that is added again has another."""
 
     epoch: int
     added_at: Instant
@@ -85,7 +85,7 @@ class EdgeAttempt:
     """The target as seen from there."""
     departure_reachability: float
     arrival: FrameId | None
-    """The image at arrival; None, like all below, while it is under way, or if the recording is cut before."""
+    """The image at arrival; None, like all below, while it is in progress, or if the recording is cut before."""
     end: AttemptEnd | None
     ended: Instant | None
     succeeded: bool | None
@@ -145,7 +145,7 @@ def edge_history(timeline: Timeline, source: NodeId, target: NodeId, until: Inst
 
 
 def _known_at(timeline: Timeline, attempt: AttemptRecord, instant: Instant) -> AttemptRecord:
-    """Return an attempt as it stood after a step: without its verdict while it was under way."""
+    """Return an attempt as it stood after a step: without its verdict while it was in progress."""
     if attempt.end is not None and attempt.end.step <= instant.step:
         return attempt
     so_far = timeline.events[attempt.event : timeline.count_until(instant)]
@@ -155,7 +155,7 @@ def _known_at(timeline: Timeline, attempt: AttemptRecord, instant: Instant) -> A
 
 @dataclass(slots=True)
 class _OpenLifetime:
-    """A lifetime that may still go on."""
+    """A lifetime that may not have ended."""
 
     addition: MapChange
     edge: d.Edge

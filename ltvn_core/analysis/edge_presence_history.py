@@ -52,7 +52,7 @@ class ObservedPresence:
     observation: PresenceObservation
     cause: Cause
     attempt: int | None
-    """The attempt that it was learned from; None where it was seen from afar or came with the map."""
+    """The attempt that it was learned from; None if it was seen from afar or came with the map."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,28 +166,28 @@ def presence_difference(
 
 @dataclass(frozen=True, slots=True)
 class PresenceDecision:
-    """One choice between a way through edges that counted as closed and the best detour."""
+    """One choice between a path through edges that counted as closed and the best detour."""
 
     plan: PlanRecord
     """As recorded."""
     at_s: float
     """When it was made, on the clock of the world."""
     edge: EdgeKey
-    """The edge of the way through that was least probably open."""
+    """The edge of the path through that was least probably open."""
     p: float
     """How probably it was open then."""
     seen_s: float | None
-    """When the edge was last seen blocked; None where no observation of that is kept."""
+    """When the edge was last seen blocked; None if no observation of that is kept."""
     through: GraphPath
-    """The cheapest way as if the edges were open."""
+    """The cheapest path as if the edges were open."""
     around: GraphPath
-    """The cheapest way without them; empty where there is none."""
+    """The cheapest path without them; empty if there is none."""
     to_edge_cost: float
     """From the start to the first closed edge."""
     back_cost: float
-    """From there to the goal without closed edges; infinite where there is no way."""
+    """From there to the goal without closed edges; infinite if there is no path."""
     tries: int
-    """How often something had been in the way earlier in this query."""
+    """Number of obstructions met earlier in this query."""
     follows_rule: bool
     """Planning again by the rule gives the recorded plan."""
 
@@ -220,7 +220,7 @@ def presence_decision(
     *,
     weight: EdgeWeight | None = None,
 ) -> PresenceDecision | None:
-    """Return what a plan chose between; None where no edge that was last seen blocked lay on its shortest way.
+    """Return the two alternatives of a plan; None if its shortest path has no edge that was last seen blocked.
 
     `planning`, `weight` and `presence_filter` are those of the run. Linear in the changes of the map, and five plans.
     """

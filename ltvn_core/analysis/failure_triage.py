@@ -126,7 +126,7 @@ class FailureMode(StrEnum):
     COLLISION = "collision"
     """It touched things."""
     BLOCKED = "way blocked"
-    """It saw things in its way and did not get past."""
+    """It saw obstacles and did not get past them."""
     FAILED_EDGE = "failed edge"
     """It drove edges that did not lead to their target."""
     TOO_SLOW = "too slow"

@@ -93,7 +93,7 @@ class LocalisationMargins:
     distances: NDArray[np.float64]
     """(M,): d of the best node."""
     nodes: tuple[NodeId | None, ...]
-    """M nodes; None where the robot was lost."""
+    """M nodes; None if the robot was lost."""
 
 
 def localisation_margins(events: Iterable[StampedEvent]) -> LocalisationMargins:
@@ -130,7 +130,7 @@ class PerceptualAlias:
     contradicted_by_odometry: bool
     """Odometry rules the claimed waypoint out, its drift allowed for."""
     path_length: float
-    """Length of the shortest way through the map, the better direction; infinite without one. Leaves out edges whose
+    """Length of the shortest path through the map, the better direction; infinite without one. Leaves out edges whose
     ends odometry puts apart, so that a false edge does not vouch for itself.
     """
     has_edge: bool
@@ -269,7 +269,7 @@ def _ends(pair: PerceptualAlias) -> EdgeKey:
 
 
 def _lengths(graph: TopologicalGraph, sources: set[NodeId], doubted: set[EdgeKey]) -> dict[NodeId, dict[NodeId, float]]:
-    """Return the length by mu of the shortest ways from each source that lead through no doubted edge."""
+    """Return the length by mu of the shortest paths from each source that lead through no doubted edge."""
     mirror: rustworkx.PyDiGraph[NodeId, float] = rustworkx.PyDiGraph(multigraph=False)
     index = dict(zip(graph.nodes, mirror.add_nodes_from(list(graph.nodes)), strict=True))
     mirror.add_edges_from(

@@ -51,16 +51,16 @@ class NearPair:
 
 @dataclass(frozen=True, slots=True)
 class MapGap:
-    """Two parts of a map without a way from one into the other."""
+    """Two parts of a map without a path from one into the other."""
 
     start: NodeId
     goal: NodeId
     reached: int
     """Nodes that ways from the start lead to, itself among them."""
     leading: int
-    """Nodes with a way to the goal, itself among them."""
+    """Nodes with a path to the goal, itself among them."""
     nearest: tuple[NearPair, ...]
-    """Where the gap is narrowest, the nearest pair first; empty where odometry stands still."""
+    """Where the gap is narrowest, the nearest pair first; empty if odometry stands still."""
 
 
 def contradicted_edges(graph: TopologicalGraph) -> tuple[ContradictedEdge, ...]:
@@ -89,7 +89,7 @@ def contradicted_edges(graph: TopologicalGraph) -> tuple[ContradictedEdge, ...]:
 
 
 def map_gap(graph: TopologicalGraph, start: NodeId, goal: NodeId, *, most: int = 5) -> MapGap | None:
-    """Return what lies between two nodes without a way, None where there is one or a node is gone.
+    """Return what lies between two nodes without a path, None if there is one or a node is gone.
 
     Linear in the edges, and a search in the plane around each node that can be reached.
     """

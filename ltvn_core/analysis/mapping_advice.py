@@ -1,7 +1,7 @@
 """The collect coach: what the map still lacks while somebody drives, and where to drive next.
 
 Owns finding loops that were driven but not closed and places seen from one side only, from a graph and from odometry,
-and the order in which these gaps are worth mending.
+and the order in which to close these gaps.
 """
 
 import itertools
@@ -86,7 +86,7 @@ class MappingAdvice:
     hint: Finding
     """Where to drive next, and why."""
     target: PoseRow | None
-    """A pose in the odometry frame to drive to; None where any direction is as good."""
+    """A pose in the odometry frame to drive to; None if any direction is as good."""
 
 
 _Hint: TypeAlias = tuple[Finding, PoseRow | None]
@@ -222,7 +222,7 @@ def _hint(
     places: Sequence[OneSidedPlace],
     novelty: float | None,
 ) -> _Hint:
-    """Choose what to mend: first what makes goals unreachable, last what makes the map richer."""
+    """Choose the gap to close: first what makes goals unreachable, last what makes the map richer."""
     if not len(poses):
         return _told("Drive a little, so that there is something to see."), None
     here = poses[-1]
@@ -269,7 +269,7 @@ def _turn_round(here: Pose, sides: Sequence[OneSidedPlace]) -> _Hint | None:
 
 
 def _go_on(here: Pose, novelty: float | None) -> _Hint | None:
-    """Let the robot go on where everything is new."""
+    """Advise to continue where everything is new."""
     if novelty is None or 1 - novelty > _KNOWN:
         return None
     target = here + np.array([_AHEAD_M * np.cos(here[2]), _AHEAD_M * np.sin(here[2]), 0.0])

@@ -1,4 +1,4 @@
-"""How far a navigation task has come after some events: its goal, plan and attempt, and counts over the run.
+"""Progress of a navigation task after some events: its goal, plan and attempt, and counts over the run.
 
 `apply_event` is a pure function, so that the same code tells it live, in a replay, and at any moment between. Owns no
 map.
@@ -21,7 +21,7 @@ class NavigationProgress(NamedTuple):
 
     navigator: e.NavigatorState = e.NavigatorState.IDLE
     query: int | None = None
-    """The task under way; None when none is."""
+    """The task in progress; None when none is."""
     goal: NodeId | None = None
     plan: tuple[NodeId, ...] = ()
     attempt: e.AttemptStarted | None = None

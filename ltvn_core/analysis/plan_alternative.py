@@ -30,7 +30,7 @@ class ExplanationKind(StrEnum):
     GONE = "gone"
     """An edge or node left."""
     PLAN = "plan"
-    """A plan led that way."""
+    """A plan that contains the edge."""
     PENALTY = "penalty"
     """An edge cost more in one query."""
     ALTERNATIVE = "alternative"
@@ -141,7 +141,7 @@ def plan_alternative(
 
 
 def failure_penalties_at(timeline: Timeline, event: int, planning: PlanningConfig) -> dict[EdgeKey, float]:
-    """Return what edges cost more just before event number `event`, for having failed in the query under way."""
+    """Return what edges cost more just before event number `event`, for having failed in the query in progress."""
     progress = timeline.progress_before(event)
     if progress.query is None or not planning.failure_penalty:
         return {}

@@ -105,7 +105,7 @@ class AttemptRecord:
     plan: PlanRecord | None
     """The plan that was followed."""
     end: Instant | None
-    """None where the recording is cut before."""
+    """None if the recording is cut before."""
     ended: AttemptEnded | None
     collisions: int
 
@@ -152,7 +152,7 @@ class QueryRecord:
     """Index of its last event; the verdict comes right after."""
     begin: Instant
     end: Instant | None
-    """None where it was cut: by the end of the recording, or by another query."""
+    """None if it was cut: by the end of the recording, or by another query."""
     ended: QueryEnded | None
     judged: Judged | None
     """The evaluation's verdict; None outside simulation."""

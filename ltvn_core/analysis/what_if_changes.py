@@ -24,7 +24,7 @@ _THRESHOLD = re.compile(r"([A-Za-z_ ]+?)\s*=\s*(\S+)")
 
 
 class WhatIfThreshold(StrEnum):
-    """A number of the method, by the paper's name where it has one."""
+    """A number of the method, by the paper's name if it has one."""
 
     R_P = "R_p"
     """Edges that failed and are believed less than this are gone."""

@@ -59,7 +59,7 @@ class PlannerState:
     localised: Localised | None = None
     """The localisation that gave the source."""
     tries: int = 0
-    """How often something was in the way in this query."""
+    """Number of obstructions met in this query."""
 
 
 def planner_state_at(timeline: Timeline, instant: Instant | None = None) -> PlannerState:

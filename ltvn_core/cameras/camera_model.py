@@ -59,7 +59,7 @@ def _plumb_bob(points: Points, coefficients: tuple[float, ...]) -> Points:
 
 
 def undistort(points: Points, coefficients: tuple[float, ...]) -> Points:
-    """Return the ideal points (..., 2) of distorted points for an ordinary lens; NaN where there is none."""
+    """Return the ideal points (..., 2) of distorted points for an ordinary lens; NaN if there is none."""
     if not coefficients:
         return points
     known = np.array(coefficients)

@@ -118,7 +118,7 @@ def spurious_edges(
 def _hidden_pairs(
     truth: GroundTruth, poses: Pose, pieces: NDArray[np.intp], detour_m: float
 ) -> Iterator[tuple[int, int, float]]:
-    """Yield rows of poses (N, 3) with a wall between them, and the length of the true way if that is long enough."""
+    """Yield rows of poses (N, 3) with a wall between them, and the length of the true path if that is long enough."""
     for row, pose in enumerate(poses):
         ahead = _is_ahead(relative(pose, poses))
         hidden = ahead & (truth.clearance.along(np.broadcast_to(pose[:2], (len(poses), 2)), poses[:, :2]) <= 0)

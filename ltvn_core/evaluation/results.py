@@ -90,9 +90,9 @@ class MapTruthMetrics:
     goals_told: int | None = None
     """Number of goals that the map reports as doubtful before any drive; None in older results."""
     goals_told_rightly: int | None = None
-    """Number of doubtful goals to which no drivable way leads from most of the map."""
+    """Number of doubtful goals to which no drivable path leads from most of the map."""
     goals_untold: int | None = None
-    """Number of goals without such a way that the map does not report as doubtful."""
+    """Number of goals without such a path that the map does not report as doubtful."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,7 +23,7 @@ class KeyframeStore:
     """Images with their features in growing arrays; rows of dropped frames are used again."""
 
     def __init__(self, predictor: Predictor) -> None:
-        """Start empty; `predictor` encodes what comes in."""
+        """Start empty; `predictor` encodes the images that are added."""
         self._predictor = predictor
         self._observations: dict[FrameId, Observation] = {}
         self._rows: dict[FrameId, int] = {}
@@ -130,7 +130,7 @@ class KeyframeStore:
         return self._features.array[[self._rows[frame] for frame in frames]]
 
     def held(self, frames: tuple[FrameId, ...]) -> HeldFeatures | None:
-        """Return where the features of N frames lie; None where one is not held or the predictor makes no keys."""
+        """Return where the features of N frames lie; None if one is not held or the predictor makes no keys."""
         if self._features is None or self._keys is None:
             return None
         if self._asked is None or self._asked[0] is not frames:

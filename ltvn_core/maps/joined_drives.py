@@ -127,7 +127,7 @@ class JoinedDrives:
     observations: list[Observation]
     """In order, as the camera of the first drive would have taken them."""
     drives: tuple[JoinedDrive, ...]
-    """Empty where there is only one."""
+    """Empty if there is only one."""
     findings: tuple[Finding, ...]
     """Notes for the user."""
 

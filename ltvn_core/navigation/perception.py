@@ -44,7 +44,7 @@ class Perception:
         self._matcher = matcher
         self._on_look = on_look
         self.trail = ObservationTrail()
-        """The encoded observations of the way so far."""
+        """The encoded observations of the query so far."""
         self._told_of_no_depth = False
         self._at_step = -1
         self._observation: Observation | None = None

@@ -8,7 +8,7 @@ from ltvn_core.verbs.verb import Verb
 
 @dataclass(frozen=True, kw_only=True)
 class DatasetVerb(Verb):
-    """Render image pairs in scenes and label them as reachable or not; goes on where an earlier call stopped."""
+    """Render image pairs in scenes and label them as reachable or not; continues an interrupted call."""
 
     job = "ltvn_core.verbs.jobs.dataset:make_dataset"
 

@@ -38,5 +38,5 @@ class HeadlessDemoVerb(Verb):
     """Port on 127.0.0.1 at which a Rerun viewer can watch while the recording is written: `ltvn view` the address."""
 
     story: bool = False
-    """Instead of random goals: close a door on the planned way, and tell what the map learns. In the demo apartment by
+    """Instead of random goals: close a door on the planned path, and tell what the map learns. In the demo apartment by
     its ready-made map."""

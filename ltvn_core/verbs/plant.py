@@ -19,7 +19,7 @@ FaultName = Literal["spurious-edge", "look-alike", "missing-edge"]
 class PlantVerb(Verb):
     """Plant faults in a simulated map and record a query that meets each: something to find for a debugger.
 
-    The map's reserve is left out, so that the map cannot be mended with it.
+    The map's reserve is left out, so that the map cannot be repaired with it.
     """
 
     job = "ltvn_core.verbs.jobs.plant:plant_faults"

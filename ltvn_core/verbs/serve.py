@@ -23,7 +23,7 @@ class ServeVerb(Verb):
     width: int = 96
     """Columns of its images; three quarters as many rows."""
     world: str | None = None
-    """Let the scene change by itself: static, doors, daily, moving, light, people, ..., or a JSON file."""
+    """Change the scene over time: static, doors, daily, moving, light, people, ..., or a JSON file."""
     start: tuple[float, float, float] | None = None
     """Where it stands first: x and y in metres of the scene, and degrees from the x axis; else drawn by --seed."""
     seed: int = 0

@@ -14,7 +14,7 @@ from ltvn_core.verbs.verb import Verb
 
 @dataclass(frozen=True, kw_only=True)
 class TrainVerb(Verb):
-    """Train the network on a dataset; goes on from the checkpoint in `work` if there is one."""
+    """Train the network on a dataset; continues from the checkpoint in `work` if there is one."""
 
     job = "ltvn_core.verbs.jobs.train:train_network"
 

@@ -33,7 +33,7 @@ class OwnWords(ABC):
 
     @abstractmethod
     def as_text(self) -> str:
-        """Return it for a person; empty where there is nothing to print."""
+        """Return it for a person; empty if there is nothing to print."""
 
     @abstractmethod
     def as_json(self) -> dict[str, Any]:

@@ -78,7 +78,7 @@ class DebuggerLayer:
 
 
 def _edge(graph: GraphArrays, edge: EdgeKey) -> tuple[NDArray[np.float64], float] | None:
-    """Return the ends (2, 2) of an edge of the map on show and its p; None where it is not in that map."""
+    """Return the ends (2, 2) of an edge of the map on show and its p; None if it is not in that map."""
     rows = np.flatnonzero(np.all(graph.ids[graph.edges] == np.array(edge), axis=1))
     if not len(rows):
         return None

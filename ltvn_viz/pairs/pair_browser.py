@@ -52,7 +52,7 @@ class ShownPair:
     """The pair that is shown."""
 
     pair: LabelledPair | None
-    """None where no pair passes the filter."""
+    """None if no pair passes the filter."""
     number: int
     """Place in the list, from 1; 0 of none."""
     count: int

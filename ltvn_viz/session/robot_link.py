@@ -1,6 +1,6 @@
 """Watches the link to a real robot, and reports in plain words when it breaks and is restored.
 
-Owns these words. Stops nothing: the robot stops by itself.
+Owns these words. Does not stop the robot: the robot stops itself.
 """
 
 from collections.abc import Callable

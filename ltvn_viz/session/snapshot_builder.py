@@ -29,7 +29,7 @@ WINDOW_S = 1.0
 """Time over which rates are averaged, in seconds."""
 FEW_NODES = 8
 FEW_IMAGES = 5
-"""Number of images below which nobody has driven yet."""
+"""Number of images below which the robot counts as not driven yet."""
 
 
 class RateMeter:

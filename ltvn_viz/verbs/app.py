@@ -49,7 +49,7 @@ class AppVerb(FloorPlanOptions, Verb):
     pruning as in that preset; brm: BRM's posterior, which prunes nothing; persistent: also what is open at which
     time."""
     world: str | None = None
-    """Let the scene change by itself, from nine o'clock on: static, doors, daily, telegraph, moving, light, people,
+    """Change the scene over time, from nine o'clock on: static, doors, daily, telegraph, moving, light, people,
     all, several of them (doors+moving), or a JSON file with a script."""
     seed: int = 0
     """Draws the robot's start, the odometry noise and what changes in the world."""

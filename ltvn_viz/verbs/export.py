@@ -30,9 +30,9 @@ class ExportVerb(FloorPlanOptions, Verb):
     until: float | None = None
     """Where the moment ends, beside --to FORMAT."""
     output: Path | None = None
-    """Write the moment here, as a recording that stands alone; with --to FORMAT the file or folder of that format."""
+    """Write the moment here, as a complete recording; with --to FORMAT the file or folder of that format."""
     named_only: bool = False
-    """Keep only the images that the moment's events name: much smaller, but nobody can navigate by it."""
+    """Keep only the images that the moment's events name: much smaller, but unfit for navigation."""
     test: Path | None = None
     """Write a pytest file here that opens the moment and asserts what happened; lies beside --output."""
     html: Path | None = None

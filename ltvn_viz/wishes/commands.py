@@ -20,27 +20,27 @@ class Mode(StrEnum):
     TELEOP = "driving"
     """A person drives; the map may grow."""
     BUILDING = "building"
-    """Algorithm 1 runs; the robot stands still."""
+    """Algorithm 1 runs; the robot is stopped."""
     NAVIGATING = "navigating"
-    """The robot drives by itself."""
+    """The robot navigates to a goal."""
     PAUSED = "paused"
-    """A query waits; the robot stands still."""
+    """A query is paused; the robot is stopped."""
     REPLAY = "replay"
-    """The page shows a recording; the robot stands still."""
+    """The page shows a recording; the robot is stopped."""
 
 
 ANYWHERE = frozenset(Mode)
 LIVE = frozenset({Mode.TELEOP, Mode.NAVIGATING, Mode.PAUSED})
 DRIVING = frozenset({Mode.TELEOP})
 UNDER_WAY = frozenset({Mode.NAVIGATING, Mode.PAUSED})
-"""While a query is under way."""
+"""While a query is in progress."""
 STANDING = frozenset({Mode.TELEOP, Mode.REPLAY})
-"""While no query and no building of a map is under way."""
+"""While no query and no building of a map is in progress."""
 
 
 @dataclass(frozen=True, eq=False)
 class BaseCommand:
-    """Something a person asked for."""
+    """Base of all commands."""
 
     modes: ClassVar[frozenset[Mode]]
     """In which it makes sense."""
@@ -62,7 +62,7 @@ class Cancel(BaseCommand, modes=ANYWHERE):
 
 @dataclass(frozen=True, eq=False)
 class Pause(BaseCommand, modes=UNDER_WAY | {Mode.REPLAY}):
-    """Hold the query or the replay, or go on with it."""
+    """Pause the query or the replay, or continue it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +72,7 @@ class StepOnce(BaseCommand, modes=UNDER_WAY):
 
 @dataclass(frozen=True, eq=False)
 class KeepGoing(BaseCommand, modes=ANYWHERE):
-    """Say whether a query goes on when the last page closes, or pauses."""
+    """Choose whether a query continues or pauses when the last page closes."""
 
     is_on: bool
 
@@ -96,7 +96,7 @@ class StartRecording(BaseCommand, modes=LIVE):
 
 @dataclass(frozen=True, eq=False)
 class KeepRecording(BaseCommand, modes=LIVE):
-    """End the recording and keep it under a name of its own."""
+    """End the recording and keep it under a new name."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -270,7 +270,7 @@ class SeekBy(BaseCommand, modes=LIVE | {Mode.REPLAY}):
 
 @dataclass(frozen=True, eq=False)
 class PlayTime(BaseCommand, modes=LIVE | {Mode.REPLAY}):
-    """Let the time on show go on, or hold it: of the recording, or of the live run's past."""
+    """Play or pause the time shown, of the recording or of the live run's past."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -294,10 +294,10 @@ class ToggleDoor(BaseCommand, modes=LIVE):
 
 @dataclass(frozen=True, eq=False)
 class AimBox(BaseCommand, modes=LIVE):
-    """Wait for a click on the floor that says where a box shall stand; asked for again, wait no longer."""
+    """Wait for a click on the floor for the place of a box; a second command cancels this."""
 
     number: int
-    """A box that stands there already, to move it; 0 for a new one."""
+    """Number of an existing box to move; 0 for a new one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -330,7 +330,7 @@ class UndoWorldChange(BaseCommand, modes=LIVE):
 
 @dataclass(frozen=True, eq=False)
 class WatchItLearn(BaseCommand, modes=DRIVING):
-    """Close a door on a planned way, let the robot find out, open it again, and tell what the map learns."""
+    """Close a door on a planned path, let the robot find out, open it again, and tell what the map learns."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -369,4 +369,4 @@ OtherCommand: TypeAlias = (
     | ReportError
 )
 Command: TypeAlias = RecordingCommand | WorldCommand | PlaybackCommand | TimeCommand | DebuggerCommand | OtherCommand
-"""Everything that can be asked of the session; pyright names each place that must know a new one."""
+"""All commands to the session; pyright reports each place that must handle a new one."""

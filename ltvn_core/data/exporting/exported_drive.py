@@ -68,7 +68,7 @@ class ExportedDrive:
     """The frames of a recording between two moments."""
 
     def __init__(self, recording: Recording, *, from_s: float | None = None, to_s: float | None = None) -> None:
-        """Choose the frames. Raises RecordingError where there are none."""
+        """Choose the frames. Raises RecordingError if there are none."""
         self._recording = recording
         self.camera: CameraModel = recording.meta.camera
         self.name = recording.path.stem
@@ -84,7 +84,7 @@ class ExportedDrive:
     def write_camera(self, folder: Path, *, units_per_metre: float | None = None) -> None:
         """Write the `camera.json` of a folder, with the units per metre of its depth images. Raises OSError.
 
-        The focal lengths of an assumed lens are null, so that nobody takes it for calibrated.
+        The focal lengths of an assumed lens are null, so that it is not mistaken for a calibrated one.
         """
         camera = {**self.camera.to_json(), "depth_scale": units_per_metre}
         if not is_lens_known(self._recording.meta):

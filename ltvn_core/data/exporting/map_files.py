@@ -34,7 +34,7 @@ class PlacedMap(NamedTuple):
 
 
 def placed_map(recording: Recording) -> PlacedMap:
-    """Return the map at the end of a recording. Raises MapError where it has none."""
+    """Return the map at the end of a recording. Raises MapError if it has none."""
     graph = recording.final_graph()
     if not graph.nodes:
         raise MapError(f"{recording.path} holds no map; run `ltvn build {recording.path}` to make one.")

@@ -39,7 +39,7 @@ class Drift:
     position_rmse_m: float
     """Of the whole drive, laid over the truth as well as possible."""
     per_metre: float
-    """Median error over stretches of a metre or so, as a share of the way."""
+    """Median error over stretches of a metre or so, as a share of the path length."""
     yaw_deg_per_metre: float
     """The same of the heading."""
 
@@ -173,7 +173,7 @@ def _drift(frames: Sequence[KeptFrame]) -> Drift | None:
 
 
 def path_m(poses: Pose) -> float:
-    """Return the length of a way through poses (N, 3)."""
+    """Return the length of a path through poses (N, 3)."""
     return float(np.hypot(*np.diff(poses[:, :2], axis=0).T).sum()) if len(poses) > 1 else 0.0
 
 
@@ -204,7 +204,7 @@ def _bridged_pairs(poses: Pose, stamps: NDArray[np.float64]) -> NDArray[np.intp]
 
 
 def drift(odometry: Pose, truth: Pose) -> Drift | None:
-    """Compare odometry with truth, both (N, 3); None where the drive is too short to say."""
+    """Compare odometry with truth, both (N, 3); None if the drive is too short to say."""
     way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(truth[:, :2], axis=0).T))])
     ends = np.searchsorted(way, way + 1.0)
     starts = np.flatnonzero(ends < len(way))

@@ -72,7 +72,7 @@ class EurocReader(ImageFilesReader):
         return self._raw_frame(moment, image, self._colours(image), camera=self._camera)
 
     def _lens(self, said: CalibrationYaml) -> CameraModel | None:
-        """Return the lens of a `sensor.yaml`, None where it is of a kind that is not read. Raises DriveError."""
+        """Return the lens of a `sensor.yaml`, None if it is of a kind that is not read. Raises DriveError."""
         model = said.word("camera_model").lower()
         distortion = said.word("distortion_model").lower()
         if model not in ("pinhole", "") or distortion not in (*_FISHEYES, *_DISTORTIONS):
@@ -148,7 +148,7 @@ def _camera_folder(path: Path, wanted: str | None) -> Path:
 
 
 def _images(folder: Path) -> Sequence[tuple[float, str]]:
-    """Return stamps in seconds and images in order, by the list, or by the names where there is none."""
+    """Return stamps in seconds and images in order, by the list, or by the names if there is none."""
     listed = folder / _LIST
     if listed.is_file():
         rows, _ = stamped_lines(listed, least_columns=2, unit_s=_NANOSECOND)

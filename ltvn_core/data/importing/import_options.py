@@ -15,7 +15,7 @@ EVERY_M, EVERY_DEG = 0.1, 8.0
 
 
 class OdometrySource(StrEnum):
-    """Where the recorded odometry comes from."""
+    """Source of the recorded odometry."""
 
     AUTO = "auto"
     """The source's odometry, else its true poses, else none."""
@@ -24,7 +24,7 @@ class OdometrySource(StrEnum):
     NONE = "none"
 
     def pose(self, moment: FrameMoment) -> Pose | None:
-        """Return the pose (3,) of a moment, zeros where there is to be none; None where it is missing."""
+        """Return the pose (3,) of a moment, zeros where there is to be none; None if it is missing."""
         match self:
             case OdometrySource.TRUTH:
                 return moment.truth
@@ -35,7 +35,7 @@ class OdometrySource(StrEnum):
 
 
 def chosen_odometry(reader: DriveReader, wanted: OdometrySource = OdometrySource.AUTO) -> OdometrySource:
-    """Return where odometry is to come from. Raises DriveError where the source has none of the wanted kind."""
+    """Return the source of odometry. Raises DriveError where the source has none of the wanted kind."""
     roles = {stream.role for stream in reader.facts.streams}
     offered = {OdometrySource.SOURCE: "odometry", OdometrySource.TRUTH: "truth"}
     if wanted is OdometrySource.AUTO:

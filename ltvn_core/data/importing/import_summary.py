@@ -93,11 +93,11 @@ class ImportSummary(WithDoubts):
     """How many images, poses and the like the source has a second."""
     camera: ImportedCamera
     odometry: OdometrySource
-    """Where the recorded odometry comes from."""
+    """Source of the recorded odometry."""
     seconds: float
     """From the first to the last image, on the source's clock."""
     path_m: float | None
-    """Length of the way by odometry; None where there is none."""
+    """Length of the path by odometry; None if there is none."""
     pieces_expected: int | None
     """Least number of pieces of a map: near images joined, and consecutive ones by odometry; None without poses."""
     largest_piece_expected: float | None

@@ -44,7 +44,7 @@ class NamedDrive(NamedTuple):
 
     @classmethod
     def find(cls, wanted: str) -> Self | None:
-        """Return the drive of that name; None where no such file or folder exists. Raises RobotError."""
+        """Return the drive of that name; None if no such file or folder exists. Raises RobotError."""
         if Path(wanted).exists():
             return None if wanted.endswith(".py") else cls(Path(wanted))
         name, at, place = wanted.rpartition("@")
@@ -191,7 +191,7 @@ class PlayedDrive:
         raise DriveError(f"None of the images of {self._name} can be used.{fault}")
 
     def _play(self) -> None:
-        """Take the frames whose time has come; the newest is kept."""
+        """Take the frames that are due; the newest is kept."""
         while self._next is not None and self._next.stamp - self._seen_s <= self._now_s:
             self._raw = self._next
             pose = self._odometry.pose(FrameMoment.of(self._raw))

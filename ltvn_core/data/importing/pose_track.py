@@ -86,7 +86,7 @@ class PoseTrack:
         return cls(*read_poses(path))
 
     def at(self, stamp: float) -> SpatialPose | None:
-        """Return the pose at a time, between samples in proportion; None where there is no sample nearby."""
+        """Return the pose at a time, between samples in proportion; None if there is no sample nearby."""
         after = int(np.searchsorted(self.stamps, stamp))
         if after < len(self.stamps) and self.stamps[after] == stamp:
             return self._sample(after)
@@ -154,7 +154,7 @@ class PicturePoses:
     def __init__(self, matrices: NDArray[np.float64], name: str) -> None:
         """Take (N, 4, 4) camera to world, one for each picture; rows that are no pose hold no rotation."""
         self.name = name
-        """The file or folder that they come from."""
+        """The file or folder of the poses."""
         known = _are_rigid(matrices)
         self.missing = int(len(known) - known.sum())
         """Pictures without a pose."""
@@ -166,7 +166,7 @@ class PicturePoses:
             self._track = PoseTrack(places.astype(np.float64), good[:, :3, 3], Rotation.from_matrix(good[:, :3, :3]))
 
     def at(self, place: int) -> SpatialPose | None:
-        """Return the pose of a picture by its place; None where it has none."""
+        """Return the pose of a picture by its place; None if it has none."""
         if self._track is None or place not in self._places:
             return None
         return self._track.at(place)
@@ -177,7 +177,7 @@ class PicturePoses:
 
 
 def poses_beside(folder: Path, pictures: Sequence[Path]) -> PicturePoses | None:
-    """Return the poses that lie beside a folder's pictures; None where there are none. Raises DriveError."""
+    """Return the poses that lie beside a folder's pictures; None if there are none. Raises DriveError."""
     rows = folder / ROWS_FILE
     if rows.is_file():
         return PicturePoses(_rows(rows, len(pictures)), ROWS_FILE)

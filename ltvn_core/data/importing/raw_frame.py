@@ -26,7 +26,7 @@ class RawFrame:
     """(h, w) metres along the optical axis, 0 = no return; None without a depth image. Where `depth_camera` is None it
     shows what `rgb` shows, perhaps at another size."""
     camera: CameraModel | None = None
-    """The camera of `rgb`, at its size; None where the source does not say."""
+    """The camera of `rgb`, at its size; None if the source does not say."""
     depth_camera: CameraModel | None = None
     """The camera of `depth_m`, at its size, where it is not registered to the colours; its lens alone matters."""
     odometry: Pose | None = None
@@ -90,7 +90,7 @@ class DriveFacts:
     format: str
     """Name of the reader."""
     frames: int | None = None
-    """How many images will be looked at, for the progress bar; None where that is not known."""
+    """How many images will be looked at, for the progress bar; None if that is not known."""
     streams: Sequence[SourceFact] = ()
     """Streams that were found; `--rgb`, `--depth` and `--odometry` choose among them."""
     place: str = ""

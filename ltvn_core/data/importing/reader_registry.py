@@ -1,7 +1,7 @@
 """Registry of the formats that can be read: readers of installed packages in the entry-point group `ltvn.readers`.
 
 Owns the choice of a reader for a path. Built-in readers are found in the same way as other people's, and a reader's
-module is imported only when its turn comes.
+module is imported only when it is needed.
 """
 
 import logging
@@ -34,7 +34,7 @@ def reader_names() -> tuple[str, ...]:
 def open_drive(path: Path, name: str = AUTO, options: ReadOptions | None = None) -> DriveReader:
     """Open a drive by the reader of that name, or by the first that recognises it.
 
-    Raises DriveError where there is no such file or no reader knows it, PluginError and MissingLibraryError where the
+    Raises DriveError if there is no such file or no reader knows it, PluginError and MissingLibraryError where the
     reader cannot be loaded.
     """
     if not path.exists():

@@ -142,7 +142,7 @@ class RtabmapReader:
         return _one_camera(depth, len(rig), self._camera_number, name)
 
     def _one_session(self, nodes: list[Node]) -> list[Node]:
-        """Return the nodes of the longest drive by their stamps; by their ids where there are no stamps."""
+        """Return the nodes of the longest drive by their stamps; by their ids if there are no stamps."""
         if not nodes:
             raise DriveError(
                 f"{self._database.path} holds no images; set RTAB-Map's Mem/BinDataKept to true and drive again."

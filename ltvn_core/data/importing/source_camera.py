@@ -221,7 +221,7 @@ class CalibrationYaml:
         return (self._values.get(name, "").strip().splitlines() or [""])[0].strip().strip("\"'")
 
     def numbers(self, name: str) -> Sequence[float]:
-        """Return the list of a name, or its `data`; empty where the file has none. Raises DriveError."""
+        """Return the list of a name, or its `data`; empty if the file has none. Raises DriveError."""
         value = self._values.get(name, "")
         found = _LIST.search(value)
         try:
@@ -234,7 +234,7 @@ class CalibrationYaml:
         return numbers
 
     def transform(self, name: str) -> Transform | None:
-        """Return a pose in space from 3 or 4 rows of 4 numbers, None where there is none. Raises DriveError."""
+        """Return a 3D pose from 3 or 4 rows of 4 numbers; None if the file has none. Raises DriveError."""
         numbers = self.numbers(name)
         if not numbers:
             return None

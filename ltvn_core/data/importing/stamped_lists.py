@@ -109,7 +109,7 @@ def _in_seconds(rows: list[tuple[float, list[str]]], path: Path) -> StampedLines
 
 
 def period_s(stamps: ArrayLike) -> float | None:
-    """Return the usual time between two of N stamps in order, None where there are too few."""
+    """Return the usual time between two of N stamps in order, None if there are too few."""
     steps = np.diff(np.asarray(stamps, np.float64))
     steps = steps[steps > 0]
     return float(np.median(steps)) if len(steps) else None
@@ -122,7 +122,7 @@ def rate_hz(stamps: ArrayLike) -> float | None:
 
 
 def nearest(stamps: Sequence[float], others: Sequence[float], *, slack_s: float) -> list[int | None]:
-    """Return for each stamp the place of the nearest among `others`; None where none is within half a frame.
+    """Return for each stamp the place of the nearest among `others`; None if none is within half a frame.
 
     Both are in rising order. Half a frame is half of the usual time between two stamps, and at least `slack_s`.
     """
@@ -164,13 +164,13 @@ class OdometryTable:
         return cls(path.name, *_parsed(rows, path))
 
     def stamps_by_place(self, images: int) -> list[float] | None:
-        """Return the stamps of as many pictures in order; None where rows have no stamps or are not as many."""
+        """Return the stamps of as many pictures in order; None if rows have no stamps or are not as many."""
         if self._stamps is None or len(self._poses) != images or not (np.diff(self._stamps) > 0).all():
             return None
         return self._stamps.tolist()
 
     def pose(self, file: str, stamp: float, place: int) -> Pose | None:
-        """Return the pose (3,) of a picture by its file's name, its stamp, or its place; None where no row fits."""
+        """Return the pose (3,) of a picture by its file's name, its stamp, or its place; None if no row fits."""
         row = self._places.get(file, self._stems.get(Path(file).stem))
         if row is None and self._stamps is not None:
             row = self._row_at(stamp)

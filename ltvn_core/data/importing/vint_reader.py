@@ -1,7 +1,7 @@
 """Reads trajectories as GNM, ViNT and NoMaD are trained from: `0.jpg`, `1.jpg`, ... and `traj_data.pkl`.
 
 The pickle holds `position` (T, 2) in metres and `yaw` (T,) in radians; row and image have one number. There is no
-depth and no stamp; the lens is that of a `camera.json`, where there is one.
+depth and no stamp; the lens is that of a `camera.json`, if there is one.
 """
 
 import math
@@ -149,7 +149,7 @@ def _is_short_row(row: object) -> bool:
 
 
 def _images(folder: Path) -> dict[int, str]:
-    """Return the images by their numbers, in order. Raises DriveError where there are none."""
+    """Return the images by their numbers, in order. Raises DriveError if there are none."""
     found: dict[int, str] = {}
     for path in folder.iterdir():
         if path.suffix.lower() in _SUFFIXES and path.stem.isdecimal() and len(path.stem) < 10:

@@ -208,7 +208,7 @@ class AppendedFile:
                 self._bring_to_disk()
 
     def _end(self) -> None:
-        """Write the ending, and the short one where there is no room for the other."""
+        """Write the ending, and the short one if there is no room for the other."""
         complete = self.failure is None
         ending = self._ending.encoded(complete=complete)
         self._ending_is_known.set()

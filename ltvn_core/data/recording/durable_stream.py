@@ -130,7 +130,7 @@ class MessageStream:
 
 
 class DurableStream:
-    """Rows go in; a `.rrd` file comes out that survives the death of the process up to its last half second.
+    """Writes rows to a `.rrd` file that survives the death of the process up to its last half second.
 
     Raises RecordingError at the start when the file exists already or cannot be made, and once, from the next `log`,
     when the disk stops taking data. After that rows are dropped, so that a robot can drive on. With a `live_port`,
@@ -176,7 +176,7 @@ class DurableStream:
 
     @property
     def failure(self) -> str | None:
-        """Why the recording stopped by itself, or None."""
+        """Reason why the recording stopped after a failure, or None."""
         return self._failure or self._file.failure
 
     @property
@@ -269,7 +269,7 @@ class DurableStream:
             self._live.close()
 
     def _pass_on(self) -> None:
-        """Pass on to the file what was logged since the last time."""
+        """Write the data that was logged since the last call to the file."""
         with self._lock:
             try:
                 self._file.append(self._messages.take())

@@ -1,4 +1,4 @@
-"""Cuts a moment out of a recording, as a small recording of its own.
+"""Cuts a moment out of a recording, as a separate small recording.
 
 Owns the data that a moment needs: the map at its start, the images, and the running query. Changes nothing in the
 original recording.

@@ -76,7 +76,7 @@ class _Server(http.server.ThreadingHTTPServer):
     block_on_close = False
 
     def handle_error(self, request: object, client_address: object) -> None:
-        """Stay quiet: viewers come and go."""
+        """Log nothing: viewers connect and disconnect often."""
         _LOG.debug("a viewer left", exc_info=True)
 
 

@@ -60,7 +60,7 @@ class Recording:
     """A recording on disk, opened for reading."""
 
     def __init__(self, path: Path, contents: RrdContents) -> None:
-        """Index the contents of a file; `Recording.open` is the way in."""
+        """Index the contents of a file; `Recording.open` is the entry point."""
         self.path = path
         self.meta: RecordingMetadata = contents.meta
         self._contents = contents

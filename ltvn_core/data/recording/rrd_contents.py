@@ -58,7 +58,7 @@ def _is_whole(batch: pa.RecordBatch, needed: Set[str]) -> bool:
 def _column(
     name: str, batches: Sequence[pa.RecordBatch], ids: Sequence[Sequence[bytes]], every: Sequence[bytes]
 ) -> pa.Array:
-    """Return a column for the rows `every`, empty where no batch holds anything."""
+    """Return a column for the rows `every`, empty if no batch holds anything."""
     pieces = list[pa.Array]()
     places = dict[bytes, int]()
     start = 0

@@ -114,7 +114,7 @@ READ_BACK = (RGB, DEPTH, ORIGINAL, EVENTS, SCENE)
 """The entities that carry data; all others are drawn only."""
 
 FRAME_ROW = "ltvn.Frame"
-"""Exact columns beside the RGB image: stamp, odometry, exact_pose, crc32; tilt where there is one."""
+"""Exact columns beside the RGB image: stamp, odometry, exact_pose, crc32; tilt if there is one."""
 DEPTH_ROW = "ltvn.Depth"
 """Exact columns beside the depth image: crc32."""
 ORIGINAL_ROW = "ltvn.Original"

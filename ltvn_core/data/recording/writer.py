@@ -112,7 +112,7 @@ class RecordingWriter:
 
     @property
     def failure(self) -> str | None:
-        """Why the recording stopped by itself, or None."""
+        """Reason why the recording stopped after a failure, or None."""
         return self._stream.failure
 
     def draw_scene(self, glb: bytes) -> None:

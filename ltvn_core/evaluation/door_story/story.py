@@ -1,6 +1,6 @@
 """The steps of the story and its captions. Drives nothing; the page and a headless run play it.
 
-A door on the planned way closes, and later it opens again. The player passes every event to `take`, calls `next_step`
+A door on the planned path closes, and later it opens again. The player passes every event to `take`, calls `next_step`
 at each control step, and carries out the result. Each caption is one plain sentence.
 """
 
@@ -30,7 +30,7 @@ _ENDS: dict[Outcome | None, str] = {
 _SEVERAL = 3
 """Number of new nodes from which a way counts as new in the map."""
 MOST_TRIES = 2
-"""Number of times that the robot is sent out again if it took another way without having seen the closed door."""
+"""Number of times that the robot is sent out again if it took another path without having seen the closed door."""
 STEPS_AT_DOOR, STEPS_BEYOND_DOOR = 80, 250
 """Number of control steps at a closed door, and beyond an open one, after which the robot is called back."""
 
@@ -178,7 +178,7 @@ class DoorStory:
             yield from self._find_open_door(stage)
 
     def _lead_along(self, unknown: UnknownWay) -> _Steps:
-        """Lead the robot along a way that its map lacks."""
+        """Drive the robot along a path that its map lacks."""
         room = self._map.room(unknown.path[len(unknown.path) // 2])
         if unknown.moved_away is None:
             self.captions.append(

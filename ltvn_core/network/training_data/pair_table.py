@@ -191,7 +191,7 @@ def reasons(pair: LabelledPair, limits: ReachabilityLimits) -> tuple[FailureExpl
 
 
 def limits_from_recipe(recipe: str) -> ReachabilityLimits:
-    """Return the limits in a shard's recipe; the defaults where it has none."""
+    """Return the limits in a shard's recipe; the defaults if it has none."""
     try:
         found = parse_json(recipe)["limits"]
     except (ValueError, KeyError, TypeError):

@@ -1,4 +1,4 @@
-"""Checks a robot before it is driven: rates, ages, lens, tilt and subscribers. Drives only if asked to."""
+"""Checks a robot before it is driven: rates, ages, lens, tilt and subscribers. Drives only with `--drive`."""
 
 import math
 import time

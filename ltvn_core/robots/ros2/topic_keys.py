@@ -141,7 +141,7 @@ class Topic:
 
     @property
     def any_type_key(self) -> str:
-        """Key expression for messages of any type, so that a wrong type can be told from no message."""
+        """Key expression for messages of any type, so that a wrong type can be distinguished from no message."""
         return f"{self._place}/*/*"
 
     @property

@@ -170,7 +170,7 @@ class World:
     def events(self) -> list[WorldChanged]:
         """Return the first events of a recording: the time and the state of the world.
 
-        Empty for an unchanged scene without changes by itself.
+        Empty for an unchanged scene without a script.
         """
         if self.state == AS_MADE and self.script.is_static:
             return []
@@ -185,7 +185,7 @@ class World:
         self._tell([self._carry_out(change, by, self.time_s) for change in changes])
 
     def _scripted(self) -> Iterator[WorldChanged]:
-        """Apply the changes of the script, each as soon as nobody is in its way."""
+        """Apply the changes of the script, each as soon as neither robot nor person blocks it."""
         for timed in self._script.due(self.time_s):
             try:
                 check_change(timed.change, self.base, self.state)
@@ -219,7 +219,7 @@ class World:
             self.state = replace(self.state, people=people)
 
     def _in_the_way(self, change: w.WorldChange) -> str | None:
-        """Return the reason why the robot or a person blocks a change; None if nobody does."""
+        """Return the reason why the robot or a person blocks a change; None if neither does."""
         outline = outline_of(change, self.base)
         if outline is None:
             return None

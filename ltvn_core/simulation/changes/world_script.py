@@ -166,7 +166,7 @@ class WorldScript:
 
     @property
     def is_static(self) -> bool:
-        """Whether nothing ever changes by itself."""
+        """Whether the script has no changes."""
         return not self.changes and not self.people
 
 

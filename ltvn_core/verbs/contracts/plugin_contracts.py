@@ -1,4 +1,4 @@
-"""Which contract belongs to which kind of plug-in, and what can be told of a plug-in without trying it.
+"""Which contract belongs to which kind of plug-in, and the checks of a plug-in without running it.
 
 Owns the contracts of readers (know your own format, and be calm about all others), of robots, as far as these can be
 looked over without driving (parts, images, clock), and of systems (build maps that hold together, the same ones from
@@ -270,7 +270,7 @@ def contract_checks(plugin: Plugin) -> Iterator[ContractCheck]:
 
 
 def _loads(plugin: Plugin) -> Iterator[ContractCheck]:
-    """All that can be told of a verb or a question."""
+    """The only checks of a verb or a question."""
 
     def load() -> str:
         _load(plugin)

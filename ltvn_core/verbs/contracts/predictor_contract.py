@@ -81,7 +81,7 @@ WALL_M = 1.0
 
 
 class SampleImages(NamedTuple):
-    """Images and where they come from."""
+    """Images and their source."""
 
     observations: tuple[Observation, ...]
     """In the order in which they were taken."""

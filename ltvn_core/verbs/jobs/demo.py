@@ -1,6 +1,6 @@
 """The whole main job without a browser: collect, build, navigate with maintenance, record. Part of `ltvn demo`.
 
-With `--story` a door closes on the planned way, and the map learns.
+With `--story` a door closes on the planned path, and the map learns.
 """
 
 import logging
@@ -69,7 +69,7 @@ class StorySummary:
     rerouted: bool
     """Whether a plan turned away from the closed door."""
     added: int
-    """Nodes and edges that driving brought in."""
+    """Nodes and edges that driving added."""
     returned: int
     """Edges that were seen blocked, and open again later."""
     captions: list[str]
@@ -259,7 +259,7 @@ def _play(story: DoorStory, runner: HeadlessRunner, rng: np.random.Generator) ->
 
 
 def _ready_made(scene: str, predictor: Predictor) -> LoadedMap | None:
-    """Return the map that comes with the demo apartment; None elsewhere, and where other weights are in use."""
+    """Return the shipped map of the demo apartment; None elsewhere, and where other weights are in use."""
     place = demo_file(DEMO_MAP) if scene == "demo" else None
     known = None if place is None else load_map(place)
     return known if known is not None and known.meta.fingerprint == predictor.fingerprint else None

@@ -56,7 +56,7 @@ class EvaluateSummary:
     images_without_depth: int
     """Images of all mapping drives in which the camera found no depth; they are in the drives and not in the maps."""
     folder: Path
-    """Holds drives, weights, maps and results; called again, the verb goes on from there."""
+    """Folder of drives, weights, maps and results; a second call of the verb continues from them."""
     wall_s: float
 
 

@@ -35,7 +35,7 @@ from ltvn_core.verbs.verb import Summary
 
 @dataclass(frozen=True, kw_only=True)
 class ConditionSummary:
-    """The figures of one condition; None where they need truth, or pairs, that the recording does not have."""
+    """The figures of one condition; None if they need truth, or pairs, that the recording does not have."""
 
     auc: float | None
     near_recall: float | None

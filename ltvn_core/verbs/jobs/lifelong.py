@@ -40,7 +40,7 @@ class LifelongSummary:
     all: LifelongMetrics
     by_scene: dict[str, LifelongMetrics]
     folder: Path
-    """Holds drives, weights, maps and results; called again, the verb goes on from there."""
+    """Folder of drives, weights, maps and results; a second call of the verb continues from them."""
     wall_s: float
 
 
@@ -55,7 +55,7 @@ class WorldSummary(WorldMetrics):
     without: tuple[str, ...]
     seeds: tuple[int, ...]
     maintenance: str
-    """The first that was asked for."""
+    """The first maintenance of the command line."""
     by_maintenance: dict[str, WorldMetrics]
     """All numbers of each maintenance."""
     folder: Path

@@ -48,7 +48,7 @@ class RobotEvaluationSummary:
     pruned: int
     """Edges that the queries took away."""
     added: int
-    """Nodes and edges that they brought in."""
+    """Nodes and edges that they added."""
     driven_m: float
     folder: Path
     """Folder of episodes.jsonl, the recordings and the maps; a second call of the verb continues from them."""

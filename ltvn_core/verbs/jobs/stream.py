@@ -10,7 +10,7 @@ _LAST_PORT = 65535
 
 
 def announce_stream(port: int | None) -> int | None:
-    """Say how to watch what is recorded at `port`, and return it; None, which nobody can watch, is passed on.
+    """Print how to watch the recording at `port`, and return the port; None means no stream.
 
     Raises OptionError for a number that is no port.
     """

@@ -37,7 +37,7 @@ class Navigation:
         self.held_because = ""
         """Why the robot is stopped in the middle of a control step; empty while it is not."""
         self.is_stopping = False
-        """Whether the query was cancelled and its last events are still to come."""
+        """Whether the query was cancelled and its last events have not arrived yet."""
         self.over = False
         """Whether the query has ended and the robot is free."""
 

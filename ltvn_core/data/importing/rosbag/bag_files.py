@@ -33,7 +33,7 @@ from ltvn_core.errors import DriveError
 MAX_CHUNK_BYTES = 2**28
 """Chunks of bags have about a megabyte, and must hold an image; 256 MB is 60 megapixels of raw colours."""
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
-"""A message that was compressed by itself begins so; one that was not begins with a zero."""
+"""First bytes of a message that is compressed on its own; an uncompressed one begins with a zero."""
 _MAGIC = b"\x89MCAP0\r\n"
 _HEADER = struct.Struct("<BQI")
 """After the magic: the kind of the first record, its length, and the length of the profile's name."""
@@ -70,7 +70,7 @@ def bound_decompression() -> None:
 
 
 def decompress_message(data: bytes) -> bytes:
-    """Return a message of a bag that compresses each by itself. Raises DriveError where it is too large."""
+    """Return a message of a bag that compresses each message on its own. Raises DriveError where it is too large."""
     return _limited(zstd.ZstdFile, data)
 
 

@@ -100,7 +100,7 @@ def frame_name(name: Any) -> str:
 
 
 def stamp_s(message: Any) -> float:
-    """Return the stamp of a message in seconds; 0 where it has none."""
+    """Return the stamp of a message in seconds; 0 if it has none."""
     header = getattr(message, "header", None)
     return 0.0 if header is None else header.stamp.sec + header.stamp.nanosec * 1e-9
 

@@ -38,7 +38,7 @@ class ChosenTopics:
     rgb: str
     depth: str | None
     odometry: str | None
-    """None where the tree of frames says it, or nothing."""
+    """None if the tree of frames says it, or nothing."""
     truth: str | None
     camera_info: str | None
     depth_info: str | None
@@ -206,7 +206,7 @@ def _info_beside(image: str, infos: Sequence[str], images: Collection[str]) -> s
 
 
 def _around(info: str, images: Collection[str]) -> str | None:
-    """Return the namespace around that of a CameraInfo; None where images lie in its own."""
+    """Return the namespace around that of a CameraInfo; None if images lie in its own."""
     own = _camera_of(info)
     return None if any(name.startswith(f"{own}/") for name in images) else own.rpartition("/")[0]
 

@@ -56,7 +56,7 @@ class BagDrive:
     """A bag that is open for reading; a `DriveReader`."""
 
     def __init__(self, files: BagFiles, found: BagSurvey, topics: ChosenTopics, options: ReadOptions) -> None:
-        """Prepare reading; `open_bag` is the way in."""
+        """Prepare reading; `open_bag` is the entry point."""
         self._files = files
         self._topics = topics
         self._samples = found.samples
@@ -180,7 +180,7 @@ class BagDrive:
             )
 
     def _stamp(self, message: Any, raw: RawMessage) -> float:
-        """Return the stamp of a message, or when it was recorded where it has none."""
+        """Return the stamp of a message, or when it was recorded if it has none."""
         stamp = 0.0 if self._by_log else stamp_s(message)
         is_stamped = stamp > 0 or (self._is_zero_a_time and not self._by_log)
         return stamp if is_stamped else raw.log_s
@@ -261,7 +261,7 @@ class BagDrive:
         return True
 
     def _odometry_frames(self, options: ReadOptions) -> FrameEdge | None:
-        """Return the frames of the odometry topic; None where the tree of frames is to say it."""
+        """Return the frames of the odometry topic; None if the tree of frames is to say it."""
         if options.odometry == NOTHING:
             return FrameEdge("", robot_frame(self._tree))
         odometry = self._samples.get(self._topics.odometry or "")

@@ -82,7 +82,7 @@ def _rays(camera: CameraModel) -> NDArray[np.float64]:
 
 
 def lens_doubt(lens: CameraModel, info: Any, topic: str) -> str | None:
-    """Return what speaks against a lens; None where nothing does.
+    """Return what speaks against a lens; None if nothing does.
 
     Args:
         lens: The lens at the size of the images, after cropping and binning.
@@ -170,7 +170,7 @@ class FrameDecoder:
         return lens
 
     def _lens(self, image_topic: str, info_topic: str | None, width: int, height: int) -> CameraModel | None:
-        """Return the lens of images of a size, level; None where the bag does not say. Raises DriveError."""
+        """Return the lens of images of a size, level; None if the bag does not say. Raises DriveError."""
         key = (image_topic, width, height)
         if self._lenses.get(key) is None:
             info = self._samples.get(info_topic or "")
@@ -186,7 +186,7 @@ class FrameDecoder:
         return lens_doubt(lens, self._samples.get(info_topic or ""), str(info_topic))
 
     def _depth_lens(self, topic: str, width: int, height: int) -> CameraModel | None:
-        """Return the lens of depth images; None where the bag does not say, or says what cannot be."""
+        """Return the lens of depth images; None if the bag does not say, or says what cannot be."""
         info_topic = self._topics.depth_info
         try:
             lens = self._lens(topic, info_topic, width, height)

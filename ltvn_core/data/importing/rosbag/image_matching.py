@@ -30,7 +30,7 @@ class MatchedImages(NamedTuple):
 
     colours: PendingImage
     depth: PendingImage | None
-    """None where there is no depth topic, or no depth of that moment."""
+    """None if there is no depth topic, or no depth of that moment."""
 
 
 class StampMatcher:
@@ -42,7 +42,7 @@ class StampMatcher:
         Args:
             needs_depth: There is a depth topic.
             tolerance_s: Stamps that differ by no more are of one moment.
-            is_known: Tells whether the pose of a moment has come.
+            is_known: Tells whether the pose at a time has arrived.
         """
         self._needs_depth = needs_depth
         self._tolerance_s = tolerance_s

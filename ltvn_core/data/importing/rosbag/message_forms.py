@@ -243,7 +243,7 @@ class Written(NamedTuple):
 
     @property
     def msgtype(self) -> str | None:
-        """The type of ROS as which the messages are read; None where they are not."""
+        """The type of ROS as which the messages are read; None if they are not."""
         if self.foxglove:
             return _FOXGLOVE[self.foxglove][0]
         if self.encoding not in (CDR, ROS1):
@@ -348,7 +348,7 @@ _FOXGLOVE: dict[str, tuple[str, _Convert]] = {
     "FrameTransforms": (_TF, _transforms),
     POSE_IN_FRAME: (_POSE_STAMPED, _pose),
 }
-"""Foxglove's schema -> ROS's type, and the way there."""
+"""Foxglove's schema -> ROS's type, and the conversion."""
 
 _TRANSFORMS = "geometry_msgs/TransformStamped[] transforms"
 

@@ -49,7 +49,7 @@ class RigCamera(NamedTuple):
     """A camera of the rig."""
 
     lens: CameraModel | None
-    """Level; None where the database does not say its size."""
+    """Level; None if the database does not say its size."""
     place: Transform
     """(4, 4): its optical frame in the robot's frame."""
     focal: tuple[float, float, float, float]
@@ -75,7 +75,7 @@ class RigCamera(NamedTuple):
 
 
 def parse_pose(blob: object) -> Transform | None:
-    """Return a pose (4, 4) from its blob, None where there is none or where it is not finite."""
+    """Return a pose (4, 4) from its blob, None if there is none or where it is not finite."""
     if not isinstance(blob, bytes) or len(blob) != 4 * POSE_FLOATS:
         return None
     rows = np.frombuffer(blob, "<f4").astype(np.float64).reshape(3, 4)
@@ -123,7 +123,7 @@ def _records(blob: bytes) -> list[RigCamera]:
 
 
 def _record(blob: bytes, start: int) -> tuple[RigCamera, int]:
-    """Return the camera that begins at a byte, and of how many bytes it is."""
+    """Return the camera that begins at a byte, and its length in bytes."""
     *_, width, height, k, d, r, p, place = _MONO_HEAD.unpack_from(blob, start)
     k, d, r, p, place = _counted((k, d, r, p, place))
     at = start + _MONO_HEAD.size
@@ -247,7 +247,7 @@ class RtabmapDatabase:
         return _whole(next(self._rows(query, _CLOSURES))[0])
 
     def optimised(self) -> dict[int, Transform]:
-        """Return the poses (4, 4) of the optimised map by node; empty where there is none, or none that can be read."""
+        """Return the poses (4, 4) of the optimised map by node; empty if there is none, or none that can be read."""
         if not {"opt_ids", "opt_poses"} <= self._columns("Admin"):
             return {}
         ids, poses = next(self._rows("SELECT opt_ids, opt_poses FROM Admin LIMIT 1"), (None, None))
@@ -305,7 +305,7 @@ def _whole(value: object) -> int:
 
 
 def _matrix(blob: object, dtype: str) -> np.ndarray | None:
-    """Return the numbers of a matrix that OpenCV held and zlib compressed; None where it is damaged."""
+    """Return the numbers of a matrix that OpenCV held and zlib compressed; None if it is damaged."""
     if not isinstance(blob, bytes) or len(blob) <= _MATRIX_TAIL:
         return None
     rows, columns, _ = np.frombuffer(blob[-_MATRIX_TAIL:], "<i4")

@@ -52,7 +52,7 @@ class ExportFiles:
 
     @classmethod
     def find(cls, folder: Path) -> Self | None:
-        """Return the files of a folder; None where they are not those of an export."""
+        """Return the files of a folder; None if they are not those of an export."""
         if not folder.is_dir() or (folder / "rgb.txt").is_file():  # TUM's layout has folders with the same names.
             return None
         for rgb in _folders(folder):
@@ -78,7 +78,7 @@ class ExportFiles:
         return sorted(found, key=lambda path: (_number(path) is None, _number(path) or 0.0, path.name))
 
     def depth_of(self, image: Path) -> Path | None:
-        """Return the depth image of an image, where it has one."""
+        """Return the depth image of an image, if it has one."""
         return _partner(self.depth, image)
 
     def confidence_of(self, image: Path) -> Path | None:
@@ -86,7 +86,7 @@ class ExportFiles:
         return _partner(self.confidence, image)
 
     def lens_of(self, image: Path) -> Path | None:
-        """Return the description of an image's lens, where there is one."""
+        """Return the description of an image's lens, if there is one."""
         if self.lens is None or self.lens.is_file():
             return self.lens
         own = next((path for end in _LENS_SUFFIXES if (path := self.lens / f"{image.stem}{end}").is_file()), None)

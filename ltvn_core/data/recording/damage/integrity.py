@@ -38,7 +38,7 @@ class Losses(NamedTuple):
     frames: Sequence[FrameId]
     """Frames that are known by name."""
     more_frames: int | None
-    """Number of lost frames beside them; None if unknown."""
+    """Number of further lost frames; None if unknown."""
     events_written: int
     lost_bytes: int
     only_behind: FrameId | None

@@ -100,7 +100,7 @@ def open_salvage(path: Path, recording_id: str | None = None) -> Salvage:
 
 
 def _record_of(found: FoundMessages, store: bytes) -> int | None:
-    """Return the number of the closing record that speaks of a store's messages, None where none is left."""
+    """Return the number of the closing record that speaks of a store's messages, None if none is left."""
     speaking = Counter(each.record for each in found.messages if each.sure and _store(each.data) == store)
     if speaking:
         return speaking.most_common(1)[0][0]

@@ -50,7 +50,7 @@ class ClosingRecord:
     messages: Sequence[MessageSum]
     """Every message before the end message, in order."""
     rows: Mapping[str, int]
-    """Entity path -> rows that were written with a time. What Rerun lost on the way shows here."""
+    """Entity path -> rows that were written with a time. Rows that Rerun lost show here."""
     static_rows: Mapping[str, int] = field(default_factory=dict)
     """The same for rows that hold at all times."""
 
@@ -208,7 +208,7 @@ class FileCheck(NamedTuple):
 
 
 def check_file(path: Path) -> FileCheck:
-    """Walk over a file and compare every byte with its closing record, where it has one. Raises OSError."""
+    """Walk over a file and compare every byte with its closing record, if it has one. Raises OSError."""
     with path.open("rb") as file:
         size = file.seek(0, 2)
         file.seek(0)

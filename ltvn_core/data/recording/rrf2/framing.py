@@ -56,7 +56,7 @@ class Tail(NamedTuple):
     footer_start: int
     """Where the payload of the end message begins."""
     footer_bytes: int
-    """How much of it is Rerun's own table of all chunks, 0 where there is none."""
+    """How much of it is Rerun's own table of all chunks, 0 if there is none."""
     footer_xxh32: int
     """Rerun's checksum of that table."""
 
@@ -67,7 +67,7 @@ class Tail(NamedTuple):
 
     @classmethod
     def read(cls, data: bytes) -> Self | None:
-        """Read a tail, None where there is none."""
+        """Read a tail, None if there is none."""
         if len(data) != TAIL_BYTES:
             return None
         tail = cls(*_TAIL.unpack(data)[:3])

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 FAILED = 1
 WRONG_USAGE = 2
 INTERRUPTED = 130
-"""As shells say it: 128 and the number of SIGINT."""
+"""Exit code of shells after SIGINT: 128 plus its number."""
 CLOSED_PIPE = 141
 """128 and the number of SIGPIPE: who read the output, such as `head`, had enough."""
 TERMINATED = 143

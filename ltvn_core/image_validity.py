@@ -17,7 +17,7 @@ MAX_MEDIAN_DEPTH_M = 100.0
 """No depth camera sees so far (the best reach 30 m), but 0.1 m in millimetres is 100: half of the pixels of an image
 that are farther mean another unit."""
 _EVERY_PIXEL = 4
-"""Of these the median is taken."""
+"""Step in pixels between the samples for the median."""
 MAX_STAMP_S = 4e9
 """Seconds; the year 2096 on a clock that counts from 1970. Nanoseconds of the same clock are 10^18."""
 MAX_STEP = 2**53

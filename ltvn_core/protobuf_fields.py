@@ -9,7 +9,7 @@ _BYTES = 2
 _FOUR_BYTES = 5
 _FIXED_BYTES = {_EIGHT_BYTES: 8, _FOUR_BYTES: 4}
 _MOST_BITS = 64
-"""Of a number; a longer one would take time with the square of its length."""
+"""Largest number of bits of a number; reading longer ones takes quadratic time."""
 
 
 class Field(NamedTuple):

@@ -70,7 +70,7 @@ class LightChanged:
     level: float
     """Brightness as a factor; 1 is the scene as it was made."""
     warmth: float = 0.0
-    """From -1, bluish daylight, to 1, reddish lamps; 0 is white."""
+    """Colour of the light from -1, bluish daylight, to 1, reddish lamps; 0 is white."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +78,7 @@ class PicturesExchanged:
     """Other pictures hang on the walls and other rugs lie on the floors."""
 
     seed: int | None
-    """Which ones; None for those of the scene as it was made."""
+    """Seed of the new pictures and rugs; None restores the original ones."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +88,7 @@ class PersonMoved:
     person: str
     pose: PlaceRow
     seed: int = 0
-    """Which clothes the person wears."""
+    """Seed of the person's clothes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,7 +192,7 @@ class WorldState:
     pictures: int | None = None
     """Seed of the pictures and rugs; None for those of the scene as it was made."""
     people: tuple[PersonMoved, ...] = ()
-    """Who is there, by name."""
+    """People who are there, by name."""
 
     def after(self, change: WorldChange) -> Self:
         """Return what the world is like after a change."""

@@ -48,7 +48,7 @@ class Download(NamedTuple):
     """Its name and size."""
     name: str
     address: str
-    """Where the page serves it."""
+    """URL path of the image."""
 
 
 class Coloured(NamedTuple):
@@ -115,7 +115,7 @@ class Axis(NamedTuple):
     """An axis of a chart: its label and its range."""
 
     label: str
-    """With its unit."""
+    """Name of the quantity, with its unit."""
     first: float
     last: float
 

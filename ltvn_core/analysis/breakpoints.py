@@ -188,7 +188,7 @@ class EventContext:
 
     timeline: Timeline
     number: int
-    """Of the event in the timeline."""
+    """Number of the event in the timeline."""
 
     @property
     def event(self) -> e.Event:
@@ -347,7 +347,7 @@ class BreakpointHit(NamedTuple):
 
     moment: Instant
     breakpoints: tuple[Breakpoint, ...]
-    """Those that were met at once, at least one, in the order they were given."""
+    """Breakpoints that were met at the same event, at least one, in their given order."""
     why: str
     """One line for a person."""
 

@@ -78,7 +78,7 @@ class EdgeAttempt:
     query: int
     begin: Instant
     localised: Localised | None
-    """Where the robot thought it was before it set off."""
+    """Localisation before the attempt."""
     departure: FrameId
     """The image at departure."""
     waypoint: d.PoseRow
@@ -97,7 +97,7 @@ class EdgeAttempt:
     only_this_edge: bool
     """The attempt was along this edge alone; else it drove on past its end, and success says less."""
     changed_belief: bool
-    """Another failure in the same query changes none."""
+    """Whether the attempt changed the belief; a repeated failure in the same query does not."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +109,7 @@ class EdgeHistory:
     lifetimes: tuple[EdgeLifetime, ...]
     attempts: tuple[EdgeAttempt, ...]
     planned_at: tuple[Instant, ...]
-    """When a plan led through it."""
+    """Instants of plans through the edge."""
 
     @property
     def alive(self) -> bool:

@@ -60,7 +60,7 @@ class PresenceStrip:
     """The probability that an edge is open, over time."""
 
     times_s: tuple[float, ...]
-    """On the clock of the world."""
+    """Times on the clock of the world, in seconds."""
     probabilities: tuple[float, ...]
 
     @property
@@ -169,23 +169,23 @@ class PresenceDecision:
     """One choice between a path through edges that counted as closed and the best detour."""
 
     plan: PlanRecord
-    """As recorded."""
+    """The recorded plan."""
     at_s: float
-    """When it was made, on the clock of the world."""
+    """Time of the decision on the clock of the world, in seconds."""
     edge: EdgeKey
     """The edge of the path through that was least probably open."""
     p: float
     """How probably it was open then."""
     seen_s: float | None
-    """When the edge was last seen blocked; None if no observation of that is kept."""
+    """Time when the edge was last seen blocked, in seconds; None without an observation."""
     through: GraphPath
     """The cheapest path as if the edges were open."""
     around: GraphPath
     """The cheapest path without them; empty if there is none."""
     to_edge_cost: float
-    """From the start to the first closed edge."""
+    """Cost of the plan from the start to the first closed edge."""
     back_cost: float
-    """From there to the goal without closed edges; infinite if there is no path."""
+    """Cost from that edge to the goal without closed edges; infinite if there is no path."""
     tries: int
     """Number of obstructions met earlier in this query."""
     follows_rule: bool

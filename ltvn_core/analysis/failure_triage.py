@@ -49,7 +49,7 @@ class Setback(NamedTuple):
     edge: EdgeKey | None
     """The edge that was driven then."""
     node: NodeId | None
-    """Where the robot last thought it was."""
+    """Last node at which the robot was localised."""
 
 
 class _SetbackTracker:
@@ -58,7 +58,7 @@ class _SetbackTracker:
     def __init__(self) -> None:
         self.collisions: list[Setback] = []
         self.setback: Setback | None = None
-        """The first one that was not recovered from, as yet."""
+        """The first setback without a recovery up to now."""
         self._cheapest = inf
         self._cheapest_before = inf
         self._node: NodeId | None = None
@@ -160,9 +160,9 @@ class FailedQuery:
     edge: EdgeKey | None
     """The edge that was driven then."""
     node: NodeId | None
-    """Where the robot last thought it was; None if it never knew."""
+    """Last node at which the robot was localised; None if there is none."""
     pose: PoseRow | None
-    """Of that node, by odometry."""
+    """Pose of that node by odometry."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,7 +172,7 @@ class FailureCluster:
     nodes: tuple[NodeId, ...]
     """Empty if the robot never knew where it was."""
     pose: PoseRow | None
-    """Of the first failure's node."""
+    """Pose of the node of the first failure."""
     failures: tuple[FailedQuery, ...]
 
 

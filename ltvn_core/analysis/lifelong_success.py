@@ -28,7 +28,7 @@ class SuccessDip(NamedTuple):
     low: int
     """The row where it was lowest."""
     fall: float
-    """How far it fell, as a share of the queries."""
+    """Decrease of the success rate, as a share of the queries."""
     before: Instant
     """The end of the query at the peak; with `after`, the range over which to compare the map."""
     after: Instant
@@ -46,7 +46,7 @@ class LifelongSuccess:
     success: NDArray[np.float64]
     """Share of successes over the window that ends here; fewer queries in the first rows."""
     nodes: NDArray[np.int64]
-    """In the map when the query had ended."""
+    """Number of nodes in the map after each query."""
     edges: NDArray[np.int64]
     pruned: NDArray[np.int64]
     """Edges that left since the row before, one by one or with a node."""

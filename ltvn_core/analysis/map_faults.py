@@ -34,9 +34,9 @@ class ContradictedEdge:
     length_m: float
     """Straight distance of its ends as the edge has it."""
     odometry_m: float
-    """The same by odometry."""
+    """Distance of the edge's ends by odometry, in metres."""
     gap_m: float
-    """How far apart edge and odometry put the edge's target."""
+    """Distance between the edge's target by the waypoint and by odometry, in metres."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +44,7 @@ class NearPair:
     """Two nodes near each other on both sides of a gap."""
 
     edge: EdgeKey
-    """From the start's side to the goal's."""
+    """Edge from the start's side of the gap to the goal's side."""
     distance: float
     """d of Eq. 2 by odometry."""
 
@@ -60,7 +60,7 @@ class MapGap:
     leading: int
     """Nodes with a path to the goal, itself among them."""
     nearest: tuple[NearPair, ...]
-    """Where the gap is narrowest, the nearest pair first; empty if odometry stands still."""
+    """Nearest pairs of nodes across the gap, the nearest first; empty if odometry does not move."""
 
 
 def contradicted_edges(graph: TopologicalGraph) -> tuple[ContradictedEdge, ...]:

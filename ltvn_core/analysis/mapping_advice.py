@@ -35,7 +35,7 @@ _JUMP_M = 1.5
 """Two poses in a row that are farther apart were not driven from one to the other."""
 _CELL_M = 1.0
 HEADING_SECTORS = 8
-"""Of 45 degrees, centred on the axes and the diagonals."""
+"""Number of sectors of 45 degrees, centred on the axes and the diagonals."""
 _OPPOSITE = 3
 """Sectors apart, at least, that count as another side."""
 _MIN_IMAGES = 3

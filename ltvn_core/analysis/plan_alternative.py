@@ -81,11 +81,11 @@ class PlanAlternative:
 
     edge: EdgeKey
     plan: PlanRecord
-    """As recorded."""
+    """The recorded plan."""
     belief: Belief
-    """Of the edge, then."""
+    """Belief of the edge at that time."""
     edge_cost: float
-    """Without the penalty."""
+    """Cost of the edge without the penalty."""
     penalty: float
     """Extra cost of the edge in this query, because an attempt had failed."""
     replanned: GraphPath

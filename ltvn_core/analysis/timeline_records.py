@@ -69,9 +69,9 @@ class MapChange(NamedTuple):
     """Index in the timeline's events."""
     instant: Instant
     epoch: int
-    """Which map of the recording, counted from 0."""
+    """Index of the map in the recording."""
     version: int
-    """How many changes this map has seen with this one, as in `TopologicalGraph.version`."""
+    """Number of changes of this map including this one, as in `TopologicalGraph.version`."""
     delta: GraphDelta
     query: int | None
     attempt: int | None
@@ -145,7 +145,7 @@ class QueryRecord:
     id: int
     goal: NodeId
     epoch: int
-    """Which map of the recording it ran in."""
+    """Index of the map in which the query ran."""
     first: int
     """Index of its first event in the timeline's events."""
     last: int

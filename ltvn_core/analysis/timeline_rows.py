@@ -165,7 +165,7 @@ class TimelineRows:
         self.attempts: list[AttemptRecord] = []
         self.plans: list[PlanRecord] = []
         self.marks: dict[MarkKind | None, list[Mark]] = {None: []}
-        """By kind, and all of them under None."""
+        """Marks by kind, and all of them under None."""
         self.notes: list[str] = []
         """Defects of the events, as sentences."""
         self.attempts_by_edge: dict[EdgeKey, tuple[AttemptRecord, ...]] = {}

@@ -89,7 +89,7 @@ class PresenceMoment:
 
     presence_filter: PresenceFilter
     at_s: float
-    """On the clock of the world."""
+    """Time on the clock of the world, in seconds."""
 
     def probabilities(self, graph: TopologicalGraph) -> dict[EdgeKey, float]:
         """Return how probably the edges of a map are open then that were ever seen blocked."""
@@ -279,7 +279,7 @@ class EdgeCostParts:
     doubt: float
     """Part of the cost from p: -weight * ln p in the paper's system."""
     penalty: float
-    """For failures earlier in the query."""
+    """Penalty for failures earlier in the query."""
     open_p: float = 1.0
     """How probably it is open then."""
 

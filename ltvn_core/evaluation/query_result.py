@@ -117,9 +117,9 @@ class QueryResult:
     added_nodes: int = 0
     added_edges: int = 0
     nodes: int = 0
-    """In the map afterwards."""
+    """Number of nodes in the map after the query."""
     edges: int = 0
-    """In the map afterwards."""
+    """Number of edges in the map after the query."""
 
     # By the ground truth.
     failure: FailureCause | None = None

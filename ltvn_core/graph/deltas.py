@@ -82,7 +82,7 @@ class Edge:
     """The target in the frame of the source."""
     belief: Belief
     attempts: int = 0
-    """How often the edge was driven."""
+    """Number of attempts to drive the edge."""
     successes: int = 0
     """Number of attempts that led to the target."""
     protected: bool = False

@@ -68,7 +68,7 @@ class MappedDrive:
     """A drive and the map that was built from it."""
 
     observations: Sequence[Observation]
-    """As they were recorded, in the order of their steps."""
+    """The observations as they were recorded, in the order of their steps."""
     camera: CameraModel | None
     """Camera that took them; None if it is the predictor's."""
     is_lens_known: bool

@@ -125,7 +125,7 @@ class JoinedDrives:
     """The images of all drives."""
 
     observations: list[Observation]
-    """In order, as the camera of the first drive would have taken them."""
+    """The observations in order, as the camera of the first drive would have taken them."""
     drives: tuple[JoinedDrive, ...]
     """Empty if there is only one."""
     findings: tuple[Finding, ...]

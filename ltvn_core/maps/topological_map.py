@@ -51,7 +51,7 @@ class TopologicalMap(WithDoubts):
     system: NavigationSystem
     """The navigation system that built the map and drives by it."""
     scene: str = ""
-    """Where the images were taken: a scene's name or file, or whatever a person calls the place."""
+    """Place of the images: the name or file of a scene, or any name that a person gave."""
     camera: CameraModel | None = None
     """The camera of the images; None is the predictor's."""
     predictor_name: str = ""

@@ -37,9 +37,9 @@ class DrivingMeasurements:
     success_if_not: SuccessRate
     """p(s given not r): how often the method reports success after driving an edge that does not exist."""
     arrival_if_reachable: SuccessRate
-    """How often the robot truly stood within 0.72 m and 0.4 rad of the edge's end, for edges that exist."""
+    """Share of attempts that truly ended within 0.72 m and 0.4 rad of the edge's end, for edges that exist."""
     arrival_if_not: SuccessRate
-    """How often the robot truly stood within 0.72 m and 0.4 rad of the edge's end, for edges that do not exist."""
+    """Share of attempts that truly ended within 0.72 m and 0.4 rad of the edge's end, for edges that do not exist."""
     connected_if_not: int
     """Number of driven edges that do not exist but that the method would add to a map; the other driven ones have the
     next highest r."""

@@ -107,7 +107,7 @@ def added_tensors(state: "Mapping[str, Tensor]", below: Path) -> "dict[str, Tens
 
 
 def _weights_below(named: Any, path: Path) -> Path:
-    """Return the shipped weights that a file adds layers to. Raises WeightsError if this version has other ones."""
+    """Return the shipped weights that a file adds layers to. Raises WeightsError if those of this version differ."""
     wanted = named if isinstance(named, dict) else {}
     below = shipped_weights(Path(str(wanted.get("name"))).name)
     if not below.is_file() or weights_fingerprint(below) != wanted.get("fingerprint"):

@@ -13,7 +13,7 @@ class DatasetVerb(Verb):
     job = "ltvn_core.verbs.jobs.dataset:make_dataset"
 
     folder: Path = Path("data")
-    """Where the shards lie, one file per scene."""
+    """Folder of the shards, one file per scene."""
     scenes: tuple[str, ...] = ()
     """Scenes by name or by the path of a mesh; none stands for those of training and validation."""
     clusters: int = 280

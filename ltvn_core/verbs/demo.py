@@ -16,13 +16,13 @@ class HeadlessDemoVerb(Verb):
     job = "ltvn_core.verbs.jobs.demo:run_demo"
 
     queries: int = 20
-    """How many random goals to drive to."""
+    """Number of random goals to drive to."""
     seed: int = 0
     """Draws tour, noise, map and goals."""
     scene: str = "demo"
     """A scene by name (a wrong one lists the right ones), or the path of a mesh or of a Gibson folder."""
     loops: int = 2
-    """How often the mapping tour goes round."""
+    """Number of rounds of the mapping drive."""
     predictor: PredictorName = AUTO
     """Predictor that compares images: the trained network, which auto uses, or another by name."""
     weights: Path | None = None

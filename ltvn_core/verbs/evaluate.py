@@ -45,7 +45,7 @@ class ProtocolOptions(Verb):
     one-loop (the mapping drive is one round), half-light (the map is made in full light and driven in half of it)."""
     body: BodyOption = "auto"
     folder: Path = Path("runs/evaluation")
-    """Where drives, weights, maps and results are kept, and found again by the next call."""
+    """Folder of drives, weights, maps and results; the next call continues from them."""
     processes: int | None = None
     """Processes to run side by side; by default as many as there are cores."""
     cluster: str | None = None

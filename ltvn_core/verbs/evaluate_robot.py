@@ -34,4 +34,4 @@ class EvaluateRobotVerb(Verb):
     seed: int = 0
     """Draws goals."""
     folder: Path = Path("runs/evaluation/robot")
-    """Where episodes, recordings and maps are kept, and found again by the next call."""
+    """Folder of episodes, recordings and maps; the next call continues from them."""

@@ -38,7 +38,7 @@ class FinetuneVerb(Verb):
     data: Path | None = None
     """A folder of `ltvn dataset` to draw simulated pairs from; without one, a few scenes are rendered once."""
     minutes: float = 3.0
-    """How long to learn, beside the time that judging takes."""
+    """Time for training in minutes, without the evaluation."""
     seed: int = 0
     """Draws batches and augmentation."""
 

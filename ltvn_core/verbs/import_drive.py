@@ -37,7 +37,7 @@ class ImportVerb(Verb):
     height: float | None = None
     """Height of the camera above the floor in metres."""
     pitch: float | None = None
-    """How the camera is mounted, in degrees; negative looks down."""
+    """Pitch of the camera in degrees; negative looks down."""
     odometry_from: Literal["auto", "source", "truth", "none"] = "auto"
     """Source of the recorded odometry: the source's own, the true poses, or none; auto is the first that exists."""
     every_m: float = 0.1

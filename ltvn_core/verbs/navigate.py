@@ -33,7 +33,7 @@ class NavigateSummary:
     map: Path | None
     """The map after all queries, if it was asked for."""
     nodes: int
-    """In the map at the end."""
+    """Number of nodes in the map at the end."""
     edges: int
     outcome: "QueriesSummary"
     wall_s: float
@@ -52,7 +52,7 @@ class NavigateOptions(Verb):
     goal: int | None = None
     """The node to go to, by its number; a random one if not given."""
     queries: int = 1
-    """How many random goals to drive to, one after the other."""
+    """Number of random goals to drive to, one after the other."""
     preset: Literal["robust", "paper"] = "robust"
     """The method's settings: robust is ours, paper is the literal method."""
     maintenance: MaintenanceName | None = None

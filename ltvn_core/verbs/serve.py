@@ -15,7 +15,7 @@ class ServeVerb(Verb):
     scene: str = "demo"
     """A scene by name (a wrong one lists the right ones), or the path of a mesh or of a Gibson folder."""
     profile: str = "sim"
-    """Whose topics, size and limits it has: locobot, nav2, sim, stretch, turtlebot4, or a TOML file."""
+    """Profile with the robot's topics, size and limits: locobot, nav2, sim, stretch, turtlebot4, or a TOML file."""
     listen: str = ""
     """Be the router at this address; tcp/127.0.0.1:7447 by default, and port 0 takes any free one."""
     connect: str = ""

@@ -25,9 +25,9 @@ class TrainVerb(Verb):
     output: Path | None = None
     """The weights to write; a card is written beside them."""
     work: Path = Path("data/training")
-    """Where checkpoints, curves and validation figures go."""
+    """Folder for checkpoints, curves and validation figures."""
     minutes: float = 45.0
-    """How long to train, in minutes."""
+    """Time for training, in minutes."""
     steps: int | None = None
     """Train for this number of steps instead: takes longer on a slower machine, but gives the same weights."""
     processes: int | None = None

@@ -21,7 +21,7 @@ class Parameter:
 
     name: str
     schema: Mapping[str, Any]
-    """As JSON Schema has it, with what it means."""
+    """JSON Schema of the value, with its description."""
     read: Callable[[object], Any]
     """Returns the value; raises ValueError with what would be valid."""
     required: bool = False

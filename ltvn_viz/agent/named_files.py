@@ -13,7 +13,7 @@ from ltvn_viz.debugger.file_context import FileCase
 from ltvn_viz.session.recording_library import SUFFIX, RecordingLibrary
 
 _OPEN = 3
-"""So many files stay open; a long recording takes a gigabyte of memory."""
+"""Largest number of open files; a long recording takes a gigabyte of memory."""
 _SHOWN = 20
 
 

@@ -62,7 +62,7 @@ class ShownPair:
     waypoint: Waypoint = field(default_factory=lambda: np.zeros(3))
     """(3,) waypoint that the network predicts."""
     reasons: tuple[FailureExplanation, ...] = ()
-    """Why the pair is not reachable."""
+    """Reasons why the pair is not reachable."""
 
     @property
     def agrees(self) -> bool:

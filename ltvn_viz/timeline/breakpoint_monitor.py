@@ -34,7 +34,7 @@ class BreakpointMonitor:
         """Watch for nothing, which costs nothing."""
         self.breakpoints: tuple[Breakpoint, ...] = ()
         self.stops: deque[BreakpointStop] = deque(maxlen=_KEPT)
-        """Where the live run met them, also before they were set."""
+        """Stops of the live run at breakpoints, also those before they were set."""
         self._news: BreakpointStop | None = None
         self._found: WeakKeyDictionary[Timeline, tuple[BreakpointStop, ...]] = WeakKeyDictionary()
 

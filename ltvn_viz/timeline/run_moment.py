@@ -17,11 +17,11 @@ from ltvn_core.geometry import compose, wrap_angle
 from ltvn_core.types import FrameId, Pose
 
 FADE_S = 3.0
-"""How long an edge that came or went stays highlighted."""
+"""Time for which an added or removed edge stays highlighted, in seconds."""
 TRAJECTORY_POINTS = 2000
 """The trajectory is thinned to at most this many points."""
 MAX_INTERPOLATION_GAP_S = 0.35
-"""Frames no further apart than this are joined by interpolation when a replay runs."""
+"""Greatest distance between frames that a replay interpolates."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

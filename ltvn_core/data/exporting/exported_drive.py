@@ -51,7 +51,7 @@ class ExportedFrame:
     truth: Pose | None
     """(3,) in simulation, or where the drive was imported with it."""
     tilt: Tilt
-    """Of the camera at that moment."""
+    """Tilt of the camera at that moment."""
 
     @property
     def depth_m(self) -> Depth | None:

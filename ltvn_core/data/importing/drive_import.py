@@ -45,7 +45,7 @@ _NOISE = 2.0
 _DECIDING_FRAMES = 100
 """Number of images whose median is the camera's usual tilt; they are held back until the recording begins."""
 _EVERY_PIXEL = 4
-"""Of these the median of depth is taken."""
+"""Step in pixels between the samples for the median of depth."""
 Progress = Callable[[int, int | None], None]
 """Called with the number of images looked at, and of images in all where that is known."""
 

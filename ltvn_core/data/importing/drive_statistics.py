@@ -34,19 +34,19 @@ _MEASURED = ("rgb", "depth", "odometry", "truth")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drift:
-    """How far odometry strays from the true poses."""
+    """Deviation of odometry from the true poses."""
 
     position_rmse_m: float
-    """Of the whole drive, laid over the truth as well as possible."""
+    """RMSE of the position over the whole drive, after the best alignment with the truth."""
     per_metre: float
     """Median error over stretches of a metre or so, as a share of the path length."""
     yaw_deg_per_metre: float
-    """The same of the heading."""
+    """Error of the heading over stretches of about a metre, in degrees per metre."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TiltRange:
-    """How a camera was tilted over a drive, in degrees; upwards and right side down are positive."""
+    """Tilt of a camera over a drive, in degrees; upwards and right side down are positive."""
 
     pitch_median_deg: float
     pitch_lowest_deg: float
@@ -80,7 +80,7 @@ class KeptFrame:
     """(3,)."""
     tilt: Tilt | None
     depth_median_m: float | None
-    """Of the pixels with depth; None without a depth image, NaN where it holds none."""
+    """Median over the pixels with depth, in metres; None without a depth image, NaN if it is empty."""
 
     @property
     def has_depth(self) -> bool:
@@ -112,12 +112,12 @@ class DriveStatistics:
     poses: Pose
     """(N, 3) by the odometry that was recorded."""
     width_px: int
-    """Of the recorded images."""
+    """Width of the recorded images, in pixels."""
     field_of_view_rad: float
     """Horizontal."""
     tilt: TiltRange | None
     coverage: Coverage | None
-    """By the poses; None without any."""
+    """Coverage by the poses; None without any."""
     drift: Drift | None
     gaps_s: Sequence[float]
 

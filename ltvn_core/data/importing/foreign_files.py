@@ -13,7 +13,7 @@ MOST_IMAGE_BYTES = 200_000_000
 """Largest size of a single image, in bytes."""
 
 _POINTER = b"version https://git-lfs"
-"""So a file begins that Git LFS wrote in place of one that was not fetched."""
+"""First bytes of the pointer file that Git LFS writes for a file that was not fetched."""
 _LONGEST_POINTER = 1024
 _ATTRIBUTES = ".gitattributes"
 _MOST_ATTRIBUTES = 1_000_000

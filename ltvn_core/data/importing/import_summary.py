@@ -90,12 +90,12 @@ class ImportSummary(WithDoubts):
     without_depth: int
     """Images of the recording without any depth."""
     rates_hz: Mapping[str, float]
-    """How many images, poses and the like the source has a second."""
+    """Rates of the source's streams, such as images and poses, per second."""
     camera: ImportedCamera
     odometry: OdometrySource
     """Source of the recorded odometry."""
     seconds: float
-    """From the first to the last image, on the source's clock."""
+    """Duration from the first to the last image, on the source's clock."""
     path_m: float | None
     """Length of the path by odometry; None if there is none."""
     pieces_expected: int | None
@@ -108,9 +108,9 @@ class ImportSummary(WithDoubts):
     """Number of pauses between images that are much longer than usual."""
     longest_gap_s: float
     tilt: TiltRange | None
-    """How the camera was tilted, where that changes."""
+    """Tilt of the camera, if it changes."""
     drift: Drift | None
-    """How odometry strays from the true poses, where the source has both."""
+    """Deviation of odometry from the true poses, if the source has both."""
     findings: tuple[Finding, ...]
     """Doubts, with likely causes and advice; empty if there are none."""
     next_step: str

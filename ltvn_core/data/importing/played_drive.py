@@ -118,7 +118,7 @@ class PlayedDrive:
             f"{self._name} is a recorded drive, played back without control: it cannot be driven, so it cannot go to "
             "goals. `ltvn robot check --map` shows where the drive went."
         )
-        """Why commands do nothing."""
+        """Reason why commands have no effect."""
         self._odometry = chosen_odometry(reader)
         self._frames = (
             drive.mounted(raw) for raw in reader.frames() if self._odometry.pose(FrameMoment.of(raw)) is not None

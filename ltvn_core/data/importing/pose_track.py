@@ -73,7 +73,7 @@ class PoseTrack:
         self.doubt = doubt
         """Doubts about its stamps, as sentences."""
         self.up_axis = up_axis or _up_axis(rotations)
-        """Which axis of the source's world is up; positions and rotations are turned so that it is z."""
+        """Up axis of the source's world; positions and rotations are turned so that z is up."""
         turn = Rotation.align_vectors([[0, 0, 1]], [_AXES[self.up_axis]])[0] if self.up_axis != "z" else None
         self._positions = positions if turn is None else turn.apply(positions)
         self._rotations = rotations if turn is None else turn * rotations
@@ -82,7 +82,7 @@ class PoseTrack:
 
     @classmethod
     def read(cls, path: Path) -> "PoseTrack":
-        """Read a file. Raises DriveError that names the first line that cannot be right."""
+        """Read a file. Raises DriveError with the first invalid line."""
         return cls(*read_poses(path))
 
     def at(self, stamp: float) -> SpatialPose | None:

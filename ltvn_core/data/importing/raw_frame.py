@@ -34,7 +34,7 @@ class RawFrame:
     truth: Pose | None = None
     """(3,) true pose in a world frame whose z is up."""
     tilt: Tilt | None = None
-    """How the camera was tilted then, where that changes; see `spatial_pose`."""
+    """Tilt of the camera at that time, if it changes; see `spatial_pose`."""
     name: str = ""
     """Name of the frame in messages: a file, or a topic and a number."""
 
@@ -78,7 +78,7 @@ class SourceFact:
     count: int | None = None
     """Messages or files."""
     rate_hz: float | None = None
-    """How many a second, where they have stamps."""
+    """Number of messages per second, if they have stamps."""
     could_be: str = ""
     """The role that an unused stream could have too, for the option of that name."""
 
@@ -90,7 +90,7 @@ class DriveFacts:
     format: str
     """Name of the reader."""
     frames: int | None = None
-    """How many images will be looked at, for the progress bar; None if that is not known."""
+    """Number of images to read, for the progress bar; None if unknown."""
     streams: Sequence[SourceFact] = ()
     """Streams that were found; `--rgb`, `--depth` and `--odometry` choose among them."""
     place: str = ""

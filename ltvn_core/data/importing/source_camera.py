@@ -22,7 +22,7 @@ from ltvn_core.structured_text import parse_json
 
 CAMERA_FILE = "camera.json"
 REPLICA_FILE = "cam_params.json"
-"""As NICE-SLAM's copy of Replica has it, for all its rooms or beside one."""
+"""Camera file in NICE-SLAM's copy of Replica, for all rooms or beside one."""
 HOW_TO = (
     "give it with --camera fx,fy,cx,cy,width,height (in pixels, then the distortion k1,k2,p1,p2,k3 if there is any), "
     "or roughly with --fov DEGREES, the horizontal field of view"
@@ -42,18 +42,18 @@ _NAME = re.compile(r"^([A-Za-z_]\w*)[ \t]*:", re.MULTILINE)
 _COMMENT = re.compile(r"(?:^|(?<=\s))#.*$", re.MULTILINE)
 _LIST = re.compile(r"\[([^\[\]]*)\]")
 _ITEM = re.compile(r"^[ \t]*-[ \t]+(\S+)[ \t]*$", re.MULTILINE)
-"""Of a list with a line for each number."""
+"""Pattern of a list with one number per line."""
 
 
 class CameraFile(NamedTuple):
     """Content of a `camera.json`; None for missing fields."""
 
     camera: CameraModel | None
-    """Of the colour images."""
+    """Camera of the colour images."""
     depth_focal_px: float | None
     """Focal length of depth images that are not registered to the colours, `depth_fx_nominal`."""
     metres_per_unit: float | None
-    """Of the depth images."""
+    """Metres per unit of the depth images."""
 
 
 def parse_camera(text: str) -> CameraModel:

@@ -116,9 +116,9 @@ class CameraMounting:
     camera_on_robot: Transform
     """(4, 4): the optical frame in the robot's frame; at its origin, straight ahead, if it is unknown."""
     tilt: Tilt | None = None
-    """On a level robot, of an image that was turned upright; None if it is unknown."""
+    """Tilt of the upright image, for a level robot; None if it is unknown."""
     quarter_turns: int = 0
-    """How often images must be turned to stand upright, see `CameraModel`."""
+    """Number of quarter turns that make images upright, see `CameraModel`."""
     height_m: float = 0.0
     """Above the ground; 0 if it is unknown."""
 

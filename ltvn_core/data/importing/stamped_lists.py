@@ -23,7 +23,7 @@ MOST_LINES = 1_000_000
 """Nine hours at 30 images a second; a drive is imported in parts where it is longer."""
 _MOST_BYTES = 100_000_000
 _UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
-"""With these a text begins that Windows' PowerShell wrote."""
+"""First bytes of text that Windows' PowerShell wrote."""
 _SECONDS_BELOW = 1e11
 """Stamps are in seconds below this, the year 5138."""
 _UNITS = (("milliseconds", 1e-3), ("microseconds", 1e-6), ("nanoseconds", 1e-9))

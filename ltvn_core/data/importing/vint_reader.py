@@ -21,7 +21,7 @@ from ltvn_core.types import Pose
 
 TRAJECTORY = "traj_data.pkl"
 DEFAULT_RATE_HZ = 4.0
-"""At which GNM's data sets are sampled."""
+"""Sampling rate of GNM's data sets."""
 
 _SUFFIXES = (".jpg", ".jpeg", ".png")
 _LARGEST_M = 1e5

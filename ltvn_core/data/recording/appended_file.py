@@ -110,7 +110,7 @@ class AppendedFile:
         """Make the file; it fails when less than `min_free_bytes` are left on its disk."""
         self.path = path
         self.failure: str | None = None
-        """Why nothing more is written, or None."""
+        """Reason why writing stopped, or None."""
         self._ending = ending
         self._size_bytes = 0
         self._queue: queue.SimpleQueue[Sequence[bytes] | None] = queue.SimpleQueue()

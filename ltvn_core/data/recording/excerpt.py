@@ -46,11 +46,11 @@ class Excerpt:
     """The original recording."""
     output: Path
     from_s: float
-    """On the robot's clock."""
+    """Start of the moment on the robot's clock, in seconds."""
     to_s: float
     frames: int
     events: int
-    """Of the moment itself, without those that make the map at its start."""
+    """Number of events of the moment, without those that build the map at its start."""
     size_bytes: int
 
 

@@ -75,7 +75,7 @@ class EncodedFrame:
     original: OriginalImage | None = None
     """The camera's own picture where it was kept."""
     tilt: Tilt | None = None
-    """How the camera was tilted then, where that changes."""
+    """Tilt of the camera at that time, if it changes."""
 
     @property
     def drawn_pose(self) -> Pose:

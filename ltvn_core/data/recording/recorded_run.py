@@ -33,7 +33,7 @@ class RunDescription:
     fingerprint: str
     """Names the weights in use."""
     camera: CameraModel | None = None
-    """Of its images; None is the simulated robot's."""
+    """Camera of its images; None means the simulated robot's."""
     scene_glb: bytes | None = None
     """The scene as binary glTF, z up, for drawing; None without a model."""
 

@@ -79,7 +79,7 @@ class StoreRows(NamedTuple):
     rows: Mapping[str, Sequence[pa.RecordBatch]]
     """Entity path with a leading slash -> batches in the order of the file, each row with all of its columns."""
     other_ids: Sequence[str] = ()
-    """Of further recordings in the same file; their rows are not here."""
+    """Ids of further recordings in the same file; their rows are not here."""
     without_steps: Set[str] = frozenset()
     """Entities with exact columns but without the timeline that orders them."""
 
@@ -215,7 +215,7 @@ class _StoreBatches(NamedTuple):
     recording_id: str
     other_ids: Sequence[str]
     batches: Mapping[str, Sequence[pa.RecordBatch]]
-    """By entity, as they stand in the file."""
+    """Record batches by entity, in the order of the file."""
 
 
 def _read_batches(path: Path, named: Path) -> _StoreBatches:

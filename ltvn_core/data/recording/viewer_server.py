@@ -266,7 +266,7 @@ class ServedViewer(NamedTuple):
     """A running viewer."""
 
     url: str
-    """Where the page is; holds the secret."""
+    """Address of the page, with its secret."""
     ended: threading.Event
 
     def wait(self) -> None:

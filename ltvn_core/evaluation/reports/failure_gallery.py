@@ -55,7 +55,7 @@ class FailureRow:
 
     @property
     def beginning(self) -> str | None:
-        """The first cause, where it differs from the main one."""
+        """The first cause, if it differs from the main one."""
         first = self.episode.trigger
         return None if first is None or first is self.episode.failure else first.value
 

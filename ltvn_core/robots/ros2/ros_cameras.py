@@ -12,7 +12,7 @@ CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 
 _FISHEYES = ("equidistant", "fisheye", "kannala_brandt", "kannala_brandt4")
 _ORDINARY = ("", "plumb_bob", "rational_polynomial", "none", "brown conrady", "brown_conrady")
-"""The last two are `plumb_bob` as the SDK of RealSense cameras calls it."""
+"""Distortion models of ordinary lenses; the last two are `plumb_bob` in the SDK of RealSense cameras."""
 
 
 class _Lens(NamedTuple):

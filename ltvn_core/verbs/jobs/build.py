@@ -24,7 +24,7 @@ class BuildSummary(WithDoubts):
     predictor: str
     """Name of the predictor that compared the images."""
     predictor_reason: str
-    """Why this predictor was chosen."""
+    """Reason for the choice of the predictor."""
     frames: int
     """Images of the recording."""
     without_depth: int

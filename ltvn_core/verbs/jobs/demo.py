@@ -51,7 +51,7 @@ class DemoSummary(QueriesSummary):
     frames: int
     """Images of the mapping tour."""
     nodes: int
-    """In the map at the end."""
+    """Number of nodes in the map at the end."""
     edges: int
     predictor: str
     preset: str

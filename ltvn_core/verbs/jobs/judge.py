@@ -49,7 +49,7 @@ class ConditionSummary:
     ece: float | None
     """Expected calibration error."""
     nodes: int
-    """Of a map that is built from the images but those left out."""
+    """Number of nodes of the map, which is built without the images that were left out."""
     edges: int
     pieces: int
     largest_piece_share: float
@@ -72,13 +72,13 @@ class JudgeSummary(ConditionSummary, WithDoubts):
 
     recording: Path
     part: str
-    """Of it, that was judged."""
+    """Part of the recording that was judged."""
     against: Path | None
     predictor: str
     predictor_reason: str
-    """Why this one."""
+    """Reason for the choice of the predictor."""
     weights: Path | None
-    """Those instead of the predictor's own."""
+    """Weights that replaced the predictor's own."""
     fingerprint: str
     """Names the weights."""
     images: int

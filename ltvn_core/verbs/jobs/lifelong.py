@@ -36,7 +36,7 @@ class LifelongSummary:
     every: int
     """Queries between two static tests."""
     episodes: int
-    """Of each static test."""
+    """Number of episodes of each static test."""
     all: LifelongMetrics
     by_scene: dict[str, LifelongMetrics]
     folder: Path

@@ -39,13 +39,13 @@ class MeasureSummary:
     card: Path | None
     """The card that was written, if it was asked for."""
     refused: str | None
-    """Why these figures cannot be the method's constants and were not written; None if they can."""
+    """Reason why these figures cannot be the method's constants and were not written; None if they can."""
     p_success_if_reachable: float
     """p(s given r), Laplace's estimate."""
     p_success_if_not: float
     """p(s given not r), Laplace's estimate; the method's general one where no false edge looked like an edge."""
     sigma: float
-    """Of d."""
+    """Standard deviation of d."""
     driving: DrivingMeasurements
 
 

@@ -41,7 +41,7 @@ class PlantSummary:
     edges: int
     outcome: QueriesSummary
     pruned_spurious: int
-    """How many of the edges that were pruned are spurious by the truth."""
+    """Number of pruned edges that are spurious by the truth."""
     wall_s: float
 
 

@@ -21,7 +21,7 @@ class PluginsSummary:
 
     plugins: tuple[PluginRow, ...]
     broken: int
-    """How many of them cannot be used."""
+    """Number of plug-ins that cannot be used."""
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ class ReportSummary:
     """All results in one file."""
     page: Path | None
     pictures: tuple[Path, ...]
-    """Of the page."""
+    """Figures of the page."""
     trials: int
     lifelong: int
     worlds: int

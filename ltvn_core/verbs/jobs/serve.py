@@ -25,7 +25,7 @@ class ServeSummary:
 
     scene: str
     address: str
-    """Where the router was."""
+    """Address of the router."""
     driven_s: float
     """Robot time."""
     collisions: int

@@ -27,7 +27,7 @@ LARGEST_CODE = 4095
 _MOST_ROWS = 32
 _BYTES_AT_ONCE = 2**28
 _MOST_PART_BYTES = 2**29
-"""Of a column in one group of rows; a whole file of a LeRobotDataset has a fifth of it."""
+"""Largest size of a column in one row group; a whole LeRobotDataset file has a fifth of it."""
 _MOST_NUMBERS = 1024
 """Largest number of values in a cell, as for the joints of a robot."""
 INFO = "meta/info.json"
@@ -109,12 +109,12 @@ class Feature:
     dtype: str
     """`video`, `image`, or a kind of number."""
     names: tuple[str, ...] = ()
-    """Of the numbers of a row."""
+    """Names of the numbers in a row."""
     is_depth: bool = False
     metres_per_unit: float = 0.001
-    """Of depth images."""
+    """Metres per unit of depth images."""
     codes: DepthCodes = field(default_factory=DepthCodes)
-    """Of depth videos."""
+    """Depth codes of depth videos."""
 
     @property
     def is_image(self) -> bool:

@@ -24,7 +24,7 @@ EPISODE_LINES = "meta/episodes.jsonl"
 _PLACE = re.compile(r"\{(chunk_index|file_index|episode_chunk|episode_index|video_key)(?::0?(\d)d)?\}")
 _MOST_EPISODES = 200_000
 _MOST_CELLS = 20_000_000
-"""Of a table of episodes."""
+"""Largest number of cells in a table of episodes."""
 _MOST_LINES_BYTES = 50_000_000
 _LARGEST_NUMBER = 10**6
 

@@ -47,7 +47,7 @@ _NANOSECONDS = 1e-9
 _MAGICS = {".mcap": b"\x89MCAP0\r\n", ".bag": b"#ROSBAG V", ".db3": b"SQLite format 3\0"}
 """How files of each kind begin."""
 _COMPRESSED = ".zstd"
-"""So a file ends that ROS 2 compressed as a whole."""
+"""Suffix of a file that ROS 2 compressed as a whole."""
 _MAX_OVERLAPPING_BYTES = 2**30
 """Chunks of an MCAP whose times overlap are in memory together."""
 _MAX_RATIO = 1000
@@ -154,9 +154,9 @@ class RawMessage(NamedTuple):
 
     topic: str
     msgtype: str
-    """As `nav_msgs/msg/Odometry`: of ROS, also where it was written in another form."""
+    """Message type of ROS, such as `nav_msgs/msg/Odometry`, also for other encodings."""
     log_s: float
-    """When it was recorded, in seconds."""
+    """Time of recording, in seconds."""
     data: bytes
     written: Written
     """How it is to be decoded."""
@@ -187,7 +187,7 @@ class BagFiles:
         self.foreign: dict[str, str] = {}
         """Topics that are not read, and how their messages are encoded."""
         self.duration_s = 0.0
-        """From the first message to the last."""
+        """Time from the first message to the last, in seconds."""
         self._files = files
         self._reader = MessageReader(ros1=self._files[0].suffix == ".bag")
         begin = float("inf")

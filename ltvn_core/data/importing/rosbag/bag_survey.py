@@ -37,7 +37,7 @@ class BagSurvey:
     """How far the first stamp above 0 is ahead of the moment at which its message was recorded, by topic; the first
     stamp where all are 0."""
     earliest_s: dict[str, float] = field(default_factory=dict)
-    """The first stamp above 0 of each topic; missing where all are 0."""
+    """The first stamp above 0 of each topic, in seconds; missing if all are 0."""
     tree: TransformTree = field(default_factory=TransformTree)
     """Frames of `/tf` and `/tf_static` so far."""
 

@@ -47,7 +47,7 @@ class CameraRig:
     image_turn: NDArray[np.float64]
     """(3, 3): takes directions of the optical frame to the frame that the images name."""
     mounting: CameraMounting
-    """Where the camera is on the robot; without a tilt where that is unknown."""
+    """Mounting of the camera on the robot; without a tilt if that is unknown."""
 
     def pose(self, tree: TransformTree, stamp: float) -> SpatialPose | None:
         """Return where the camera was at a moment, None if the tree does not tell."""

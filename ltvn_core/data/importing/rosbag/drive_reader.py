@@ -63,7 +63,7 @@ class BagDrive:
         self._tree = found.tree
         self._truth = MovingFrame()
         self.dropped: Counter[str] = Counter()
-        """How many images were left out, by reason."""
+        """Number of images that were left out, by reason."""
         self.doubts: list[str] = []
         """Doubts about the bag, as sentences."""
         self._by_log = self._lacks_stamps(found) or self._has_clocks_apart(found.ahead_s)

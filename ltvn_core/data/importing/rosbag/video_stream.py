@@ -32,7 +32,7 @@ BEFORE_KEY_FRAME = "no key frame of the video before it"
 NO_PICTURE = "no image in the packet of the video"
 DAMAGED = "damaged image"
 _MOST_PIXELS = 35_651_584
-"""Of a picture at the highest level of H.264 and of H.265."""
+"""Largest size of an image, at the highest level of H.264 and of H.265."""
 _MOST_PENDING = 64
 """Packets whose image is not decoded yet: H.264 delays an image by at most 16."""
 _START_CODE = b"\0\0\1"
@@ -63,7 +63,7 @@ class VideoPicture(NamedTuple):
     """A picture of a video in place of an image message."""
 
     header: Any
-    """Of the message that held its packet."""
+    """Header of the message with its packet."""
     frame: Any
     """PyAV's own."""
 

@@ -187,7 +187,7 @@ class NodeImages:
 
     colours: bytes
     depth: bytes | None
-    """Of a stereo camera it is the right image."""
+    """The stored depth image; the right image if the camera is a stereo camera."""
     calibration: bytes
 
 

@@ -46,7 +46,7 @@ class Losses(NamedTuple):
 
     @property
     def frame_count(self) -> int:
-        """How many frames are lost, as far as that is known."""
+        """Number of lost frames, as far as it is known."""
         return len(self.frames) + (self.more_frames or 0)
 
     def without_image(self, recording: Recording, saved: Sequence[FrameId]) -> Set[FrameId]:

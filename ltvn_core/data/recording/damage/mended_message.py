@@ -40,9 +40,9 @@ class _Sequence(NamedTuple):
 
     literals: bytes
     back: int
-    """How far up the bytes to repeat begin; 0 in the last sequence."""
+    """Distance back to the bytes to repeat; 0 in the last sequence."""
     match: int
-    """How many bytes to repeat."""
+    """Number of bytes to repeat."""
 
 
 def decompressed(block: bytes, size: int) -> Iterator[bytes]:

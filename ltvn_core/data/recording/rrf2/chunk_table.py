@@ -139,7 +139,7 @@ class ChunkPlace(NamedTuple):
 class _Block(NamedTuple):
     footer: bytes
     offsets: Sequence[int]
-    """Of the chunks in the block, in order."""
+    """Offsets of the chunks in the block, in order."""
 
 
 class _Layout(NamedTuple):
@@ -147,9 +147,9 @@ class _Layout(NamedTuple):
 
     entity: str
     columns: tuple[str, ...]
-    """Those that are neither empty nor zero."""
+    """Columns that are neither empty nor zero."""
     places: tuple[int, ...]
-    """For each column, which of the row's distinct numbers it holds; most columns repeat others."""
+    """For each column, the index of its number in the row's distinct numbers; most columns repeat others."""
 
 
 class _Rows:
@@ -157,7 +157,7 @@ class _Rows:
 
     def __init__(self) -> None:
         self.chunks = array("I")
-        """Which chunk of the recording each row is about, counted from 0."""
+        """Index of the chunk that each row describes."""
         self.numbers = array("q")
         """The distinct numbers of each row, one row after the other."""
 

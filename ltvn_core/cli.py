@@ -1,6 +1,6 @@
 """`ltvn`: one program, one verb per job.
 
-Parses, runs, prints, and turns every failure that is no programming mistake into one clear line and a non-zero exit
+Parses, runs, prints, and turns every failure that is not a programming error into one clear line and a non-zero exit
 code; `--debug`, or the variable LTVN_DEBUG, shows the traceback too. Owns no job of its own: verbs are classes in the
 entry-point group `ltvn.verbs` (`ltvn_core.verbs.discovery`). Imports almost nothing before `main`, so that Ctrl-C is
 met there too.

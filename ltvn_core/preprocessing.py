@@ -50,10 +50,9 @@ def preprocess_observation(
         The observation at the size of `target`. Pixels that the camera does not see are black and have depth 0; so a
         black pixel with depth tells that something black stands there.
 
-    Raises:
-        ImageError: A wrong type or shape, a size other than the camera's, depth with some pixels that are NaN, infinite
-            or negative, depth in another unit, a pose that is not finite, a stamp that is no time in seconds, or a step
-            that is no whole number.
+    Raises: ImageError: A wrong type or shape, a size other than the camera's, depth with some pixels that are NaN,
+    infinite or negative, depth in another unit, a pose that is not finite, a stamp that is not a time in seconds, or a
+    step that is not a whole number.
     """
     image = check_rgb(rgb, source)
     camera = _matching_camera(image, camera, target, source)

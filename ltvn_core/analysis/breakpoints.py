@@ -232,7 +232,7 @@ class EventContext:
 
     @property
     def is_bulk(self) -> bool:
-        """The event is one of the many changes that make a map, which is no news."""
+        """The event is one of the many changes that make a map, which are not notable."""
         return isinstance(self.event, e.GraphChanged) and self.event.delta.cause in d.BULK_CAUSES
 
     def belief_before(self, edge: EdgeKey) -> d.Belief | None:

@@ -1,7 +1,7 @@
 """Explains why an edge or a node is in the map, is gone, or is missing, and why an edge is believed so little.
 
 Owns the order and the words of the steps, which come from what the robot itself knew. Why a plan led through an edge is
-`analysis.plan_alternative`. What was truly so, and what a failed episode failed of, is for `ltvn_core.evaluation`.
+`analysis.plan_alternative`. What was truly so, and the cause of a failed episode, are for `ltvn_core.evaluation`.
 """
 
 from collections.abc import Iterator

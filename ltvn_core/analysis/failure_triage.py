@@ -182,7 +182,7 @@ def failed_queries(timeline: Timeline) -> tuple[FailedQuery, ...]:
 
 
 def group_by_failure_mode(failures: Iterable[FailedQuery]) -> Mapping[FailureMode, tuple[FailedQuery, ...]]:
-    """Group failures by what they failed of, the most frequent mode first."""
+    """Group failures by mode, the most frequent mode first."""
     groups: dict[FailureMode, list[FailedQuery]] = {}
     for failure in failures:
         groups.setdefault(failure.failure_mode, []).append(failure)

@@ -248,7 +248,7 @@ def _contradicted_aliases(
 ) -> tuple[PerceptualAlias, ...]:
     """Return the pairs that odometry contradicts or the map puts far apart, with their way through the map.
 
-    An edge is no witness for itself: where odometry puts its ends apart, the way is measured without it.
+    An edge is not evidence for itself: where odometry puts its ends apart, the way is measured without it.
     """
     doubted = {_ends(pair) for pair in pairs if pair.has_edge and pair.odometry_m > far / 2}
     odd = [pair for pair in pairs if pair.contradicted_by_odometry or not pair.has_edge or _ends(pair) in doubted]

@@ -124,7 +124,7 @@ class Standing(StrEnum):
     UNSURE = "unsure"
     """All ways to it lead over edges with p below one half."""
     NOT_HELD = "not held"
-    """It is no node, or no path leads there from most of the map."""
+    """It is not a node, or no path leads there from most of the map."""
 
 
 class GoalReport(NamedTuple):

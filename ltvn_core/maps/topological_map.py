@@ -101,7 +101,7 @@ class TopologicalMap(WithDoubts):
                 does not.
 
         Raises:
-            RecordingError: The file is no whole recording.
+            RecordingError: The file is not a complete recording.
             MapError: The file holds no map, or one that another predictor made.
             OptionError: The map's predictor or navigation system is not installed.
             WeightsError: The shipped weights are damaged.

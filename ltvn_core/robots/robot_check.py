@@ -243,7 +243,9 @@ class PlacesReport:
         return sum(each.node is not None for each in self.images) / max(len(self.images), 1)
 
     def __str__(self) -> str:
-        """Return one line with the number of recognised images and the sequence of nodes; ? is no node."""
+        """Return one line with the number of recognised images and the sequence of nodes; ? stands for an image without
+        a node.
+        """
         nodes = ["?" if each.node is None else str(each.node) for each in self.images]
         way = [node for before, node in zip(["", *nodes], nodes, strict=False) if node != before]
         known = sum(each.node is not None for each in self.images)

@@ -119,7 +119,7 @@ class NavigateOptions(Verb):
             _LOG.warning("%s has one node, so the robot goes nowhere; build a map of a longer drive.", self.map)
 
     def _tell_goal(self, known: "TopologicalMap") -> None:
-        """Say before any drive what the map knows of the goal. Raises MapError where that is no node."""
+        """Say before any drive what the map knows of the goal. Raises MapError if that is not a node."""
         if self.goal is None:
             return
         (report,) = known.goal_reports([self.goal])

@@ -130,7 +130,7 @@ class FileCase:
         """
         length_s = self._replay.length_s
         if not 0 <= at_s <= length_s + _ROUNDING_S:  # False for NaN too.
-            raise OptionError(f"{self.path.name} has times from 0 to {length_s:.1f} s, and {at_s:g} s is not in it.")
+            raise OptionError(f"{self.path.name} has times from 0 to {length_s:.1f} s, so {at_s:g} s is outside.")
         self._replay.seek(at_s)
         method = self._replay.method
         assert method is not None

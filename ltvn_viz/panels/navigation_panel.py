@@ -42,7 +42,7 @@ class NavigationPanel:
         `file_address` adds the key for loading a picture to the address of a file.
         """
         self._file_address = file_address
-        HtmlBlock(gui, note("Click an image, or a node in the scene, and the robot drives there by its camera."))
+        HtmlBlock(gui, note("Click an image, or a node in the scene, and the robot drives there with its camera."))
         self.task = HtmlBlock(gui)
         self.keep_going = HtmlBlock(gui)
         self.state = HtmlBlock(gui)

@@ -21,7 +21,7 @@ FADE_S = 3.0
 TRAJECTORY_POINTS = 2000
 """The trajectory is thinned to at most this many points."""
 MAX_INTERPOLATION_GAP_S = 0.35
-"""Greatest distance between frames that a replay interpolates."""
+"""Greatest time between frames that a replay interpolates."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -43,7 +43,7 @@ class BaseCommand:
     """Base of all commands."""
 
     modes: ClassVar[frozenset[Mode]]
-    """In which it makes sense."""
+    """Modes in which the command is legal."""
 
     def __init_subclass__(cls, *, modes: frozenset[Mode]) -> None:
         """Make a kind of command."""

@@ -135,7 +135,7 @@ class Wish:
 
     @property
     def modes(self) -> frozenset[Mode]:
-        """In which modes it makes sense."""
+        """Modes in which it is legal."""
         return c.ANYWHERE if self.command is None else self.command.modes
 
     @property
@@ -287,11 +287,11 @@ UNASKED: Mapping[type[Command], str] = {
     c.PointAt: "",  # In an address, or behind a link of an answer.
     c.ReportError: "",  # The app itself has something to say.
 }
-"""Commands that no action asks for, and what the page calls them."""
+"""Commands without an action, and their names on the page."""
 
 
 def command_for(action: Action, value: Value = None) -> Command | None:
-    """Return what an action asks the session for, None when it is no business of the session's."""
+    """Return the command of an action for the session; None if the action is not for the session."""
     wish = WISHES[action]
     if wish.command is None:
         return None
@@ -303,7 +303,7 @@ def command_for(action: Action, value: Value = None) -> Command | None:
 
 
 def refusal(command: Command, mode: Mode) -> str | None:
-    """Return why `command` makes no sense in `mode` and what does, or None when it is legal."""
+    """Return why `command` is illegal in `mode` and which commands are legal; None if it is legal."""
     if mode in command.modes:
         return None
     when = " or ".join(sorted(command.modes))
@@ -313,7 +313,7 @@ def refusal(command: Command, mode: Mode) -> str | None:
 
 
 def _labels() -> dict[type[Command], str]:
-    """Return what the page calls each command: what the first row that asks for it says."""
+    """Return the name of each command on the page, from its first row in the table."""
     labels: dict[type[Command], str] = {}
     for wish in WISHES.values():
         if wish.command is not None:

@@ -29,7 +29,7 @@ def align_floor_plan(pairs: Sequence[str], poses: Mapping[NodeId, Pose]) -> Rigi
         poses: Pose (3,) of each node of the map.
 
     Raises:
-        OptionError: A pair cannot be read or names no node, or all points are at one place.
+        OptionError: A pair cannot be read or does not name a node, or all points are at one place.
     """
     if not pairs:
         return RigidFit(np.zeros(3), 0.0)

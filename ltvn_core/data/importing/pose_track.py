@@ -152,7 +152,7 @@ class PicturePoses:
     """Poses of pictures by their place in the drive; z is up, however the source's world is turned."""
 
     def __init__(self, matrices: NDArray[np.float64], name: str) -> None:
-        """Take (N, 4, 4) camera to world, one for each picture; rows that are no pose hold no rotation."""
+        """Take (N, 4, 4) camera to world, one for each picture; invalid rows contain no rotation."""
         self.name = name
         """The file or folder of the poses."""
         known = _are_rigid(matrices)

@@ -30,13 +30,13 @@ _FILL = ("APPEND", "APPENDS", "SETITEM", "SETITEMS", "ADDITEMS", "BUILD")
 """These put values into the one below them."""
 _TOO_FEW = "it takes more values from the stack than there are"
 MOST_BYTES = 50_000_000
-"""A million poses; a longer file is no trajectory."""
+"""A million poses; a longer file is not a trajectory."""
 _NUMPY_TYPE = re.compile("[<>|=]?[?biufcSUO][0-9]{0,4}")
 """Numbers and texts; numpy parses longer descriptions for minutes."""
 
 
 def check_program(data: bytes) -> None:
-    """Raise ValueError for a program that is too long, makes values that are too deep, or is no program."""
+    """Raise ValueError for a program that is too long, makes values that are too deep, or is not a valid program."""
     depths = _Depths()
     for count, (step, argument, _) in enumerate(pickletools.genops(data)):
         if count > MOST_STEPS:

@@ -207,7 +207,7 @@ class CalibrationYaml:
     """Content of a file, by the names at the beginning of its lines."""
 
     def __init__(self, path: Path, *, what: str = "calibration") -> None:
-        """Read a file, which messages call `what`. Raises DriveError where it is no text or too long."""
+        """Read a file, which messages call `what`. Raises DriveError if it is not text or too long."""
         self._path = path
         try:
             text = read_foreign(path, most_bytes=_MOST_YAML_BYTES, what=what).decode("utf-8-sig")

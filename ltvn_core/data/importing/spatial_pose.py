@@ -62,7 +62,7 @@ def spatial_pose(position: ArrayLike, rotation: ArrayLike) -> SpatialPose:
 
 
 def transform(translation: ArrayLike, quaternion: ArrayLike) -> Transform | None:
-    """Return a pose in space from (3,) metres and (4,) x, y, z, w; None if they are no pose."""
+    """Return a pose in space from (3,) metres and (4,) x, y, z, w; None if they are not a valid pose."""
     place = np.asarray(translation, np.float64)
     turn = np.asarray(quaternion, np.float64)
     if not (np.all(np.isfinite(place)) and np.all(np.isfinite(turn))) or np.linalg.norm(turn) < 1e-6:

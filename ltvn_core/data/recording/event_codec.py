@@ -54,7 +54,7 @@ def encode_event(event: Event) -> str:
 def decode_event(text: str) -> Event:
     """Read an event back, equal to the one written; kinds are migrated to today's names.
 
-    Raises RecordingError when the text is no event of this schema.
+    Raises RecordingError if the text is not an event of this schema.
     """
     try:
         data = parse_json(text)

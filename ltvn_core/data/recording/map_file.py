@@ -70,7 +70,7 @@ def save_map(
 def load_map(path: Path | str) -> LoadedMap:
     """Read the map at the end of a map file or of any recording in which one was built or used.
 
-    Raises RecordingError for a file that is no complete recording, MapError when it holds no map.
+    Raises RecordingError for a file that is not a complete recording, MapError when it holds no map.
     """
     recording = Recording.open(path)
     graph = recording.final_graph()

@@ -118,7 +118,7 @@ def require_rrd(path: Path) -> None:
 
 
 def require_file(path: Path) -> None:
-    """Raise RecordingError when `path` is no file."""
+    """Raise RecordingError if `path` is not a file."""
     require_usable_name(path)
     if not path.exists():
         raise RecordingError(f"There is no file {path}; `ltvn collect` and `ltvn demo` make recordings.")

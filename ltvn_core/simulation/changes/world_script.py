@@ -178,7 +178,7 @@ def read_script(path: Path, scene: Scene) -> WorldScript:
     """Read a script for a scene.
 
     Raises:
-        WorldError: The file is missing, is no script, or has a change that is impossible in the scene.
+        WorldError: The file is missing, is not a script, or has a change that is impossible in the scene.
     """
     try:
         if path.stat().st_size > _LARGEST_BYTES:

@@ -45,7 +45,7 @@ CELL_M = 0.05
 _FINE = 2
 """Subdivisions of a cell's side when triangles are rasterized."""
 _STEP_M = 0.06
-"""Height above the floor below which surfaces are no obstacles (rugs, thresholds, noise of scans), in metres."""
+"""Height above the floor below which surfaces are not obstacles (rugs, thresholds, noise of scans), in metres."""
 _HOLLOW_M = 0.1
 """Surfaces this far below the floor's height still belong to the floor."""
 _CEILING_M = 1.8

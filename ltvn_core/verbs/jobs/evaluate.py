@@ -78,7 +78,7 @@ def trial_plans(
         or len({*options.scene}) < len(options.scene)
         or len({*options.seed}) < len(options.seed)
     ):
-        raise OptionError("--scene and --seed need one value at least, and none of them twice.")
+        raise OptionError("--scene and --seed need at least one value, and no value twice.")
     for scene in options.scene:
         check_scene(scene)  # Before weights are fine-tuned for any other.
     protocol = _protocol(options, episodes)

@@ -12,7 +12,7 @@ _LAST_PORT = 65535
 def announce_stream(port: int | None) -> int | None:
     """Print how to watch the recording at `port`, and return the port; None means no stream.
 
-    Raises OptionError for a number that is no port.
+    Raises OptionError for an invalid port.
     """
     if port is None:
         return None

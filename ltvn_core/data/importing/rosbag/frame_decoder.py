@@ -28,7 +28,7 @@ from ltvn_core.robots.ros2.ros_images import decode_colours, decode_metres, has_
 from ltvn_core.types import Depth, Rgb
 
 _NEAREST_M = 0.01
-"""Least depth; nearer values are no depth, in metres."""
+"""Least valid depth, in metres."""
 _OFF_CENTRE = 0.2
 """Largest distance of a lens's centre from the middle of the image, as a share of the image's size."""
 _ADVICE = (

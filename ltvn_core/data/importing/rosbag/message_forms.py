@@ -138,7 +138,7 @@ def read_message(data: bytes, encoding: str, name: str) -> SimpleNamespace:
         name: A key of `SCHEMAS`.
 
     Raises:
-        ValueError: It is no such message.
+        ValueError: It is not such a message.
         TypeError: A field of JSON is of another type.
     """
     if encoding == PROTOBUF:

@@ -25,7 +25,7 @@ _RESIZE_FROM = 1.1
 """A change of size by less than this factor is not worth a message."""
 _STEM_M = 0.03
 HEADINGS_WITHIN_M = 4.0
-"""Headings of nodes are drawn while the camera is no farther than this from what it looks at."""
+"""Greatest distance between the camera and its target at which the headings of nodes are drawn."""
 _TICK_M = 0.13
 """Length of a heading."""
 

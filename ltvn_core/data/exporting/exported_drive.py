@@ -43,7 +43,7 @@ class ExportedFrame:
     stamp: float
     """Seconds on the robot's clock, from 0 on."""
     jpeg: bytes
-    """Colour image, (H, W, 3) uint8."""
+    """Colour image as JPEG."""
     depth_png: bytes | None
     """Depth in whole millimetres; None without a depth camera."""
     odometry: Pose

@@ -109,7 +109,7 @@ def camera_beside(folder: Path) -> CameraFile:
 
 
 def _replica_camera(path: Path) -> CameraFile:
-    """Read {"camera": {"w", "h", "fx", "fy", "cx", "cy", "scale"}}. Raises DriveError where it cannot be right."""
+    """Read {"camera": {"w", "h", "fx", "fy", "cx", "cy", "scale"}}. Raises DriveError if it is invalid."""
     try:
         fields = parse_json(read_foreign(path, most_bytes=_MOST_BYTES, what="cam_params.json"))["camera"]
         named = {**fields, "width": fields["w"], "height": fields["h"], "depth_scale": fields.get("scale")}

@@ -149,7 +149,7 @@ class CameraMounting:
         return None if apart < _SAME_TILT_RAD else upright
 
     def mounted(self, lens: CameraModel) -> CameraModel:
-        """Return a lens as it is mounted; one that says itself how it is mounted stays as it is."""
+        """Return a camera with this mounting; a camera that already has a mounting is returned unchanged."""
         if any((lens.height_m, lens.pitch_rad, lens.roll_rad, lens.quarter_turns)):
             return lens
         tilt = self.tilt or Tilt(0.0, 0.0)

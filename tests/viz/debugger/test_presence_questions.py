@@ -74,7 +74,7 @@ def test_of_an_edge_that_was_met_blocked_but_is_not_followed_no_one_says_it_was_
     told = words(harness.do(c.ChooseQuestion(QuestionName.EDGE), c.PointAt(*edge), ticks=15))
 
     assert "failed (blocked)" in told
-    assert "Something was in the way in 1 attempt" in told
+    assert "blocked it in 1 attempt" in told
     assert "never seen blocked" not in told
 
 

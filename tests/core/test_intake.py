@@ -93,7 +93,7 @@ def test_a_pose_that_is_not_three_finite_numbers_is_refused(odometry: tuple[floa
 
 
 def test_a_stamp_that_is_not_finite_is_refused() -> None:
-    with pytest.raises(ImageError, match="stamp finite"):
+    with pytest.raises(ImageError, match="finite stamp"):
         taken(rgb(), depth(), stamp=np.nan)
 
 

@@ -100,7 +100,7 @@ def require_within(path: Path, folder: Path) -> None:
     try:
         is_within = path.resolve().is_relative_to(folder.resolve())
     except (OSError, ValueError, RuntimeError) as error:  # A zero byte in the name, or links in a circle.
-        raise DriveError(f"{path} is a link without a target ({error!s:.120}).") from error
+        raise DriveError(f"{path} cannot be resolved ({error!s:.120}).") from error
     if not is_within:
         raise DriveError(f"{path} lies outside of {folder}, so it is not read.")
 

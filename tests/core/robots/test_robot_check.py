@@ -37,7 +37,7 @@ def at(place: int, **fields: object) -> Change:
 
 
 WRONG: dict[str, tuple[Change, str]] = {
-    "repeated step": (at(7, step=6), "Step 6 came twice"),
+    "repeated step": (at(7, step=6), "Step 6 appeared twice"),
     "backward step": (at(7, step=2), "Step 2 follows step 6"),
     "backward stamp": (at(7, stamp=0.2), "back from 0.600 s to 0.200 s"),
     "standing clock": (lambda images: [replace(seen, stamp=1.0) for seen in images], "clock stand still"),

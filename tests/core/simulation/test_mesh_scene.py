@@ -220,17 +220,17 @@ def test_other_formats_and_wrong_notes_are_refused(plain: Path) -> None:
         load_scene(str(plain.rename(plain.with_suffix(".fbx"))))
     path = save(box_house(), plain)
     path.with_suffix(".json").write_text('{"up": "north"}', encoding="utf-8")
-    with pytest.raises(SceneError, match='"up" is "y" or "z"'):
+    with pytest.raises(SceneError, match='"up" must be "y" or "z"'):
         load_scene(str(path))
 
 
 @pytest.mark.parametrize(
     ("note", "said"),
     [
-        ('{"scael": 0.001}', '"scael" is not a setting; "scale" is meant'),
-        ('{"Up": "z"}', '"Up" is not a setting; "up" is meant'),
-        ('{"floor_hight": 0.0}', '"floor_height" is meant'),
-        ('{"units": "mm"}', '"scale" is meant'),
+        ('{"scael": 0.001}', '"scael" is not a setting; "scale" is probably meant'),
+        ('{"Up": "z"}', '"Up" is not a setting; "up" is probably meant'),
+        ('{"floor_hight": 0.0}', '"floor_height" is probably meant'),
+        ('{"units": "mm"}', '"scale" is probably meant'),
         ('{"scale": true}', "finite number"),
         ('{"scale": 1e999}', "finite number"),
         (f'{{"scale": {10**400}}}', "too large"),

@@ -337,7 +337,7 @@ def test_one_minute_of_learning_on_a_slow_computer_is_said_to_take_what_it_takes
     ]
     assert lesson.left == "about 3 min left"
     assert lesson.besides_s == 410
-    assert "took 7 min on top" in besides_words(lesson.besides_s)
+    assert "took 7 min more" in besides_words(lesson.besides_s)
 
 
 def test_a_lesson_that_was_stopped_while_it_learned_says_nothing_of_the_whole(clock: Clock) -> None:

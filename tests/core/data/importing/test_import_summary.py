@@ -55,7 +55,7 @@ def test_pauses_of_the_recorder_are_told(tmp_path: Path) -> None:
 def test_images_in_a_row_that_cannot_overlap_are_told(tmp_path: Path) -> None:
     summary = imported(tmp_path, [frame(k, x=1.5 * k) for k in range(25)])
     assert "24 of 24 images do not overlap" in said(summary)
-    assert "falls into 25 pieces" in said(summary)
+    assert "25 pieces" in said(summary)
 
 
 def test_odometry_in_another_unit_shows_as_drift(tmp_path: Path) -> None:

@@ -166,10 +166,10 @@ def test_an_image_that_unpacks_to_too_much_is_refused_before_it_is_decoded() -> 
 @pytest.mark.parametrize(
     ("data", "form", "message"),
     [
-        (b"", "jpeg", "is no image that can be read"),
-        (b"no image", "rgb8; jpeg compressed bgr8", "is no image that can be read"),
+        (b"", "jpeg", "is not an image"),
+        (b"no image", "rgb8; jpeg compressed bgr8", "is not an image"),
         (bytes(12), "16UC1; compressedDepth png", "12 bytes are not compressed depth"),
-        (bytes(30), "16UC1; compressedDepth png", "is no image that can be read"),
+        (bytes(30), "16UC1; compressedDepth png", "is not an image"),
         (bytes(16), "16UC1; compressedDepth rvl", "4 bytes are not compressed depth"),
     ],
 )
@@ -305,7 +305,7 @@ def test_images_come_back_and_another_encoding_is_refused() -> None:
 
     np.testing.assert_array_equal(decode_colours(message, "/image"), colours)
     np.testing.assert_array_equal(decode_metres(image_message(depth, 1.0), "/depth"), [[1.0, 0.0], [0.0, 2.5]])
-    with pytest.raises(DriveError, match="/depth: the encoding 'rgb8' is none of"):
+    with pytest.raises(DriveError, match="/depth: the encoding 'rgb8' is not one of"):
         decode_metres(message, "/depth")
 
 

@@ -111,7 +111,7 @@ def test_a_wrong_arrival_leads_to_the_pair_of_perceptual_aliases(fault: Debugger
 def test_no_path_leads_to_an_edge_that_is_missing(fault: DebuggerPage, planted: Faults) -> None:
     assert "no path" in fault.go_to_failure(3)
     fault.follow(QuestionName.TRUTH)
-    fault.says("missing", "way in the map")
+    fault.says("missing", "path in the map")
     listed = edges_in(fault.answer.locator("table").nth(1).inner_text())
     missing = next(edge for edge in listed if edge in planted["missing-edge"])
     fault.follow(f"{missing[0]} → {missing[1]}")

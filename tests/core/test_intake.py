@@ -75,9 +75,9 @@ def test_depth_in_whole_millimetres_is_refused_with_the_cure() -> None:
     ids=["grey", "with alpha", "floating point", "empty"],
 )
 def test_images_of_another_kind_are_refused(image: np.ndarray) -> None:
-    with pytest.raises(ImageError, match="expected an RGB picture"):
+    with pytest.raises(ImageError, match="expected an RGB image"):
         taken(image, depth())
-    with pytest.raises(ImageError, match=r"holiday\.png: expected an RGB picture"):
+    with pytest.raises(ImageError, match=r"holiday\.png: expected an RGB image"):
         preprocess_image(image, "holiday.png")
 
 

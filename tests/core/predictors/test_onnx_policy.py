@@ -121,7 +121,7 @@ def test_a_damaged_model_and_a_missing_card_are_clear_errors(tmp_path: Path) -> 
     card = policy_card(tmp_path)
     (tmp_path / "policy.onnx").write_bytes(b"no model")
 
-    with pytest.raises(WeightsError, match="no ONNX model"):
+    with pytest.raises(WeightsError, match="not an ONNX model"):
         open_predictor("onnx", weights=card)
     with pytest.raises(WeightsError, match="--weights"):
         open_predictor("onnx")

@@ -106,7 +106,7 @@ def test_all_answers_about_an_edge_name_the_same_p_and_length_at_every_moment(re
                 assert set(both) <= {"edge"}  # It says what was believed last.
                 assert ps.pop(QuestionName.COMPARE, "–") == "–"
                 assert set(ps) <= {"curve"}
-                assert "It left the map" in replay.text(QuestionName.EDGE)
+                assert "It was removed" in replay.text(QuestionName.EDGE)
                 assert "Why is it gone?" in replay.text(QuestionName.EDGE)
             else:
                 assert not both

@@ -220,7 +220,7 @@ def test_without_odometry_one_learns_nothing_and_reads_why(folder: Path) -> None
     harness.state.live_map.keyframes.keep_only([])
     harness.state.live_map.keyframes.add([replace(seen, odometry=np.zeros(3)) for seen in drive()])
     now = harness.do(c.FineTune(3), ticks=2)
-    assert "the same for all of them" in now.fine_tuning.lines[0]
+    assert "does not change" in now.fine_tuning.lines[0]
 
 
 def test_the_oracle_cannot_be_taught(folder: Path) -> None:
@@ -235,7 +235,7 @@ def test_a_folder_that_cannot_hold_weights_is_found_out_before_learning(folder: 
         DriveSource("images", drive()), tiny_weights(folder), folder / "gone" / "new.safetensors", 3
     )
     told: list[str] = []
-    with pytest.raises(WeightsError, match=r"Learning ended without a result .* free some space"):
+    with pytest.raises(WeightsError, match=r"Training ended without a result .* free some space"):
         TUNER(request, lambda _share, doing: told.append(doing), threading.Event())
     assert told == ["reading and labelling the drive"]
 

@@ -46,7 +46,7 @@ def test_a_query_stands_at_once_and_goes_on_only_when_told(harness: SessionHarne
     where = harness.robot.pose.copy()
     assert shown.mode is Mode.PAUSED
     assert shown.pause_notice == "Paused: the last page was closed at 14:03."
-    assert shown.hint.startswith("Paused: the last page was closed at 14:03. Press Go on")
+    assert shown.hint.startswith("Paused: the last page was closed at 14:03. Press “Go on”")
     pages.absence = None
     assert harness.wait(60).mode is Mode.PAUSED
     assert np.array_equal(harness.robot.pose, where)

@@ -47,7 +47,7 @@ def test_a_profile_of_ones_own_is_named_by_its_path(tmp_path: Path) -> None:
         ("height_m = 0.6", "height_m = 0.6\nquarter_turns = 5", "quarter_turns must be"),
         ("height_m = 0.6", "height_m = 0.6\n[speeds]\nlinear_m_s = 0", "linear_m_s is 0"),
         ("height_m = 0.6", "height_m = 0.6\n[speeds]\nturning_radius_m = -1", "turning_radius_m is -1"),
-        ("[topics]", "domain = 500\n[topics]", "ROS_DOMAIN_ID is from 0 to 232"),
+        ("[topics]", "domain = 500\n[topics]", "ROS_DOMAIN_ID must be from 0 to 232"),
         ('odometry = "/odom"', "", "either topics.odometry or the table odometry_transform"),
         ("[topics]", "[odometry_transform]\n[topics]", "not both"),
         ("[topics]", "[odometry_transform]\nchild = 'odom'\n[topics]", "leads from odom to itself"),

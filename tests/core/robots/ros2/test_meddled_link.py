@@ -84,7 +84,7 @@ def _sees(robot: RosRobot) -> bool:
     [
         (lost, "its newest image is"),
         (late_by(1.5), "late; it is not used"),
-        (other_edition, "another edition"),
+        (other_edition, "another version"),
         (cut, "is the message cut"),
         (foreign_attachment, "not the 33 bytes of rmw_zenoh"),
     ],

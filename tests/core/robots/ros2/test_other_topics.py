@@ -120,7 +120,7 @@ def test_the_guard_looks_at_compressed_depth_in_the_unit_of_its_robot() -> None:
     message.data = np.frombuffer(bytes(12) + tenths, np.uint8)
     guard.take_depth(_received(message))
     assert guard.allows(ahead).linear_m_s == 0
-    assert "something stands 0.17 m in front of the robot" in str(guard.reason)
+    assert "there is an obstacle 0.17 m in front of the robot" in str(guard.reason)
 
 
 def _received(message: Any) -> Received:

@@ -50,9 +50,9 @@ def test_a_profile_of_ones_own_is_named_by_its_path(tmp_path: Path) -> None:
         ("[topics]", "domain = 500\n[topics]", "ROS_DOMAIN_ID must be from 0 to 232"),
         ('odometry = "/odom"', "", "either topics.odometry or the table odometry_transform"),
         ("[topics]", "[odometry_transform]\n[topics]", "not both"),
-        ("[topics]", "[odometry_transform]\nchild = 'odom'\n[topics]", "leads from odom to itself"),
+        ("[topics]", "[odometry_transform]\nchild = 'odom'\n[topics]", "has odom as both parent and child"),
         ("[topics]", "[odometry_transform]\nparent = '*'\n[topics]", "write a frame like base_link"),
-        ("[topics]", "[topics", "is no TOML"),
+        ("[topics]", "[topics", "is not TOML"),
         ("[topics]", f"deep = {'[' * 900}{']' * 900}\n[topics]", "levels deep"),
     ],
 )

@@ -267,7 +267,7 @@ def test_a_topic_of_another_type_or_edition_is_named() -> None:
     topic.check_key(topic.key.replace(TWIST_HASH, "TypeHashNotSupported"))
     with pytest.raises(RobotError, match="geometry_msgs/msg/TwistStamped, expected geometry_msgs/msg/Twist"):
         topic.check_key(Topic("/cmd_vel", TWIST_STAMPED).key)
-    with pytest.raises(RobotError, match="another edition"):
+    with pytest.raises(RobotError, match="another version"):
         topic.check_key(topic.key[:-1] + "0")
 
 

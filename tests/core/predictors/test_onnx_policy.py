@@ -107,7 +107,7 @@ def test_a_map_is_built_with_a_policy_and_remembers_it(tmp_path: Path) -> None:
         (CARD.replace("10.0", "-1.0"), "above 0"),
         (CARD.replace("policy.onnx", "../policy.onnx"), "beside the card"),
         (CARD.replace("policy.onnx", "other.onnx"), "cannot be read"),
-        ("model = ", "is no TOML"),
+        ("model = ", "is not TOML"),
     ],
 )
 def test_a_card_that_does_not_fit_says_what_is_wrong(tmp_path: Path, wrong: str, says: str) -> None:

@@ -79,7 +79,7 @@ _HOMES = {
 """Where each public name lives, below this package."""
 
 _OTHER_NAMES = {"System": "NavigationSystem"}
-"""What a public name is called at its home, where that is longer."""
+"""Names of public objects in their own modules, where they differ from the public name."""
 
 __all__ = [
     "PAPER",

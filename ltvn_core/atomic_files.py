@@ -1,8 +1,7 @@
-"""Files appear under their name only when they are whole: new ones never in place of another, others in one step.
+"""Atomic files: a file appears under its name only when it is complete. Some replace an old file, new ones never do.
 
-Owns that promise for recordings, maps, weights, checkpoints, shards and texts, and who may read them. What is written
-is written aside, in a file with a name of its own in the same folder, and renamed; whatever ends the writing early,
-that file vanishes.
+Owns that guarantee for recordings, maps, weights, checkpoints, shards and texts, and who may read them. Data is first
+written to a temporary file in the same folder, which is then renamed; if writing fails, the temporary file is removed.
 """
 
 import os
@@ -101,7 +100,7 @@ def write_text_atomically(path: Path, text: str) -> None:
 
 
 def create_new_file(path: Path) -> None:
-    """Make the folder and an empty file which nobody made before. Raises RecordingError."""
+    """Create the folder and an empty file that did not exist. Raises RecordingError."""
     require_usable_name(path)
     _make_folder(path)
     try:
@@ -113,7 +112,7 @@ def create_new_file(path: Path) -> None:
 
 
 def open_new_file(path: Path) -> int:
-    """Make a file which nobody made before and which only its owner may read, and return it open for appending.
+    """Create a file that did not exist and that only its owner may read, and return it open for appending.
 
     Its folder is made too. Raises RecordingError.
     """
@@ -158,7 +157,7 @@ def _make_folder(path: Path) -> None:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except FileExistsError as error:
-        raise RecordingError(f"{path} cannot be written: {path.parent} is no folder; name another place.") from error
+        raise RecordingError(f"{path} cannot be written: {path.parent} is not a folder; name another path.") from error
     except OSError as error:
         raise _refused(path, error) from error
 
@@ -170,4 +169,6 @@ def _refused(path: Path, error: OSError) -> RecordingError:
 
 
 def _exists(path: Path) -> RecordingError:
-    return RecordingError(f"{path} exists already and is never overwritten; name another file or move that one away.")
+    return RecordingError(
+        f"{path} exists already and is never overwritten; name another file, or move the existing one."
+    )

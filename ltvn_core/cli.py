@@ -1,6 +1,6 @@
 """`ltvn`: one program, one verb per job.
 
-Parses, runs, prints, and turns every failure that is no programming mistake into one clear line and a non-zero exit
+Parses, runs, prints, and turns every failure that is not a programming error into one clear line and a non-zero exit
 code; `--debug`, or the variable LTVN_DEBUG, shows the traceback too. Owns no job of its own: verbs are classes in the
 entry-point group `ltvn.verbs` (`ltvn_core.verbs.discovery`). Imports almost nothing before `main`, so that Ctrl-C is
 met there too.
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 FAILED = 1
 WRONG_USAGE = 2
 INTERRUPTED = 130
-"""As shells say it: 128 and the number of SIGINT."""
+"""Exit code of shells after SIGINT: 128 plus its number."""
 CLOSED_PIPE = 141
 """128 and the number of SIGPIPE: who read the output, such as `head`, had enough."""
 TERMINATED = 143
@@ -43,20 +43,20 @@ _ADVICE = {
     errno.ENAMETOOLONG: "give it a shorter name",
     errno.EMFILE: "close other programs, or raise the limit of open files (ulimit -n)",
 }
-"""What to do next, by the system's error number."""
+"""Remedy for each error number of the operating system."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one verb and return the exit code.
 
-    0 done, 1 an error, 2 wrong usage, 130 interrupted, 141 nobody reads the output any more, 143 terminated.
+    0 done, 1 an error, 2 wrong usage, 130 interrupted, 141 the output was closed, 143 terminated.
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
     return _exit_code(lambda: _main(given), debug="--debug" in given)
 
 
 def run_verb(program: str, verb: "type[Verb]", arguments: Sequence[str] | None = None) -> int:
-    """Parse a verb's options, run it and return the exit code; prints what came of it.
+    """Parse a verb's options, run it and return the exit code; prints the result.
 
     Args:
         program: What a person types for this verb, for its help.
@@ -165,7 +165,7 @@ def _show_log() -> None:
 
 
 class _Terminated(KeyboardInterrupt):
-    """Somebody asked the program to end, politely."""
+    """The program received SIGTERM."""
 
 
 @contextmanager
@@ -212,7 +212,10 @@ def _exit_code(job: Callable[[], int], *, debug: bool) -> int:
     except OSError as error:
         return _say(_system_failure(error), error, FAILED, debug=debug)
     except MemoryError as error:
-        text = f"there is not enough memory ({error or 'no more to be had'}); close other programs, or ask for less."
+        text = (
+            f"there is not enough memory ({error or 'all of it is used'}); close other programs, or choose smaller "
+            "numbers."
+        )
         return _say(text, error, FAILED, debug=debug)
     except UnicodeError as error:
         text = f"a name or a text is not UTF-8 ({error}); rename the file, or save the text as UTF-8."
@@ -258,7 +261,7 @@ def _honour_no_color() -> None:
 
 
 def _is_output_closed() -> bool:
-    """Tell whether nobody reads the output any more; if so, let the rest of it go nowhere."""
+    """Tell whether the output was closed; if so, discard the rest of it."""
     with suppress(OSError, ValueError, AttributeError):  # A stream without a file, or a system without poll.
         pipe = select.poll()
         pipe.register(sys.stdout.fileno(), 0)

@@ -6,7 +6,7 @@ message and exits non-zero; the page shows it as a notification. Programming mis
 
 
 class LtvnError(Exception):
-    """Base of all errors that a user can cause and mend."""
+    """Base of all errors that a user can cause and correct."""
 
 
 class ImageError(LtvnError):
@@ -58,7 +58,7 @@ class ServerError(LtvnError):
 
 
 class PluginError(LtvnError):
-    """What another package adds to the toolkit cannot be used."""
+    """A plug-in of another package cannot be used."""
 
 
 class MissingLibraryError(LtvnError):

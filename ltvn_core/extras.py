@@ -37,7 +37,7 @@ _ARM_MACHINES = ("aarch64", "ARM64")
 which has one. The marker of embreex in pyproject.toml has the same values."""
 _NO_EMBREE = (
     "The simulator does not work on ARM Linux or ARM Windows, because Embree, its renderer, has no wheel for this "
-    "platform. Replay (ltvn replay FILE), building maps (ltvn build) and real robots (ltvn app --robot NAME) do work."
+    "platform. Replay (ltvn replay FILE), building maps (ltvn build) and real robots (ltvn app --robot NAME) work."
 )
 
 

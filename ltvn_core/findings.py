@@ -1,4 +1,4 @@
-"""What is found doubtful of a drive, a map, a robot, a goal or a judgement: one record for all of them.
+"""Findings: doubts about a drive, a map, a robot, a goal or a judgement, in one record type.
 
 Owns the record and how it is written as sentences. The checks are where their subject is.
 """
@@ -21,12 +21,12 @@ class Finding:
     """One thing that a person should know; it refuses and changes nothing."""
 
     text: str
-    """What was found and the likely cause, in whole sentences."""
+    """The finding and its likely cause, in whole sentences."""
     severity: Severity = Severity.WARN
     remedy: str = ""
-    """What to do about it, in whole sentences; empty where `text` asks a question or nothing can be done."""
+    """The remedy, in whole sentences; empty if `text` asks a question or if there is no remedy."""
     where: str = ""
-    """Name of the drive, file, topic or goal that the finding is about; empty where it is about the whole."""
+    """Name of the drive, file, topic or goal that the finding is about; empty if it is about the whole."""
 
     def __str__(self) -> str:
         """Write text and remedy as one paragraph."""
@@ -38,7 +38,7 @@ class Finding:
 
 
 def findings_of(texts: Iterable[str]) -> tuple[Finding, ...]:
-    """Return findings of sentences that nobody split, such as those of a plug-in's reader."""
+    """Return findings from sentences without a separate remedy, such as those of a plug-in's reader."""
     return tuple(Finding(text) for text in texts)
 
 

@@ -1,6 +1,6 @@
-"""What a valid image is: types, shapes, units and limits of colour, depth, odometry, stamp and step.
+"""Checks of images: types, shapes, units and limits of colour, depth, odometry, stamp and step.
 
-Owns these rules and the words that refuse what breaks them. Changes the size of nothing (`ltvn_core.preprocessing`).
+Owns these rules and the messages of violations. Changes the size of nothing (`ltvn_core.preprocessing`).
 """
 
 import operator
@@ -17,7 +17,7 @@ MAX_MEDIAN_DEPTH_M = 100.0
 """No depth camera sees so far (the best reach 30 m), but 0.1 m in millimetres is 100: half of the pixels of an image
 that are farther mean another unit."""
 _EVERY_PIXEL = 4
-"""Of these the median is taken."""
+"""Step in pixels between the samples for the median."""
 MAX_STAMP_S = 4e9
 """Seconds; the year 2096 on a clock that counts from 1970. Nanoseconds of the same clock are 10^18."""
 MAX_STEP = 2**53
@@ -46,7 +46,7 @@ def check_observation(
     if metres is not None and image.shape[:2] != metres.shape:
         raise ImageError(
             f"{source}: the image is {image.shape[1]} x {image.shape[0]} but its depth is "
-            f"{metres.shape[1]} x {metres.shape[0]}; both must have one size."
+            f"{metres.shape[1]} x {metres.shape[0]}; both must have the same size."
         )
     return Observation(
         rgb=image,
@@ -79,7 +79,7 @@ def check_instant(
         seconds = np.nan
     if not abs(seconds) <= MAX_STAMP_S:
         raise ImageError(
-            f"{source}: expected the stamp finite and in seconds, got {stamp!s:.60}; divide nanoseconds (as ROS counts "
+            f"{source}: expected a finite stamp in seconds, got {stamp!s:.60}; divide nanoseconds (as ROS counts "
             "them) by 1e9."
         )
     try:
@@ -99,7 +99,7 @@ def check_rgb(rgb: ArrayLike, source: str) -> Rgb:
     image = _as_array(rgb, source)
     if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3 or 0 in image.shape:
         raise ImageError(
-            f"{source}: expected an RGB picture (height, width, 3) of uint8, got shape {image.shape} of {image.dtype}."
+            f"{source}: expected an RGB image (height, width, 3) of uint8, got shape {image.shape} of {image.dtype}."
         )
     return image
 
@@ -117,7 +117,9 @@ def _as_array(value: ArrayLike, source: str) -> np.ndarray:
     try:
         return np.asarray(value)
     except (ValueError, TypeError, OverflowError) as error:  # Rows of different lengths.
-        raise ImageError(f"{source}: this is not a picture, for its rows differ in length ({error!s:.80}).") from error
+        raise ImageError(
+            f"{source}: this is not an image, because its rows differ in length ({error!s:.80})."
+        ) from error
 
 
 def _checked_depth(depth: ArrayLike, scale: float, source: str) -> Depth:

@@ -20,7 +20,9 @@ PROBABILITY_RAMP_ON_WHITE = np.stack([PROBABILITY_RAMP[0], np.array([153, 153, 1
 """Colours (3, 3) of p = 0, 0.5 and 1 on paper: the same ends, and grey between them, where pale would not be seen."""
 
 SCORE_RAMP = np.array([[68, 1, 84], [59, 82, 139], [33, 145, 140], [94, 201, 98], [253, 231, 37]], np.float64)
-"""Colours (5, 3) of scores from far to near in equal steps (viridis): how alike two images are is no probability."""
+"""Colours (5, 3) of scores from far to near in equal steps (viridis): the similarity of two images is not a
+probability.
+"""
 
 _INK = 0.82
 """Colours are made for a dark page; on white they need this share of their light."""

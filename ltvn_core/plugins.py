@@ -28,7 +28,7 @@ class PluginGroup(NamedTuple):
     name: str
     """Its entry-point group, as in `[project.entry-points."ltvn.verbs"]`."""
     noun: str
-    """What messages call one."""
+    """Noun for one plug-in in messages."""
 
 
 VERBS = PluginGroup("ltvn.verbs", "verb")
@@ -51,7 +51,7 @@ class Plugin:
 
     @property
     def name(self) -> str:
-        """What a person types."""
+        """Name that a person types."""
         return self.entry.name
 
     @property
@@ -61,17 +61,17 @@ class Plugin:
 
     @property
     def package(self) -> str:
-        """The package that offers it, `unknown` where nobody says."""
+        """The package that offers it; `unknown` if its metadata is missing."""
         return _package_of(self.entry)
 
     @property
     def version(self) -> str:
-        """The version of that package, `unknown` where nobody says."""
+        """The version of that package; `unknown` if its metadata is missing."""
         return (self.entry.dist and self.entry.dist.version) or "unknown"
 
     @property
     def title(self) -> str:
-        """What messages call it, as in `The robot turtle of the package turtles`."""
+        """Name in messages, such as `The robot turtle of the package turtles`."""
         known = f" of the package {self.package}" if self.entry.dist is not None else ""
         return f"The {self.group.noun} {self.name}{known}"
 
@@ -93,12 +93,12 @@ class Plugin:
             ) from error
 
     def refusal(self, reason: str) -> PluginError:
-        """Return the error that says why what was loaded cannot be used; `reason` goes on after its place."""
+        """Return the error that says why what was loaded cannot be used; `reason` follows the place in the sentence."""
         return PluginError(f"{self.title} is {self.place}, which {reason}; {self.remedy}.")
 
     @property
     def remedy(self) -> str:
-        """What to do about a broken plug-in."""
+        """Remedy for a broken plug-in."""
         if self.package == OWN_PACKAGE:
             return "reinstall the toolkit: pip install ltvn (or -e .)"
         return "update, repair or uninstall that package"

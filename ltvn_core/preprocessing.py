@@ -1,4 +1,4 @@
-"""The door through which images come in: checks what a camera, a file or an upload delivers, and rectifies it.
+"""Entry of all images: checks what a camera, a file or an upload delivers, and rectifies it.
 
 Every image leaves it with the size and lens that a predictor asks for (`Predictor.camera`). What a valid image is says
 `ltvn_core.image_validity`, and `ltvn_core.cameras.rectification` does the geometry. Does not know where an image came
@@ -37,30 +37,22 @@ def preprocess_observation(
 ) -> Observation:
     """Check an image with its depth and odometry, and rectify both to the camera that a predictor asks for.
 
-    Args:
-        rgb: (H, W, 3) uint8.
-        depth: (H, W) metres as floating-point numbers, 0 = no return, or whole units of `camera.depth_scale`; None
-            where the robot has no depth camera. Zero or NaN everywhere is an image without depth: it comes in, marked
-            by `Observation.has_depth`.
-        odometry: (3,) x, y, yaw.
-        stamp: Seconds on the robot's clock.
-        step: Names the image.
-        camera: The camera that took it. None stands for a centred lens that shows as much as `target`, level, with
-            square pixels: what of the picture is too wide or too high is cut off.
-        target: The camera of the result: `Predictor.camera`.
-        original_size: Keep the picture itself too, as a JPEG of at most this size, where it is another than the result.
-        exact_pose: (3,) the true pose, in simulation only.
-        tilt: How the camera was tilted then, where that changes; in place of what `camera` says.
-        source: Where the image came from, for messages.
+    Args: rgb: (H, W, 3) uint8. depth: (H, W) metres as floating-point numbers, 0 = no return, or whole units of
+    `camera.depth_scale`; None where the robot has no depth camera. Zero or NaN everywhere is an image without depth: it
+    is accepted, marked by `Observation.has_depth`. odometry: (3,) x, y, yaw. stamp: Seconds on the robot's clock. step:
+    Names the image. camera: The camera that took it. None stands for a centred lens that shows as much as `target`,
+    level, with square pixels: what of the picture is too wide or too high is cut off. target: The camera of the result:
+    `Predictor.camera`. original_size: Keep the picture itself too, as a JPEG of at most this size, where it is another
+    than the result. exact_pose: (3,) the true pose, in simulation only. tilt: How the camera was tilted then, where
+    that changes; in place of what `camera` says. source: Where the image came from, for messages.
 
     Returns:
         The observation at the size of `target`. Pixels that the camera does not see are black and have depth 0; so a
         black pixel with depth tells that something black stands there.
 
-    Raises:
-        ImageError: A wrong type or shape, a size other than the camera's, depth with some pixels that are NaN, infinite
-            or negative, depth in another unit, a pose that is not finite, a stamp that is no time in seconds, or a step
-            that is no whole number.
+    Raises: ImageError: A wrong type or shape, a size other than the camera's, depth with some pixels that are NaN,
+    infinite or negative, depth in another unit, a pose that is not finite, a stamp that is not a time in seconds, or a
+    step that is not a whole number.
     """
     image = check_rgb(rgb, source)
     camera = _matching_camera(image, camera, target, source)
@@ -128,7 +120,7 @@ def rectify_observation(
 ) -> Observation:
     """Return an observation of `camera` as `target` would have taken it; the very same where the two agree.
 
-    An image with a tilt of its own is turned from that tilt to the target's, and has none then; where the two cameras
+    An image with its own tilt is turned from that tilt to the target's, and has none then; where the two cameras
     have the same lens it is left as it was taken, for then neither's mounting says how it was held. With an
     `original_size` the picture itself is kept too, see `Observation.original`.
     """
@@ -187,14 +179,14 @@ def preprocess_image(
 
 
 def _matching_camera(image: Rgb, camera: CameraModel | None, target: CameraModel, source: str) -> CameraModel:
-    """Return the camera of an image; where nobody knows it, one that shows at least as much as `target`."""
+    """Return the camera of an image; if it is unknown, one that shows at least as much as `target`."""
     height, width = image.shape[:2]
     if camera is None:
         return _assumed_camera(width, height, target)
     if (camera.width, camera.height) != (width, height):
         raise ImageError(
-            f"{source}: the image is {width} x {height} but its camera takes {camera.width} x {camera.height}; give "
-            "the camera of this size, for instance with `CameraModel.scaled`."
+            f"{source}: the image is {width} x {height} but its camera's images are {camera.width} x {camera.height}; "
+            "give a camera of this size, for instance with `CameraModel.scaled`."
         )
     return camera
 

@@ -9,7 +9,7 @@ _BYTES = 2
 _FOUR_BYTES = 5
 _FIXED_BYTES = {_EIGHT_BYTES: 8, _FOUR_BYTES: 4}
 _MOST_BITS = 64
-"""Of a number; a longer one would take time with the square of its length."""
+"""Largest number of bits of a number; reading longer ones takes quadratic time."""
 
 
 class Field(NamedTuple):
@@ -60,7 +60,7 @@ def read_fields(message: bytes) -> Iterator[Field]:
         else:
             raise ValueError(f"a protobuf field of the unknown kind {kind}")
         if place + length > len(message):
-            raise ValueError("a protobuf field goes on behind the end of its message")
+            raise ValueError("a protobuf field exceeds the end of its message")
         yield Field(key >> 3, message[place : place + length])
         place += length
 
@@ -81,4 +81,4 @@ def _read_varint(message: bytes, place: int) -> tuple[int, int]:
             return number, place
         if shift >= _MOST_BITS:
             raise ValueError("a protobuf number of more than 64 bits")
-    raise ValueError("a protobuf number goes on behind the end of its message")
+    raise ValueError("a protobuf number exceeds the end of its message")

@@ -1,7 +1,7 @@
-"""What a person types, and what is printed: unknown names, numbers, and text that never steers the terminal.
+"""Text from and to a terminal: unknown names, numbers, and printed text without control characters.
 
 Texts of recordings and names of files may hold control characters. An escape sequence can rename the window, write to
-the clipboard, or hide what stands before it.
+the clipboard, or hide the text before it.
 """
 
 import logging

@@ -1,6 +1,6 @@
-"""What can change in a world, and what a world is like after some changes: data alone, without a simulator.
+"""Changes of a world, and its state after some changes: only data, without a simulator.
 
-A change says what is so from now on. `WorldState.after` is a pure function, so that a replay knows the world of any
+A change holds from its time on. `WorldState.after` is a pure function, so that a replay knows the world of any
 moment. `simulation.changes` carries changes out; recordings store them as events.
 """
 
@@ -18,7 +18,7 @@ OWN_PREFIX = "own/"
 
 
 class ThingKind(StrEnum):
-    """What a thing is, and so what it looks like."""
+    """Kind of a thing, which decides how it looks."""
 
     BOX = "box"
     """A cardboard box."""
@@ -70,7 +70,7 @@ class LightChanged:
     level: float
     """Brightness as a factor; 1 is the scene as it was made."""
     warmth: float = 0.0
-    """From -1, bluish daylight, to 1, reddish lamps; 0 is white."""
+    """Colour of the light from -1, bluish daylight, to 1, reddish lamps; 0 is white."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +78,7 @@ class PicturesExchanged:
     """Other pictures hang on the walls and other rugs lie on the floors."""
 
     seed: int | None
-    """Which ones; None for those of the scene as it was made."""
+    """Seed of the new pictures and rugs; None restores the original ones."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +88,7 @@ class PersonMoved:
     person: str
     pose: PlaceRow
     seed: int = 0
-    """Which clothes the person wears."""
+    """Seed of the person's clothes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,7 +149,7 @@ def change_text(change: WorldChange) -> str:
             tint = "" if abs(warmth) < 0.05 else ", warm" if warmth > 0 else ", cold"
             return f"light at {level:.0%}{tint}"
         case PicturesExchanged(seed):
-            return "the first pictures and rugs are back" if seed is None else "pictures and rugs exchanged"
+            return "the original pictures and rugs are back" if seed is None else "pictures and rugs exchanged"
         case PersonMoved(person, (x, y, _)):
             return f"{person} at x {x:.2f} m, y {y:.2f} m"
         case PersonLeft(person):
@@ -185,14 +185,14 @@ class WorldState:
 
     closed_doors: frozenset[int] = frozenset()
     things: tuple[ThingPlaced, ...] = ()
-    """What was put down or moved and stands there still, by name."""
+    """Things that were put down or moved and not removed, by name."""
     missing: frozenset[str] = frozenset()
     """The scene's own furniture that was taken away."""
     light: LightChanged = PLAIN_LIGHT
     pictures: int | None = None
     """Seed of the pictures and rugs; None for those of the scene as it was made."""
     people: tuple[PersonMoved, ...] = ()
-    """Who is there, by name."""
+    """People who are there, by name."""
 
     def after(self, change: WorldChange) -> Self:
         """Return what the world is like after a change."""

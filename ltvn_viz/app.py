@@ -49,10 +49,10 @@ def run_app(options: AppOptions, say: Callable[[str], None]) -> None:
     def tell(server: GuardedServer) -> None:
         say(f"Open {server.url}")
         say(f"From another machine, first: ssh -L {server.port}:127.0.0.1:{server.port} THIS_MACHINE")
-        say("The scene is being loaded; the page shows it as soon as it is there…")
+        say("The scene is being loaded; the page shows it as soon as it is loaded…")
 
     with open_app(options, on_served=tell) as app, stop_on_signals(app.session.stop):
-        say("Ready. Ctrl-C ends the app.")
+        say("Ready. Ctrl-C stops the app.")
         app.session.run()
 
 
@@ -106,14 +106,14 @@ def _check_map_place(path: Path, place: str) -> None:
 def _no_scene(path: Path) -> str:
     file = quote(str(path))
     return (
-        f"so there is no simulated scene to drive in. Watch it by `ltvn replay {file}`; or drive a robot of your own "
-        f"by it, `ltvn app --map {file} --robot ROBOT`, where ROBOT is an installed robot's name, "
+        f"so there is no simulated scene to drive in. Watch it with `ltvn replay {file}`; or drive your own robot "
+        f"with it, `ltvn app --map {file} --robot ROBOT`, where ROBOT is an installed robot's name, "
         "path/to/file.py:factory or PROFILE@ADDRESS (ROS 2)."
     )
 
 
 def _predictor_name(options: AppOptions, source: RecordingMetadata | None) -> str:
-    """Return the predictor that will be opened; empty where that depends on the camera of a robot of one's own.
+    """Return the predictor that will be opened; empty if that depends on the camera of a robot of one's own.
 
     `source` is what the map to begin with says of itself.
     """

@@ -1,7 +1,7 @@
-"""What is put behind a page that is served already: simulator, network, map, session, and all that draws.
+"""Opening of everything behind a page that is already served: simulator, network, map, session, layers and panels.
 
-Owns what is opened in which order for the options of the command line, who drives in which world, and which map is the
-first. Takes seconds to import.
+Owns the order of opening for the options of the command line, and the choice of robot, world and first map. Takes
+seconds to import.
 """
 
 import logging
@@ -193,13 +193,13 @@ def _scene_address(name: str) -> str:
 
 
 def _open_own_robot(options: AppOptions, stack: ExitStack) -> Robot | None:
-    """Make the robot that was asked for, to be stopped and closed by `stack`. Raises PluginError, OptionError."""
+    """Open the robot of the options; `stack` stops and closes it. Raises PluginError, OptionError."""
     if options.robot is None:
         return None
     if options.world is not None:
-        raise OptionError("--world changes a simulated scene; leave it out with a robot of your own.")
+        raise OptionError("--world changes a simulated scene; omit it with your own robot.")
     if options.predictor == "oracle":
-        raise OptionError("The oracle knows simulated scenes alone; drive a robot of your own with the network.")
+        raise OptionError("The oracle knows only simulated scenes; use another predictor with your own robot.")
     robot = open_robot(options.robot)
     stack.callback(getattr(robot, "close", robot.stop))
     return robot
@@ -214,7 +214,7 @@ def _open_learning(options: AppOptions) -> FineTuning:
 def _image_source(
     options: AppOptions, library: RecordingLibrary, own_robot: Robot | None, chosen: LoadedMap | None
 ) -> ImageSource | None:
-    """Return where images come from: the map's recording, a robot of one's own, or the recording to watch; None for
+    """Return the source of the images: the map's recording, a robot of one's own, or the recording to watch; None for
     the simulator, whose camera is made to suit the predictor.
     """
     if chosen is not None:
@@ -254,10 +254,10 @@ def _ready_made(options: AppOptions, predictor: Predictor) -> LoadedMap | None:
         return None
     known = load_map(place)
     if known.meta.fingerprint != predictor.fingerprint:
-        logger.info("The ready-made map belongs to other weights; beginning with an empty one.")
+        logger.info("The ready-made map was built with other weights; starting with an empty map.")
         return None
     if recorded_system(known.meta.config).name != options.system:
-        logger.info("The ready-made map is not of %s; beginning with an empty one.", options.system)
+        logger.info("The ready-made map is not of %s; starting with an empty map.", options.system)
         return None
     return known
 
@@ -267,7 +267,7 @@ def _new_recording(
 ) -> RecordingWriter:
     """Begin a recording; never waits for the disk, because the robot does not wait either."""
     if backend.robot is None:
-        raise SceneError("There is no robot here whose driving could be recorded; open the app with a scene.")
+        raise SceneError("There is no robot to record; open the app with a scene.")
     scene = backend.scene
     return RecordingWriter(
         path,
@@ -295,10 +295,10 @@ def _take_map(live: LiveRun, live_map: LiveMap, known: LoadedMap) -> None:
 
 
 UNKNOWN_FLOOR_M = 4.0
-"""So much to each side of the robot is shown first where nobody knows the place."""
+"""Margin on each side of the robot in the first view of an unknown place, in metres."""
 
 LEAST_FLOOR_M, ROUND_ABOUT_M = 1.0, 0.7
-"""A drive is shown first with so much floor at least, and so much more on each side of it."""
+"""Least extent of the first view of a drive, and its margin on each side, in metres."""
 
 
 def open_session(options: AppOptions, server: GuardedServer, stack: ExitStack) -> Session:
@@ -344,7 +344,7 @@ def open_session(options: AppOptions, server: GuardedServer, stack: ExitStack) -
 
 
 def _driven_floor(state: AppState, options: AppOptions) -> tuple[Pose, Pose] | None:
-    """Return two corners (x_m, y_m) around drive and map of the recording to watch; None where it cannot be read."""
+    """Return two corners (x_m, y_m) around drive and map of the recording to watch; None if it cannot be read."""
     if options.replay is None:
         return None
     try:

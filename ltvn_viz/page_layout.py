@@ -56,7 +56,7 @@ class PagePart(Protocol):
 
 
 class OwnParts:
-    """Parts that each page has for itself: made when the page comes, and drawn for it alone."""
+    """Parts that each page has for itself: made when the page connects, and drawn only for it."""
 
     def __init__(
         self,
@@ -160,7 +160,7 @@ TITLE = "Lifelong Topological Visual Navigation"
 
 @dataclass(frozen=True, slots=True)
 class PageAssets:
-    """What is drawn from files."""
+    """Static parts that are drawn from files."""
 
     scene_glb: Callable[[str, WorldState], bytes]
     """Loads the scene of a name as it is in a state of its world, ceiling cut away; raises SceneError."""
@@ -168,18 +168,20 @@ class PageAssets:
     """The robot's body; None draws a plain one of its size."""
     robot: RobotSpec = LOCOBOT
     scene_picture: Callable[[str, WorldState], FloorPicture | None] = lambda _name, _state: None
-    """Draws that scene from above, for pages that draw slowly; None where nobody can. Raises SceneError."""
+    """Draws that scene from above, for pages that draw slowly; None if nobody can. Raises SceneError."""
     added_glb: Callable[[str, WorldState], bytes | None] = lambda _name, _state: None
-    """Loads what stands in that scene for now; None where nothing does. Raises SceneError."""
+    """Loads what stands in that scene for now; None if nothing does. Raises SceneError."""
     floor_plan: FloorPlan | None = None
-    """What a person laid under everything."""
+    """The floor plan that a person gave."""
 
 
 class Pages(Protocol):
     """Who the pages are, and what they ask for."""
 
     def send_upload(self, command: Command) -> None:
-        """Bring what came of an uploaded file; the page's guard has seen to it that it comes from the seat."""
+        """Send the command of an uploaded file; the page's guard has checked that it comes from the page with the
+        seat.
+        """
         ...
 
     def ask(self, action: Action, value: Value = None) -> None:
@@ -207,7 +209,7 @@ class Pages(Protocol):
         ...
 
     def tell_activity(self, message: str) -> None:
-        """Tell all pages what the robot does by itself."""
+        """Tell all pages the robot's current activity."""
         ...
 
 

@@ -1,7 +1,7 @@
 """Why did it do that? Pure functions over what happened: folds over the events of one run, and questions to its map.
 
-Usable in a notebook with numpy and a recording alone; a network, where one is asked, comes in as a `Predictor`.
-The page only shows what is found out here. The names below are the way in.
+Usable in a notebook with numpy and a recording alone; a network, if one is needed, is passed in as a `Predictor`.
+The page only shows these results. The names below are the entry points.
 """
 
 from ltvn_core.analysis.edge_explanation import explain_edge_belief, explain_missing_edge, explain_pruned_edge

@@ -24,7 +24,7 @@ class Term(NamedTuple):
 
     word: str
     shown: str = ""
-    """What is read in its place; empty for the word itself."""
+    """Text shown instead; empty for the word itself."""
 
 
 class Code(NamedTuple):
@@ -48,7 +48,7 @@ class Download(NamedTuple):
     """Its name and size."""
     name: str
     address: str
-    """Where the page serves it."""
+    """URL path of the image."""
 
 
 class Coloured(NamedTuple):
@@ -70,9 +70,9 @@ class Link(NamedTuple):
 
     label: str
     to: object
-    """What following it asks for: a command of the page."""
+    """The command of the page that a click sends."""
     about: str = ""
-    """What is said on hover."""
+    """Tooltip."""
 
 
 class Address(NamedTuple):
@@ -84,7 +84,7 @@ class Address(NamedTuple):
 
 
 class Hint(NamedTuple):
-    """Words with more to say on hover, and in brackets where there is none."""
+    """Words with more to say on hover, and in brackets if there is none."""
 
     text: str
     about: str
@@ -112,10 +112,10 @@ class Table:
 
 
 class Axis(NamedTuple):
-    """What one direction of a chart shows, and from where to where."""
+    """An axis of a chart: its label and its range."""
 
     label: str
-    """With its unit."""
+    """Name of the quantity, with its unit."""
     first: float
     last: float
 
@@ -194,7 +194,7 @@ class Picture(NamedTuple):
     """An image of the run with its caption."""
 
     observation: Observation | None
-    """None where the image is not at hand."""
+    """None if the image is not at hand."""
     caption: str
     camera: CameraModel
     waypoint: Waypoint | None = None
@@ -241,7 +241,7 @@ Block: TypeAlias = Paragraph | Table | Chart | Pictures | Pending
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What a question found."""
+    """The answer to a question."""
 
     blocks: tuple[Block, ...] = ()
 

@@ -33,7 +33,7 @@ _CROSSING = re.compile(r"p\s+crosses\s+(\S+)", re.IGNORECASE)
 
 
 class BreakpointTrigger(StrEnum):
-    """What can happen, in the words one types."""
+    """Kinds of events, as a person types them."""
 
     PRUNE = "prune"
     EXPANSION = "expand"
@@ -156,7 +156,7 @@ def parse_breakpoint(text: str, config: BeliefConfig = ROBUST.believing) -> Brea
         return BeliefCrossingBreakpoint(parse_number(found[1], text, "no breakpoint"))
     if words.lower() in _TRIGGERS:
         return EventBreakpoint(BreakpointTrigger(words.lower()))
-    raise OptionError(f"{text[:60]!r} is no breakpoint; write one of: {', '.join(BREAKPOINT_EXAMPLES)}.")
+    raise OptionError(f"{text[:60]!r} is not a breakpoint; write one of: {', '.join(BREAKPOINT_EXAMPLES)}.")
 
 
 def prune_threshold_breakpoint(config: BeliefConfig) -> BeliefCrossingBreakpoint:
@@ -188,7 +188,7 @@ class EventContext:
 
     timeline: Timeline
     number: int
-    """Of the event in the timeline."""
+    """Number of the event in the timeline."""
 
     @property
     def event(self) -> e.Event:
@@ -211,7 +211,7 @@ class EventContext:
 
     @property
     def before(self) -> d.Belief | None:
-        """What was believed of `key` before a belief update."""
+        """The belief of edge `key` before the update."""
         delta = self.event.delta if isinstance(self.event, e.GraphChanged) else None
         if not isinstance(delta, d.BeliefUpdated):
             return None
@@ -219,7 +219,7 @@ class EventContext:
 
     @property
     def after(self) -> d.Belief | None:
-        """What is believed of `key` with the event."""
+        """The belief of edge `key` after the event."""
         delta = self.event.delta if isinstance(self.event, e.GraphChanged) else None
         if isinstance(delta, d.EdgeAdded):
             return delta.edge.belief
@@ -232,7 +232,7 @@ class EventContext:
 
     @property
     def is_bulk(self) -> bool:
-        """The event is one of the many changes that make a map, which is no news."""
+        """The event is one of the many changes that make a map, which are not notable."""
         return isinstance(self.event, e.GraphChanged) and self.event.delta.cause in d.BULK_CAUSES
 
     def belief_before(self, edge: EdgeKey) -> d.Belief | None:
@@ -347,7 +347,7 @@ class BreakpointHit(NamedTuple):
 
     moment: Instant
     breakpoints: tuple[Breakpoint, ...]
-    """Those that were met at once, at least one, in the order they were given."""
+    """Breakpoints that were met at the same event, at least one, in their given order."""
     why: str
     """One line for a person."""
 

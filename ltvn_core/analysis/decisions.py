@@ -1,4 +1,4 @@
-"""What the robot decided in a query, and which rules and numbers decided it.
+"""Decisions of the robot in a query, with their rules and numbers.
 
 A recording holds the outcome of each decision and the thresholds of its method; this module joins the two. Verdicts and
 notes name their rule themselves. Owns which rule stands behind which other event.
@@ -28,7 +28,7 @@ class RuleUse(NamedTuple):
     limit: float | bool | None
     """Its value in the run; None for a rule of an older version."""
     found: float | None = None
-    """What was compared with it; None where the rule compares no recorded number."""
+    """The recorded number that was compared with the threshold; None if the rule compares none."""
 
     @property
     def text(self) -> str:
@@ -47,9 +47,9 @@ class Decision:
     """Index in the timeline's events."""
     instant: Instant
     text: str
-    """What was decided, in one sentence."""
+    """The decision in one sentence."""
     rules: tuple[RuleUse, ...]
-    """The rules behind it; none where the method leaves no choice."""
+    """The rules behind it; none if the method leaves no choice."""
 
 
 _ENDS = {
@@ -59,7 +59,7 @@ _ENDS = {
     e.AttemptEnd.TIMEOUT: "driving.leg_steps",
     e.AttemptEnd.LOST: "driving.lost_reachability",
 }
-"""What stops the robot on its way."""
+"""Events that stop the robot."""
 _OUTCOMES = {
     e.Outcome.ARRIVED: ("judging.arrive_distance", "judging.arrive_reachability", "judging.arrive_yaw_rad"),
     e.Outcome.NO_PATH: ("recovering.give_up_after_looks",),
@@ -67,12 +67,12 @@ _OUTCOMES = {
     e.Outcome.STEP_LIMIT: ("recovering.step_limit",),
     e.Outcome.COLLISION_LIMIT: ("recovering.collision_limit",),
 }
-"""What ends a query."""
+"""Events that end a query."""
 _CAUSES = {
     Cause.NOVEL: ("expanding.novel_after_looks", "expanding.connect_factor"),
     Cause.EXPAND: ("expanding.search_reserve", "expanding.strict"),
 }
-"""What adds nodes and edges while the robot navigates."""
+"""Causes that add nodes and edges during a query."""
 
 
 def query_decisions(timeline: Timeline, query: int, method: Method, *, until: Instant | None = None) -> list[Decision]:

@@ -1,7 +1,7 @@
 """Explains why an edge or a node is in the map, is gone, or is missing, and why an edge is believed so little.
 
 Owns the order and the words of the steps, which come from what the robot itself knew. Why a plan led through an edge is
-`analysis.plan_alternative`. What was truly so, and what a failed episode failed of, is for `ltvn_core.evaluation`.
+`analysis.plan_alternative`. What was truly so, and the cause of a failed episode, are for `ltvn_core.evaluation`.
 """
 
 from collections.abc import Iterator
@@ -51,17 +51,17 @@ def explain_node(timeline: Timeline, node: NodeId, *, at: Instant | None = None)
 
 
 def _never(timeline: Timeline, node: NodeId, count: int) -> Iterator[ExplanationStep]:
-    yield ExplanationStep(f"Image {node} never was a node.", None, ExplanationKind.NEVER, (node,))
+    yield ExplanationStep(f"Image {node} has never been a node.", None, ExplanationKind.NEVER, (node,))
     for change in timeline.changes_before(count):
         if isinstance(change.delta, FramesReserved) and node in change.delta.frames:
-            text = f"It was put in the reserve {CAUSE_TEXTS[change.delta.cause]}, from where it can still become one."
+            text = f"It was put in the reserve {CAUSE_TEXTS[change.delta.cause]}; it can still become a node."
             yield ExplanationStep(text, change.instant, ExplanationKind.NEVER, (node,))
 
 
 def _moved(timeline: Timeline, change: MapChange, node: NodeId) -> Iterator[ExplanationStep]:
     cause = change.delta.cause
     if isinstance(change.delta, NodeAdded):
-        text = f"Node {node} came in {CAUSE_TEXTS[cause]}."
+        text = f"Node {node} was added {CAUSE_TEXTS[cause]}."
         yield ExplanationStep(text, change.instant, ExplanationKind.BORN, (node,))
         yield from _circumstances(timeline, change, node, cause)
         tied = _tied(timeline, change, node)
@@ -69,7 +69,7 @@ def _moved(timeline: Timeline, change: MapChange, node: NodeId) -> Iterator[Expl
         text += "..." if len(tied) > 8 else "."
         yield ExplanationStep(text, change.instant, ExplanationKind.BORN, (node, *tied))
     elif isinstance(change.delta, NodeDropped):
-        text = f"Node {node} left {CAUSE_TEXTS[cause]}."
+        text = f"Node {node} was removed {CAUSE_TEXTS[cause]}."
         yield ExplanationStep(text, change.instant, ExplanationKind.GONE, (node,))
     elif (view := _view_text(change.delta)) is not None:
         yield ExplanationStep(view, change.instant, ExplanationKind.BELIEF, (node,))
@@ -78,19 +78,25 @@ def _moved(timeline: Timeline, change: MapChange, node: NodeId) -> Iterator[Expl
 def _view_text(delta: GraphDelta) -> str | None:
     match delta:
         case ViewAdded(view=view, cause=Cause.LOAD):
-            return f"It came with image {view.frame} as a view, used in {count_text(view.uses, 'query', 'queries')}."
+            return (
+                f"It was loaded with the view {view.frame}, which was used in "
+                f"{count_text(view.uses, 'query', 'queries')}."
+            )
         case ViewAdded(view=view):
-            return f"It looked different from image {view.frame}, where odometry put the robot here: a view of it now."
+            return (
+                f"Image {view.frame} was taken here by odometry, but looked different, so it became a view of this "
+                "node."
+            )
         case ViewUsed(frame=frame):
             return f"The robot recognised it by its view {frame}."
         case ViewDropped(frame=frame):
-            return f"Its view {frame} was the least useful one and made room."
+            return f"Its view {frame} was removed as the least useful one."
         case _:
             return None
 
 
 def _circumstances(timeline: Timeline, change: MapChange, node: NodeId, cause: Cause) -> Iterator[ExplanationStep]:
-    """Yield what the robot was about when a node came in under way."""
+    """Yield the circumstances in which a node was added during a query."""
     query = timeline.query_at(change.event)
     if query is None or cause not in (Cause.EXPAND, Cause.NOVEL):
         return
@@ -98,7 +104,7 @@ def _circumstances(timeline: Timeline, change: MapChange, node: NodeId, cause: C
     localisations = [event for event in events if isinstance(event, Localised)]
     if cause is Cause.EXPAND and localisations and localisations[-1].node is not None:
         start = localisations[-1].node
-        text = f"In query {query.id} no path led from node {start} to {query.goal}; a way through image {node} did."
+        text = f"In query {query.id} no path led from node {start} to {query.goal}; a path through image {node} did."
         yield ExplanationStep(text, change.instant, ExplanationKind.PLAN, (start, query.goal))
     elif cause is Cause.NOVEL:
         known = max((k + 1 for k, each in enumerate(localisations) if each.node is not None), default=0)
@@ -157,7 +163,7 @@ def explain_pruned_edge(
 def explain_edge_belief(
     timeline: Timeline, source: NodeId, target: NodeId, *, at: Instant | None = None
 ) -> tuple[ExplanationStep, ...]:
-    """Tell how the belief of an edge came to be what it is at an instant, or what it was last.
+    """Explain the belief of an edge at an instant, or its last belief.
 
     Linear in plans and in what happened to the edge.
     """
@@ -168,7 +174,7 @@ def explain_edge_belief(
     last = history.lifetimes[-1].beliefs[-1]
     driven = last.attempts - first.attempts
     if not driven:
-        text = f"No attempt has counted since, so that its belief is as it came in: {belief_text(last.belief)}."
+        text = f"No attempt has counted since, so its belief is still the first one: {belief_text(last.belief)}."
     else:
         won = last.successes - first.successes
         text = (
@@ -191,7 +197,7 @@ def explain_missing_edge(
     """Tell why there is no edge at an instant.
 
     `seen` is (r, d) of the pair as a predictor sees it now, `thresholds` the thresholds of the map; with both it tells
-    which of them is in the way. Linear in the changes of the map.
+    which of them prevents the edge. Linear in the changes of the map.
     """
     history = edge_history(timeline, source, target, at)
     graph = timeline.graph_at(at)
@@ -200,17 +206,17 @@ def explain_missing_edge(
         return explain_pruned_edge(timeline, source, target, at=at)
     name = f"edge {source} -> {target}"
     absent = [node for node in ids if node not in graph.nodes]
-    texts = [f"There never was an {name}."]
+    texts = [f"There has never been an {name}."]
     texts += [f"Node {node} is not in the map{', only in the reserve' * (node in graph.reserve)}." for node in absent]
     if not absent and (target, source) in graph.edges:
-        texts.append(f"The way back is there: edge {target} -> {source}.")
+        texts.append(f"The reverse edge {target} -> {source} exists.")
     if seen is not None and thresholds is not None:
         texts.append(_gated(*seen, thresholds))
     return tuple(ExplanationStep(text, at, ExplanationKind.NEVER, ids) for text in texts)
 
 
 def _gated(reachability: float, distance: float, thresholds: OperatorThresholds) -> str:
-    """Say which threshold is in the way of an edge."""
+    """Say which threshold prevents an edge."""
     failed = []
     if reachability <= thresholds.connect_reachability:
         failed.append(f"r = {reachability:.2f} is not above R_c = {thresholds.connect_reachability:.2f}")
@@ -219,13 +225,13 @@ def _gated(reachability: float, distance: float, thresholds: OperatorThresholds)
     if failed:
         return f"The network would not join them: {' and '.join(failed)}."
     return (
-        f"The network would join them, r = {reachability:.2f} and d = {distance:.2f}; support by neighbouring images, "
-        "odometry or merging spoke against it, or the two were never compared."
+        f"The network would join them (r = {reachability:.2f} and d = {distance:.2f}). Neighbouring images or "
+        "odometry contradicted the edge, an image was merged, or the two were never compared."
     )
 
 
 def _steps(history: EdgeHistory) -> Iterator[ExplanationStep]:
-    """Yield how an edge came in and what was learned from driving it: one step per attempt that changed its belief."""
+    """Yield how an edge was added, and one step per attempt that changed its belief."""
     life = history.lifetimes[-1]
     ids = (history.source, history.target)
     first = life.beliefs[0]
@@ -233,7 +239,7 @@ def _steps(history: EdgeHistory) -> Iterator[ExplanationStep]:
     cause = CAUSE_TEXTS[life.cause]
     origin = ", by odometry alone because no image was recognised in the other," if life.by_odometry else ""
     text = (
-        f"Edge {history.source} -> {history.target} came in {cause}{origin} with {belief_text(first.belief)}{driven}."
+        f"Edge {history.source} -> {history.target} was added {cause}{origin} with {belief_text(first.belief)}{driven}."
     )
     yield ExplanationStep(text, life.added_at, ExplanationKind.BORN, ids)
     yield from _attempt_steps(life, _within(history, life), ids)
@@ -303,10 +309,10 @@ def _departure(history: EdgeHistory, believing: BeliefConfig | None) -> Explanat
         failures = count_text(last.attempts - last.successes, "failure")
         text = f"It was pruned after attempt {life.end.attempt}: p = {last.belief.p:.2f}{below} with {failures}."
     elif life.end.node is not None:
-        text = f"It went with node {life.end.node}, which left {CAUSE_TEXTS[life.end.cause]}."
+        text = f"It was removed together with node {life.end.node}, {CAUSE_TEXTS[life.end.cause]}."
         ids = (*ids, life.end.node)
     elif life.end.whole_map:
-        text = f"It went with its map when another one came in {CAUSE_TEXTS[life.end.cause]}."
+        text = f"It was removed when another map replaced this one, {CAUSE_TEXTS[life.end.cause]}."
     else:
         text = f"It was pruned {CAUSE_TEXTS[life.end.cause]}."
     return ExplanationStep(text, life.end.instant, ExplanationKind.GONE, ids)

@@ -21,7 +21,7 @@ from ltvn_core.types import FrameId, NodeId, Waypoint
 
 @dataclass(frozen=True, slots=True)
 class TimedBelief:
-    """What was believed of an edge from an instant on."""
+    """The belief of an edge from an instant on."""
 
     instant: Instant
     belief: d.Belief
@@ -48,7 +48,7 @@ class EdgeRemoval:
 
 @dataclass(frozen=True, slots=True)
 class EdgeLifetime:
-    """The time of an edge in the map, from coming in to leaving; one that comes back has another."""
+    """The time of an edge in the map, from its addition to its removal; an edge that is added again has another."""
 
     epoch: int
     added_at: Instant
@@ -78,14 +78,14 @@ class EdgeAttempt:
     query: int
     begin: Instant
     localised: Localised | None
-    """Where the robot thought it was before it set off."""
+    """Localisation before the attempt."""
     departure: FrameId
     """The image at departure."""
     waypoint: d.PoseRow
     """The target as seen from there."""
     departure_reachability: float
     arrival: FrameId | None
-    """The image at arrival; None, like all below, while it is under way, or if the recording is cut before."""
+    """The image at arrival; None, like all below, while it is in progress, or if the recording is cut before."""
     end: AttemptEnd | None
     ended: Instant | None
     succeeded: bool | None
@@ -97,7 +97,7 @@ class EdgeAttempt:
     only_this_edge: bool
     """The attempt was along this edge alone; else it drove on past its end, and success says less."""
     changed_belief: bool
-    """Another failure in the same query changes none."""
+    """Whether the attempt changed the belief; a repeated failure in the same query does not."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +109,7 @@ class EdgeHistory:
     lifetimes: tuple[EdgeLifetime, ...]
     attempts: tuple[EdgeAttempt, ...]
     planned_at: tuple[Instant, ...]
-    """When a plan led through it."""
+    """Instants of plans through the edge."""
 
     @property
     def alive(self) -> bool:
@@ -118,7 +118,7 @@ class EdgeHistory:
 
     @property
     def belief(self) -> d.Belief | None:
-        """What was believed of it last."""
+        """The last belief."""
         return self.lifetimes[-1].beliefs[-1].belief if self.lifetimes else None
 
 
@@ -145,7 +145,7 @@ def edge_history(timeline: Timeline, source: NodeId, target: NodeId, until: Inst
 
 
 def _known_at(timeline: Timeline, attempt: AttemptRecord, instant: Instant) -> AttemptRecord:
-    """Return an attempt as it stood after a step: without its verdict while it was under way."""
+    """Return an attempt as it stood after a step: without its verdict while it was in progress."""
     if attempt.end is not None and attempt.end.step <= instant.step:
         return attempt
     so_far = timeline.events[attempt.event : timeline.count_until(instant)]
@@ -155,7 +155,7 @@ def _known_at(timeline: Timeline, attempt: AttemptRecord, instant: Instant) -> A
 
 @dataclass(slots=True)
 class _OpenLifetime:
-    """A lifetime that may still go on."""
+    """A lifetime that may not have ended."""
 
     addition: MapChange
     edge: d.Edge
@@ -274,7 +274,7 @@ def _row(
 
 
 _NEAREST_M = 0.05
-"""What is less far ahead of the lens has no picture."""
+"""Points nearer to the camera than this are not projected, in metres."""
 
 
 class Pixel(NamedTuple):

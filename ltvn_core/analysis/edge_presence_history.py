@@ -36,7 +36,7 @@ _LONGEST_S = 14 * 86400.0
 
 
 class PresenceState(StrEnum):
-    """What is believed of an edge at a moment."""
+    """Presence of an edge at a moment."""
 
     OPEN = "open"
     CLOSED = "closed"
@@ -52,7 +52,7 @@ class ObservedPresence:
     observation: PresenceObservation
     cause: Cause
     attempt: int | None
-    """The attempt that it was learned from; None where it was seen from afar or came with the map."""
+    """The attempt that it was learned from; None if it was seen from afar or came with the map."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,12 +60,12 @@ class PresenceStrip:
     """The probability that an edge is open, over time."""
 
     times_s: tuple[float, ...]
-    """On the clock of the world."""
+    """Times on the clock of the world, in seconds."""
     probabilities: tuple[float, ...]
 
     @property
     def states(self) -> tuple[PresenceState, ...]:
-        """What is believed at each time."""
+        """The prediction for each time."""
         return tuple(presence_state(p) for p in self.probabilities)
 
 
@@ -166,34 +166,34 @@ def presence_difference(
 
 @dataclass(frozen=True, slots=True)
 class PresenceDecision:
-    """One choice between a way through edges that counted as closed and the best detour."""
+    """One choice between a path through edges that counted as closed and the best detour."""
 
     plan: PlanRecord
-    """As recorded."""
+    """The recorded plan."""
     at_s: float
-    """When it was made, on the clock of the world."""
+    """Time of the decision on the clock of the world, in seconds."""
     edge: EdgeKey
-    """The edge of the way through that was least probably open."""
+    """The edge of the path through that was least probably open."""
     p: float
     """How probably it was open then."""
     seen_s: float | None
-    """When the edge was last seen blocked; None where no observation of that is kept."""
+    """Time when the edge was last seen blocked, in seconds; None without an observation."""
     through: GraphPath
-    """The cheapest way as if the edges were open."""
+    """The cheapest path as if the edges were open."""
     around: GraphPath
-    """The cheapest way without them; empty where there is none."""
+    """The cheapest path without them; empty if there is none."""
     to_edge_cost: float
-    """From the start to the first closed edge."""
+    """Cost of the plan from the start to the first closed edge."""
     back_cost: float
-    """From there to the goal without closed edges; infinite where there is no way."""
+    """Cost from that edge to the goal without closed edges; infinite if there is no path."""
     tries: int
-    """How often something had been in the way earlier in this query."""
+    """Number of obstructions met earlier in this query."""
     follows_rule: bool
     """Planning again by the rule gives the recorded plan."""
 
     @property
     def expected_cost(self) -> float:
-        """What setting off for the closed edge costs on average: through if it is open, else there and around."""
+        """Expected cost of a try: through the edge if it is open, else to the edge and around it."""
         return self.p * self.through.cost + (1 - self.p) * (self.to_edge_cost + self.back_cost)
 
     @property
@@ -220,7 +220,7 @@ def presence_decision(
     *,
     weight: EdgeWeight | None = None,
 ) -> PresenceDecision | None:
-    """Return what a plan chose between; None where no edge that was last seen blocked lay on its shortest way.
+    """Return the two alternatives of a plan; None if its shortest path has no edge that was last seen blocked.
 
     `planning`, `weight` and `presence_filter` are those of the run. Linear in the changes of the map, and five plans.
     """
@@ -276,41 +276,47 @@ def explain_decision(made: PresenceDecision) -> Iterator[str]:
     seen = "" if made.seen_s is None else f", {duration_text(made.at_s - made.seen_s)} after it was last seen blocked"
     verdict = f"so it counted as {'open' if made.counts_as_open else 'closed'} (limit {OPEN_ABOVE})"
     yield f"At {clock_text(made.at_s)}{seen}, edge {source} -> {target} was open with p = {made.p:.2f}, {verdict}."
-    yield f"Through it the way to {made.plan.planned.nodes[-1]} cost {made.through.cost:.2f}."
+    yield f"The path through it to {made.plan.planned.nodes[-1]} cost {made.through.cost:.2f}."
     if made.counts_as_open:
-        around = f"cost {made.around.cost:.2f}" if isfinite(made.around.cost) else "was none"
-        yield f"The doubt is in that cost, and the edge was driven like any other. The way around it {around}."
+        cost = made.around.cost
+        around = f"The path around it cost {cost:.2f}." if isfinite(cost) else "There was no path around it."
+        yield f"This cost includes the doubt whether it is open, and the edge was driven like any other. {around}"
     elif not isfinite(made.around.cost):
         yield from _without_way_around(made)
     else:
         yield from _with_way_around(made)
     if not made.follows_rule:
         yield (
-            "Planning again by the rule of today gives another way: the run used other thresholds, another filter or "
-            "knew more."
+            "The present rule gives another plan: the run used other thresholds or another filter, or had more "
+            "information."
         )
 
 
 def _without_way_around(made: PresenceDecision) -> Iterator[str]:
-    yield "There was no way around."
+    yield "There was no path around it."
     if not made.tries:
-        yield "Nothing had been in the way in this query yet, so it went to see."
+        yield "No obstacle had been met in this query yet, so the robot drove there to look."
     elif made.p >= HOPELESS_BELOW:
-        yield f"Something had been in the way in this query already; with p at least {HOPELESS_BELOW} it tried again."
+        yield (
+            f"An obstacle had been met in this query already; as p is at least {HOPELESS_BELOW}, the robot tried again."
+        )
     else:
-        yield f"Something had been in the way in this query already, and p is below {HOPELESS_BELOW}: no try."
+        yield (
+            f"An obstacle had been met in this query already, and p is below {HOPELESS_BELOW}, so the robot did not "
+            "try."
+        )
 
 
 def _with_way_around(made: PresenceDecision) -> Iterator[str]:
-    yield f"Around it, it cost {made.around.cost:.2f}."
+    yield f"The path around it cost {made.around.cost:.2f}."
     yield (
-        f"If it turned out closed: {made.to_edge_cost:.2f} to the edge and {made.back_cost:.2f} from there around. So "
-        f"a try was expected to cost {made.p:.2f} x {made.through.cost:.2f} + {1 - made.p:.2f} x "
+        f"If the edge turned out closed, the cost was {made.to_edge_cost:.2f} to the edge and {made.back_cost:.2f} "
+        f"from there around. So a try was expected to cost {made.p:.2f} x {made.through.cost:.2f} + {1 - made.p:.2f} x "
         f"{made.to_edge_cost + made.back_cost:.2f} = {made.expected_cost:.2f}."
     )
     if made.tries:
-        yield "Something had been in the way in this query already: then it goes around without another try."
+        yield "An obstacle had been met in this query already, so the robot goes around without another try."
     elif made.expected_saving > 0:
-        yield f"That is {made.expected_saving:.2f} less than going around, so going to look was worth it."
+        yield f"That is {made.expected_saving:.2f} less than going around, so a try was worth it."
     else:
-        yield f"That is {-made.expected_saving:.2f} more than going around, so it went around."
+        yield f"That is {-made.expected_saving:.2f} more than going around, so the robot went around."

@@ -49,7 +49,7 @@ class Setback(NamedTuple):
     edge: EdgeKey | None
     """The edge that was driven then."""
     node: NodeId | None
-    """Where the robot last thought it was."""
+    """Last node at which the robot was localised."""
 
 
 class _SetbackTracker:
@@ -58,7 +58,7 @@ class _SetbackTracker:
     def __init__(self) -> None:
         self.collisions: list[Setback] = []
         self.setback: Setback | None = None
-        """The first one that was not recovered from, as yet."""
+        """The first setback without a recovery up to now."""
         self._cheapest = inf
         self._cheapest_before = inf
         self._node: NodeId | None = None
@@ -116,7 +116,7 @@ def _is_setback(event: Event, severity: Severity) -> bool:
 
 
 class FailureMode(StrEnum):
-    """What a query failed of, as far as the robot itself can tell."""
+    """Cause of a failed query, as far as the robot can know it."""
 
     WRONG_ARRIVAL = "wrong arrival"
     """It said that it had arrived, the evaluation says no."""
@@ -126,7 +126,7 @@ class FailureMode(StrEnum):
     COLLISION = "collision"
     """It touched things."""
     BLOCKED = "way blocked"
-    """It saw things in its way and did not get past."""
+    """It saw obstacles and did not get past them."""
     FAILED_EDGE = "failed edge"
     """It drove edges that did not lead to their target."""
     TOO_SLOW = "too slow"
@@ -140,7 +140,7 @@ _WASTING_MODES = (
     FailureMode.LOST,
     FailureMode.NO_PATH,
 )
-"""What a robot may spend its steps on in vain."""
+"""Activities on which a robot can waste its steps."""
 
 _OBSTRUCTED_MODES = {AttemptEnd.COLLISION: FailureMode.COLLISION, AttemptEnd.BLOCKED: FailureMode.BLOCKED}
 
@@ -156,13 +156,13 @@ class FailedQuery:
     event: int
     """Index of the event with which it went wrong, in the timeline's events."""
     text: str
-    """What happened then."""
+    """The event."""
     edge: EdgeKey | None
     """The edge that was driven then."""
     node: NodeId | None
-    """Where the robot last thought it was; None if it never knew."""
+    """Last node at which the robot was localised; None if there is none."""
     pose: PoseRow | None
-    """Of that node, by odometry."""
+    """Pose of that node by odometry."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,7 +172,7 @@ class FailureCluster:
     nodes: tuple[NodeId, ...]
     """Empty if the robot never knew where it was."""
     pose: PoseRow | None
-    """Of the first failure's node."""
+    """Pose of the node of the first failure."""
     failures: tuple[FailedQuery, ...]
 
 
@@ -182,7 +182,7 @@ def failed_queries(timeline: Timeline) -> tuple[FailedQuery, ...]:
 
 
 def group_by_failure_mode(failures: Iterable[FailedQuery]) -> Mapping[FailureMode, tuple[FailedQuery, ...]]:
-    """Group failures by what they failed of, the most frequent mode first."""
+    """Group failures by mode, the most frequent mode first."""
     groups: dict[FailureMode, list[FailedQuery]] = {}
     for failure in failures:
         groups.setdefault(failure.failure_mode, []).append(failure)

@@ -28,7 +28,7 @@ class SuccessDip(NamedTuple):
     low: int
     """The row where it was lowest."""
     fall: float
-    """How far it fell, as a share of the queries."""
+    """Decrease of the success rate, as a share of the queries."""
     before: Instant
     """The end of the query at the peak; with `after`, the range over which to compare the map."""
     after: Instant
@@ -46,7 +46,7 @@ class LifelongSuccess:
     success: NDArray[np.float64]
     """Share of successes over the window that ends here; fewer queries in the first rows."""
     nodes: NDArray[np.int64]
-    """In the map when the query had ended."""
+    """Number of nodes in the map after each query."""
     edges: NDArray[np.int64]
     pruned: NDArray[np.int64]
     """Edges that left since the row before, one by one or with a node."""
@@ -79,7 +79,7 @@ def lifelong_success(timeline: Timeline, window: int = 10, *, threshold: float =
     window below one query.
     """
     if window < 1:
-        raise OptionError(f"A window of {window} queries holds nothing; choose at least 1.")
+        raise OptionError(f"A window has at least 1 query, got {window}.")
     queries = [query for query in timeline.queries if query.succeeded is not None]
     succeeded = np.array([bool(query.succeeded) for query in queries], bool)
     ends = tuple(query.end for query in queries if query.end is not None)

@@ -93,7 +93,7 @@ class LocalisationMargins:
     distances: NDArray[np.float64]
     """(M,): d of the best node."""
     nodes: tuple[NodeId | None, ...]
-    """M nodes; None where the robot was lost."""
+    """M nodes; None if the robot was lost."""
 
 
 def localisation_margins(events: Iterable[StampedEvent]) -> LocalisationMargins:
@@ -130,7 +130,7 @@ class PerceptualAlias:
     contradicted_by_odometry: bool
     """Odometry rules the claimed waypoint out, its drift allowed for."""
     path_length: float
-    """Length of the shortest way through the map, the better direction; infinite without one. Leaves out edges whose
+    """Length of the shortest path through the map, the better direction; infinite without one. Leaves out edges whose
     ends odometry puts apart, so that a false edge does not vouch for itself.
     """
     has_edge: bool
@@ -138,11 +138,11 @@ class PerceptualAlias:
 
     @property
     def sentence(self) -> str:
-        """What is odd about the pair, in one line."""
+        """The contradiction in one line."""
         claim = f"{self.first} and {self.second} look {self.distance:.2f} apart (r {self.reachability:.2f})"
         rest = "rest of the " if self.has_edge else ""
         way = (
-            f"{self.path_length:.1f} through the {rest}map" if math.isfinite(self.path_length) else "no way in the map"
+            f"{self.path_length:.1f} through the {rest}map" if math.isfinite(self.path_length) else "no path in the map"
         )
         edge = ", and an edge joins them" if self.has_edge else ""
         return f"{claim}, yet they are {self.odometry_m:.1f} m apart by odometry, {way}{edge}."
@@ -248,7 +248,7 @@ def _contradicted_aliases(
 ) -> tuple[PerceptualAlias, ...]:
     """Return the pairs that odometry contradicts or the map puts far apart, with their way through the map.
 
-    An edge is no witness for itself: where odometry puts its ends apart, the way is measured without it.
+    An edge is not evidence for itself: where odometry puts its ends apart, the way is measured without it.
     """
     doubted = {_ends(pair) for pair in pairs if pair.has_edge and pair.odometry_m > far / 2}
     odd = [pair for pair in pairs if pair.contradicted_by_odometry or not pair.has_edge or _ends(pair) in doubted]
@@ -269,7 +269,7 @@ def _ends(pair: PerceptualAlias) -> EdgeKey:
 
 
 def _lengths(graph: TopologicalGraph, sources: set[NodeId], doubted: set[EdgeKey]) -> dict[NodeId, dict[NodeId, float]]:
-    """Return the length by mu of the shortest ways from each source that lead through no doubted edge."""
+    """Return the length by mu of the shortest paths from each source that lead through no doubted edge."""
     mirror: rustworkx.PyDiGraph[NodeId, float] = rustworkx.PyDiGraph(multigraph=False)
     index = dict(zip(graph.nodes, mirror.add_nodes_from(list(graph.nodes)), strict=True))
     mirror.add_edges_from(

@@ -50,7 +50,7 @@ def add_edge(
 
 
 def remove_edge(graph: TopologicalGraph, source: NodeId, target: NodeId) -> d.EdgePruned:
-    """Return the delta that takes an edge out, even a protected one. Raises MapError where there is none."""
+    """Return the delta that takes an edge out, even a protected one. Raises MapError if there is none."""
     _edge(graph, (source, target))
     return d.EdgePruned(source, target, d.Cause.HAND)
 
@@ -58,7 +58,7 @@ def remove_edge(graph: TopologicalGraph, source: NodeId, target: NodeId) -> d.Ed
 def protect_edge(graph: TopologicalGraph, source: NodeId, target: NodeId, *, protected: bool = True) -> d.EdgeProtected:
     """Return the delta that keeps maintenance from pruning an edge, or allows it again.
 
-    Raises MapError where there is no such edge.
+    Raises MapError if there is no such edge.
     """
     _edge(graph, (source, target))
     return d.EdgeProtected(source, target, protected=protected, cause=d.Cause.HAND)
@@ -66,7 +66,7 @@ def protect_edge(graph: TopologicalGraph, source: NodeId, target: NodeId, *, pro
 
 def delete_node(graph: TopologicalGraph, node: NodeId) -> d.NodeDropped:
     """Return the delta that takes a node out with its edges. Its image does not join the reserve, which would bring it
-    back. Raises MapError where there is no such node.
+    back. Raises MapError if there is no such node.
     """
     _require_nodes(graph, node)
     return d.NodeDropped(node, d.Cause.HAND)

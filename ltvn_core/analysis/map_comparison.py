@@ -130,9 +130,9 @@ class EdgeDifference:
     """An edge that is not the same in both maps."""
 
     a: Edge | None
-    """As the first map has it; None if it has not."""
+    """The edge in the first map; None if it is missing there."""
     b: Edge | None
-    """As the second map has it; None if it has not."""
+    """The edge in the second map; None if it is missing there."""
     betweenness: float
     """Share of cheapest paths that run over it, in the map where that is more."""
 
@@ -150,7 +150,7 @@ class EdgeDifference:
 
 @dataclass(frozen=True, slots=True)
 class MapDifference:
-    """What two maps have in common and what not."""
+    """Common and different nodes and edges of two maps."""
 
     matched_by: MatchedBy
     nodes: Mapping[NodeId, NodeId]
@@ -180,7 +180,7 @@ class MapMetrics:
     queries: int
     """Queries that ended."""
     arrived: int
-    """By the robot's own judgement."""
+    """Number of arrivals by the robot's own judgement."""
     reached: int | None
     """Success by the paper's criterion; None if unknown."""
     collisions: int

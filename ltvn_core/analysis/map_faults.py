@@ -1,6 +1,6 @@
-"""What in a map may have made a query fail: edges that odometry contradicts, and the gap between two parts of it.
+"""Faults of a map that may have made a query fail: edges that odometry contradicts, and the gap between two parts.
 
-Works without the truth and without images: odometry is the only witness. It drifts, so what is found here is where to
+Uses neither ground truth nor images, only odometry. It drifts, so what is found here is where to
 look first, and no verdict.
 """
 
@@ -34,9 +34,9 @@ class ContradictedEdge:
     length_m: float
     """Straight distance of its ends as the edge has it."""
     odometry_m: float
-    """The same by odometry."""
+    """Distance of the edge's ends by odometry, in metres."""
     gap_m: float
-    """How far apart edge and odometry put the edge's target."""
+    """Distance between the edge's target by the waypoint and by odometry, in metres."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,23 +44,23 @@ class NearPair:
     """Two nodes near each other on both sides of a gap."""
 
     edge: EdgeKey
-    """From the start's side to the goal's."""
+    """Edge from the start's side of the gap to the goal's side."""
     distance: float
     """d of Eq. 2 by odometry."""
 
 
 @dataclass(frozen=True, slots=True)
 class MapGap:
-    """Two parts of a map without a way from one into the other."""
+    """Two parts of a map without a path from one into the other."""
 
     start: NodeId
     goal: NodeId
     reached: int
     """Nodes that ways from the start lead to, itself among them."""
     leading: int
-    """Nodes with a way to the goal, itself among them."""
+    """Nodes with a path to the goal, itself among them."""
     nearest: tuple[NearPair, ...]
-    """Where the gap is narrowest, the nearest pair first; empty where odometry stands still."""
+    """Nearest pairs of nodes across the gap, the nearest first; empty if odometry does not move."""
 
 
 def contradicted_edges(graph: TopologicalGraph) -> tuple[ContradictedEdge, ...]:
@@ -89,7 +89,7 @@ def contradicted_edges(graph: TopologicalGraph) -> tuple[ContradictedEdge, ...]:
 
 
 def map_gap(graph: TopologicalGraph, start: NodeId, goal: NodeId, *, most: int = 5) -> MapGap | None:
-    """Return what lies between two nodes without a way, None where there is one or a node is gone.
+    """Return what lies between two nodes without a path, None if there is one or a node is gone.
 
     Linear in the edges, and a search in the plane around each node that can be reached.
     """

@@ -197,7 +197,7 @@ class GraphHistory:
 
 
 class MapHistory:
-    """The changes of the maps of one run, which may go on."""
+    """The changes of the maps of one run, which may still grow."""
 
     def __init__(self) -> None:
         """Begin with an empty map and no change."""
@@ -205,7 +205,7 @@ class MapHistory:
         self.epochs: list[int] = []
         """Where in `changes` each map begins."""
         self.begun_by: dict[int, int] = {}
-        """The number of the map, from 0, that a whole map's first event brought in, by the number of that event."""
+        """The number of the map, from 0, that begins at each event that adds a whole map."""
         self.drawing = GraphHistory()
         """The same maps as arrays."""
         self._by_edge: dict[EdgeKey, list[MapChange]] = {}
@@ -216,7 +216,7 @@ class MapHistory:
         self._kept: dict[int, MapReplay] = {}
 
     def copy(self) -> "MapHistory":
-        """Return one that stays as it is when this one goes on; it must not be appended to."""
+        """Return a copy that does not change when this one grows; it must not be appended to."""
         self._file()
         twin = copy(self)
         twin.changes = list(self.changes)
@@ -226,7 +226,7 @@ class MapHistory:
     def append(self, event: int, instant: Instant, changed: GraphChanged, pose: Pose | None) -> None:
         """Add the change of event number `event`.
 
-        A node that comes in is drawn at `pose` (3,), or where odometry put it. Constant time, but for a node that
+        A new node is drawn at `pose` (3,), or where odometry put it. Constant time, but for a node that
         leaves with many edges.
         """
         fresh = self._epochs.take(changed.delta)

@@ -44,7 +44,7 @@ class MapEpochs:
     def __init__(self) -> None:
         """Begin before the first map."""
         self.current = 0
-        """Which map the last change belongs to, from 0."""
+        """Index of the map of the last change."""
         self.version = 0
         """Number of changes in the current map so far."""
         self._last: GraphDelta | None = None

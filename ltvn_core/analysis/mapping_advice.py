@@ -1,7 +1,7 @@
 """The collect coach: what the map still lacks while somebody drives, and where to drive next.
 
 Owns finding loops that were driven but not closed and places seen from one side only, from a graph and from odometry,
-and the order in which these gaps are worth mending.
+and the order in which to close these gaps.
 """
 
 import itertools
@@ -35,7 +35,7 @@ _JUMP_M = 1.5
 """Two poses in a row that are farther apart were not driven from one to the other."""
 _CELL_M = 1.0
 HEADING_SECTORS = 8
-"""Of 45 degrees, centred on the axes and the diagonals."""
+"""Number of sectors of 45 degrees, centred on the axes and the diagonals."""
 _OPPOSITE = 3
 """Sectors apart, at least, that count as another side."""
 _MIN_IMAGES = 3
@@ -86,7 +86,7 @@ class MappingAdvice:
     hint: Finding
     """Where to drive next, and why."""
     target: PoseRow | None
-    """A pose in the odometry frame to drive to; None where any direction is as good."""
+    """A pose in the odometry frame to drive to; None if any direction is as good."""
 
 
 _Hint: TypeAlias = tuple[Finding, PoseRow | None]
@@ -222,7 +222,7 @@ def _hint(
     places: Sequence[OneSidedPlace],
     novelty: float | None,
 ) -> _Hint:
-    """Choose what to mend: first what makes goals unreachable, last what makes the map richer."""
+    """Choose the gap to close: first what makes goals unreachable, last what makes the map richer."""
     if not len(poses):
         return _told("Drive a little, so that there is something to see."), None
     here = poses[-1]
@@ -244,7 +244,7 @@ def _join(graph: TopologicalGraph, here: Pose, components: Sequence[Sequence[Nod
     gap, node = sorted(nearest)[1]
     target = graph.nodes[node].odometry
     way = "Drive from there back to where you are" if gap < _HERE_M else f"Drive to node {node}, {_way(here, target)}"
-    remedy = f"{way}, and look ahead on the way, so that they join."
+    remedy = f"{way}, with the camera facing forward, so that the pieces join."
     return _told(f"The map is in {len(worth)} pieces.", remedy), target
 
 
@@ -269,11 +269,11 @@ def _turn_round(here: Pose, sides: Sequence[OneSidedPlace]) -> _Hint | None:
 
 
 def _go_on(here: Pose, novelty: float | None) -> _Hint | None:
-    """Let the robot go on where everything is new."""
+    """Advise to continue where everything is new."""
     if novelty is None or 1 - novelty > _KNOWN:
         return None
     target = here + np.array([_AHEAD_M * np.cos(here[2]), _AHEAD_M * np.sin(here[2]), 0.0])
-    remedy = "Go on slowly, so that the next pictures join it to the map."
+    remedy = "Continue slowly, so that the next images join it to the map."
     return _told("This view is new.", remedy), pose_row(target)
 
 
@@ -282,7 +282,7 @@ def _elsewhere(here: Pose, poses: Pose) -> _Hint:
     middle = poses[:, :2].mean(axis=0)
     rim = poses[int(np.argmax(np.hypot(*(poses[:, :2] - middle).T)))]
     target = PoseRow(float(rim[0]), float(rim[1]), float(np.arctan2(*(rim[:2] - middle)[::-1])))
-    return _told("All is well here.", f"Go beyond the rim of what you have seen, {_way(here, target)}."), target
+    return _told("All is well here.", f"Drive beyond what you have seen, {_way(here, target)}."), target
 
 
 def _apart(graph: TopologicalGraph, here: Pose, node: NodeId) -> float:

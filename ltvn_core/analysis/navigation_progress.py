@@ -1,4 +1,4 @@
-"""How far a navigation task has come after some events: its goal, plan and attempt, and counts over the run.
+"""Progress of a navigation task after some events: its goal, plan and attempt, and counts over the run.
 
 `apply_event` is a pure function, so that the same code tells it live, in a replay, and at any moment between. Owns no
 map.
@@ -21,7 +21,7 @@ class NavigationProgress(NamedTuple):
 
     navigator: e.NavigatorState = e.NavigatorState.IDLE
     query: int | None = None
-    """The task under way; None when none is."""
+    """The task in progress; None when none is."""
     goal: NodeId | None = None
     plan: tuple[NodeId, ...] = ()
     attempt: e.AttemptStarted | None = None
@@ -35,7 +35,7 @@ class NavigationProgress(NamedTuple):
     note: e.Note | None = None
     """The latest thing to read."""
     failures: Mapping[EdgeKey, int] = MappingProxyType({})
-    """How often each edge failed in the latest task."""
+    """Number of failures of each edge in the latest task."""
     queries: int = 0
     reached: int = 0
     """Tasks that ended with the robot judging itself at the goal."""
@@ -49,9 +49,9 @@ class NavigationProgress(NamedTuple):
     seen_blocked: int = 0
     """Number of observations of blocked edges, including those that came with the map."""
     obstructions: int = 0
-    """How often in the latest task something was seen to block edges."""
+    """Number of obstructions in the latest task."""
     obstructed_s: float | None = None
-    """When that was last, on the clock of the world."""
+    """Time of the latest obstruction on the clock of the world, in seconds."""
     world: WorldState = AS_MADE
     """In simulation, what the world is like."""
 

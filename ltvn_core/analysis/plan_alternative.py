@@ -19,22 +19,22 @@ from ltvn_core.types import NodeId
 
 
 class ExplanationKind(StrEnum):
-    """What a sentence is about."""
+    """Subject of a sentence."""
 
     BORN = "born"
     """An edge or node came in."""
     ATTEMPT = "attempt"
     """An edge was driven."""
     BELIEF = "belief"
-    """What all evidence together came to."""
+    """The result of all evidence."""
     GONE = "gone"
     """An edge or node left."""
     PLAN = "plan"
-    """A plan led that way."""
+    """A plan that contains the edge."""
     PENALTY = "penalty"
     """An edge cost more in one query."""
     ALTERNATIVE = "alternative"
-    """What another way would have cost."""
+    """The cost of another path."""
     NEVER = "never"
     """Something never happened."""
 
@@ -45,7 +45,7 @@ class ExplanationStep:
 
     text: str
     instant: Instant | None
-    """Where to jump to; None where there is no one moment."""
+    """The instant that a click shows; None if no single instant fits."""
     kind: ExplanationKind
     ids: tuple[NodeId, ...]
     """The nodes it speaks of, to be shown; source and target of an edge."""
@@ -55,14 +55,14 @@ CAUSE_TEXTS = {
     Cause.BUILD: "when the map was built",
     Cause.ONLINE: "while somebody drove",
     Cause.ATTEMPT: "after it was driven",
-    Cause.NOVEL: "because the robot was lost and nobody recognised what it saw",
+    Cause.NOVEL: "because the robot was lost and saw no known place",
     Cause.EXPAND: "because there was no path without it",
-    Cause.GOAL: "to tie in a goal",
-    Cause.LOAD: "with a map out of a file",
+    Cause.GOAL: "to connect a goal",
+    Cause.LOAD: "with a map from a file",
     Cause.SIGHT: "because of what was seen",
     Cause.HAND: "by hand",
 }
-"""How each cause is said."""
+"""The text for each cause."""
 
 
 def belief_text(belief: Belief) -> str:
@@ -81,13 +81,13 @@ class PlanAlternative:
 
     edge: EdgeKey
     plan: PlanRecord
-    """As recorded."""
+    """The recorded plan."""
     belief: Belief
-    """Of the edge, then."""
+    """Belief of the edge at that time."""
     edge_cost: float
-    """Without the penalty."""
+    """Cost of the edge without the penalty."""
     penalty: float
-    """What the edge cost more in this query, because it had failed in it."""
+    """Extra cost of the edge in this query, because an attempt had failed."""
     replanned: GraphPath
     """The best path as planned again now; the recorded one, if the same thresholds were in use."""
     without_edge: GraphPath
@@ -141,7 +141,7 @@ def plan_alternative(
 
 
 def failure_penalties_at(timeline: Timeline, event: int, planning: PlanningConfig) -> dict[EdgeKey, float]:
-    """Return what edges cost more just before event number `event`, for having failed in the query under way."""
+    """Return what edges cost more just before event number `event`, for having failed in the query in progress."""
     progress = timeline.progress_before(event)
     if progress.query is None or not planning.failure_penalty:
         return {}
@@ -167,13 +167,13 @@ def explain_planned_edge(
         return (ExplanationStep(text, at, ExplanationKind.NEVER, (source, target)),)
     reasons = [_planned(made), _edge_cost_step(made)]
     if made.penalty:
-        text = f"{made.penalty:.2f} of its cost is for having failed in this query, and it was still the best."
+        text = f"{made.penalty:.2f} of its cost is for having failed in this query, and the plan was still the best."
         reasons.append(ExplanationStep(text, made.plan.instant, ExplanationKind.PENALTY, made.edge))
     if not made.matches_recording:
         text = (
             f"Planning again costs {made.replanned.cost:.2f}, not {made.plan.planned.cost:.2f} as recorded: the run "
             "used "
-            "other thresholds or another system, so the costs here only compare among themselves."
+            "other thresholds or another system, so compare these costs only with each other."
         )
         reasons.append(ExplanationStep(text, made.plan.instant, ExplanationKind.PLAN, made.edge))
     return (*reasons, _alternative(made))

@@ -41,7 +41,7 @@ class MapSize:
 
 @dataclass(frozen=True, slots=True)
 class PruneCounts:
-    """What pruning everything below a threshold at once would do."""
+    """The effect of pruning all edges below a threshold at once."""
 
     pruned_edges: tuple[EdgeKey, ...]
     before: MapSize
@@ -57,7 +57,7 @@ class PruneCounts:
 
 @dataclass(frozen=True, slots=True)
 class RebuildCounts:
-    """What the same images make with two methods."""
+    """Maps from the same images with two methods."""
 
     before: MapSize
     after: MapSize

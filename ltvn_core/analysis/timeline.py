@@ -1,6 +1,6 @@
 """One run: its images and events in order, and what follows from them at any moment.
 
-Owns order, time and look-up. It grows while a run goes on and is filled at once from a recording; the page and the
+Owns order, time and look-up. It grows during a run and is filled at once from a recording; the page and the
 analysis read the same one. What the rows hold is `analysis.timeline_records`, how they are put together
 `analysis.timeline_rows`, the maps are `analysis.map_history`. Holds no images.
 """
@@ -79,7 +79,7 @@ class Timeline:
             self._append(stamped)
 
     def copy(self) -> "Timeline":
-        """Return one that stays as it is when this one goes on, to be read in another thread; linear in the rows."""
+        """Return a copy that does not change when this one grows, to be read in another thread; linear in the rows."""
         twin = copy(self)
         twin._events = list(self._events)
         twin._stamps = list(self._stamps)
@@ -96,12 +96,12 @@ class Timeline:
 
     @property
     def queries(self) -> tuple[QueryRecord, ...]:
-        """All queries, the one under way too."""
+        """All queries, the one in progress too."""
         return self._closed.queries
 
     @property
     def attempts(self) -> tuple[AttemptRecord, ...]:
-        """All attempts, those outside a query and the one under way too."""
+        """All attempts, those outside a query and the one in progress too."""
         return self._closed.attempts
 
     @property
@@ -126,8 +126,8 @@ class Timeline:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What is wrong with the events, for a person to read; empty if all is well."""
-        late = f"{self._late} events come after a later one; all are put in order by their steps."
+        """Defects of the events, as sentences; empty if there are none."""
+        late = f"{self._late} events were recorded after a later one; all were sorted by their steps."
         return (*([late] if self._late else []), *self._closed.notes)
 
     @property

@@ -25,7 +25,7 @@ class Instant(NamedTuple):
 
 
 class MarkKind(StrEnum):
-    """What a mark on a timeline stands for."""
+    """Kind of a mark on the timeline."""
 
     MAP = "map"
     """A whole map came in: built, or out of a file."""
@@ -69,9 +69,9 @@ class MapChange(NamedTuple):
     """Index in the timeline's events."""
     instant: Instant
     epoch: int
-    """Which map of the recording, counted from 0."""
+    """Index of the map in the recording."""
     version: int
-    """How many changes this map has seen with this one, as in `TopologicalGraph.version`."""
+    """Number of changes of this map including this one, as in `TopologicalGraph.version`."""
     delta: GraphDelta
     query: int | None
     attempt: int | None
@@ -105,7 +105,7 @@ class AttemptRecord:
     plan: PlanRecord | None
     """The plan that was followed."""
     end: Instant | None
-    """None where the recording is cut before."""
+    """None if the recording is cut before."""
     ended: AttemptEnded | None
     collisions: int
 
@@ -145,14 +145,14 @@ class QueryRecord:
     id: int
     goal: NodeId
     epoch: int
-    """Which map of the recording it ran in."""
+    """Index of the map in which the query ran."""
     first: int
     """Index of its first event in the timeline's events."""
     last: int
     """Index of its last event; the verdict comes right after."""
     begin: Instant
     end: Instant | None
-    """None where it was cut: by the end of the recording, or by another query."""
+    """None if it was cut: by the end of the recording, or by another query."""
     ended: QueryEnded | None
     judged: Judged | None
     """The evaluation's verdict; None outside simulation."""

@@ -43,11 +43,11 @@ _STOPS = frozenset(MarkKind) - {
     MarkKind.DOOR_CLOSED,
     MarkKind.WORLD,
 }
-"""The others come by the dozen, or are no doing of the robot: they are shown, and passed over."""
+"""The others are too many, or are not actions of the robot: they are shown, but stepping skips them."""
 
 
 class EventMark(NamedTuple):
-    """What an event's mark stands for."""
+    """Kind and subject of the mark of an event."""
 
     kind: MarkKind
     about: tuple[int, ...] = ()
@@ -131,7 +131,7 @@ def _mark_of_change(delta: d.GraphDelta) -> EventMark | None:
 
 @dataclass(slots=True)
 class _OpenQuery:
-    """A query under way."""
+    """A query in progress."""
 
     started: QueryStarted
     epoch: int
@@ -165,9 +165,9 @@ class TimelineRows:
         self.attempts: list[AttemptRecord] = []
         self.plans: list[PlanRecord] = []
         self.marks: dict[MarkKind | None, list[Mark]] = {None: []}
-        """By kind, and all of them under None."""
+        """Marks by kind, and all of them under None."""
         self.notes: list[str] = []
-        """What is wrong with the events, in words."""
+        """Defects of the events, as sentences."""
         self.attempts_by_edge: dict[EdgeKey, tuple[AttemptRecord, ...]] = {}
         self._epoch = 0
         self._query: _OpenQuery | None = None
@@ -175,17 +175,17 @@ class TimelineRows:
         self._planned_nodes: tuple[NodeId, ...] | None = None
 
     def copy(self) -> "TimelineRows":
-        """Return one that stays as it is when this one goes on; linear in the rows."""
+        """Return a copy that does not change when this one grows; linear in the rows."""
         twin = self._copy_unclosed()
         twin.plans = list(self.plans)
         twin.marks = {kind: list(marks) for kind, marks in self.marks.items()}
         return twin
 
     def closed(self, count: int) -> ClosedRows:
-        """Return the rows after `count` events, those too of a query and an attempt under way; linear in them."""
+        """Return the rows after `count` events, those too of a query and an attempt in progress; linear in them."""
         twin = self._copy_unclosed()
         if twin._query is not None:
-            twin.notes.append(f"Query {twin._query.started.query} is cut: the events end before it does.")
+            twin.notes.append(f"Query {twin._query.started.query} is cut off: its events end before it does.")
         twin._close_query(count - 1)
         return ClosedRows(
             queries=tuple(twin.queries),
@@ -226,7 +226,7 @@ class TimelineRows:
     def begin_map(self, index: int, instant: Instant, cause: Cause, epoch: int) -> None:
         """Let map number `epoch` begin with event number `index`."""
         self._epoch = epoch
-        text = f"map {epoch + 1} comes in ({cause.value})"
+        text = f"map {epoch + 1} is loaded ({cause.value})"
         self._add_mark(Mark(kind=MarkKind.MAP, instant=instant, event=index, ids=(), text=text))
 
     def _add_mark(self, mark: Mark) -> None:

@@ -24,7 +24,7 @@ _THRESHOLD = re.compile(r"([A-Za-z_ ]+?)\s*=\s*(\S+)")
 
 
 class WhatIfThreshold(StrEnum):
-    """A number of the method, by the paper's name where it has one."""
+    """A number of the method, by the paper's name if it has one."""
 
     R_P = "R_p"
     """Edges that failed and are believed less than this are gone."""
@@ -129,7 +129,9 @@ def parse_what_if_change(text: str) -> WhatIfChange:
     found = _THRESHOLD.fullmatch(words)
     if found and (threshold := _THRESHOLDS.get(found[1].lower())) is not None:
         return WithThreshold(threshold, parse_number(found[2], text, "nothing to imagine"))
-    raise OptionError(f"{text[:60]!r} is nothing to imagine; write one of: {', '.join(WHAT_IF_EXAMPLES)}.")
+    raise OptionError(
+        f"{text[:60]!r} is not a change that can be imagined; write one of: {', '.join(WHAT_IF_EXAMPLES)}."
+    )
 
 
 def format_what_if_change(change: WhatIfChange) -> str:

@@ -1,4 +1,4 @@
-"""What the planner was asked at one moment, and what it would plan with imagined changes.
+"""The planner's problem at one moment, and its plan after imagined changes.
 
 Owns the question (where the robot was, where to, which edges had failed), what each change does to a copy of the map,
 and the comparison of both plans. Neither the map nor the recording is touched. Counting what other thresholds would do
@@ -59,7 +59,7 @@ class PlannerState:
     localised: Localised | None = None
     """The localisation that gave the source."""
     tries: int = 0
-    """How often something was in the way in this query."""
+    """Number of obstructions met in this query."""
 
 
 def planner_state_at(timeline: Timeline, instant: Instant | None = None) -> PlannerState:
@@ -85,11 +85,11 @@ def ltvn_edge_weight(method: Method) -> EdgeWeight:
 
 @dataclass(frozen=True, slots=True)
 class PresenceMoment:
-    """What a planner knows by that looks at what is open: the filter, and the time."""
+    """Presence filter and time, for a planner that uses presence."""
 
     presence_filter: PresenceFilter
     at_s: float
-    """On the clock of the world."""
+    """Time on the clock of the world, in seconds."""
 
     def probabilities(self, graph: TopologicalGraph) -> dict[EdgeKey, float]:
         """Return how probably the edges of a map are open then that were ever seen blocked."""
@@ -107,11 +107,11 @@ class WhatIfScenario:
     presence: PresenceMoment | None = None
     """p(open) of edges; None if every edge that exists counts as open."""
     notes: list[str] = field(default_factory=list)
-    """What a plan here cannot tell, for a person."""
+    """Limits of this plan, as sentences."""
 
     @property
     def weight(self) -> EdgeWeight:
-        """What an edge costs here."""
+        """The cost of an edge."""
         return self.edge_weight_of(self.method)
 
 
@@ -162,7 +162,7 @@ def _wait(scenario: WhatIfScenario, time: WorldTime) -> None:
     scenario.presence = replace(scenario.presence, at_s=at_s)
     # A later departure starts another query.
     scenario.planner_state = replace(scenario.planner_state, tries=0, failures={})
-    scenario.notes.append(f"It would be {clock_text(at_s)}, if nobody looked until then.")
+    scenario.notes.append(f"It would be {clock_text(at_s)}, without new observations until then.")
 
 
 def _weighs_belief(edge_weight_of: EdgeWeightFactory, method: Method) -> bool:
@@ -205,13 +205,15 @@ def _cut(graph: TopologicalGraph, keys: Sequence[EdgeKey]) -> None:
 
 def _set_threshold(scenario: WhatIfScenario, threshold: WhatIfThreshold, value: float) -> None:
     if not 0 <= value < float("inf"):
-        raise OptionError(f"{threshold} cannot be {value}; it is a number from 0 upwards.")
+        raise OptionError(f"{threshold} cannot be {value}; it must be a number of at least 0.")
     planning = scenario.method.planning
     match threshold:
         case WhatIfThreshold.BELIEF_WEIGHT:
             scenario.method = replace(scenario.method, planning=replace(planning, belief_weight=value))
             if not _weighs_belief(scenario.edge_weight_of, scenario.method):
-                scenario.notes.append("The system that planned here weighs edges without it, so nothing changes.")
+                scenario.notes.append(
+                    "The system of this run does not use it for the cost of edges, so nothing changes."
+                )
         case WhatIfThreshold.FAILURE_PENALTY:
             scenario.method = replace(scenario.method, planning=replace(planning, failure_penalty=value))
         case WhatIfThreshold.R_P:
@@ -219,9 +221,11 @@ def _set_threshold(scenario: WhatIfScenario, threshold: WhatIfThreshold, value: 
         case WhatIfThreshold.D_C:
             _cut(scenario.graph, _longer(scenario.graph, value))
             if value > scenario.method.building.connect_distance:
-                scenario.notes.append("A greater D_c makes new edges, which only a rebuild can tell; try the dry run.")
+                scenario.notes.append("A greater D_c makes new edges, so its effect needs a rebuild; try the dry run.")
         case WhatIfThreshold.D_M:
-            scenario.notes.append("D_m decides about nodes, which only a rebuild can tell; try the dry run.")
+            scenario.notes.append(
+                "D_m decides which images become nodes, so its effect needs a rebuild; try the dry run."
+            )
         case WhatIfThreshold.D_L:
             _relocalise(scenario, value)
 
@@ -234,7 +238,9 @@ def _relocalise(scenario: WhatIfScenario, value: float) -> None:
         scenario.planner_state = replace(scenario.planner_state, source=None)
         scenario.notes.append(f"With D_l = {value:g} the robot is lost: node {look.node} is {look.distance:.2f} away.")
     elif look.node is None and look.distance < value:
-        scenario.notes.append("With this D_l the robot might not be lost; the recording does not tell at which node.")
+        scenario.notes.append(
+            "With this D_l the robot might not be lost; the recording does not say at which node it is."
+        )
 
 
 def prunable_edges(graph: TopologicalGraph, prune_below: float, config: BeliefConfig) -> list[EdgeKey]:
@@ -265,15 +271,15 @@ def _node(graph: TopologicalGraph, node: NodeId) -> NodeId:
 
 @dataclass(frozen=True, slots=True)
 class EdgeCostParts:
-    """What one edge of a path costs, part by part."""
+    """Cost of one edge of a path, part by part."""
 
     edge: EdgeKey
     mu: float
     """Believed length."""
     doubt: float
-    """What the weight of the edge adds: -weight * ln p in the paper's system."""
+    """Part of the cost from p: -weight * ln p in the paper's system."""
     penalty: float
-    """For failures earlier in the query."""
+    """Penalty for failures earlier in the query."""
     open_p: float = 1.0
     """How probably it is open then."""
 
@@ -293,7 +299,7 @@ class PlanDifference:
     added_edges: tuple[EdgeKey, ...]
     """Edges that only the new path has, in order."""
     notes: tuple[str, ...]
-    """What these plans cannot tell about the changes, for a person."""
+    """Limits of these plans, as sentences."""
     old_open: Mapping[EdgeKey, float] = field(default_factory=dict)
     """p(open) now of each edge that was ever seen blocked."""
     new_open: Mapping[EdgeKey, float] = field(default_factory=dict)
@@ -309,7 +315,7 @@ class PlanDifference:
         if not self.new.nodes:
             return "Still no way."
         same = math.isclose(self.old.cost, self.new.cost)
-        return f"The same way, {new}." if same else f"The same way, {new} instead of {self.old.cost:.2f}."
+        return f"The same path, {new}." if same else f"The same path, {new} instead of {self.old.cost:.2f}."
 
 
 def replan(
@@ -363,7 +369,7 @@ def _plan(scenario: WhatIfScenario, open_edges: Mapping[EdgeKey, float]) -> Grap
     goal = scenario.planner_state.goal
     if source is None or goal is None:
         missing = "where the robot is" if source is None else "where it should go"
-        scenario.notes.append(f"There is no plan because nobody knows {missing}; set it as a change.")
+        scenario.notes.append(f"There is no plan because the recording does not say {missing}; set it as a change.")
         return NO_PATH
     planning = scenario.method.planning
     asked = scenario.planner_state

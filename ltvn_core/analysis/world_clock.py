@@ -25,7 +25,7 @@ _TIME_OF_DAY = re.compile(r"(?:at\s+)?(?:day\s+(\d+),?\s+)?(\d{1,2}):(\d{2})", r
 _WAIT = re.compile(r"in\s+(\d+(?:\.\d+)?)\s*(s|min|h|d)", re.IGNORECASE)
 _AGO = re.compile(r"(\d+(?:\.\d+)?)\s*(s|min|h|d)\s+ago", re.IGNORECASE)
 TIME_EXAMPLES = ("at 18:00", "at day 2 18:00", "in 30 min", "in 1 h")
-"""One of each form of a time to come, for help texts."""
+"""One example of each form of a future time, for help texts."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,7 +140,9 @@ def time_ahead(time: WorldTime, now_s: float) -> float:
 
 
 def time_behind(time: WorldTime, now_s: float) -> float:
-    """Return when a named time was last, seconds on the clock of the world. Raises OptionError if it is to come."""
+    """Return when a named time was last, seconds on the clock of the world. Raises OptionError if it is in the
+    future.
+    """
     at_s = _resolved(time, now_s)
     if isinstance(time, TimeOfDay) and time.day is None and at_s > now_s:
         at_s -= DAY_S

@@ -59,7 +59,7 @@ def _plumb_bob(points: Points, coefficients: tuple[float, ...]) -> Points:
 
 
 def undistort(points: Points, coefficients: tuple[float, ...]) -> Points:
-    """Return the ideal points (..., 2) of distorted points for an ordinary lens; NaN where there is none."""
+    """Return the ideal points (..., 2) of distorted points for an ordinary lens; NaN if there is none."""
     if not coefficients:
         return points
     known = np.array(coefficients)
@@ -151,7 +151,7 @@ class CameraModel:
         if not 0 < horizontal_fov_rad < math.pi:
             raise CameraError(
                 f"A horizontal field of view must lie between 0 and 180 degrees, got "
-                f"{math.degrees(horizontal_fov_rad):g}; name a wider lens by its distortion with `fisheye`."
+                f"{math.degrees(horizontal_fov_rad):g}; for a wider lens, give its distortion and set `fisheye`."
             )
         focal_px = width / 2 / float(np.tan(horizontal_fov_rad / 2))
         return cls(

@@ -77,7 +77,7 @@ def decode_rvl(data: bytes, width: int, height: int, source: str) -> NDArray[np.
     """Return depth (height, width) in the units of the compressed data. Raises DriveError if it is damaged."""
     pixels = width * height
     if not 0 < pixels <= MAX_PIXELS or len(data) < 4:
-        raise DriveError(f"{source}: {len(data):,} bytes are no depth image of {width} x {height}.")
+        raise DriveError(f"{source}: {len(data):,} bytes are not a depth image of {width} x {height}.")
     numbers = _numbers(data, source)
     places, steps = _runs(numbers, pixels, source)
     change = (steps >> 1) ^ -(steps & 1)
@@ -154,7 +154,7 @@ def decode_depth(blob: bytes, metres_per_unit: float, source: str) -> Depth:
         return np.where(np.isfinite(metres) & (metres > 0), metres, 0).astype(np.float32)
     if units.ndim != 2 or units.dtype not in (np.uint16, np.float32):
         raise DriveError(
-            f"{source} is no depth image: expected one channel of 16 bits, got shape {units.shape} of {units.dtype}."
+            f"{source} is not a depth image: expected one channel of 16 bits, got shape {units.shape} of {units.dtype}."
         )
     if units.dtype == np.uint16:
         units = np.where(units == NO_RETURN, 0, units)
@@ -200,7 +200,7 @@ def _check_container(blob: bytes, source: str) -> tuple[int, int]:
         raise
     except Exception as error:  # Pillow's readers raise many kinds for damaged headers.
         kinds = ", ".join(_FORMATS)
-        raise DriveError(f"{source} is no image that can be read ({kinds}): {len(blob):,} bytes.") from error
+        raise DriveError(f"{source} is not an image of a supported format ({kinds}): {len(blob):,} bytes.") from error
     if width * height > MAX_PIXELS:
         raise _too_large(source)
     return width, height
@@ -219,4 +219,4 @@ def _damaged(blob: bytes, source: str) -> str:
 
 
 def _too_large(source: str) -> DriveError:
-    return DriveError(f"{source} unpacks to more than {MAX_PIXELS:,} pixels, and no picture so large is read.")
+    return DriveError(f"{source} unpacks to more than {MAX_PIXELS:,} pixels, which is larger than any supported image.")

@@ -46,7 +46,7 @@ def compress_original(
         camera = camera.scaled(width, height)
     done, jpeg = cv2.imencode(".jpg", rgb[..., ::-1], (cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY))
     if not done:
-        raise ImageError(f"A picture of shape {rgb.shape} and {rgb.dtype} could not be compressed.")
+        raise ImageError(f"An image of shape {rgb.shape} and {rgb.dtype} could not be compressed.")
     return OriginalImage(jpeg.tobytes(), camera)
 
 
@@ -56,5 +56,5 @@ def decompress_original(image: OriginalImage) -> NDArray[np.uint8]:
 
     rgb = cv2.imdecode(np.frombuffer(image.jpeg, np.uint8), cv2.IMREAD_COLOR_RGB)
     if rgb is None:
-        raise ImageError(f"An original picture of {len(image.jpeg)} bytes is damaged; run `ltvn verify`.")
+        raise ImageError(f"An original image of {len(image.jpeg)} bytes is damaged; run `ltvn verify`.")
     return np.asarray(rgb, np.uint8)

@@ -81,7 +81,7 @@ def estimates(samples: Sequence[SampleGroup], minus: Sequence[SampleGroup] | Non
 def _mean(samples: Sequence[SampleGroup]) -> NDArray[np.float64]:
     """Return the means (Q,)."""
     if not samples or any(len(sample.values) == 0 for sample in samples):
-        raise ValueError("A mean needs at least one trial, and at least one episode in each.")
+        raise ValueError("A mean needs at least one trial, and each trial at least one episode.")
     return np.mean([sample.values.mean(0) for sample in samples], axis=0)
 
 

@@ -40,13 +40,13 @@ CROSSED_M = 0.72
 
 
 class Checkpoints:
-    """Checkpoints along the way to a goal; their crossed share measures the progress of a failed episode.
+    """Checkpoints along the path to a goal; their crossed share measures the progress of a failed episode.
 
     The measure of VISTA (arXiv 2606.17294). Reads the ground truth; the robot does not use them.
     """
 
     def __init__(self, clearance: ClearanceMap, start: Pose, goal: Pose) -> None:
-        """Place checkpoints on the way through the middle of free space, the last at the goal; none without a way."""
+        """Place checkpoints on the path through the middle of free space, the last at the goal; none without a path."""
         way = clearance.path(start[:2], goal[:2])
         self._xy = np.empty((0, 2)) if way is None else _each_metre(way)
         self._crossed = np.zeros(len(self._xy), bool)
@@ -67,7 +67,7 @@ class Checkpoints:
 
 
 def _each_metre(way: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the checkpoints (N, 2) of a way (M, 2), without its start."""
+    """Return the checkpoints (N, 2) of a path (M, 2), without its start."""
     length_m = lengths_along(way)[-1]
     return points_along(way, np.append(np.arange(SPACING_M, length_m, SPACING_M), length_m))
 

@@ -93,7 +93,8 @@ class FailureClassifier:
         self._latest: FrameId = 0
         self.trigger: FailureCause | None = None
         """The first cause since the last correct localisation: a spurious edge may lead to a place where the robot is
-        then mislocalised."""
+        later mislocalised.
+        """
         self.localised = 0
         """Number of localisations that found a node."""
         self.mislocalised = 0

@@ -109,7 +109,7 @@ def spurious_edges(
             faults.append(_fault_of_edge(kind, nodes[row], nodes[other], waypoint, config.p_cap, config))
     if len(faults) < count:
         raise MapError(
-            f"This map has {len(faults)} distant pairs of nodes with a wall between them and a long way around, "
+            f"This map has {len(faults)} distant pairs of nodes with a wall between them and a long route around it, "
             f"but {count} are needed; choose another map or fewer edges."
         )
     return tuple(faults)
@@ -118,7 +118,7 @@ def spurious_edges(
 def _hidden_pairs(
     truth: GroundTruth, poses: Pose, pieces: NDArray[np.intp], detour_m: float
 ) -> Iterator[tuple[int, int, float]]:
-    """Yield rows of poses (N, 3) with a wall between them, and the length of the true way if that is long enough."""
+    """Yield rows of poses (N, 3) with a wall between them, and the length of the true path if that is long enough."""
     for row, pose in enumerate(poses):
         ahead = _is_ahead(relative(pose, poses))
         hidden = ahead & (truth.clearance.along(np.broadcast_to(pose[:2], (len(poses), 2)), poses[:, :2]) <= 0)
@@ -158,7 +158,7 @@ def perceptual_alias(
             best = (int(i[top]), int(j[top]), predicted.waypoints[top])
             surest = float(score[top])
     if best is None:
-        raise MapError("The network confuses no places of this map; choose another map or other weights.")
+        raise MapError("The network finds no perceptual aliases in this map; choose another map or other weights.")
     return _fault_of_edge(FaultKind.PERCEPTUAL_ALIAS, nodes[best[0]], nodes[best[1]], best[2], surest, config)
 
 

@@ -120,7 +120,7 @@ def _is_turn(clearance: ClearanceMap, sources: Pose, targets: Pose) -> NDArray[n
 def shortest_m(clearance: ClearanceMap, start: Pose, goal: Pose) -> float:
     """Return the length in metres of the shortest feasible path between poses (3,), for SPL; inf if there is none.
 
-    At most 3 % too long, because ways around corners follow the grid of the clearance map.
+    At most 3 % too long, because paths around corners follow the grid of the clearance map.
     """
     return float(clearance.path_lengths(start, goal[:2])[0])
 

@@ -79,7 +79,7 @@ class SceneFigures:
                     not_begun=int(file["not_begun"]),
                 )
         except (OSError, ValueError, KeyError, BadZipFile) as error:
-            raise OptionError(f"{path} holds no measurement of a scene: {error}") from error
+            raise OptionError(f"{path} is not the measurement of a scene: {error}") from error
 
 
 def scene_figures(

@@ -249,8 +249,8 @@ def chosen_perturbations(names: Sequence[str]) -> tuple[str, ...]:
         return PERTURBATIONS
     if unknown := [name for name in chosen if name not in PERTURBATIONS]:
         raise OptionError(
-            f"--perturb does not know {', '.join(unknown)}; name one or several of {' '.join(PERTURBATIONS)}, "
-            f"separated by spaces, or {ALL}."
+            f"There is no perturbation {', '.join(unknown)}; --perturb takes one or several of "
+            f"{' '.join(PERTURBATIONS)}, separated by spaces, or {ALL}."
         )
     return chosen
 

@@ -3,7 +3,7 @@
 These are the edges that the method would add to a map, true and false ones. An edge is true if the pair is reachable in
 the direction of the prediction, or, if the method predicts both directions and drives one in reverse, in either one. It
 is false if the robot could not drive it. Pairs in between (drivable, but with too little overlap to be labelled
-reachable) are no evidence for Eq. 3. Drives no robot.
+reachable) are not evidence for Eq. 3. Drives no robot.
 """
 
 from collections.abc import Iterator, Mapping

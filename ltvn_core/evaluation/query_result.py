@@ -117,9 +117,9 @@ class QueryResult:
     added_nodes: int = 0
     added_edges: int = 0
     nodes: int = 0
-    """In the map afterwards."""
+    """Number of nodes in the map after the query."""
     edges: int = 0
-    """In the map afterwards."""
+    """Number of edges in the map after the query."""
 
     # By the ground truth.
     failure: FailureCause | None = None
@@ -132,7 +132,7 @@ class QueryResult:
     """Distance from the goal at the end, in metres."""
     yaw_error_rad: float | None = None
     checkpoints: int | None = None
-    """Number of checkpoints on the way from start to goal, see `episode_runner.Checkpoints`."""
+    """Number of checkpoints on the path from start to goal, see `episode_runner.Checkpoints`."""
     crossed: int | None = None
     """Number of checkpoints that the robot crossed."""
     localised: int | None = None
@@ -152,9 +152,9 @@ class QueryResult:
     at_s: float = 0.0
     """Start of the query, in seconds from midnight of the first day."""
     cut_off: bool = False
-    """Whether it failed and no way to the goal was open at its end."""
+    """Whether it failed and no path to the goal was open at its end."""
     detour_m: float = 0.0
-    """Additional length of the shortest way compared with the original scene, in metres."""
+    """Additional length of the shortest path compared with the original scene, in metres."""
     blocked_tries: int = 0
     """Number of attempts along edges that were closed at that time."""
     door_tries: int | None = None
@@ -163,7 +163,7 @@ class QueryResult:
     doors_tried: tuple[int, ...] = ()
     """Closed doors that the robot met: on these edges, or on edges that the map learned to be closed."""
     doors_wanted: tuple[int, ...] = ()
-    """Doors on the best way in the map at the beginning, given which edges were truly open."""
+    """Doors on the best path in the map at the beginning, given which edges were truly open."""
     doors_used: tuple[int, ...] = ()
     """Doors on edges that were driven successfully."""
     now: PresenceScore | None = None
@@ -173,7 +173,7 @@ class QueryResult:
     lost_edges: int = 0
     """Number of true edges of the first map that are missing now."""
     people: EncounterCounts = EncounterCounts()
-    """Encounters with people on the way."""
+    """Encounters with people during the query."""
 
     # In a log of single queries.
     phase: str | None = None
@@ -247,6 +247,6 @@ def append_to_log(path: Path, result: QueryResult) -> None:
             os.fsync(file.fileno())
     except OSError as error:
         raise OptionError(
-            f"{path} cannot be written: {error.strerror}. Free some space or name another --folder; what is done is "
-            "kept."
+            f"{path} cannot be written: {error.strerror}. Free some space or name another --folder; the results so "
+            "far are kept."
         ) from error

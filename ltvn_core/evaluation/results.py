@@ -70,7 +70,7 @@ def _unpacked(path: Path) -> str:
     except (gzip.BadGzipFile, EOFError, zlib.error) as error:
         raise OptionError(f"{path} is damaged, or not packed by gzip: {error}.") from error
     if len(content) > MAX_BYTES:
-        raise OptionError(f"{path} unpacks to more than {MAX_BYTES // 1_000_000} MB, which is not a result.")
+        raise OptionError(f"{path} unpacks to more than {MAX_BYTES // 1_000_000} MB, which is too large for a result.")
     return content.decode("utf-8")
 
 
@@ -90,9 +90,9 @@ class MapTruthMetrics:
     goals_told: int | None = None
     """Number of goals that the map reports as doubtful before any drive; None in older results."""
     goals_told_rightly: int | None = None
-    """Number of doubtful goals to which no drivable way leads from most of the map."""
+    """Number of doubtful goals to which no drivable path leads from most of the map."""
     goals_untold: int | None = None
-    """Number of goals without such a way that the map does not report as doubtful."""
+    """Number of goals without such a path that the map does not report as doubtful."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -239,7 +239,7 @@ def load_results(path: Path, kind: type) -> Any:
     except OSError as error:
         raise OptionError(f"{path} cannot be read: {error.strerror}.") from error
     except (ValueError, TypeError, AttributeError, cattrs.BaseValidationError) as error:
-        raise OptionError(f"{path} holds no {kind.__name__} of this version: {error}.") from error
+        raise OptionError(f"{path} is not a {kind.__name__} of this version: {error}.") from error
 
 
 _PER_METRE = 1000
@@ -282,7 +282,7 @@ def load_drawing(path: Path) -> MapDrawing:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
             return _drawing({name: arrays[name] for name in arrays.files})
     except (OSError, ValueError, KeyError, IndexError, EOFError, BadZipFile) as error:
-        raise OptionError(f"{path} holds no drawing of a map ({error}); remove it and evaluate again.") from error
+        raise OptionError(f"{path} is not a drawing of a map ({error}); remove it and evaluate again.") from error
 
 
 def _drawing(arrays: dict[str, np.ndarray]) -> MapDrawing:

@@ -308,9 +308,9 @@ def _settings_in(path: Path) -> Mapping[str, Any]:
     try:
         found = parse_json(path.read_text(encoding="utf-8"))
         if not isinstance(found, dict):
-            raise ValueError("it is no JSON object")
+            raise ValueError("it is not a JSON object")
     except ValueError as error:
-        raise OptionError(f"{path} holds no settings ({error}); name another --folder, or move it away.") from error
+        raise OptionError(f"{path} contains no settings ({error}); name another --folder, or move it away.") from error
     return found
 
 

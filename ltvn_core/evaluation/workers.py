@@ -37,7 +37,7 @@ class Part:
 
     def __post_init__(self) -> None:
         if not 1 <= self.number <= self.count:
-            raise OptionError(f"--part is I/N with I from 1 to N, got {self}.")
+            raise OptionError(f"--part must be I/N with I from 1 to N, got {self}.")
 
     def __str__(self) -> str:
         """Return the part in the format of the option."""
@@ -49,7 +49,7 @@ class Part:
         if not text:
             return WHOLE
         if not (found := re.fullmatch(r"(\d{1,6})/(\d{1,6})", text.strip())):
-            raise OptionError(f"--part is I/N, as in 3/16 for the third of sixteen, got {text!r:.40}.")
+            raise OptionError(f"--part must be I/N, such as 3/16 for part 3 of 16, got {text!r:.40}.")
         return cls(int(found[1]), int(found[2]))
 
     def of(self, work: Sequence[Work]) -> list[Work]:

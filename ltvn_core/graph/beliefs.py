@@ -1,4 +1,4 @@
-"""What driving an edge teaches: Eq. 3 for its existence and Eq. 4 for its length, as pure functions.
+"""Belief updates after driving an edge: Eq. 3 for its existence and Eq. 4 for its length, as pure functions.
 
 Owns the two Bayes filters; the caller decides about pruning.
 """

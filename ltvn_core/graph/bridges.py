@@ -62,7 +62,7 @@ class BridgeSearch:
         return self._recognised(frame, beside) or self._recognised(frame, sorted(merged))
 
     def by_odometry(self, left: Collection[FrameId], placed: Container[FrameId]) -> Bridge | None:
-        """Return the shortest way by odometry from a left-over image to a node or a merged image; None if there is
+        """Return the shortest path by odometry from a left-over image to a node or a merged image; None if there is
         none.
 
         An image that is recognised from no other leads nowhere, so it is not joined.
@@ -89,7 +89,7 @@ class BridgeSearch:
         return Bridge(frame, found.take(np.array([found.reachability.argmax()]))) if len(found) else None
 
     def _ways(self, frame: FrameId, placed: Container[FrameId]) -> Iterator[Bridge]:
-        """Yield the ways to the next images before and after a frame that have a place in the map."""
+        """Yield the paths to the next images before and after a frame that have a place in the map."""
         row = self._row[frame]
         before = self._frames[max(row - REACH, 0) : row][::-1]
         for beside in (before, self._frames[row + 1 : row + 1 + REACH]):

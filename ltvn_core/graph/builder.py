@@ -86,7 +86,7 @@ def _no_progress(done: int, total: int) -> None:
 
 
 class _Stage(Enum):
-    """How an image may come into the map."""
+    """How an image may enter the map."""
 
     FIRST = auto()
     """Algorithm 1: it merges with a node, or is connected with nodes."""
@@ -175,7 +175,7 @@ class _BuildRun:
         self._left = [seen for seen in self._left if seen.step not in self.nodes]
 
     def _first_start(self, rng: np.random.Generator) -> Observation:
-        """Draw the first node, one of the goals where there are any."""
+        """Draw the first node, one of the goals if there are any."""
         order = [self._observations[k] for k in rng.permutation(len(self._observations))]
         return min(order, key=lambda seen: seen.step not in self._goals)
 

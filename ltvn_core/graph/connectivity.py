@@ -1,4 +1,4 @@
-"""What is connected with what in a map: strongly connected components, and the costs of all edges as a matrix.
+"""Connectivity of a map: strongly connected components, and the costs of all edges as a matrix.
 
 Owns these two views of a graph. The cheapest path between two nodes is `graph.planner`.
 """

@@ -49,7 +49,7 @@ class PoseRow(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Belief:
-    """What the robot believes of one edge: existence ~ Bernoulli(p), length ~ N(mu, sigma2)."""
+    """Belief about one edge: existence ~ Bernoulli(p), length ~ N(mu, sigma2)."""
 
     p: float
     """Probability that the edge can be driven, in [0, 1]."""
@@ -82,7 +82,7 @@ class Edge:
     """The target in the frame of the source."""
     belief: Belief
     attempts: int = 0
-    """How often the edge was driven."""
+    """Number of attempts to drive the edge."""
     successes: int = 0
     """Number of attempts that led to the target."""
     protected: bool = False

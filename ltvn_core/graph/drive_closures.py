@@ -45,7 +45,9 @@ def separate_contradicted_drives(
         before = [seen for seen in ordered if keyframes.drive_of(seen.step) == keyframes.drive_of(first) - 1]
         links = DriveLinkSearch([*before, *own], [first], matcher, loop_closures, config).links()
         if _contradict(links, OdometryGate([*before, *own], config)):
-            log.warning("Images contradict that odometry goes on at image %d; only images join that drive.", first)
+            log.warning(
+                "Images contradict that odometry continues at image %d; only recognised images join that drive.", first
+            )
             keyframes.restart_odometry(first)
 
 

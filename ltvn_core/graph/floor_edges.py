@@ -3,7 +3,7 @@
 The network joins images that share a view, and the drive passed only here and there, so without these a robot that
 faces the wrong way drives to where the drive turned, and crosses a hall along the rounds of the drive. The corrected
 course of the drive says how two nodes lie to each other, and its depth images whether the floor between them is free.
-Of these edges only those come in that make a way a good deal shorter: a greedy spanner (Althöfer, Das, Dobkin, Joseph
+Of these edges only those are added that make a path much shorter: a greedy spanner (Althöfer, Das, Dobkin, Joseph
 and Soares, On Sparse Spanners of Weighted Graphs, 1993). Owns their choice; what is free is in `graph.free_floor`.
 """
 
@@ -31,16 +31,16 @@ _REACH_M = 2.5
 _REACH_RAD = 1.5
 """Largest turn at the end of an edge; after a larger turn the robot's image shows nothing of the target."""
 _STRETCH = 1.2
-"""Least ratio between the cost of the way without an edge and the cost of the edge; 1.5 lowers SPL
+"""Least ratio between the cost of the path without an edge and the cost of the edge; 1.5 lowers SPL
 (`docs/results.md`)."""
 _MOST_DRIVEN_M = 60.0
-"""Longest way along the drive over which odometry still locates two nodes."""
+"""Greatest distance along the drive over which odometry still locates two nodes."""
 _DOUBTED = 0.5
 """p of an edge that odometry does not know well; it is driven only where the detour is long."""
 
 
 def floor_edges(graph: TopologicalGraph, gate: OdometryGate, floor: FreeFloor, method: Method) -> Iterator[EdgeAdded]:
-    """Yield edges in both directions, the shortest first, wherever no existing way is nearly as short."""
+    """Yield edges in both directions, the shortest first, wherever no existing path is nearly as short."""
     ways = _Ways.of(graph, method)
     for pair in sorted(_pairs(graph, gate, method), key=lambda pair: pair.matches.distances[0]):
         there, back = bidirectional_edges(pair.source, pair.matches, method.believing, Cause.BUILD, by_odometry=True)
@@ -83,7 +83,7 @@ def _pairs(graph: TopologicalGraph, gate: OdometryGate, method: Method) -> Itera
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Ways:
-    """Costs of the ways in a map, updated as edges are added."""
+    """Costs of the paths in a map, updated as edges are added."""
 
     costs: "rustworkx.PyDiGraph[NodeId, float]"
     rows: dict[NodeId, int]
@@ -102,7 +102,7 @@ class _Ways:
         self.costs.add_edge(self.rows[edge.source], self.rows[edge.target], self._cost(edge))
 
     def is_shortened_by(self, edge: Edge) -> bool:
-        """Tell whether the way between an edge's ends costs much more without the edge."""
+        """Tell whether the path between an edge's ends costs much more without the edge."""
         source = self.rows[edge.source]
         target = self.rows[edge.target]
         lengths = rustworkx.dijkstra_shortest_path_lengths(self.costs, source, float, goal=target)

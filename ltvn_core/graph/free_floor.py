@@ -1,6 +1,6 @@
 """Free floor: which floor the depth images of a drive saw free, as far as odometry knows where they were taken.
 
-Owns when a straight way counts as free. Knows nothing of the graph.
+Owns when a straight line counts as free. Knows nothing of the graph.
 """
 
 from collections.abc import Sequence
@@ -18,12 +18,12 @@ from ltvn_core.graph.odometry_gate import OdometryGate
 from ltvn_core.types import NodeId, Observation, Pose
 
 _CLEAR_M = 0.3
-"""Clearance needed on both sides of a way: half a small robot plus the error of odometry, in metres."""
+"""Clearance needed on both sides of a path: half a small robot plus the error of odometry, in metres."""
 _STOOD_M = 0.25
 """Radius around the place of an image within which the floor is free, in metres."""
 _SPACING_M = 0.15
 WELL_KNOWN_M = 10.0
-"""Longest way along the drive over which odometry is accurate, in metres."""
+"""Greatest distance along the drive over which odometry is accurate, in metres."""
 
 
 class FreeFloor:
@@ -39,7 +39,7 @@ class FreeFloor:
         self._things = [scan.solid_points() for scan in scans]
 
     def joins(self, source: NodeId, target: Matches) -> bool:
-        """Tell whether the straight way from a node to the only target was seen free, and nothing near it."""
+        """Tell whether the straight line from a node to the only target was seen free, and nothing near it."""
         way = _along(target.waypoints[0, :2])
         poses, driven_m = self._gate.seen_from(source, self._frames)
         near = np.flatnonzero((driven_m <= WELL_KNOWN_M) & (np.hypot(poses[:, 0], poses[:, 1]) < RANGE_M))

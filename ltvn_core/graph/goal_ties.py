@@ -1,6 +1,6 @@
-"""Ties: connect goals that Algorithm 1 leaves over, so that a way leads to each (ours).
+"""Ties: connect goals that Algorithm 1 leaves over, so that a path leads to each (ours).
 
-The robot drove past its goal images, so odometry usually knows a way. Otherwise the most reachable node may agree with
+The robot drove past its goal images, so odometry usually gives a path. Otherwise the most reachable node may agree with
 the goal in both directions, though with a lower r than an edge needs; such an edge gets a lower p than any other. Owns
 which images are tied to what; changes no map.
 """
@@ -46,7 +46,7 @@ class GoalTies:
     def ties(self, goal: FrameId, placed: Collection[FrameId]) -> tuple[Bridge, ...]:
         """Return bridges from the images `placed` in the map to a goal, in the order in which to cross them.
 
-        They follow odometry if it knows a way, else lead from the best node with which the goal agrees; else there are
+        They follow odometry if it gives a path, else lead from the best node with which the goal agrees; else there are
         none.
         """
         chains = [chain for step in (-1, 1) if (chain := self._chain(goal, placed, step))]

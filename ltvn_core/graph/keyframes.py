@@ -23,7 +23,7 @@ class KeyframeStore:
     """Images with their features in growing arrays; rows of dropped frames are used again."""
 
     def __init__(self, predictor: Predictor) -> None:
-        """Start empty; `predictor` encodes what comes in."""
+        """Start empty; `predictor` encodes the images that are added."""
         self._predictor = predictor
         self._observations: dict[FrameId, Observation] = {}
         self._rows: dict[FrameId, int] = {}
@@ -120,17 +120,17 @@ class KeyframeStore:
         try:
             return self._observations[frame]
         except KeyError:
-            raise MapError(f"The image of frame {frame} is not at hand; the map must hold all its images.") from None
+            raise MapError(f"The image of frame {frame} is missing; a map must contain all its images.") from None
 
     def features(self, frames: Sequence[FrameId]) -> Features:
         """Return (N, F) features; raise MapError if one is not held."""
         missing = [frame for frame in frames if frame not in self._rows]
         if self._features is None or missing:
-            raise MapError(f"The images of frames {missing[:5]} are not at hand; the map must hold all its images.")
+            raise MapError(f"The images of frames {missing[:5]} are missing; a map must contain all its images.")
         return self._features.array[[self._rows[frame] for frame in frames]]
 
     def held(self, frames: tuple[FrameId, ...]) -> HeldFeatures | None:
-        """Return where the features of N frames lie; None where one is not held or the predictor makes no keys."""
+        """Return where the features of N frames lie; None if one is not held or the predictor makes no keys."""
         if self._features is None or self._keys is None:
             return None
         if self._asked is None or self._asked[0] is not frames:

@@ -26,7 +26,7 @@ _DOUBT_AT_PLACE = 0.5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LocalisationPrior:
-    """What the robot remembers of the query that helps localisation."""
+    """State of the query that helps localisation."""
 
     plan: Sequence[NodeId] = ()
     """The nodes of the last plan."""

@@ -168,7 +168,7 @@ def expand(
     method: Method,
     rng: np.random.Generator,
 ) -> tuple[GraphDelta, ...]:
-    """Return the deltas that join `source` to `goal` through images of the reserve; none without such a way."""
+    """Return the deltas that join `source` to `goal` through images of the reserve; none without such a path."""
     if not graph.reserve or source not in graph.nodes or goal not in graph.nodes:
         return ()
     trial = graph.copy()

@@ -1,4 +1,4 @@
-"""What driving does to the map, as pure functions (graph, evidence) -> deltas.
+"""Changes of the map after driving, as pure functions (graph, evidence) -> deltas.
 
 Owns the updates after an attempt, pruning, and novel nodes. Does not judge an attempt (`navigation.judgement`) nor
 search for new paths (`graph.ltvn`).

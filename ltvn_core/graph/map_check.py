@@ -68,7 +68,7 @@ class MappedDrive:
     """A drive and the map that was built from it."""
 
     observations: Sequence[Observation]
-    """As they were recorded, in the order of their steps."""
+    """The observations as they were recorded, in the order of their steps."""
     camera: CameraModel | None
     """Camera that took them; None if it is the predictor's."""
     is_lens_known: bool
@@ -102,28 +102,28 @@ def _joints(graph: TopologicalGraph, images: int, coverage: MapCoverage) -> Iter
         yield _one_node(images, coverage)
     elif len(graph.nodes) > 1 and not graph.edges:
         yield Finding(
-            f"None of the {len(graph.nodes)} nodes is joined to another, and nobody can navigate by this map. Are the "
-            "images far apart, or the weights trained for another camera?"
+            f"None of the {len(graph.nodes)} nodes is joined to another, so the map cannot be used for navigation. "
+            "Are the images far apart, or the weights trained for another camera?"
         )
     elif len(graph.nodes) >= MANY_NODES:
         pieces = strongly_connected_components(graph)
         if len(pieces[0]) < SMALL_PIECE * len(graph.nodes):
             yield Finding(
                 f"The map falls into {len(pieces)} pieces, the largest with {len(pieces[0])} of {len(graph.nodes)} "
-                "nodes, and between them nobody can navigate.",
-                remedy="Drive the ways between them too, slowly and both ways round.",
+                "nodes, and no path leads from one piece to another.",
+                remedy="Drive the routes between them too, slowly and in both directions.",
             )
 
 
 def _one_node(images: int, coverage: MapCoverage) -> Finding:
-    text = "The map has one node, and nobody can navigate by it."
+    text = "The map has only one node, so it cannot be used for navigation."
     if coverage.share < LITTLE_KNOWN:
         return Finding(text)  # Most images show something else; the finding about the coverage gives their number.
     if images < MANY_IMAGES:
         return Finding(f"{text} It was built from {images} images of one place; drive farther.")
     share = "all" if coverage.share == 1 else "nearly all"
     return Finding(
-        f"{text} It is as if {share} {images} images showed one place: does the camera work, and is it the one that "
+        f"{text} {share} {images} images seem to show the same place: does the camera work, and is it the one that "
         "the weights were trained for?"
     )
 
@@ -132,8 +132,8 @@ def _coverage(coverage: MapCoverage) -> Iterator[Finding]:
     if coverage.share >= LITTLE_KNOWN:
         return
     text = (
-        f"The map knows {coverage.share:.0%} of its own drive: the other images are neither nodes of its largest piece "
-        "nor recognised as one, so there the robot will be lost."
+        f"The map knows {coverage.share:.0%} of its own drive: the other images are neither nodes of its largest "
+        "piece nor recognised as such a node, so the robot will be lost there."
     )
     if coverage.gap is None:
         yield Finding(text, remedy="Drive there again, slowly.")
@@ -164,8 +164,8 @@ def _cause(text: str, remedy: str = "") -> Finding:
 def _lens(drive: MappedDrive) -> Iterator[Finding]:
     if not drive.is_lens_known:
         yield _cause(
-            "the lens is not known, a field of view was assumed.",
-            "Import the drive again and say the lens by --camera, or roughly by --fov.",
+            "the lens is unknown, so a field of view was assumed.",
+            "Import the drive again and give the lens with --camera, or roughly with --fov.",
         )
 
 
@@ -173,8 +173,8 @@ def _depth(drive: MappedDrive) -> Iterator[Finding]:
     without = sum(not seen.has_depth for seen in drive.observations)
     if without > MOST_WITHOUT_DEPTH * len(drive.observations):
         yield _cause(
-            f"{without} of {len(drive.observations)} images have no depth, and without it distances are guessed or "
-            "images left out.",
+            f"{without} of {len(drive.observations)} images have no depth, so their distances are guessed, or they "
+            "are left out.",
             "Record the depth camera too.",
         )
 
@@ -183,8 +183,7 @@ def _size(drive: MappedDrive) -> Iterator[Finding]:
     width_px = drive.predictor.camera.width
     if width_px < drive.least_width_px:
         yield _cause(
-            f"the images are {width_px} pixels wide, and in less than {drive.least_width_px} the predictor finds too "
-            "little.",
+            f"the images are {width_px} pixels wide, but the predictor needs at least {drive.least_width_px}.",
             "Record larger images, or use --predictor network.",
         )
 
@@ -196,9 +195,9 @@ def _key_points(drive: MappedDrive) -> Iterator[Finding]:
     usual = float(np.median(drive.predictor.key_point_counts(drive.keyframes.features(evenly(frames, PAIRS)))))
     if usual < FEW_KEY_POINTS:
         yield _cause(
-            f"few key points ({usual:.0f} an image, where less than {FEW_KEY_POINTS} are few): the images are small, "
+            f"few key points ({usual:.0f} per image, but at least {FEW_KEY_POINTS} are few): the images are small, "
             "dark, blurred or show bare walls.",
-            "Record larger and sharper ones in more light, or try --predictor network.",
+            "Record larger and sharper ones in better light, or try --predictor network.",
         )
 
 
@@ -235,9 +234,9 @@ def _places(drive: MappedDrive) -> Iterator[Finding]:
         )
     if _look_alike(drive):
         yield _cause(
-            "all images look alike. Is the camera covered, does it see the robot itself, or a bare wall or floor "
-            "alone?",
-            "Point it at what differs from place to place.",
+            "all images look alike. Is the camera covered, or does it see only the robot itself, a bare wall or the "
+            "floor?",
+            "Point it at things that differ between places.",
         )
 
 
@@ -259,53 +258,54 @@ def _overlap(drive: MappedDrive, recognised: NDArray[np.bool_] | None) -> Iterat
     """Check whether consecutive images are recognised (P,), and whether they overlap enough to be."""
     if recognised is None or recognised.mean() >= MOST_RECOGNISED:
         return
-    text = f"of {len(recognised)} pairs of images in a row {recognised.sum()} are recognised as one place"
+    text = f"{recognised.sum()} of {len(recognised)} pairs of consecutive images are recognised as the same place"
     if recognised.mean() >= FEW_RECOGNISED:
         yield _cause(
-            f"{text}, and where one is not, the map may break.",
-            "Look at those images (`ltvn view`): in turns, before bare walls or in the dark drive slower, record more "
-            f"images a second, or {_thin_less(drive)}.",
+            f"{text}; where a pair is not, the map may fall into pieces.",
+            "Look at those images (`ltvn view`). In turns, near bare walls or in the dark, drive slower, record more "
+            "images per second, or {_thin_less(drive)}.",
         )
         return
     apart = _far_apart(drive)
     if _has_odometry(drive) and apart > FEW_RECOGNISED / 2:
         yield _cause(
-            f"{text}, for they hardly overlap: {apart:.0%} are farther than 1 m or turned by half of the field of "
+            f"{text}, because they hardly overlap: {apart:.0%} are farther than 1 m or turned by half of the field of "
             "view.",
-            f"Drive slower, record more images a second, or {_thin_less(drive)}.",
+            f"Drive slower, record more images per second, or {_thin_less(drive)}.",
         )
         return
     other = "network" if drive.predictor_name == GEOMETRIC else GEOMETRIC
     yield _cause(
         f"{text}. The predictor cannot compare images of this camera, or they do not overlap: try --predictor "
-        f"{other}, adapt the network by `ltvn finetune`, and look at images in a row for blur and gaps (`ltvn view`)."
+        f"{other}, adapt the network with `ltvn finetune`, and check consecutive images for blur and gaps (`ltvn "
+        "view`)."
     )
 
 
 def _thin_less(drive: MappedDrive) -> str:
     if _has_odometry(drive):
         return "thin less (--every-m, --every-deg of `ltvn import`)"
-    return "leave no image out (--every-m 0 --every-deg 0 of `ltvn import`)"
+    return "keep all images (--every-m 0 --every-deg 0 of `ltvn import`)"
 
 
 def _one_way(drive: MappedDrive, coverage: MapCoverage, recognised: NDArray[np.bool_] | None) -> Iterator[Finding]:
     """Check whether the images unknown to the map could be joined from one side only."""
     if not coverage.lost or recognised is None or recognised.mean() < FEW_RECOGNISED:
         return  # Where nothing is recognised, a second pass would be recognised as little.
-    again = "Drive there again, the other way round too, and slowly."
+    again = "Drive there again slowly, in both directions."
     once = _passed_once(drive, coverage.lost)
     if once >= MOST_ONE_WAY * len(coverage.lost):
         yield _cause(
-            f"one way only. {once} of the {len(coverage.lost)} images that the map does not know were taken where the "
-            "drive passes once and in one direction.",
+            f"one direction only. {once} of the {len(coverage.lost)} images that the map does not know were taken "
+            "where the drive passes once and in one direction.",
             again,
         )
         return
     single, asked = _recognised_one_way(drive, coverage.lost)
     if asked and single >= MOST_ONE_WAY * asked:
         yield _cause(
-            f"one way only. Of {asked} images that the map does not know {single} see a node ahead, or are seen from "
-            "one, and not the other way round.",
+            f"one direction only. {single} of {asked} images that the map does not recognise see a node ahead or are "
+            "seen from a node, but not both.",
             again,
         )
 

@@ -42,7 +42,7 @@ class Stretch(NamedTuple):
 
 
 class MapCoverage(NamedTuple):
-    """What a map knows of the drive that it was built from."""
+    """Share of its own drive that a map recognises."""
 
     share: float
     """Share of the images that are nodes of the map's largest piece or are recognised as one of them."""
@@ -124,11 +124,11 @@ class Standing(StrEnum):
     UNSURE = "unsure"
     """All ways to it lead over edges with p below one half."""
     NOT_HELD = "not held"
-    """It is no node, or no way leads there from most of the map."""
+    """It is not a node, or no path leads there from most of the map."""
 
 
 class GoalReport(NamedTuple):
-    """What a map reports about a goal."""
+    """Report of a map about a goal."""
 
     goal: FrameId
     standing: Standing
@@ -140,19 +140,19 @@ class GoalReport(NamedTuple):
 
     @property
     def finding(self) -> Finding | None:
-        """What is wrong; None for a goal that is held."""
+        """The problem; None if the map contains the goal."""
         goal = f"goal {self.goal}"
         if self.standing is Standing.HELD:
             return None
         if self.standing is Standing.UNSURE:
             return Finding(
-                f"The map is not sure of {goal}: every way there leads over an edge that is believed less than a half.",
-                remedy="The robot may try; drive the way there once more, and the map will know.",
+                f"The map is not sure of {goal}: every path there has an edge with p below 0.5.",
+                remedy="The robot may try; driving this path once more makes the map sure.",
                 where=goal,
             )
         instead = "" if self.nearest is None else f" Nearest to it is node {self.nearest}, r = {self.reachability:.2f}."
         return Finding(
-            f"The map does not hold {goal}: no way leads there from most of the map.{instead}",
+            f"The map does not contain {goal}: no path leads there from most of the map.{instead}",
             remedy="Go there instead, or drive past the goal once more, slowly.",
             where=goal,
         )

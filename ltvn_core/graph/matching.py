@@ -22,7 +22,7 @@ _MAX_NODES_BOTH_WAYS_AT_ONCE = 8
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Matches:
-    """What the predictor says about one image and N nodes."""
+    """Answers of the predictor for one image and N nodes."""
 
     nodes: tuple[NodeId, ...]
     """N nodes."""

@@ -55,12 +55,13 @@ class OdometryGate:
     ) -> None:
         """Take the images in the order of their frames.
 
-        Odometry that was corrected by `closures` knows what it knows by the shortest way, of which they are steps.
+        Odometry that was corrected by `closures` knows what it knows by the shortest path, of which they are steps.
 
         Images of linked stretches must fit to the link that is nearest along the ways. Images of two drives that no
-        link joins are held to be of different places if links were searched; `links` is None where nobody did. A drive
-        whose odometry stands still knows nothing. `drive_starts` are where odometry begins anew, `resumed` the first
-        frames of drives that go on in the odometry of the drive before; a pause just before these was judged already.
+        link joins are held to be of different places if links were searched; `links` is None if no search was made. A
+        drive whose odometry does not move gives no evidence. `drive_starts` are where odometry begins anew, `resumed`
+        the first frames of drives that go on in the odometry of the drive before; a pause just before these was judged
+        already.
         """
         ordered = sorted(observations, key=lambda seen: seen.step)
         self._row = {seen.step: k for k, seen in enumerate(ordered)}
@@ -120,10 +121,10 @@ class OdometryGate:
         return relative(self._poses[here], self._poses[there])
 
     def seen_from(self, frame: FrameId, nodes: Sequence[NodeId]) -> tuple[Waypoint, NDArray[np.float64]]:
-        """Return the poses of nodes seen from a frame (N, 3), and the length of the way by which odometry knows each
+        """Return the poses of nodes seen from a frame (N, 3), and the length of the path by which odometry knows each
         (N,), in metres.
 
-        The length is infinite where it is unknown.
+        The length is infinite if it is unknown.
         """
         driven, path_m = self._way(self._row[frame], self._rows(nodes))
         return driven, np.where(np.isneginf(path_m), np.inf, path_m)
@@ -141,10 +142,10 @@ class OdometryGate:
         return np.array([self._row[node] for node in nodes], np.intp)
 
     def _way(self, here: int, there: NDArray[np.intp]) -> tuple[Waypoint, NDArray[np.float64]]:
-        """Return the poses of rows (N,) seen from one (N, 3), and the length of the way by which odometry knows each
+        """Return the poses of rows (N,) seen from one (N, 3), and the length of the path by which odometry knows each
         (N,).
 
-        The length is infinite where it is unknown, and -infinite if the two are taken for different places.
+        The length is infinite if it is unknown, and -infinite if the two are taken for different places.
         """
         driven = relative(self._poses[here], self._poses[there])
         same = self._segment[there] == self._segment[here]
@@ -171,7 +172,7 @@ class OdometryGate:
 
 
 class _ShortestWays:
-    """Lengths of the shortest ways along a drive, where closures are steps from one pass to another."""
+    """Lengths of the shortest paths along a drive, where closures are steps from one pass to another."""
 
     def __init__(self, path_m: NDArray[np.float64], closures: Sequence[tuple[int, int]]) -> None:
         """Take (N,) how far had been driven at each image, and the rows of the images that closures join."""
@@ -189,7 +190,7 @@ class _ShortestWays:
         self._from_end: dict[int, NDArray[np.float32]] = {}
 
     def between(self, here: int, there: NDArray[np.intp]) -> NDArray[np.float64]:
-        """Return (M,) the lengths of the shortest ways from one row to others."""
+        """Return (M,) the lengths of the shortest paths from one row to others."""
         shortest = np.abs(self._path_m[there] - self._path_m[here])
         if not len(self._ends):
             return shortest

@@ -277,7 +277,7 @@ class PlaceBelief:
         self._places = _Places(poses, np.concatenate([self._places.log_weights, new]))
 
     def _keep_likeliest(self, agrees: NDArray[np.bool_]) -> None:
-        """Keep the likeliest hypotheses, the best first with weight 0, and merge those that came together."""
+        """Keep the likeliest hypotheses, the best first with weight 0, and merge those that now agree."""
         places = self._places
         kept = list[int]()
         best = places.log_weights.max(initial=-np.inf)

@@ -35,7 +35,7 @@ from ltvn_core.types import NodeId
 
 _MIN_P = 1e-3
 _LEAST_P = 1e-6
-"""Where the belief is all that an edge costs."""
+"""Least p of a cost that depends only on the belief."""
 
 EdgeWeight: TypeAlias = Callable[[Belief], float]
 """Returns the cost of an edge from its belief; finite and not negative."""

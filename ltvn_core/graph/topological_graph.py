@@ -100,7 +100,7 @@ class TopologicalGraph:
 
     @property
     def presence(self) -> Mapping[EdgeKey, tuple[PresenceObservation, ...]]:
-        """What was observed of edges that were blocked at some time, oldest first; read only."""
+        """Observations of edges that were blocked at some time, oldest first; read only."""
         return MappingProxyType(self._presence)
 
     @property

@@ -39,7 +39,7 @@ def usable_trajectory(
     if not usable:
         raise MapError(
             f"None of the {len(observations)} images has depth, and the predictor needs it. Is the depth camera "
-            "running? Drive again with it, or use a predictor that works from colours alone."
+            "running? Drive again with it, or use a predictor that needs no depth."
         )
     if blind := sorted(set(goals) & set(left_out)):
         raise MapError(f"The goal frames {blind[:5]} have no depth, which the predictor needs; choose other goals.")

@@ -125,11 +125,11 @@ class JoinedDrives:
     """The images of all drives."""
 
     observations: list[Observation]
-    """In order, as the camera of the first drive would have taken them."""
+    """The observations in order, as the camera of the first drive would have taken them."""
     drives: tuple[JoinedDrive, ...]
-    """Empty where there is only one."""
+    """Empty if there is only one."""
     findings: tuple[Finding, ...]
-    """What a person should know."""
+    """Notes for the user."""
 
 
 def join_drives(recordings: Sequence[Recording]) -> JoinedDrives:
@@ -161,10 +161,10 @@ def join_drives(recordings: Sequence[Recording]) -> JoinedDrives:
 def _check(recordings: Sequence[Recording]) -> None:
     paths = [recording.path.resolve() for recording in recordings]
     if twice := next((path for path in paths if paths.count(path) > 1), None):
-        raise MapError(f"{twice.name} is named twice; each drive counts once.")
+        raise MapError(f"{twice.name} is named twice; name each drive once.")
     for recording in recordings:
         if not recording.frames:
-            raise MapError(f"{recording.path} holds no images; leave it out, or record it again.")
+            raise MapError(f"{recording.path} contains no images; leave it out, or record it again.")
 
 
 def _following(recording: Recording, before: Sequence[Observation], drives: Sequence[JoinedDrive]) -> JoinedDrive:
@@ -225,4 +225,4 @@ def _findings(recording: Recording, first: Recording) -> list[Finding]:
     if may_be_one_place(here, there):
         return []
     named = f"{recording.path.name} was recorded in {here.scene!r}, {first.path.name} in {there.scene!r}"
-    return [Finding(f"{named}; only drives of one place make one map.", where=recording.path.name)]
+    return [Finding(f"{named}; only drives through the same place make one map.", where=recording.path.name)]

@@ -140,15 +140,15 @@ def drive_findings(reports: Sequence[DriveReport]) -> Iterator[Finding]:
         if report.is_piece_of_its_own:
             yield Finding(
                 f"No image of {report.name} was recognised in the drives before it: its {report.nodes} nodes are a "
-                "piece of their own, and no way leads there.",
-                remedy="Drive through a place that both show, looking the same way, or try another --predictor.",
+                "separate piece, and no path leads there.",
+                remedy="Drive through a place of both drives, in the same direction, or try another --predictor.",
                 where=report.name,
             )
         elif not report.joined_by and report.nodes:
             yield Finding(
                 f"No edge joins {report.name} to the drives before it, though {report.recognised:.0%} of its images "
                 "look like places there.",
-                remedy="Drive more slowly where both were, or try another --predictor.",
+                remedy="Drive more slowly where both drives were, or try another --predictor.",
                 where=report.name,
             )
         elif report.recognised is not None and report.recognised < _FEW_RECOGNISED and not report.continues:

@@ -51,7 +51,7 @@ class TopologicalMap(WithDoubts):
     system: NavigationSystem
     """The navigation system that built the map and drives by it."""
     scene: str = ""
-    """Where the images were taken: a scene's name or file, or whatever a person calls the place."""
+    """Place of the images: the name or file of a scene, or any name that a person gave."""
     camera: CameraModel | None = None
     """The camera of the images; None is the predictor's."""
     predictor_name: str = ""
@@ -65,7 +65,7 @@ class TopologicalMap(WithDoubts):
     goals: tuple[GoalReport, ...] = ()
     """How each of the goals that were named stood to the map when it was built."""
     findings: tuple[Finding, ...] = ()
-    """What was doubtful about the drive and the map when it was built, with likely causes and advice."""
+    """Doubts about the drive and the map when it was built, with likely causes and advice."""
 
     @classmethod
     def of(
@@ -101,7 +101,7 @@ class TopologicalMap(WithDoubts):
                 does not.
 
         Raises:
-            RecordingError: The file is no whole recording.
+            RecordingError: The file is not a complete recording.
             MapError: The file holds no map, or one that another predictor made.
             OptionError: The map's predictor or navigation system is not installed.
             WeightsError: The shipped weights are damaged.
@@ -175,7 +175,7 @@ class TopologicalMap(WithDoubts):
     ) -> Deltas:
         """Build this map, which is empty, as its system does; returns the changes that make it.
 
-        Raises MapError where there is no image, or a goal is none of them.
+        Raises MapError if there is no image, or a goal is none of them.
         """
         deltas = self.system.build(
             observations, self.keyframes, self.predictor, rng=rng, goals=goals, progress=progress
@@ -265,16 +265,16 @@ def build_map(
     """Build a map from the observations of one or more drives (Algorithm 1 of the paper).
 
     Args:
-        observations: RGB-D images with odometry, in any order; each has a `step` of its own, which names its node.
+        observations: RGB-D images with odometry, in any order; each has its own `step`, which names its node.
             Those of several drives say nothing of each other by odometry unless one continues another, see `drives`.
         predictor: What compares images; None loads the shipped network.
         predictor_name: By what name it can be opened again, to be saved with the map.
         system: Strategies and thresholds; None is the paper's system with the `robust` preset.
         scene: Where the images were taken, to be saved with the map.
-        camera: The camera of the images, `Recording.meta.camera`; they are rectified to the predictor's. None where
+        camera: The camera of the images, `Recording.meta.camera`; they are rectified to the predictor's. None if
             they are the predictor's already.
         is_lens_known: Whether somebody said what the lens of that camera is; else it is named among the likely causes
-            of a map that nobody can navigate by.
+            of a map that is unfit for navigation.
         seed: Draws the order in which images are sampled.
         goals: Frames that must be nodes because somebody will want to go there.
         drives: Which images are of which drive, where there are several, see `drives.joined_drives`. They are joined

@@ -14,7 +14,7 @@ _DETOUR_RANGES_M = np.array([0.1, 0.2, 0.3, 0.45, 0.6, 0.8])
 _DETOUR_BEARINGS_RAD = np.deg2rad(np.arange(-120.0, 121.0, 10.0))
 """Bearings of via points relative to the waypoint's; limited, because the area behind the robot is unseen."""
 _GOAL_OFFSETS_M = np.array([0.0, 0.03, -0.03, 0.06, -0.06])
-"""Sideways offsets of the end of a way from the waypoint, which is a prediction."""
+"""Sideways offsets of the end of a path from the waypoint, which is a prediction."""
 _SAMPLES = 24
 _FAR_M = 0.5
 """Distance from a way beyond which obstacles are ignored, in metres."""
@@ -56,7 +56,7 @@ def find_detour(
 
 
 def path_clearance_m(goal: NDArray[np.float64], points: NDArray[np.float64]) -> float:
-    """Return the clearance in metres of the straight way to `goal` (2,) from obstacles (M, 2); inf if it is large."""
+    """Return the clearance in metres of the straight line to `goal` (2,) from obstacles (M, 2); inf if it is large."""
     if len(points) <= MAX_NOISE_POINTS:
         return float("inf")
     return float(_path_clearances_m(KDTree(points), np.zeros((1, 2)), goal[None])[0])
@@ -77,7 +77,7 @@ def _candidates(goal: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray
 
 
 def _path_clearances_m(tree: KDTree, starts: NDArray[np.float64], ends: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return (C,) clearances in metres of straight ways from (C, 2) to (C, 2), without their start points."""
+    """Return (C,) clearances in metres of straight lines from (C, 2) to (C, 2), without their start points."""
     share = np.linspace(0, 1, _SAMPLES + 1)[1:, None, None]
     return _obstacle_distances_m(tree, starts + share * (ends - starts)).min(axis=0)
 

@@ -133,7 +133,7 @@ def _localised(event: e.Localised) -> EventDescription:
         away = f"the best node is {event.distance:.2f} away" if math.isfinite(event.distance) else "the map is empty"
         return EventDescription(f"lost: {away} ({event.scope})", e.Severity.WARN)
     second = "" if event.runner_up is None else f", margin {event.margin:.2f} to node {event.runner_up}"
-    sure = "" if event.probability is None else f", sure of the place to {event.probability:.0%}"
+    sure = "" if event.probability is None else f", place probability {event.probability:.0%}"
     numbers = f"distance {event.distance:.2f}, reachability {event.reachability:.2f}{second}{sure}"
     return EventDescription(f"at node {event.node}: {numbers} ({event.scope})", node=event.node)
 

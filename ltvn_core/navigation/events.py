@@ -16,7 +16,7 @@ from ltvn_core.worlds import Outline, WorldChange
 
 
 class NavigatorState(StrEnum):
-    """What the navigator is doing."""
+    """Activity of the navigator."""
 
     IDLE = "idle"
     LOCALISING = "localising"

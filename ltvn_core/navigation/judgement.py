@@ -52,7 +52,7 @@ class GoalCheck:
         place = self._place()
         if place is None or not place.rules_out(self._goal, seen.waypoint, LIKELY):
             return True
-        text = "It looked like the goal, but by all that it saw on its way the goal is somewhere else."
+        text = "The place looked like the goal, but the images of the whole query say that the goal is elsewhere."
         yield Note(text, Severity.WARN, rule=_BY_PLACE)
         return False
 
@@ -96,7 +96,7 @@ def judge_attempt(
         why = f"target is still too far: d = {target_distance:.2f}, needs {within:.2f}"
         return AttemptVerdict(False, why, hindered, rule=_SUCCESS_DISTANCE)
     if not fits_place:
-        why = "by all that was seen on the way the target is somewhere else"
+        why = "the images of the whole query say that the target is elsewhere"
         return AttemptVerdict(False, why, rule=_BY_PLACE)
     if driven_too_often:
         return AttemptVerdict(False, "driven too often in this query", hindered=True, rule="planning.repeat_limit")

@@ -64,7 +64,7 @@ class FreeView:
             np.minimum.at(self._ranges_m, columns[solid], np.hypot(seen[solid, 0], seen[solid, 1]))
 
     def shows_free(self, way: NDArray[np.float64]) -> bool:
-        """Tell whether a whole straight way (2, 2), start and end in the robot's frame, is seen to be free.
+        """Tell whether a whole straight line (2, 2), start and end in the robot's frame, is seen to be free.
 
         Both ends need free room as well, because an obstacle may stand just behind them.
         """

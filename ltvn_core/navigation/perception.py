@@ -44,7 +44,7 @@ class Perception:
         self._matcher = matcher
         self._on_look = on_look
         self.trail = ObservationTrail()
-        """The encoded observations of the way so far."""
+        """The encoded observations of the query so far."""
         self._told_of_no_depth = False
         self._at_step = -1
         self._observation: Observation | None = None
@@ -71,7 +71,7 @@ class Perception:
         """Return whether the current observation is usable; yield a note at the first one in a row that is not."""
         usable = self.is_usable
         if not usable and not self._told_of_no_depth:
-            text = f"Image {self.observation.step} has no depth; the robot goes on by what it believed before."
+            text = f"Image {self.observation.step} has no depth; the robot continues with its previous belief."
             yield Note(text, Severity.WARN)
         self._told_of_no_depth = not usable
         return usable

@@ -14,7 +14,7 @@ from ltvn_core.navigation.events import Outcome
 from ltvn_core.types import NodeId
 
 MOST_OBSTRUCTIONS = 4
-"""Number of obstructions in one query after which the robot plans no more ways through edges that seem closed."""
+"""Number of obstructions in one query after which the robot plans no more paths through edges that seem closed."""
 
 
 _MOST_FRESH_HOPES = 2
@@ -46,7 +46,7 @@ class QueryMemory:
         self.approached: NodeId | None = None
         """The node that was approached last instead of its successor."""
         self.obstructions = 0
-        """Number of obstructions on the way so far."""
+        """Number of obstructions met so far."""
         self._fresh_hopes = 0
         self.saw_change = False
         """Whether an obstacle was seen to close an edge, so that places nearby may look different."""

@@ -245,7 +245,7 @@ class QueryRunner:
         source, target = _ends(segment)
         driven_too_often = source is not None and self._memory.count_drive((source, target))
         if not self._perception.is_usable:
-            return AttemptVerdict(False, "the image at the end has no depth, so nothing can be said", hindered=True)
+            return AttemptVerdict(False, "the last image has no depth, so it cannot be judged", hindered=True)
         seen = self._perception.node_match(target)
         left = relative(self._motion.odometry, result.goal)
         place = self._place()
@@ -263,14 +263,14 @@ class QueryRunner:
         if known is not None and np.hypot(known[0], known[1]) < _AT_TARGET_M:
             if not self._is_recognised(seen):
                 self._memory.assumed_node = target  # The image does not show the target, so only the place counts.
-            why = "by all that it saw on its way the robot is there"
+            why = "the images of the whole query say that the robot is there"
             return AttemptVerdict(True, why, rule="localising.follow_places")
         may_have_arrived = is_unsure and source is not None and self._map_learner.knows_surroundings(source)
         recognised = self._memory.saw_change and seen.reachability > self._method.localising.reachability
         if may_have_arrived and self._reckoning.arrive(
             segment, is_recognised=recognised, fits_depth=self._map_learner.fits_depth
         ):
-            return AttemptVerdict(True, "by odometry the robot is there, and the world has changed")
+            return AttemptVerdict(True, "by odometry the robot is there, but the place looks different now")
         return verdict
 
     def _is_recognised(self, seen: NodeMatch) -> bool:

@@ -37,9 +37,9 @@ class DrivingMeasurements:
     success_if_not: SuccessRate
     """p(s given not r): how often the method reports success after driving an edge that does not exist."""
     arrival_if_reachable: SuccessRate
-    """How often the robot truly stood within 0.72 m and 0.4 rad of the edge's end, for edges that exist."""
+    """Share of attempts that truly ended within 0.72 m and 0.4 rad of the edge's end, for edges that exist."""
     arrival_if_not: SuccessRate
-    """How often the robot truly stood within 0.72 m and 0.4 rad of the edge's end, for edges that do not exist."""
+    """Share of attempts that truly ended within 0.72 m and 0.4 rad of the edge's end, for edges that do not exist."""
     connected_if_not: int
     """Number of driven edges that do not exist but that the method would add to a map; the other driven ones have the
     next highest r."""
@@ -68,7 +68,7 @@ def likelihoods(measured: DrivingMeasurements) -> Likelihoods:
     not_there = measured.success_if_not.shrunk if measured.success_if_not.trials else BeliefConfig().p_success_if_not
     if there <= not_there:
         raise WeightsError(
-            f"Edges that exist were driven with success less often ({there:.2f}) than edges that do not "
+            f"Edges that exist were driven successfully less often ({there:.2f}) than edges that do not "
             f"({not_there:.2f}), so these weights cannot maintain a map; train them longer, or measure more attempts."
         )
     return Likelihoods(there, not_there, max(measured.distance_sigma, MIN_SIGMA_M) ** 2)

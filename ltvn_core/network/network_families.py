@@ -271,7 +271,7 @@ def extend_network(below: AnyNetwork, size: EnsembleArchitecture, seed: int) -> 
 def default_architecture(family: str) -> AnyArchitecture:
     """Return the default sizes of a family. Raises WeightsError for an unknown family."""
     if family not in _ARCHITECTURES:
-        raise WeightsError(f"made for the architecture {family!r}; this version knows {', '.join(NETWORK_FAMILIES)}.")
+        raise WeightsError(f"made for the architecture {family!r}; this version has {', '.join(NETWORK_FAMILIES)}.")
     return _ARCHITECTURES[family]()
 
 

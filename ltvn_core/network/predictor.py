@@ -230,7 +230,7 @@ class NetworkPredictor:
         if sources.ndim != 2 or targets.ndim != 2 or sources.shape[1] != width or targets.shape[1] != width:
             raise ValueError(f"Features must be (N, {width}), got {sources.shape} and {targets.shape}.")
         if len(sources) not in (1, len(targets)):
-            raise ValueError(f"{len(sources)} sources cannot meet {len(targets)} targets one to one.")
+            raise ValueError(f"{len(sources)} sources cannot be paired with {len(targets)} targets one to one.")
 
 
 def load_predictor(path: Path | None = None, *, prefilter_from: int | None = PREFILTER_FROM) -> NetworkPredictor:

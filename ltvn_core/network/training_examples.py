@@ -111,7 +111,7 @@ class BatchSampler:
     ) -> TrainingBatch:
         """Draw about `groups` clusters, and the given number of labelled pairs from each, balanced over distance.
 
-        Clusters are drawn two by two, with a labelled pair across the two where there is one. The clusters of both
+        Clusters are drawn two by two, with a labelled pair across the two if there is one. The clusters of both
         images of each confusion are added, and the confusion becomes one of the pairs.
         """
         chosen = {(c.scene, int(self.scenes[c.scene].group[row])) for c in confusions for row in (c.source, c.target)}

@@ -80,7 +80,7 @@ def load_weights(path: Path) -> "AnyNetwork":
             state = {**load_file(_weights_below(described["added_to"], path)), **state}
     except (OSError, SafetensorError) as error:
         raise WeightsError(
-            f"{path}: not a whole safetensors file ({error}); fetch or train the weights again."
+            f"{path}: not a complete safetensors file ({error}); fetch or train the weights again."
         ) from error
     try:
         network = build_network(size)
@@ -88,8 +88,8 @@ def load_weights(path: Path) -> "AnyNetwork":
     except (RuntimeError, ValueError, TypeError, AssertionError, ZeroDivisionError, MemoryError) as error:
         first = (str(error).splitlines() or [type(error).__name__])[:2]
         raise WeightsError(
-            f"{path}: the weights do not fit the architecture they name ({' '.join(map(str.strip, first)):.200}); "
-            "fetch or train them again."
+            f"{path}: the weights do not fit the architecture in their metadata "
+            f"({' '.join(map(str.strip, first)):.200}); fetch or train them again."
         ) from error
     if not all(torch.isfinite(value).all() for value in state.values()):
         raise WeightsError(f"{path}: the weights hold numbers that are not finite; train them again.")
@@ -107,7 +107,7 @@ def added_tensors(state: "Mapping[str, Tensor]", below: Path) -> "dict[str, Tens
 
 
 def _weights_below(named: Any, path: Path) -> Path:
-    """Return the shipped weights that a file adds layers to. Raises WeightsError if this version has other ones."""
+    """Return the shipped weights that a file adds layers to. Raises WeightsError if those of this version differ."""
     wanted = named if isinstance(named, dict) else {}
     below = shipped_weights(Path(str(wanted.get("name"))).name)
     if not below.is_file() or weights_fingerprint(below) != wanted.get("fingerprint"):

@@ -61,7 +61,7 @@ class ImageSource:
         if wanted != AUTO or made_by is None:
             return self.choose_anew(wanted)
         require_predictor(made_by)
-        return PredictorChoice(made_by, "it made the map")
+        return PredictorChoice(made_by, "the map was built with it")
 
     def choose_anew(self, wanted: str = AUTO) -> PredictorChoice:
         """Choose a predictor independently of the one that made the recording: the named one, else the default.
@@ -75,7 +75,7 @@ class ImageSource:
             return _for_real_images("the drive was imported")
         if not have_same_rays(self.camera, LOCOBOT.camera):
             return _for_real_images(f"the camera, {self.camera.width} x {self.camera.height}, is not the simulator's")
-        return PredictorChoice(FOR_SIMULATED_IMAGES, "the camera is the one of its training images")
+        return PredictorChoice(FOR_SIMULATED_IMAGES, "the camera is that of its training images")
 
 
 def recorded_predictor(config: Mapping[str, Any], fingerprint: str) -> str | None:

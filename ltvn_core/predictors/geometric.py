@@ -340,7 +340,7 @@ class GeometricPredictor:
                 f"{targets.shape} of {targets.dtype}."
             )
         if len(sources) not in (1, len(targets)):
-            raise ValueError(f"{len(sources)} sources cannot meet {len(targets)} targets one to one.")
+            raise ValueError(f"{len(sources)} sources cannot be paired with {len(targets)} targets one to one.")
 
 
 def open_geometric(request: PredictorRequest) -> GeometricPredictor:

@@ -105,7 +105,7 @@ def read_onnx_card(path: Path) -> OnnxCard:
             f"{path}: cannot be read ({error.strerror}); name the .toml card of an ONNX model."
         ) from error
     except ValueError as error:
-        raise WeightsError(f"{path}: is no TOML ({error}); an ONNX model is named by its .toml card.") from error
+        raise WeightsError(f"{path}: is not TOML ({error}); name an ONNX model by its .toml card.") from error
     try:
         return _checked(tables, path.parent)
     except (TypeError, ValueError) as error:

@@ -56,7 +56,9 @@ class OnnxModel:
         try:
             self._session = onnxruntime.InferenceSession(str(card.model), options, providers=["CPUExecutionProvider"])
         except Exception as error:  # The exceptions of its compiled module have no other common class.
-            raise WeightsError(f"{card.model}: is no ONNX model that can be loaded ({_first_line(error)}).") from error
+            raise WeightsError(
+                f"{card.model}: is not an ONNX model that can be loaded ({_first_line(error)})."
+            ) from error
         has_inputs = [each.name for each in self._session.get_inputs()]
         has_outputs = [each.name for each in self._session.get_outputs()]
         inputs, self._outputs = card.names
@@ -125,7 +127,7 @@ class OnnxPolicy:
         if self._card.reachability:
             r = rows[self._card.reachability][:, 0]
         else:
-            assert steps is not None, "the card has one of the two"
+            assert steps is not None, "the card must have one of the two"
             r = _logistic(_SHARPNESS * (1 - steps / self._card.reachable_below))
         return np.clip(r, _LEAST_R, _MOST_R)
 

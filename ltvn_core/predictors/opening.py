@@ -48,7 +48,7 @@ def require_predictor(name: str) -> Plugin:
         require_own(PREDICTORS, name, OWN_PREDICTORS)
         raise OptionError(
             f"No predictor is called {name!r}; installed are: {', '.join(found) or 'none'}. Install the package that "
-            "brings it, or name another."
+            "contains it, or name another."
         )
     return found[name]
 
@@ -85,7 +85,7 @@ def check_predictor(made: object, plugin: Plugin) -> None:
         missing.append("camera (a CameraModel)")
     if missing:
         raise plugin.refusal(
-            f"makes {type(made).__name__}, and that has no {', '.join(missing)}; see ltvn_core.types.Predictor"
+            f"makes {type(made).__name__}, which has no {', '.join(missing)}; see ltvn_core.types.Predictor"
         )
 
 
@@ -139,7 +139,7 @@ def open_method(name: str, predictor: Predictor, *, likelihoods: Likelihoods | N
     constants = likelihoods or card.likelihoods
     if constants is None:
         log.info(
-            "This predictor has no measured constants, so Eq. 3 and Eq. 4 use default ones. `ltvn measure --write` "
+            "This predictor has no measured constants, so Eq. 3 and Eq. 4 use the default ones. `ltvn measure --write` "
             "measures them for weights."
         )
         return method

@@ -144,18 +144,18 @@ class ObservationCheck:
 
     def _order(self, before: Observation, now: Observation) -> Iterator[tuple[_Doubt, Finding]]:
         if now.step == before.step:
-            text = f"Step {now.step} came twice; only its first image is kept. Give each image a higher step."
+            text = f"Step {now.step} appeared twice; only its first image is kept. Give each image a higher step."
             yield _Doubt.REPEATED_STEP, Finding(text)
         elif now.step < before.step:
-            text = f"Step {now.step} comes after step {before.step}; steps must increase, also after a restart."
+            text = f"Step {now.step} follows step {before.step}; steps must increase, even after a restart."
             yield _Doubt.BACKWARD_STEP, Finding(text)
         if now.stamp < before.stamp:
-            text = f"At step {now.step} the clock goes back from {before.stamp:.3f} s to {now.stamp:.3f} s."
-            yield _Doubt.BACKWARD_STAMP, Finding(text, remedy="Use one clock that never goes back.")
+            text = f"At step {now.step} the clock jumps back from {before.stamp:.3f} s to {now.stamp:.3f} s."
+            yield _Doubt.BACKWARD_STAMP, Finding(text, remedy="Use one clock that never jumps back.")
         self._same_stamps = self._same_stamps + 1 if now.stamp == before.stamp else 1
         if self._same_stamps >= SAME_STAMPS:
             text = f"The last {SAME_STAMPS} images up to step {now.step} have the stamp {now.stamp:.3f} s."
-            yield _Doubt.STANDING_CLOCK, Finding(f"{text} Does the robot's clock stand still?")
+            yield _Doubt.STANDING_CLOCK, Finding(f"{text} Has the robot's clock stopped?")
 
     def _motion(self, before: Observation, now: Observation) -> Iterator[tuple[_Doubt, Finding]]:
         moved_m = float(np.hypot(*(now.odometry - before.odometry)[:2]))
@@ -170,7 +170,7 @@ class ObservationCheck:
         self._alike += 1
         driven_m = float(np.hypot(*(now.odometry - self._alike_since)[:2]))
         if self._alike >= ALIKE_IMAGES and driven_m >= ALIKE_TRAVEL_M:
-            text = f"The last {self._alike} images up to step {now.step} are equal, though the robot drove"
+            text = f"The last {self._alike} images up to step {now.step} are equal, although the robot drove"
             yield _Doubt.ALIKE, Finding(f"{text} {driven_m:.1f} m; has the camera stopped, or is it covered?")
 
     def _begin_alike(self, observation: Observation) -> None:
@@ -243,7 +243,9 @@ class PlacesReport:
         return sum(each.node is not None for each in self.images) / max(len(self.images), 1)
 
     def __str__(self) -> str:
-        """Return one line with the number of recognised images and the sequence of nodes; ? is no node."""
+        """Return one line with the number of recognised images and the sequence of nodes; ? stands for an image without
+        a node.
+        """
         nodes = ["?" if each.node is None else str(each.node) for each in self.images]
         way = [node for before, node in zip(["", *nodes], nodes, strict=False) if node != before]
         known = sum(each.node is not None for each in self.images)

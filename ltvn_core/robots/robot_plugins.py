@@ -22,8 +22,9 @@ from ltvn_core.robots.robot_spec import RobotSpec
 
 METHODS = ("observe", "state", "drive", "stop")
 HOW_TO = (
-    "`--robot NAME` takes an installed robot, `--robot path/to/file.py:factory` one in a file, `--robot "
-    "turtlebot4@tcp/HOST:7447` one of ROS 2 by its profile, and `--robot drive.mcap` plays a recorded drive that exists"
+    "`--robot NAME` opens an installed robot, `--robot path/to/file.py:factory` one from a Python file, `--robot "
+    "turtlebot4@tcp/HOST:7447` a ROS 2 robot with its profile, and `--robot drive.mcap` plays an existing recorded "
+    "drive"
 )
 
 
@@ -67,11 +68,11 @@ def _check_first_image(robot: Robot, spec: RobotSpec, name: str) -> None:
         state = robot.state()
         sound = len(state.odometry) == 3 and all(map(math.isfinite, state.odometry)) and math.isfinite(state.stamp)
     except LtvnError as error:
-        raise PluginError(f"The robot {name} takes images that cannot be used: {error}") from error
+        raise PluginError(f"The robot {name} returns images that cannot be used: {error}") from error
     except Exception as error:
-        raise PluginError(f"The robot {name} takes no image ({type(error).__name__}: {error}).") from error
+        raise PluginError(f"The robot {name} returns no image ({type(error).__name__}: {error}).") from error
     if not sound:
-        raise PluginError(f"The robot {name}: its state must hold x, y, yaw and seconds, all finite, got {state}.")
+        raise PluginError(f"The robot {name}: its state must have x, y, yaw and seconds, all finite, got {state}.")
 
 
 def _factory(wanted: str, installed: Mapping[str, Plugin] | None) -> Callable[[], Robot]:
@@ -94,7 +95,9 @@ def _factory_in_file(wanted: str) -> Callable[[], Robot]:
     place, _, name = wanted.rpartition(":")
     path = Path(place)
     if not place.endswith(".py") or not name.isidentifier():
-        raise PluginError(f"{wanted} names no robot; write the file and the function, as in my_robot.py:make_robot.")
+        raise PluginError(
+            f"{wanted} does not name a robot; write the file and the function, as in my_robot.py:make_robot."
+        )
     if not path.is_file():
         raise PluginError(f"{path} does not exist. {HOW_TO}.")
     spec = spec_from_file_location(f"ltvn_robot_{path.stem}", path)
@@ -114,5 +117,7 @@ def _factory_in_file(wanted: str) -> Callable[[], Robot]:
 
 def _callable(factory: object, name: str) -> Callable[[], Robot]:
     if not callable(factory):
-        raise PluginError(f"The robot {name} is {factory!r}, which cannot be called; name a function that makes it.")
+        raise PluginError(
+            f"The robot {name} is {factory!r}, which cannot be called; name a function that creates the robot."
+        )
     return cast(Callable[[], Robot], factory)  # `check_robot` checks the result.

@@ -28,7 +28,8 @@ def choose_body(wanted: BodyName = "auto") -> KnownBody:
     if wanted == "bullet":
         raise SceneError(
             f"--body bullet needs PyBullet, which cannot be imported here ({_bullet_missing()}). Use --body planar, "
-            "which needs nothing, or install it: pip install 'ltvn[sim]' brings it for Linux x86-64 and macOS arm64."
+            "which needs no package, or install it: pip install 'ltvn[sim]' installs it for Linux x86-64 and macOS "
+            "arm64."
         )
     return "planar"
 

@@ -59,7 +59,7 @@ def open_simulation(
 ) -> Simulation:
     """Load a scene and put a robot of `spec` into it, at `start` (3,) or at a free place drawn with `seed`.
 
-    `script` changes the scene over time; without one, nothing changes by itself. `body` moves the robot, see
+    `script` changes the scene over time; without one, the scene does not change. `body` moves the robot, see
     `ltvn_core.simulation.body_selection`.
 
     Raises SceneError for an unknown scene, or if the simulator cannot run here.

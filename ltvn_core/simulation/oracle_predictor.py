@@ -68,8 +68,8 @@ class OraclePredictor:
         for observation, pose in zip(observations, poses, strict=True):
             if pose is None:
                 raise ValueError(
-                    f"The oracle needs the exact pose of each image, and image {observation.step} has none; it was "
-                    "not taken in simulation. Use the network's predictor."
+                    f"The oracle needs the exact pose of each image, and image {observation.step} has none, because "
+                    "it was not taken in simulation. Use another predictor."
                 )
         return np.array(poses, np.float64).reshape(-1, 3)
 

@@ -138,7 +138,7 @@ def _foreign_scene(plugin: Plugin) -> Scene:
             f"{plugin.title} cannot be made ({type(error).__name__}: {error}); {plugin.remedy}."
         ) from error
     if not isinstance(scene, Scene):
-        raise plugin.refusal(f"returns {type(scene).__name__}, no Scene and no path of a mesh")
+        raise plugin.refusal(f"returns {type(scene).__name__}, not a Scene or the path of a mesh")
     return replace(scene, name=plugin.name, source=None)  # So that recordings find it by its name.
 
 
@@ -156,7 +156,7 @@ def _mesh_path(name: str) -> Path:
     if not here.exists():
         raise SceneError(
             f"The scene's file {path} does not exist. Put it there or into the current folder ({Path.cwd()}), or give "
-            "the path where it is now."
+            "its new path."
         )
     log.warning("The scene's file %s does not exist; using %s.", path, here)
     return here

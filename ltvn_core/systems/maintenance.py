@@ -61,8 +61,8 @@ def _known(told: _Told | None, name: str, what: str) -> _Told:
     """Return the ground truth; raises OptionError if it is missing."""
     if told is None:
         raise OptionError(
-            f"The maintenance {name!r} asks the world {what}; it is for simulated worlds that change. "
-            "Choose another maintenance."
+            f"The maintenance {name!r} needs to know from the simulator {what}, so it works only in simulated worlds "
+            "that change. Choose another maintenance."
         )
     return told
 

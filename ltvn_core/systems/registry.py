@@ -78,7 +78,7 @@ def recorded_system(config: Mapping[str, Any]) -> SystemEntry:
     if (found := known_system(name)) is None:
         raise OptionError(
             f"This was made with the navigation system {name!r}, which is not installed here; known are: "
-            f"{', '.join(system_names())}. Install the package that brings it."
+            f"{', '.join(system_names())}. Install the package that contains it."
         )
     return found
 
@@ -99,4 +99,4 @@ def load_system(plugin: Plugin) -> SystemEntry:
         return found
     if callable(found):
         return SystemEntry(name=plugin.name, label=plugin.name, factory=cast(SystemFactory, found))
-    raise plugin.refusal("is neither a SystemEntry of that name nor a function from a Method to a NavigationSystem")
+    raise plugin.refusal("is neither a SystemEntry with that name nor a function from a Method to a NavigationSystem")

@@ -177,15 +177,15 @@ def drive_path(observations: Sequence[Observation], name: str, camera: CameraMod
     if len(observations) < FEWEST_IMAGES:
         raise RecordingError(
             f"{name}: {len(observations)} images are too few to learn from; it needs {FEWEST_IMAGES}. Record or import "
-            "a longer drive, or learn from a larger part of it."
+            "a longer drive, or train on a larger part of it."
         )
     exact = [seen.exact_pose for seen in observations if seen.exact_pose is not None]
     is_exact = len(exact) == len(observations)
     poses = np.array(exact if is_exact else [seen.odometry for seen in observations], np.float64)
     if not np.isfinite(poses).all() or np.ptp(poses, axis=0).max() == 0:
         raise RecordingError(
-            f"{name}: learning takes the poses of its {len(poses)} images from ground truth or odometry, and there is "
-            "neither: all of them are the same, or some are missing. Import the drive with its odometry or its poses."
+            f"{name}: training needs poses of its {len(poses)} images from ground truth or odometry, but all poses "
+            "are the same, or some are missing. Import the drive with its odometry or its poses."
         )
     driven, turned = odometry_steps(poses)
     jumped = np.zeros(len(driven), bool) if is_exact else odometry_jumps(poses, _SELECTION)

@@ -157,7 +157,7 @@ def fine_tune(
     except _CancelledError:
         return None
     except OSError as error:
-        raise WeightsError(f"Learning ended without a result ({error}); free some space and try again.") from error
+        raise WeightsError(f"Training ended without a result ({error}); free some space and try again.") from error
     return _summary(output)
 
 
@@ -245,7 +245,8 @@ def _finished_earlier(output: Path, run: Mapping[str, Any]) -> FineTunedWeights 
         or any(made_by[key] != run[key] for key in made_by.keys() & run.keys())
     ):
         raise WeightsError(
-            f"{output} exists and was made otherwise; nothing is overwritten. Name another output, or move that away."
+            f"{output} exists, was made with other settings, and is not overwritten. Name another output, or move "
+            "that file."
         )
     return _summary(output)
 
@@ -308,7 +309,7 @@ def _summary(weights: Path) -> FineTunedWeights:
     except (KeyError, TypeError, AttributeError, ValueError) as error:
         raise WeightsError(
             f"{weights}: the card beside these weights does not fit them ({type(error).__name__}: {error}); name "
-            "another output, or move the weights and their card away and learn again."
+            "another output, or move the weights and their card away and train again."
         ) from error
 
 

@@ -213,7 +213,7 @@ def _count_scenes(on_progress: ProgressReporter) -> Callable[[int, int], None]:
     """Return a callback that reports the number of finished scenes, in the first four fifths of the progress."""
 
     def report(count: int, total: int) -> None:
-        doing = f"rendering simulated rooms, once only: {count} of {total}"
+        doing = f"rendering simulated rooms (only once): {count} of {total}"
         on_progress(0.8 * count / total, "simulated rooms" if count == total else doing)
 
     return report
@@ -229,8 +229,8 @@ def _select_shards(folder: Path) -> tuple[list[Path], list[Path]]:
     learned = [path for path in shards if not path.name.startswith("tune-")]
     if not learned or not validation:
         raise DatasetError(
-            f"{folder}: needs shards of scenes to learn from and of {' or '.join(CALIBRATION_SCENES)}, found "
-            f"{len(shards)} in all; run `ltvn dataset --folder {folder}`, or leave --data out to have some rendered."
+            f"{folder}: needs shards of training scenes and of {' or '.join(CALIBRATION_SCENES)}, found "
+            f"{len(shards)} in all; run `ltvn dataset --folder {folder}`, or omit --data to render some."
         )
     return learned[:: max(-(-len(learned) // _MOST_SCENES), 1)], validation
 

@@ -25,11 +25,11 @@ class BaselineVerb(Verb):
     output: Path
     """The weights to write, with a card beside them; must not exist yet."""
     data: Path = Path("data/walks")
-    """Where the walks lie, one file per scene; missing ones are made, the same for both rivals."""
+    """Folder of the walks, one file per scene; missing ones are made, the same for both rivals."""
     work: Path | None = None
-    """Where checkpoints and curves go; a folder below the walks unless named."""
+    """Folder for checkpoints and curves; by default a folder below the walks."""
     minutes: float = 8.0
-    """How long to train, in one process."""
+    """Time for training in one process, in minutes."""
     steps: int | None = None
     """Train for this number of steps of about 200 pairs instead, which gives the same weights on a slower machine."""
     fresh: bool = False

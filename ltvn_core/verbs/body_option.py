@@ -9,8 +9,8 @@ from ltvn_core.simulation.body_names import BodyName
 BodyOption: TypeAlias = Annotated[
     BodyName,
     tyro.conf.arg(
-        help="The simulated robot's body: bullet is PyBullet's physics, planar a disc that needs no PyBullet; auto "
-        "takes bullet where PyBullet is installed."
+        help="The simulated robot's body: bullet uses PyBullet's physics, planar is a disc without PyBullet; "
+        "auto uses bullet if PyBullet is installed."
     ),
 ]
 """A verb gives it the default "auto"."""

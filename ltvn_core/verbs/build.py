@@ -27,8 +27,9 @@ class BuildVerb(Verb):
     system: SystemName = DEFAULT_SYSTEM
     """The navigation system that builds the map and is to drive by it: ltvn is the paper's, the others are rivals."""
     predictor: PredictorName = AUTO
-    """What compares images: network is the trained one, geometric needs no training and takes any camera, oracle is the
-    simulator's own geometry; auto is the network for simulated images and geometric for real ones."""
+    """Predictor that compares images: network is the trained one, geometric needs no training and supports any camera,
+    oracle is the simulator's own geometry; auto is the network for simulated images and geometric for real ones.
+    """
     weights: Path | None = None
     """Weights to use instead of those that come with the system."""
     goals: tuple[int, ...] = ()

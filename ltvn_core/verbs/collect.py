@@ -1,4 +1,4 @@
-"""`ltvn collect`: a tour becomes a recording."""
+"""`ltvn collect`: records a mapping drive."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,7 +18,7 @@ class CollectVerb(Verb):
     scene: str = "demo"
     """A scene by name (a wrong one lists the right ones), or the path of a mesh or of a Gibson folder."""
     loops: int = 2
-    """How often the tour goes round."""
+    """Number of rounds of the mapping drive."""
     seed: int = 0
     """Draws the start, the order of rooms and the odometry noise."""
     distance_noise: float = 0.02

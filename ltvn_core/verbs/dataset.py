@@ -8,12 +8,12 @@ from ltvn_core.verbs.verb import Verb
 
 @dataclass(frozen=True, kw_only=True)
 class DatasetVerb(Verb):
-    """Render image pairs in scenes and label them as reachable or not; goes on where an earlier call stopped."""
+    """Render image pairs in scenes and label them as reachable or not; continues an interrupted call."""
 
     job = "ltvn_core.verbs.jobs.dataset:make_dataset"
 
     folder: Path = Path("data")
-    """Where the shards lie, one file per scene."""
+    """Folder of the shards, one file per scene."""
     scenes: tuple[str, ...] = ()
     """Scenes by name or by the path of a mesh; none stands for those of training and validation."""
     clusters: int = 280

@@ -16,15 +16,15 @@ class HeadlessDemoVerb(Verb):
     job = "ltvn_core.verbs.jobs.demo:run_demo"
 
     queries: int = 20
-    """How many random goals to drive to."""
+    """Number of random goals to drive to."""
     seed: int = 0
     """Draws tour, noise, map and goals."""
     scene: str = "demo"
     """A scene by name (a wrong one lists the right ones), or the path of a mesh or of a Gibson folder."""
     loops: int = 2
-    """How often the mapping tour goes round."""
+    """Number of rounds of the mapping drive."""
     predictor: PredictorName = AUTO
-    """What compares images: the trained network, which auto takes, or another by name."""
+    """Predictor that compares images: the trained network, which auto uses, or another by name."""
     weights: Path | None = None
     """Weights to use instead of the shipped ones."""
     preset: Literal["robust", "paper"] = "robust"
@@ -38,5 +38,5 @@ class HeadlessDemoVerb(Verb):
     """Port on 127.0.0.1 at which a Rerun viewer can watch while the recording is written: `ltvn view` the address."""
 
     story: bool = False
-    """Instead of random goals: close a door on the planned way, and tell what the map learns. In the demo apartment by
+    """Instead of random goals: close a door on the planned path, and tell what the map learns. In the demo apartment by
     its ready-made map."""

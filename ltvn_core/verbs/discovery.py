@@ -15,7 +15,7 @@ from ltvn_core.verbs.verb import Verb
 GROUPS: Mapping[str, tuple[str, ...]] = {
     "Drive and map": ("app", "demo", "build", "navigate", "collect", "robot", "guard", "serve"),
     "Look and ask": ("replay", "why", "view", "info", "verify", "report", "pairs", "mcp"),
-    "Bring in and out": ("import", "export", "repair", "plugins"),
+    "Import and export": ("import", "export", "repair", "plugins"),
     "Learn and measure": (
         "evaluate",
         "evaluate-robot",
@@ -59,7 +59,7 @@ BEGINNING = f"""{DESCRIPTION}
 Four commands to begin with:
 
   ltvn app                                     the page on the demo apartment: click a goal, and watch
-  ltvn import DRIVE --output drive.rrd         your own drive: a bag, a data set, a folder of pictures
+  ltvn import DRIVE --output drive.rrd         your own drive: a bag, a data set, a folder of images
   ltvn build drive.rrd --output map.rrd        a map of it, which ltvn app --map opens
   ltvn replay drive.rrd                        what was recorded, with a slider over its time
 

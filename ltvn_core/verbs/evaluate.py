@@ -29,7 +29,7 @@ class ProtocolOptions(Verb):
     our-matching, our-building, our-localising, our-planning, our-driving, our-judging, our-believing, our-expanding,
     our-recovering; or one departure by its name in config.py, for instance driving.swerve."""
     predictor: PredictorName = AUTO
-    """What compares images: the trained network, which auto takes, or another by name."""
+    """Predictor that compares images: the trained network, which auto uses, or another by name."""
     weights: Path | None = None
     """Weights to start from instead of the shipped ones."""
     finetune_steps: int = 40
@@ -41,11 +41,11 @@ class ProtocolOptions(Verb):
     step_limit: int | None = None
     """Control steps after which an episode failed; by default the paper's, 1,000 below 100 m2 and 2,000 above."""
     conditions: tuple[ConditionName, ...] = ()
-    """What is harder than usual, for all systems alike: slip (the wheels slip, in the mapping drive and the episodes),
+    """Harder conditions, for all systems alike: slip (the wheels slip, in the mapping drive and the episodes),
     one-loop (the mapping drive is one round), half-light (the map is made in full light and driven in half of it)."""
     body: BodyOption = "auto"
     folder: Path = Path("runs/evaluation")
-    """Where drives, weights, maps and results are kept, and found again by the next call."""
+    """Folder of drives, weights, maps and results; the next call continues from them."""
     processes: int | None = None
     """Processes to run side by side; by default as many as there are cores."""
     cluster: str | None = None
@@ -72,7 +72,7 @@ class EvaluateVerb(ProtocolOptions):
     episodes: int = 500
     """Random episodes for each scene and seed."""
     perturb: tuple[str, ...] = ()
-    """What is wrong with the robot's camera in the episodes, all at once: one or several of blur, exposure, flare,
-    depth-holes, lens, noise, white-balance, jpeg, dropped-frames, or all. The map is of a good camera."""
+    """Faults of the robot's camera in the episodes, all at once: one or several of blur, exposure, flare,
+    depth-holes, lens, noise, white-balance, jpeg, dropped-frames, or all. The map is built with a good camera."""
     record_failures: int = 0
     """Number of failed episodes of each scene and seed to run again and record, for `ltvn replay`."""

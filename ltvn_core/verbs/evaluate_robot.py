@@ -28,10 +28,10 @@ class EvaluateRobotVerb(Verb):
     preset: Literal["robust", "paper"] = "robust"
     """The method's settings: robust is ours, paper is the literal method."""
     predictor: PredictorName = AUTO
-    """What compares images; must be the one that built the map, which auto finds."""
+    """Predictor that compares images; must be the one that built the map, which auto finds."""
     weights: Path | None = None
     """Weights to use instead of those that come with the map's system; must be those that built the map."""
     seed: int = 0
     """Draws goals."""
     folder: Path = Path("runs/evaluation/robot")
-    """Where episodes, recordings and maps are kept, and found again by the next call."""
+    """Folder of episodes, recordings and maps; the next call continues from them."""

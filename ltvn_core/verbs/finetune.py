@@ -11,7 +11,7 @@ from ltvn_core.verbs.verb import Summary, Verb, do_job
 
 @dataclass(frozen=True, kw_only=True)
 class FinetuneVerb(Verb):
-    """Let weights learn from a robot's own drive; goes on where an interrupted call with the same output stopped.
+    """Fine-tune weights on a robot's own drive; continues an interrupted call with the same output.
 
     The geometric predictor has no network: its calibration learns from the drive, in less than a minute.
     """
@@ -22,22 +22,23 @@ class FinetuneVerb(Verb):
     """The weights to write, with a card beside them; must not exist yet. For the geometric predictor a calibration, a
     .json file with its card in it."""
     predictor: Literal["network", "geometric"] = "network"
-    """What is to learn."""
+    """Predictor to train."""
     part: str = "1/1"
     """Learn from this stretch of the drive alone, for instance 1/2, the first half; `ltvn judge --part 2/2` then judges
     by the other."""
     horizon: int = 15
-    """H: an image counts as reachable from those up to so many images before it. Images closer than 0.1 m and 8
+    """H: an image counts as reachable from the H images before it. Images closer than 0.1 m and 8
     degrees to the last one are left out first, so 15 images are about 1.5 m of straight driving."""
     literal: bool = False
     """Take the paper's rule as it is: all within the horizon are reachable, all others are not. Otherwise odometry and
-    depth are asked as well, and pairs they are unsure of are left out."""
+    depth are checked as well, and uncertain pairs are left out.
+    """
     weights: Path | None = None
     """Weights, or a calibration, to start from instead of the shipped ones; they are not changed."""
     data: Path | None = None
     """A folder of `ltvn dataset` to draw simulated pairs from; without one, a few scenes are rendered once."""
     minutes: float = 3.0
-    """How long to learn, beside the time that judging takes."""
+    """Time for training in minutes, without the evaluation."""
     seed: int = 0
     """Draws batches and augmentation."""
 

@@ -37,9 +37,9 @@ class ImportVerb(Verb):
     height: float | None = None
     """Height of the camera above the floor in metres."""
     pitch: float | None = None
-    """How the camera is mounted, in degrees; negative looks down."""
+    """Pitch of the camera in degrees; negative looks down."""
     odometry_from: Literal["auto", "source", "truth", "none"] = "auto"
-    """What is recorded as odometry: the source's own, the true poses, or nothing; auto is the first that there is."""
+    """Source of the recorded odometry: the source's own, the true poses, or none; auto is the first that exists."""
     every_m: float = 0.1
     """Keep an image after this distance by odometry, in metres; with 0 for this and --every-deg, all are kept. Without
     odometry an image is kept where the picture has changed."""
@@ -48,4 +48,4 @@ class ImportVerb(Verb):
     rate: float | None = None
     """Images a second, for formats without stamps."""
     scene: str = ""
-    """What the recording calls the place; by default real: and the source's name."""
+    """Name of the place in the recording; by default real: and the source's name."""

@@ -19,7 +19,7 @@ class JudgeVerb(Verb):
     recording: Positional[Path]
     """The recording; its images need true poses, as simulated and imported recordings have them."""
     predictor: PredictorName = AUTO
-    """What compares images; by default the better one for the recording's camera."""
+    """Predictor that compares images; by default the better one for the recording's camera."""
     weights: Path | None = None
     """Weights to use instead of the shipped ones."""
     preset: Literal["robust", "paper"] = "robust"
@@ -36,7 +36,7 @@ class JudgeVerb(Verb):
     left_out: float = 0.2
     """Share of the images, evenly spaced, that the map is not built from, and that are then looked for in it."""
     perturb: tuple[str, ...] = ()
-    """What to spoil of the images that look, one after the other: one or several of blur, exposure, flare, depth-holes,
+    """Perturbations of the query images, one after the other: one or several of blur, exposure, flare, depth-holes,
     lens, noise, white-balance, jpeg, dropped-frames, or all."""
     without_truth: bool = False
     """Judge only whether the map hangs together, which needs no true poses."""

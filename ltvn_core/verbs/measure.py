@@ -20,7 +20,7 @@ class MeasureVerb(Verb):
     job = "ltvn_core.verbs.jobs.measure:measure_driving"
 
     predictor: PredictorName = "network"
-    """What to measure: the trained network, or another predictor by name."""
+    """Predictor to measure: the trained network, or another by name."""
     weights: Path | None = None
     """Weights to measure instead of the shipped ones."""
     preset: Literal["robust", "paper"] = "robust"
@@ -35,7 +35,9 @@ class MeasureVerb(Verb):
     """Scenes to drive in; the default ones no weights have learned from or were chosen by."""
     body: BodyOption = "auto"
     folder: Path | None = None
-    """Keep what each scene showed here, so that a stopped measurement goes on, and parts come together."""
+    """Folder for the measurement of each scene, so that a stopped measurement can continue and parts can be
+    combined.
+    """
     part: str = ""
     """Only a share of the scenes, as 3/16 is the third of sixteen; for arrays of jobs. The last one sums up."""
     write: bool = False

@@ -25,15 +25,15 @@ _LOG = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class NavigateSummary:
-    """What the queries came to."""
+    """Results of the queries."""
 
     recording: Path
     predictor: str
-    """What compared the images."""
+    """Predictor that compared the images."""
     map: Path | None
     """The map after all queries, if it was asked for."""
     nodes: int
-    """In the map at the end."""
+    """Number of nodes in the map at the end."""
     edges: int
     outcome: "QueriesSummary"
     wall_s: float
@@ -52,7 +52,7 @@ class NavigateOptions(Verb):
     goal: int | None = None
     """The node to go to, by its number; a random one if not given."""
     queries: int = 1
-    """How many random goals to drive to, one after the other."""
+    """Number of random goals to drive to, one after the other."""
     preset: Literal["robust", "paper"] = "robust"
     """The method's settings: robust is ours, paper is the literal method."""
     maintenance: MaintenanceName | None = None
@@ -63,7 +63,7 @@ class NavigateOptions(Verb):
     """Drive in a world that changes: static, doors, daily, telegraph, moving, light, people, all, several of them
     (doors+moving), or a JSON file with a script. A goal may be out of reach then."""
     predictor: PredictorName = AUTO
-    """What compares images; must be the one that built the map, which auto finds."""
+    """Predictor that compares images; must be the one that built the map, which auto finds."""
     weights: Path | None = None
     """Weights to use instead of those that come with the map's system; must be those that built the map."""
     seed: int = 0
@@ -119,7 +119,7 @@ class NavigateOptions(Verb):
             _LOG.warning("%s has one node, so the robot goes nowhere; build a map of a longer drive.", self.map)
 
     def _tell_goal(self, known: "TopologicalMap") -> None:
-        """Say before any drive what the map knows of the goal. Raises MapError where that is no node."""
+        """Say before any drive what the map knows of the goal. Raises MapError if that is not a node."""
         if self.goal is None:
             return
         (report,) = known.goal_reports([self.goal])

@@ -6,7 +6,7 @@ from ltvn_core.plugins import PREDICTORS, find_plugins
 from ltvn_core.systems.registry import system_names
 
 AUTO = "auto"
-"""As in `ltvn_core.predictors.choice`, which would bring numpy into every `--help`."""
+"""The same value as in `ltvn_core.predictors.choice`, which would import numpy for every `--help`."""
 
 if TYPE_CHECKING:
     SystemName: TypeAlias = str

@@ -19,7 +19,7 @@ FaultName = Literal["spurious-edge", "look-alike", "missing-edge"]
 class PlantVerb(Verb):
     """Plant faults in a simulated map and record a query that meets each: something to find for a debugger.
 
-    The map's reserve is left out, so that the map cannot be mended with it.
+    The map's reserve is left out, so that the map cannot be repaired with it.
     """
 
     job = "ltvn_core.verbs.jobs.plant:plant_faults"
@@ -29,8 +29,9 @@ class PlantVerb(Verb):
     recording: Path
     """The recording to write; it begins with the faulty map. Must not exist yet."""
     fault: tyro.conf.UseAppendAction[tuple[FaultName, ...]] = ()
-    """What to plant; may be given several times. There is a query for each in the same order, so what is given twice is
-    met twice. If not given, all three are planted and the first is met twice."""
+    """Fault to plant; may be given several times. There is one query for each fault in the same order, so a fault that
+    is given twice is met twice. If not given, all three are planted and the first is met twice.
+    """
     edges: int = 1
     """Number of spurious edges to plant, each with its own queries."""
     rounds: int = 1
@@ -40,7 +41,7 @@ class PlantVerb(Verb):
     steps: int = 80
     """Control steps of 0.1 s that end a query."""
     predictor: PredictorName = AUTO
-    """What compares images; must be the one that built the map, which auto finds."""
+    """Predictor that compares images; must be the one that built the map, which auto finds."""
     weights: Path | None = None
     """Weights to use instead of those that come with the map's system; must be those that built the map."""
     seed: int = 0
@@ -49,5 +50,5 @@ class PlantVerb(Verb):
 
     @property
     def kinds(self) -> tuple[FaultName, ...]:
-        """What the queries meet, one after the other."""
+        """Faults that the queries meet, one after the other."""
         return self.fault or ("spurious-edge", "spurious-edge", "look-alike", "missing-edge")

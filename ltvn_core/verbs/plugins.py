@@ -19,7 +19,7 @@ class PluginsVerb(Verb):
     job = "ltvn_core.verbs.jobs.plugins:list_or_test"
 
     command: Positional[tuple[str, ...]] = ()
-    """Nothing lists all plug-ins; `test NAME` tests one."""
+    """Without arguments, lists all plug-ins; `test NAME` tests one."""
     group: str = ""
     """Where several groups have the name: the one meant, as in ltvn.predictors."""
     weights: Path | None = None

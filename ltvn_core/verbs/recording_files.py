@@ -39,4 +39,4 @@ class RepairVerb(Verb):
     output: Path
     """Where to write the repaired recording; must not exist yet."""
     recording_id: str = ""
-    """Which recording to take out of a file with several, as `rerun rrd merge` makes it."""
+    """Id of the recording to extract from a file with several, as `rerun rrd merge` makes it."""

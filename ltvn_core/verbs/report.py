@@ -23,6 +23,6 @@ class ReportVerb(Verb):
     page: Path | None = None
     """A Markdown page whose tables and pictures are to be updated, such as docs/results.md."""
     images: Path = Path("docs/images/results")
-    """Where the pictures of that page go."""
+    """Folder of the figures of that page."""
     section: str = ""
     """Part of that page: its marks begin with this word and a dash."""

@@ -19,11 +19,11 @@ class RobotVerb(Verb):
     job = "ltvn_core.verbs.jobs.robot:check_robot"
 
     command: Positional[Literal["check"]]
-    """What to do with it."""
+    """Action on the robot."""
     robot: Positional[str]
     """PROFILE@ADDRESS, as in turtlebot4@tcp/192.168.0.7:7447, or the path of a recorded drive, also PROFILE@PATH."""
     seconds: float = 3.0
-    """How long to watch it."""
+    """Time to watch it, in seconds."""
     map: Path | None = None
     """Say where in this map the robot stands, or where a recorded drive led."""
     drive: bool = False

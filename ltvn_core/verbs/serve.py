@@ -15,7 +15,7 @@ class ServeVerb(Verb):
     scene: str = "demo"
     """A scene by name (a wrong one lists the right ones), or the path of a mesh or of a Gibson folder."""
     profile: str = "sim"
-    """Whose topics, size and limits it has: locobot, nav2, sim, stretch, turtlebot4, or a TOML file."""
+    """Profile with the robot's topics, size and limits: locobot, nav2, sim, stretch, turtlebot4, or a TOML file."""
     listen: str = ""
     """Be the router at this address; tcp/127.0.0.1:7447 by default, and port 0 takes any free one."""
     connect: str = ""
@@ -23,7 +23,7 @@ class ServeVerb(Verb):
     width: int = 96
     """Columns of its images; three quarters as many rows."""
     world: str | None = None
-    """Let the scene change by itself: static, doors, daily, moving, light, people, ..., or a JSON file."""
+    """Change the scene over time: static, doors, daily, moving, light, people, ..., or a JSON file."""
     start: tuple[float, float, float] | None = None
     """Where it stands first: x and y in metres of the scene, and degrees from the x axis; else drawn by --seed."""
     seed: int = 0

@@ -14,7 +14,7 @@ from ltvn_core.verbs.verb import Verb
 
 @dataclass(frozen=True, kw_only=True)
 class TrainVerb(Verb):
-    """Train the network on a dataset; goes on from the checkpoint in `work` if there is one."""
+    """Train the network on a dataset; continues from the checkpoint in `work` if there is one."""
 
     job = "ltvn_core.verbs.jobs.train:train_network"
 
@@ -25,9 +25,9 @@ class TrainVerb(Verb):
     output: Path | None = None
     """The weights to write; a card is written beside them."""
     work: Path = Path("data/training")
-    """Where checkpoints, curves and validation figures go."""
+    """Folder for checkpoints, curves and validation figures."""
     minutes: float = 45.0
-    """How long to train, in minutes."""
+    """Time for training, in minutes."""
     steps: int | None = None
     """Train for this number of steps instead: takes longer on a slower machine, but gives the same weights."""
     processes: int | None = None

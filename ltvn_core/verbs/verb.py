@@ -1,4 +1,4 @@
-"""What all verbs share: the options of every verb and the shape of a summary. Owns no job."""
+"""Common parts of all verbs: the options of every verb and the form of a summary. Owns no job."""
 
 import json
 from abc import ABC, abstractmethod
@@ -33,7 +33,7 @@ class OwnWords(ABC):
 
     @abstractmethod
     def as_text(self) -> str:
-        """Return it for a person; empty where there is nothing to print."""
+        """Return it for a person; empty if there is nothing to print."""
 
     @abstractmethod
     def as_json(self) -> dict[str, Any]:
@@ -81,7 +81,7 @@ def do_job(job: str, options: Verb) -> Summary:
 
 
 def refuse_renamed(verb: type[Verb], given: Sequence[str]) -> None:
-    """Raise OptionError for an option that has another name now."""
+    """Raise OptionError for an option that was renamed."""
     for option in (each.partition("=")[0].replace("_", "-") for each in given):
         if option in verb.renamed:
             raise OptionError(f"There is no {option} any more: {verb.renamed[option]}.")
@@ -95,7 +95,7 @@ def _check_number(name: str, number: int) -> None:
     if name == "seed" and number < 0:
         raise OptionError(f"{option} must be 0 or more, got {number}.")
     if abs(number) > most:
-        raise OptionError(f"{option} is at most {most:,}, got {number!s:.40}.")
+        raise OptionError(f"{option} must be at most {most:,}, got {number!s:.40}.")
 
 
 def to_json(summary: Summary) -> str:

@@ -1,6 +1,6 @@
-"""What a tool may be told: names, kinds and bounds of its arguments, as a JSON schema and as the check of what comes.
+"""Arguments of a tool: names, types and bounds, as a JSON schema and as a check of each request.
 
-Owns the check. Whatever a program sends is either a plain value within its bounds or an error that says what would be.
+Owns the check. Each value that a program sends is either valid or raises an error that says what is valid.
 """
 
 import math
@@ -21,7 +21,7 @@ class Parameter:
 
     name: str
     schema: Mapping[str, Any]
-    """As JSON Schema has it, with what it means."""
+    """JSON Schema of the value, with its description."""
     read: Callable[[object], Any]
     """Returns the value; raises ValueError with what would be valid."""
     required: bool = False
@@ -74,7 +74,7 @@ def choices(name: str, about: str, known: Sequence[str]) -> Parameter:
 
     def read(given: object) -> tuple[str, ...]:
         if not isinstance(given, list) or len(given) > len(known) or not all(each in known for each in given):
-            raise ValueError(f"a list of some of these: {', '.join(known)}")
+            raise ValueError(f"a list with any of these: {', '.join(known)}")
         return tuple(given)
 
     items = {"type": "string", "enum": list(known)}
@@ -97,7 +97,7 @@ def read_arguments(parameters: Sequence[Parameter], given: Mapping[str, object])
     known = {each.name: each for each in parameters}
     for name in given:
         if name not in known:
-            offered = f"{which_name(name[:60], known)}." if known else "This tool takes none."
+            offered = f"{which_name(name[:60], known)}." if known else "This tool takes no arguments."
             raise OptionError(f"There is no argument {name[:60]!r}. {offered}")
     found = {name: _read(known[name], value) for name, value in given.items() if value is not None}
     for each in parameters:

@@ -13,7 +13,7 @@ from ltvn_viz.debugger.file_context import FileCase
 from ltvn_viz.session.recording_library import SUFFIX, RecordingLibrary
 
 _OPEN = 3
-"""So many files stay open; a long recording takes a gigabyte of memory."""
+"""Largest number of open files; a long recording takes a gigabyte of memory."""
 _SHOWN = 20
 
 
@@ -24,7 +24,9 @@ class NamedFiles:
         """Take files, and all recordings that lie in the folders among them now. Raises OptionError."""
         found = dict.fromkeys(path for named in paths for path in _recordings(named))
         if not found:
-            raise OptionError("There is no recording in what was named; name .rrd files, or a folder that holds some.")
+            raise OptionError(
+                "The named files and folders contain no recording; name .rrd files, or a folder that holds some."
+            )
         self.by_name: Mapping[str, Path] = _short_names([*found])
         self._library = _NamedLibrary(self.by_name)
         self._open: OrderedDict[tuple[str, int, int], FileCase] = OrderedDict()
@@ -35,7 +37,7 @@ class NamedFiles:
         try:
             stat = path.stat()
         except OSError as error:
-            raise RecordingError(f"{name} cannot be read any more ({error.strerror}).") from error
+            raise RecordingError(f"{name} cannot be read now ({error.strerror}).") from error
         key = name, stat.st_mtime_ns, stat.st_size
         if key not in self._open:
             self._open[key] = FileCase(path, self._library)
@@ -48,7 +50,9 @@ class NamedFiles:
         """Return where a file lies. Raises OptionError for any other name than those that there are."""
         if name not in self.by_name:
             listed = [*self.by_name][:_SHOWN]
-            raise OptionError(f"There is no file {name[:100]!r}. {which_name(name[:100], listed)}; list_files has all.")
+            raise OptionError(
+                f"There is no file {name[:100]!r}. {which_name(name[:100], listed)}; list_files returns all names."
+            )
         return self.by_name[name]
 
 
@@ -77,7 +81,7 @@ def _recordings(named: Path) -> list[Path]:
     if not named.is_file():
         raise OptionError(f"{named} does not exist; name .rrd files, or a folder that holds some.")
     if named.suffix != SUFFIX:
-        raise OptionError(f"{named} is no {SUFFIX} file; bring it in with `ltvn import` first.")
+        raise OptionError(f"{named} is not a {SUFFIX} file; convert it with `ltvn import` first.")
     return [named]
 
 

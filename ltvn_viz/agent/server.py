@@ -19,8 +19,9 @@ from ltvn_viz.agent.arguments import object_schema
 from ltvn_viz.agent.tools import RecordingTools, Tool, ToolError, ToolImage, ToolResult
 
 _INSTRUCTIONS = (
-    "Recordings and maps of robots that navigate by images, and a debugger's answers about them. Begin with list_files "
-    "and describe; then ask `failures`, and follow the arguments under `follow`. All tools only read."
+    "Recordings and maps of robots that navigate by images, and answers of a debugger about them. Begin with "
+    "list_files and describe; then ask `failures`, and use the arguments under `follow` for the next question. All "
+    "tools only read."
 )
 _READ_ONLY = types.ToolAnnotations(
     read_only_hint=True, destructive_hint=False, idempotent_hint=True, open_world_hint=False

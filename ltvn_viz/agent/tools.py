@@ -39,7 +39,7 @@ LONGEST_S = 60.0
 _MARKS = 100
 _LOG = logging.getLogger(__name__)
 
-_FILE = a.text("file", "A name out of list_files.", longest=1000, required=True)
+_FILE = a.text("file", "A name from list_files.", longest=1000, required=True)
 _AT = a.number("at_s", "Seconds after the beginning of the recording; the end if not given.")
 
 
@@ -94,7 +94,7 @@ class RecordingTools:
             text = str(error)
         except Exception as error:  # Nothing that a program sends may end the server.
             _LOG.exception("The tool %.60s failed", name)
-            text = f"This could not be answered ({type(error).__name__}); ask in another way."
+            text = f"This could not be answered ({type(error).__name__}); ask with other arguments."
         self.refused += 1
         return ToolError(text=shown_plainly(text)[:LONGEST_ANSWER])
 
@@ -142,7 +142,7 @@ class RecordingTools:
         case = self._files.case(file)
         until = case.replay.length_s if to_s is None else to_s
         if until < from_s:
-            raise OptionError(f"to_s lies before from_s: {until:g} < {from_s:g}.")
+            raise OptionError(f"to_s is before from_s: {until:g} < {from_s:g}.")
         found = [
             mark
             for mark in case.timeline.marks
@@ -190,36 +190,42 @@ class RecordingTools:
 _EARLY_S = 1e-3
 """Times are written with three digits."""
 
-_FRAME = a.whole("frame", "The number of an image; every node of the map is one, and has its number.", required=True)
+_FRAME = a.whole("frame", "The number of an image; the number of a node is the number of its image.", required=True)
 _TIMELINE = (
     _FILE,
     a.number("from_s", "Seconds after the beginning; 0 if not given."),
     a.number("to_s", "Seconds after the beginning; the end if not given."),
     a.choices("kinds", "Only events of these kinds; all if not given.", [kind.value for kind in MarkKind]),
-    a.whole("most", f"At most so many rows, the first ones; {_MARKS} if not given.", least=1, most=MOST_MARKS),
+    a.whole("most", f"Largest number of rows, from the first on; {_MARKS} if not given.", least=1, most=MOST_MARKS),
 )
 _ASK = (
     _FILE,
-    a.text("question", "The word of a question, out of describe; else edge, or failures for a query.", longest=60),
+    a.text(
+        "question", "The word of a question from describe; if not given, edge, or failures for a query.", longest=60
+    ),
     _AT,
     a.edge("edge", "Point at the edge between two nodes, from and to, whether or not the map has it."),
     a.whole("node", "Point at a node."),
     a.whole("query", "Point at a navigation task, by its number."),
-    a.text("text", "What a person would type into it, for instance what-if: without 12->40.", longest=LONGEST_TEXT),
+    a.text(
+        "text", "The text that a person would type, for instance for what-if: without 12->40.", longest=LONGEST_TEXT
+    ),
 )
 _ABOUT_FILES = "List the recordings and maps that can be asked about. Begin here."
 _ABOUT_DESCRIBE = (
-    "Say what a recording or a map holds: length, images, map, navigation tasks (queries) and how they ended, how "
-    "often what happened, and which questions can be asked."
+    "Describe a recording or a map: length, images, map, navigation tasks (queries) with their outcomes, numbers of "
+    "events, and the questions that can be asked."
 )
-_ABOUT_TIMELINE = "List what happened in a stretch of time: queries, failures, plans, edges that came and went."
+_ABOUT_TIMELINE = (
+    "List what happened in a stretch of time: queries, failures, plans, edges that were added and removed."
+)
 _ABOUT_ASK = (
-    "Ask the debugger a question about a moment. `failures` says what failed and why, `edge` all about an edge or a "
-    "node and why it is so, `truth` (in simulation) which edges are wrong or missing, `what-if` what the plan would be "
-    "otherwise. `follow` in the answer holds the arguments of what to ask next."
+    "Ask the debugger a question about a moment. `failures` explains failed queries, `edge` explains an edge or a "
+    "node, `truth` (in simulation) lists wrong and missing edges, `what-if` plans again after a change. `follow` in "
+    "the answer has the arguments of the next questions."
 )
 _ABOUT_IMAGE = "Show an image that the robot took, by its frame; a node's number is the frame of its image."
-_ABOUT_MAP = "Draw the map at a moment, with the floor where it is known."
+_ABOUT_MAP = "Draw the map at a moment, with the known floor."
 
 
 def _seconds(case: FileCase, stamp: float) -> float:

@@ -1,4 +1,4 @@
-"""Two maps to compare, each with the events before its moment; the other one is from a recording or another time.
+"""Two maps to compare, with the events before them: this one, and another from a recording or another time.
 
 Owns the search for the other map. The differences are computed in `ltvn_core.analysis`.
 """

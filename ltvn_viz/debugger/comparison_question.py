@@ -92,7 +92,7 @@ class ComparisonQuestion(Question[ComparisonRequest]):
     name = QuestionName.COMPARE
     word = QuestionName.COMPARE.word
     verb = "Compare"
-    about = "This map against another: figures of both, and the edges that differ, those that matter most first."
+    about = "This map compared with another: figures of both, and the edges that differ, the most important first."
 
     def __init__(self) -> None:
         """Start without another map."""
@@ -181,7 +181,7 @@ def _offer(context: DebugContext, builder: AnswerBuilder) -> QuestionAnswer:
         builder.add_line(each)
     if not offered:
         builder.add_line(
-            "There is nothing yet: copy a recording or a map into the recordings folder, or drive to a goal."
+            "There is no other map yet: copy a recording or a map into the recordings folder, or drive to a goal."
         )
     if len(names) > _NAMES:
         builder.add_line(f"… and {len(names) - _NAMES} more: type the name.")
@@ -229,7 +229,7 @@ def _difference(builder: AnswerBuilder, found: MapComparison, selection: Selecti
         Key(palette.PLAN, f"believed differently: {believed}"),
     )
     builder.add_line(
-        f"{len(difference.nodes)} nodes are in both, known by their {difference.matched_by}; "
+        f"{len(difference.nodes)} nodes are in both, matched by their {difference.matched_by}; "
         f"{len(difference.nodes_only_a)} only here, {len(difference.nodes_only_b)} only there."
     )
     add_presence_changes(found, builder)
@@ -240,7 +240,7 @@ def _difference(builder: AnswerBuilder, found: MapComparison, selection: Selecti
         rows = [_row(each, back) for each in difference.differing[:_ROWS]]
         builder.add_table(("edge", "p here", "p there", "of all ways"), rows)
         if len(difference.differing) > _ROWS:
-            builder.add_line(f"… and {len(difference.differing) - _ROWS} more that matter less.")
+            builder.add_line(f"… and {len(difference.differing) - _ROWS} less important ones.")
     strokes = *_strokes(found, difference), *presence_strokes(found)
     return builder.build(Overlay(strokes=strokes, nodes={**_new_nodes(difference), **nodes}))
 

@@ -28,7 +28,7 @@ from ltvn_viz.session.inspection import Stroke, stroke
 _PLANS = 40
 """Number of plans before the moment that are searched."""
 _ROWS = 8
-_TITLE = "Why did it try it, or go around?"
+_TITLE = "Why did the robot try it, or go around?"
 
 
 class EdgeDecisionsPart:
@@ -55,7 +55,7 @@ class EdgeDecisionsPart:
             builder.add_behind(self._latest)
             which = "an edge" if edge is None else "it"
             builder.add_line(
-                Strong(_TITLE), f" Up to now the shortest way of no plan led through {which} while last seen blocked."
+                Strong(_TITLE), f" Up to now, no shortest path led through {which} that was last seen blocked."
             )
             return ()
         made = chosen[-1]
@@ -97,7 +97,7 @@ def _was_seen(context: DebugContext, edge: EdgeKey | None) -> bool:
 
 
 def _explain(context: DebugContext, made: PresenceDecision, latest: LatestAnswer, builder: AnswerBuilder) -> None:
-    title = "Why did it try it?" if made.tried else "Why did it go around?"
+    title = "Why did the robot try it?" if made.tried else "Why did the robot go around?"
     when = time_link(context.seconds(made.plan.instant))
     query = made.plan.planned.query
     builder.add_line(Strong(title), f" Query {query}, ", when, ", edge ", edge_link(*made.edge), ".")

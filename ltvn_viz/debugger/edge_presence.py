@@ -86,7 +86,7 @@ class EdgePresencePart:
             context.in_background, question, lambda: _forecast(seen, context.known_filter, round(now_s, 1))
         )
         if forecast is None:
-            builder.add_pending("Following it through time", title=_TITLE)
+            builder.add_pending("Computing it over time", title=_TITLE)
         else:
             builder.add_line(Strong(_TITLE), " ", Link("all edges that were seen blocked", PointAt(edge[0])))
             builder.add_behind(self._latest)
@@ -98,13 +98,13 @@ class EdgePresencePart:
 def _add_unseen(context: DebugContext, story: EdgeHistory, builder: AnswerBuilder) -> None:
     blocked = sum(each.end in OBSTRUCTED_ENDS for each in story.attempts)
     if blocked:
-        met = f"Something was in the way in {count_text(blocked, 'attempt')}"
+        met = f"An obstacle blocked it in {count_text(blocked, 'attempt')}"
         if context.presence_filter is None:
-            builder.add_line(Strong(_TITLE), f" Plans of this run do not ask: every edge that exists is driven. {met}.")
+            builder.add_line(Strong(_TITLE), f" Plans of this run ignore whether it is open. {met}.")
         else:
-            builder.add_line(Strong(_TITLE), f" {met}, and the map noted none as a way that is blocked for a time.")
+            builder.add_line(Strong(_TITLE), f" {met}, but the map has not recorded it as blocked for a time.")
     elif context.graph.presence:
-        builder.add_line(Strong(_TITLE), " It was never seen blocked, so it is held to be open.")
+        builder.add_line(Strong(_TITLE), " It was never seen blocked, so it counts as open.")
 
 
 def _forecast(seen: Sequence[PresenceObservation], presence_filter: PresenceFilter, now_s: float) -> _Forecast:
@@ -128,11 +128,11 @@ def _show_forecast(seen: Sequence[PresenceObservation], forecast: _Forecast, bui
     builder.add_table((f"it is {clock_text(forecast.now_s)}", "p open", "taken for"), rows)
     if forecast.back_s is not None:
         builder.add_line(
-            f"If nobody looks it is taken for open again from {clock_text(forecast.back_s)} on, in "
+            f"Without new observations it counts as open again from {clock_text(forecast.back_s)} on, in "
             f"{duration_text(forecast.back_s - forecast.now_s)}."
         )
     elif forecast.soon[0] < 0.5:
-        builder.add_line("If nobody looks it is not taken for open again within two weeks.")
+        builder.add_line("Without new observations it does not count as open again within two weeks.")
 
 
 def _state(p: float) -> Coloured:
@@ -166,7 +166,7 @@ def add_all_edges(context: DebugContext, builder: AnswerBuilder) -> tuple[Stroke
     rows = [_edge_row(context, edge, found[edge]) for edge in ordered[:_ROWS]]
     builder.add_table(("edge", "p open", "taken for", "seen last"), rows)
     if len(ordered) > _ROWS:
-        builder.add_line(f"… and {len(ordered) - _ROWS} more that are more probably open.")
+        builder.add_line(f"… and {len(ordered) - _ROWS} more with a higher probability.")
     _note(context, builder)
     colours = {edge: STATE_COLOURS[presence_state(p)] for edge, p in found.items()}
     ends = [(context.pose(edge[0]), context.pose(edge[1]), colour) for edge, colour in colours.items()]
@@ -182,8 +182,7 @@ def _edge_row(context: DebugContext, edge: EdgeKey, p: float) -> tuple[Inline, .
 def _note(context: DebugContext, builder: AnswerBuilder) -> None:
     if context.presence_filter is None:
         builder.add_line(
-            "Plans of this run take no account of what is open now: every edge that exists is driven. "
-            "Probabilities are those of the filter “persistent”."
+            "Plans of this run ignore which edges are open now. Probabilities are those of the filter “persistent”."
         )
 
 

@@ -49,11 +49,11 @@ def add_later_changes(context: DebugContext, story: EdgeHistory, builder: Answer
     """Report when an edge is removed from the map or added after the moment; nothing if neither happens."""
     later = edge_history(context.timeline, story.source, story.target)
     if story.alive and later.lifetimes and (end := later.lifetimes[len(story.lifetimes) - 1].end) is not None:
-        builder.add_line("Later it leaves the map, at ", time_link(context.seconds(end.instant)), ".")
+        builder.add_line("Later it is removed, at ", time_link(context.seconds(end.instant)), ".")
     elif not story.alive and len(later.lifetimes) > len(story.lifetimes):
         added_at = later.lifetimes[len(story.lifetimes)].added_at
         again = "back " if story.lifetimes else ""
-        builder.add_line(f"Later it comes {again}in, at ", time_link(context.seconds(added_at)), ".")
+        builder.add_line(f"Later it is added {again}at ", time_link(context.seconds(added_at)), ".")
 
 
 _ATTEMPTS = 40
@@ -67,8 +67,8 @@ class EdgeQuestion(Question[Never]):
     earlier_words = QuestionName.EDGE.earlier_words
     is_for_watchers = True
     about = (
-        "Images, belief and attempts of an edge, why it is as it is, and when it is open. Click a node, then its "
-        "neighbour, or type two numbers."
+        "Images, belief and attempts of an edge, the reasons for its belief, and when it is open. Click a node, then "
+        "its neighbour, or type two numbers."
     )
 
     def __init__(self) -> None:
@@ -158,7 +158,7 @@ def _add_beliefs(context: DebugContext, story: EdgeHistory, builder: AnswerBuild
     )
     builder.add_chart(_belief_chart(context, beliefs))
     if (end := story.lifetimes[-1].end) is not None:
-        builder.add_line("It left the map at ", time_link(context.seconds(end.instant)), f" {_departed(end)}.")
+        builder.add_line("It was removed at ", time_link(context.seconds(end.instant)), f" {_departed(end)}.")
 
 
 def _belief_chart(context: DebugContext, beliefs: Sequence[TimedBelief]) -> StepChart:
@@ -178,7 +178,7 @@ def _belief_chart(context: DebugContext, beliefs: Sequence[TimedBelief]) -> Step
 def _departed(end: EdgeRemoval) -> str:
     """Return the reason why an edge was removed from the map."""
     if end.whole_map:
-        return f"because another map came in {CAUSE_TEXTS[end.cause]}"
+        return f"because another map replaced this one, {CAUSE_TEXTS[end.cause]}"
     if end.node is not None:
         return f"together with node {end.node}, {CAUSE_TEXTS[end.cause]}"
     if end.attempt is not None:
@@ -189,8 +189,8 @@ def _departed(end: EdgeRemoval) -> str:
 def _add_attempts(context: DebugContext, story: EdgeHistory, builder: AnswerBuilder) -> None:
     if not story.attempts:
         before = story.lifetimes[-1].beliefs[0].attempts
-        earlier = f"; {count_text(before, 'attempt')} came with the map" if before else ""
-        builder.add_line(Strong("Attempts"), f" Nobody drove it up to now in this run{earlier}.")
+        earlier = f"; {count_text(before, 'attempt')} were loaded with the map" if before else ""
+        builder.add_line(Strong("Attempts"), f" It was not driven in this run up to now{earlier}.")
         return
     builder.add_line(Strong("Attempts"))
     rows = [_attempt(context, each) for each in story.attempts[-_ATTEMPTS:]]

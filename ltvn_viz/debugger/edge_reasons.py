@@ -28,7 +28,7 @@ def add_node_reasons(context: DebugContext, node: NodeId, before: NodeId | None,
     """Explain why a node exists, show its views, and link its missing edges; `before` was selected before it."""
     _chain(
         context,
-        f"Why is node {node} here?",
+        f"Why is node {node} in the map?",
         edge_explanation.explain_node(context.timeline, node, at=context.instant),
         builder,
     )
@@ -122,7 +122,7 @@ def _chain(context: DebugContext, title: str, reasons: Sequence[ExplanationStep]
 
 def _doubt(story: EdgeHistory) -> str:
     belief = story.lifetimes[-1].beliefs[-1].belief
-    return f"Why is it so weak, p = {belief.p:.2f}?" if belief.p < 0.5 else f"Why is p = {belief.p:.2f}?"
+    return f"Why is its belief so low, p = {belief.p:.2f}?" if belief.p < 0.5 else f"Why is p = {belief.p:.2f}?"
 
 
 def _seen(context: DebugContext, edge: EdgeKey) -> tuple[float, float] | None:

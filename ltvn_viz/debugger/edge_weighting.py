@@ -19,7 +19,7 @@ def edge_weighting(context: DebugContext) -> EdgeWeighting:
     """Return the edge weights of a run: those of the system that planned in it, or else those of the paper."""
     entry = known_system(context.system)
     if entry is not None:
-        note = "" if entry.name == DEFAULT_SYSTEM else f"Both plans weigh edges as {entry.name} does."
+        note = "" if entry.name == DEFAULT_SYSTEM else f"Both plans use the edge costs of {entry.name}."
         return EdgeWeighting(lambda method: entry.factory(method).edge_weight, note)
     named = f"names the system “{context.system}”, which is not known here" if context.system else "names no system"
-    return EdgeWeighting(ltvn_edge_weight, f"The recording {named}; both plans weigh edges as {DEFAULT_SYSTEM} does.")
+    return EdgeWeighting(ltvn_edge_weight, f"The recording {named}; both plans use the edge costs of {DEFAULT_SYSTEM}.")

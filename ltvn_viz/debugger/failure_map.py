@@ -31,7 +31,7 @@ def add_map_faults(context: DebugContext, failure: FailedQuery, builder: AnswerB
     question = "map faults", context.name, context.start_s, failure.query.first, failure.query.last
     faults: MapFaults | None = context.in_background(question, _search(graph, failure))
     if faults is None:
-        builder.add_pending("Looking through the map")
+        builder.add_pending("Searching the map")
         return
     _contradicted(faults.contradicted, builder)
     if faults.gap is not None:
@@ -53,17 +53,15 @@ def _search(graph: TopologicalGraph, failure: FailedQuery) -> Callable[[], MapFa
 def _contradicted(found: Sequence[ContradictedEdge], builder: AnswerBuilder) -> None:
     if not found:
         return
-    builder.add_line(
-        "Odometry contradicts edges of the map that it began with: their ends may be two places that look alike."
-    )
+    builder.add_line("Odometry contradicts edges of the first map: their ends may be two places that look alike.")
     rows = [(edge_link(*each.edge), f"{each.length_m:.2f}", f"{each.odometry_m:.2f}") for each in found[:_ROWS]]
     builder.add_table(("contradicted edge", "length, m", "by odometry, m"), rows)
 
 
 def _gap(gap: MapGap, builder: AnswerBuilder) -> None:
     builder.add_line(
-        f"The map that it began with has a gap: from node {gap.start} ways lead to {gap.reached} nodes, and from "
-        f"{gap.leading} others to node {gap.goal}."
+        f"The first map has a gap: paths lead from node {gap.start} to {gap.reached} nodes, and from {gap.leading} "
+        f"other nodes to node {gap.goal}."
     )
     rows = [(edge_link(*pair.edge), f"{pair.distance:.2f}") for pair in gap.nearest]
     if rows:

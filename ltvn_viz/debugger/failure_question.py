@@ -1,4 +1,4 @@
-"""What failed up to the moment: queries by cause and place, the second before each failure, and success over time.
+"""Failures up to the moment: queries by cause and place, the second before each failure, and success over time.
 
 Owns the layout of the answer, and the curves of success, nodes and edges over queries. Causes and places come from
 `ltvn_core.analysis.failure_triage`, the numbers of the curves from `ltvn_core.analysis.lifelong_success`.
@@ -82,7 +82,7 @@ class FailureQuestion(Question[ShowFailures]):
     name = QuestionName.FAILURES
     word = QuestionName.FAILURES.word
     is_for_watchers = True
-    about = "Failed queries by cause and place; a time leads to the second before it went wrong."
+    about = "Failed queries by cause and place; a time shows the second before the failure."
 
     def __init__(self) -> None:
         """Start with all causes."""
@@ -99,7 +99,7 @@ class FailureQuestion(Question[ShowFailures]):
         builder = AnswerBuilder()
         findings = self._findings(context)
         if findings is None:
-            builder.add_pending("Looking through the queries")
+            builder.add_pending("Searching the queries")
             return builder.build()
         if not len(findings.strip.queries):
             builder.add_line("No query has ended yet: choose a goal under “Go”, or open a recording with queries.")
@@ -141,7 +141,7 @@ class FailureQuestion(Question[ShowFailures]):
             failed = len(known.failures)
             builder.add_line("Up to now ", Strong(f"{failed}"), " of ", Strong(f"{over}"), " queries failed.")
         else:
-            builder.add_line("No query is over yet.")
+            builder.add_line("No query has ended yet.")
         links = [
             request_link(f"{failure_mode} {len(group)}", ShowFailures(failure_mode))
             for failure_mode, group in group_by_failure_mode(known.failures).items()
@@ -182,7 +182,7 @@ def _later(context: DebugContext, later: Sequence[FailedQuery], builder: AnswerB
     run = "run" if context.is_live else "recording"
     named = f"query {failure.query.id} fails, {failure.failure_mode}, from "
     when = time_link(context.seconds(failure.instant))
-    more = f" {len(later) - 1} more after it." if len(later) > 1 else ""
+    more = f" {len(later) - 1} more after that." if len(later) > 1 else ""
     builder.add_line(f"Later in this {run}: {named}", when, " on. It drives ", _what_to_ask(failure), more)
 
 
@@ -257,12 +257,12 @@ def _dip(context: DebugContext, strip: LifelongSuccess, dip: SuccessDip, builder
     counts = [int(column[within].sum()) for column in (strip.pruned, strip.edges_added, strip.nodes_added)]
     builder.add_line(
         *(Strong("Dip:"), f" success fell by {100 * dip.fall:.0f} % from ", begin, " to ", end),
-        f"; meanwhile {counts[0]} edges went, {counts[1]} edges and {counts[2]} nodes came.",
+        f"; meanwhile {counts[0]} edges were removed, {counts[1]} edges and {counts[2]} nodes were added.",
     )
     touched = _touched(context, dip)
     if touched:
         named: list[Inline] = [part for edge, what in touched for part in (", ", edge_link(*edge), f" {what}")]
-        builder.add_line("Edges it touched most: ", named[1:], ".")
+        builder.add_line("Edges that it changed most: ", named[1:], ".")
 
 
 def _touched(context: DebugContext, dip: SuccessDip) -> list[tuple[EdgeKey, str]]:

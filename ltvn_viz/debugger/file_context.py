@@ -108,7 +108,7 @@ class FileCase:
         Raises RecordingError.
         """
         if not path.is_file():
-            raise RecordingError(f"{path} does not exist or is no file; give the path of a .rrd recording or map.")
+            raise RecordingError(f"{path} does not exist or is not a file; give the path of a .rrd recording or map.")
         self.path = path
         self.library = library or RecordingLibrary(path.absolute().parent)
         self._replay = read_replay(path, _file_method)
@@ -130,7 +130,7 @@ class FileCase:
         """
         length_s = self._replay.length_s
         if not 0 <= at_s <= length_s + _ROUNDING_S:  # False for NaN too.
-            raise OptionError(f"{self.path.name} goes from 0 to {length_s:.1f} s, and {at_s:g} s is not in it.")
+            raise OptionError(f"{self.path.name} has times from 0 to {length_s:.1f} s, so {at_s:g} s is outside.")
         self._replay.seek(at_s)
         method = self._replay.method
         assert method is not None

@@ -149,7 +149,7 @@ def _answered(question: Question[Any], context: DebugContext, asked: FileAsk, jo
     answer = question.answer(context, asked.selection).answer
     if asked.text:
         if question.handle_text(context, asked.text) is not None:
-            raise OptionError(f"{asked.text!r:.60} would change a live map; a file is only looked at.")
+            raise OptionError(f"{asked.text!r:.60} would change a live map; files are only read.")
         answer = question.answer(context, asked.selection).answer
     before = -1
     while answer.is_pending and jobs.done != before:
@@ -177,7 +177,7 @@ def _check(case: FileCase, asked: FileAsk) -> None:
 def _known_nodes(case: FileCase) -> str:
     nodes = sorted(case.timeline.graph_at().nodes)
     if not nodes:
-        return "; it holds no map"
+        return "; it contains no map"
     near = ", ".join(map(str, nodes[:3]))
     return f"; its {len(nodes)} nodes are {near} … {nodes[-1]}" if len(nodes) > 3 else f"; its nodes are {near}"
 

@@ -53,7 +53,7 @@ class GroundTruthQuestion(Question[Never]):
     name = QuestionName.TRUTH
     word = QuestionName.TRUTH.word
     is_for_watchers = True
-    about = "In simulation: edges that nobody can drive, edges that are missing, and whether p tells the truth."
+    about = "In simulation: edges that cannot be driven, edges that are missing, and whether p is right."
 
     def __init__(self) -> None:
         """Start without an answer."""
@@ -101,14 +101,14 @@ class GroundTruthQuestion(Question[Never]):
 def _unknown(context: DebugContext) -> str | None:
     """Return the reason why the ground truth is unknown; None if it is known."""
     if not context.graph.nodes:
-        return "There is no map yet whose edges could be true or false."
+        return "There is no map yet, so no edge can be checked."
     nodes = list(context.graph.nodes)[:_LOOKED_AT]
     pictures = [seen for node in nodes if (seen := context.observation(node)) is not None]
     if pictures and all(seen.exact_pose is not None for seen in pictures):
         return None
     return (
-        "Nobody knows the truth here: the images do not say where they were really taken. A drive in a simulated "
-        "scene does; elsewhere, “What about this edge?” tells what driving taught."
+        "The ground truth is unknown here, because the images have no true poses. A drive in a simulated scene has "
+        "them; elsewhere, “What about this edge?” shows the attempts."
     )
 
 
@@ -135,7 +135,7 @@ def _judged_map(
 
 
 def _nobody(frame: FrameId) -> Observation:
-    raise MapError(f"Nobody knows where image {frame} was taken.")
+    raise MapError(f"The true pose of image {frame} is unknown.")
 
 
 def _show(builder: AnswerBuilder, judged: JudgedMap, selection: Selection) -> QuestionAnswer:
@@ -146,13 +146,13 @@ def _show(builder: AnswerBuilder, judged: JudgedMap, selection: Selection) -> Qu
     )
     builder.add_line(
         *(Strong(_share(verdicts.precision)), " of the edges can be driven (precision). "),
-        *(Strong(_share(verdicts.recall)), " of the neighbours have a short way (recall)."),
+        *(Strong(_share(verdicts.recall)), " of the neighbours have a short path (recall)."),
     )
     nodes = builder.add_selected_edge(selection)
     _spurious(builder, judged)
     _missing(builder, verdicts.missing)
     builder.add_line(
-        "Does p tell the truth? Each dot is a tenth of the scale; on the line, p is the share that is true."
+        "Is p right? Each dot is a tenth of the scale; on the line, p equals the share of edges that can be driven."
     )
     cells = tuple((cell.mean_p, cell.drivable, cell.edges) for cell in judged.cells)
     builder.add_chart(CalibrationChart(cells, palette.SOURCE))
@@ -194,7 +194,7 @@ def _missing(builder: AnswerBuilder, missing: Sequence[MissingEdge]) -> None:
         (edge_link(pair.source, pair.target), f"{pair.distance:.2f}", _way(pair))
         for pair in list(reversed(pairs.values()))[:_MISSING]
     ]
-    builder.add_table(("missing, one way or both", "apart", "way in the map"), rows)
+    builder.add_table(("missing, in one or both directions", "apart", "path in the map"), rows)
 
 
 def _way(pair: MissingEdge) -> str:

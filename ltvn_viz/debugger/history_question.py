@@ -45,7 +45,10 @@ class HistoryQuestion(Question[Never]):
     name = QuestionName.TIME
     word = QuestionName.TIME.word
     is_for_watchers = True
-    about = "All that is notable, by kind. In the scene: fading magenta edges were pruned, green nodes came in lately."
+    about = (
+        "All notable events, by kind. In the scene, fading magenta edges were pruned and green nodes were added "
+        "recently."
+    )
 
     def __init__(self) -> None:
         """Start without a drawing."""
@@ -59,7 +62,7 @@ class HistoryQuestion(Question[Never]):
         """Count the marks up to the moment, and offer links to others."""
         builder = AnswerBuilder()
         if not context.timeline.marks:
-            builder.add_line("Nothing notable happened yet: build a map, or let the robot navigate.")
+            builder.add_line("There are no notable events yet: build a map, or let the robot navigate.")
             return builder.build(self._recent_changes.at(context))
         builder.add_table(("", "so far", "of all", "", ""), [_row(context, kind) for kind in MARK_STYLES])
         builder.add_chart(_mark_lanes(context))

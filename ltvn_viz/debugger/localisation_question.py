@@ -68,7 +68,10 @@ class LocalisationQuestion(Question[FindAliases]):
     name = QuestionName.WHERE
     word = QuestionName.WHERE.word
     is_for_watchers = True
-    about = "How near each node looks: yellow is near, violet far. And how sure the robot was over time."
+    about = (
+        "Colour shows how near each node looks: yellow is near, violet is far. The chart shows how sure the robot "
+        "was over time."
+    )
 
     def __init__(self) -> None:
         """Start without a comparison."""
@@ -86,7 +89,9 @@ class LocalisationQuestion(Question[FindAliases]):
         """Colour the nodes and list the best ones."""
         builder = AnswerBuilder()
         if context.weights not in ("", context.predictor.fingerprint) and context.predictor.fingerprint != NO_PREDICTOR:
-            builder.add_line("This was recorded with other weights; the colours show what the weights in use say.")
+            builder.add_line(
+                "This was recorded with other weights; the colours show the answers of the weights in use."
+            )
         try:
             shown = self._compared(context, builder)
         except LtvnError as missing:  # Without a predictor, the results of the run itself are still shown.
@@ -110,7 +115,7 @@ class LocalisationQuestion(Question[FindAliases]):
             self._heat.forget()
         seen = None if frame is None else context.observation(frame)
         if not nodes or seen is None:
-            builder.add_line("The map is empty." if not nodes else "There is no image of this moment to compare.")
+            builder.add_line("The map is empty." if not nodes else "There is no image at this moment.")
             return None
         image = context.view.of(seen)
         if image is None:
@@ -119,7 +124,7 @@ class LocalisationQuestion(Question[FindAliases]):
         keyframes, missing = self._node_images.load(context)
         if missing:
             # The best node of a part of the map may be far from the best node of the whole map.
-            builder.add_pending(f"Reading the images of {_counted(len(nodes), 'node')}, {missing} to go")
+            builder.add_pending(f"Reading the images of {_counted(len(nodes), 'node')}, {missing} left")
             return None
         question = "where", context.name, frame, len(nodes), context.predictor.fingerprint
         found = self._heat(
@@ -146,7 +151,7 @@ class LocalisationQuestion(Question[FindAliases]):
         if not rows:
             return
         looks = "look" if len(rows) == 1 else f"{len(rows)} looks"
-        told = " that the robot found, with what it saw before and where it looked, in the last "
+        told = " that the robot found, from earlier images and its search area too, in the last "
         builder.add_line(Term("margin", "Margin of best over second"), f"{told}{looks}:")
         times = [context.seconds(Instant(int(localizations.steps[k]), float(localizations.stamps[k]))) for k in rows]
         points = [(time, min(1.0, float(localizations.margins[k]))) for time, k in zip(times, rows, strict=True)]
@@ -178,19 +183,19 @@ class LocalisationQuestion(Question[FindAliases]):
             return ()
         keyframes, missing = self._node_images.load(context)
         if missing:
-            builder.add_line("Perceptual aliases are searched as soon as all images are read.")
+            builder.add_line("The search for perceptual aliases begins when all images are read.")
             return ()
         found = context.in_background(
             self._asked, _alias_search(context.graph, keyframes, context.predictor, context.method)
         )
         if found is None:
-            builder.add_pending("Searching for places that look alike, which takes its time")
+            builder.add_pending("Searching for places that look alike, which takes a while")
             return ()
         if isinstance(found, str):
             builder.add_line(found)
             return ()
         if self._asked[2] != _change_count(context):
-            builder.add_line("Searched in the map of another moment; ", link, " in that of now.")
+            builder.add_line("The map of another moment was searched; ", link, " search the map of now.")
         return _pairs(context, found, builder)
 
 
@@ -223,7 +228,9 @@ def _colours(found: LocalisationHeatMap, scale: float) -> dict[NodeId, Rgb8]:
 def _say(found: LocalisationHeatMap, count: int, builder: AnswerBuilder) -> None:
     """List the best of the compared nodes; during the comparison, these are the best so far."""
     if len(found.nodes) < count:
-        builder.add_line(f"So far, {len(found.nodes)} of {count} nodes are compared: the others have no image at hand.")
+        builder.add_line(
+            f"So far, {len(found.nodes)} of {count} nodes are compared: the images of the others are missing."
+        )
     best = [found.nodes.index(node) for node in found.best(2)]
     rows: list[tuple[Inline, ...]] = []
     for rank, k in zip(("best", "second"), best, strict=False):

@@ -55,7 +55,7 @@ class ManualEditQuestion(Question[Never]):
     name = QuestionName.HAND
     word = QuestionName.HAND.word
     verb = "Name it"
-    about = "Change the live map while you drive. Click a node, or one and then another to join or part them."
+    about = "Change the live map while you drive. Click a node, or two nodes to join or separate them."
 
     def __init__(self) -> None:
         """Start without a selection."""
@@ -88,7 +88,7 @@ class ManualEditQuestion(Question[Never]):
         if not context.is_live or not words or words[0].lower() != _NAME:
             raise OptionError("Click a node of the live map and write for instance: name kitchen.")
         if node is None:
-            raise OptionError("Click the node first that is to have this name.")
+            raise OptionError("First click the node that shall have this name.")
         return EditMap((rename_node(context.graph, node, " ".join(words[1:])),))
 
     @staticmethod

@@ -31,7 +31,7 @@ class NextDriveQuestion(Question[Never]):
     name = QuestionName.COACH
     word = QuestionName.COACH.word
     is_for_watchers = True
-    about = "While you drive: what the map still lacks, and where to go next. The ghost stands there."
+    about = "While you drive: what the map still lacks, and where to go next. The ghost robot marks the place."
 
     def __init__(self) -> None:
         """Start without advice."""
@@ -48,7 +48,7 @@ class NextDriveQuestion(Question[Never]):
         seen = None if frame is None else context.observation(frame)
         if context.live_map is None:
             back = Link("go back to the robot", CloseRecording())
-            builder.add_line("The coach helps while one drives; ", back, ". “What failed?” judges a recording.")
+            builder.add_line("This advice is for driving; ", back, ". “What failed?” judges a recording.")
             return builder.build()
         if seen is None:
             builder.add_line("Drive a little, so that there is something to see.")
@@ -60,7 +60,7 @@ class NextDriveQuestion(Question[Never]):
             _advise(context.live_map, context.graph, seen, context.predictor, context.method),
         )
         if found is None:
-            builder.add_pending("Looking at what you drove")
+            builder.add_pending("Checking your drive")
             return builder.build()
         _say(found, builder)
         return builder.build(_overlay(context, found, seen))

@@ -28,7 +28,7 @@ class AnswerBuilder(answer.AnswerBuilder):
     def add_behind(self, latest: LatestAnswer) -> None:
         """Add a note if the answer still belongs to another moment."""
         if latest.is_behind:
-            self.add_pending("What follows is of another moment; looking again")
+            self.add_pending("The answer below is from another moment; computing a new one")
 
     def add_selected_edge(self, selection: Selection) -> dict[NodeId, Rgb8]:
         """Add a link to the question about the selected edge, and return the colours of its ends."""

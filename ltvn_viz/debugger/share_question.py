@@ -48,7 +48,7 @@ class ShareQuestion(Question[ShareRequest]):
 
     name = QuestionName.SHARE
     word = QuestionName.SHARE.word
-    about = "Show somebody what you see: a link, a small recording of this moment, the map as a page."
+    about = "Share what you see: as a link, a short recording of this moment, or the map as a page."
 
     def __init__(self) -> None:
         """Start without a request."""
@@ -64,8 +64,7 @@ class ShareQuestion(Question[ShareRequest]):
         builder = AnswerBuilder()
         if context.is_live:
             builder.add_line(
-                "Only a recording can be shown to somebody else: press R, let it happen, press N, and open it under "
-                "“Replay”."
+                "Only a recording can be shared: press R, let it happen, press N, and open it under “Replay”."
             )
             return builder.build()
         self._link(builder, context, selection)

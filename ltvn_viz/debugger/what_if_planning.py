@@ -123,7 +123,7 @@ def add_open_edges(plans: PlanDifference, builder: AnswerBuilder) -> None:
     then = plans.new_open
     count = sum(p >= OPEN_ABOVE for p in then.values())
     before = sum(p >= OPEN_ABOVE for p in plans.old_open.values())
-    builder.add_line(f"Of {len(then)} edges that were ever seen blocked {count} would be taken for open, now {before}.")
+    builder.add_line(f"Of {len(then)} edges that were ever seen blocked {count} would count as open, now {before}.")
     changed = [edge for edge in then if _state_of(plans.old_open, edge) is not _state_of(then, edge)]
     rows = [
         (

@@ -1,4 +1,4 @@
-"""What if: old and new plan side by side, and the effect of other thresholds on the map."""
+"""The question “What if”: old and new plan side by side, and the effect of other thresholds on the map."""
 
 from collections.abc import Hashable
 from dataclasses import dataclass
@@ -76,7 +76,7 @@ class WhatIfQuestion(Question[WhatIfRequest]):
     word = QuestionName.WHAT_IF.word
     verb = "Imagine"
     is_for_watchers = True
-    about = "Imagine an edge, a belief, the goal, a threshold or the time to be otherwise. Map and run stay as is."
+    about = "Plan again with another edge, belief, goal, threshold or time. Map and run do not change."
 
     def __init__(self) -> None:
         """Start without changes."""
@@ -121,7 +121,9 @@ class WhatIfQuestion(Question[WhatIfRequest]):
     def _forget(self, change: WhatIfChange) -> None:
         if self._changes.get(_about(change)) != change:
             imagined = ", ".join(map(format_what_if_change, self._all)) or "nothing"
-            raise OptionError(f"{format_what_if_change(change)!r} is not imagined; {imagined} is.")
+            raise OptionError(
+                f"{format_what_if_change(change)!r} is not one of the changes; the changes are {imagined}."
+            )
         del self._changes[_about(change)]
 
     @staticmethod
@@ -130,9 +132,7 @@ class WhatIfQuestion(Question[WhatIfRequest]):
         if offers:
             builder.add_line("What if: ", joined(map(_offer, offers)))
         else:
-            builder.add_line(
-                "Click a node, then its neighbour, to imagine something about the edge between, or type below."
-            )
+            builder.add_line("Click a node, then its neighbour, to change the edge between them, or type below.")
 
     def _imagined(self, builder: AnswerBuilder) -> None:
         for each in self._changes.values():
@@ -177,14 +177,14 @@ class WhatIfQuestion(Question[WhatIfRequest]):
         if changed is None:
             return
         if context.live_map is None:
-            builder.add_line("How many nodes a rebuild would make is counted live only, where all images are at hand.")
+            builder.add_line(
+                "The number of nodes after a rebuild can be computed only live, where all images are available."
+            )
             return
         question = "dry run", self._told
         counted = context.in_background(question, count_rebuilt_nodes(context, changed))
         if counted is None:
-            builder.add_pending(
-                "Building two maps to compare, without using either, which takes tens of seconds while queries wait"
-            )
+            builder.add_pending("Building two maps only to compare them, which takes tens of seconds; queries wait")
         else:
             builder.add_line("Rebuilt so: ", Strong(counted))
 
@@ -231,7 +231,7 @@ def _about_node(selection: Selection) -> tuple[WhatIfChange, ...]:
 def _offer_times(context: DebugContext, builder: AnswerBuilder) -> None:
     """Offer other times if some edges are not always open."""
     if context.presence_filter is None:
-        builder.add_line("Plans of this run take no account of what is open at which time.")
+        builder.add_line("Plans of this run ignore when edges are open.")
         return
     builder.add_line(f"It is {clock_text(context.world_s)}. What if it were ", joined(map(_offer, OFFERED_TIMES)))
 

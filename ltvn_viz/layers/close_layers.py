@@ -1,4 +1,4 @@
-"""What each page draws for itself, by where its camera is: the robot's marker, and the headings of nodes near by.
+"""Layers that depend on the camera of each page: the robot's marker, and the headings of nearby nodes.
 
 The marker can be found at every zoom: it is above all walls, never smaller than half a metre, and grows with the
 distance of the camera, so that it has about one size on the screen.
@@ -25,7 +25,7 @@ _RESIZE_FROM = 1.1
 """A change of size by less than this factor is not worth a message."""
 _STEM_M = 0.03
 HEADINGS_WITHIN_M = 4.0
-"""Headings of nodes are drawn while the camera is no farther than this from what it looks at."""
+"""Greatest distance between the camera and its target at which the headings of nodes are drawn."""
 _TICK_M = 0.13
 """Length of a heading."""
 

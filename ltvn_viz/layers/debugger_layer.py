@@ -1,6 +1,7 @@
-"""What a question of the debugger draws over the map.
+"""Overlay of a debugger question on the map.
 
-The edge that a person selected keeps the colour of its p, and a white halo marks it: any other colour would lie.
+The edge that a person selected keeps the colour of its p, and a white halo marks it: another colour would show a wrong
+p.
 """
 
 from collections.abc import Sequence
@@ -77,7 +78,7 @@ class DebuggerLayer:
 
 
 def _edge(graph: GraphArrays, edge: EdgeKey) -> tuple[NDArray[np.float64], float] | None:
-    """Return the ends (2, 2) of an edge of the map on show and its p; None where it is not in that map."""
+    """Return the ends (2, 2) of an edge of the map on show and its p; None if it is not in that map."""
     rows = np.flatnonzero(np.all(graph.ids[graph.edges] == np.array(edge), axis=1))
     if not len(rows):
         return None

@@ -28,7 +28,7 @@ EDGE_WIDTHS = (
     EdgeWidth("open", 1 / 3, 2.5),
     EdgeWidth("likely", 2 / 3, 3.5),
 )
-"""From thin to thick."""
+"""Classes of width, from thin to thick."""
 
 
 class EdgeLines:

@@ -21,7 +21,7 @@ MARGIN = 0.02
 USUAL_ASPECT = 1.35
 """Width by height of an unknown scene, and of an exported map."""
 BACK = np.array([0.0, -0.35, 1.0]) / np.hypot(0.35, 1.0)
-"""From the floor to the camera, a unit vector. Steep, so that walls hide little."""
+"""Unit vector from the floor to the camera; steep, so that walls hide little."""
 RIGHT = np.array([1.0, 0.0, 0.0])
 UP = np.cross(BACK, RIGHT)
 _SAME_PLACE_M = 1e-3
@@ -42,7 +42,7 @@ class View(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Floor:
-    """What is to be seen: the floor between two corners, with walls as they are drawn."""
+    """Extent of the scene: the floor between two corners, with walls as they are drawn."""
 
     low: Corner
     high: Corner
@@ -81,9 +81,9 @@ class FirstView:
         self._floor = floor
         self._camera = client.camera
         self._ours = deque([np.asarray(server.initial_camera.position)], maxlen=_REMEMBERED)
-        """Where we put it; a page tells late what it took."""
+        """Latest camera positions that were sent to the page, which reports them back later."""
         self._story: Floor | None = None
-        """Where the story under way happens."""
+        """Floor on which the running story happens."""
 
     def show(self, snapshot: Snapshot) -> None:
         """Fit the view: to the place of a running story, else to all of the floor."""

@@ -1,6 +1,6 @@
 """The map, and what just changed of it.
 
-Pruned edges rise and fade out magenta, new ones come in green.
+Pruned edges rise and fade out magenta, new ones appear in green.
 """
 
 import time

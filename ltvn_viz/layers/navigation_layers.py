@@ -1,4 +1,4 @@
-"""What the robot is up to: the goal, the plan, and the ghost where it believes the next subgoal to be."""
+"""Layers of a query: the goal, the plan, and a ghost robot at the believed pose of the next subgoal."""
 
 import numpy as np
 import viser

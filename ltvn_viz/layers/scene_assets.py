@@ -55,7 +55,7 @@ def scene_glb(name: str, state: WorldState = AS_MADE) -> bytes:
 
 
 def added_glb(name: str, state: WorldState) -> bytes | None:
-    """Return what stands in a scene for now as binary glTF: leaves, things and people; None where nothing does.
+    """Return what stands in a scene for now as binary glTF: leaves, things and people; None if nothing does.
 
     Raises SceneError for an unknown scene.
     """
@@ -95,7 +95,7 @@ def _glb(surfaces: Surfaces) -> bytes:
 
 
 def scene_picture(name: str, state: WorldState = AS_MADE) -> FloorPicture | None:
-    """Return a scene from above as one picture, for pages that draw slowly; None where Embree is not installed.
+    """Return a scene from above as one picture, for pages that draw slowly; None if Embree is not installed.
 
     Of the state, what moved, the pictures on the floor and the light are shown; states that agree in these share one
     picture. Raises SceneError for an unknown scene.
@@ -222,7 +222,7 @@ def _lids(corners: Corners, high: NDArray[np.bool_], height_m: float) -> tuple[C
 
 
 def _turned(corners: Corners, is_odd: NDArray[np.bool_]) -> Corners:
-    """Turn each triangle until its odd corner comes first, keeping its sense."""
+    """Rotate the corners of each triangle until its odd corner is first; the orientation stays."""
     order = (np.argmax(is_odd, axis=1)[:, None] + np.arange(3)) % 3
     return np.take_along_axis(corners, order[:, :, None], axis=1)
 
@@ -234,7 +234,7 @@ def _between(low: NDArray[np.float32], high: NDArray[np.float32], height_m: floa
 
 
 def _below_one_high(corners: Corners, height_m: float) -> Corners:
-    """Cut the first corner off: two triangles each."""
+    """Cut off the first corner; the rest of each triangle becomes two triangles."""
     top = corners[:, 0]
     left = corners[:, 1]
     right = corners[:, 2]

@@ -93,7 +93,7 @@ def _lay_scale_bar(scene: viser.SceneApi, low: NDArray[np.floating], high: NDArr
 def _finished(html: str, drawn: MapLayout) -> str:
     """Give viser's page its name, its legend and its policy."""
     if html.count("<title>Viser</title>") != 1 or html.count("<body>") != 1 or html.count("<head>") != 1:
-        raise RuntimeError(f"viser {viser.__version__} has another page than the one this was written for")
+        raise RuntimeError(f"viser {viser.__version__} has another page than expected")
     graph = drawn.graph
     wrong = sum(row[3] for row in drawn.plan.edges)
     template = (Path(__file__).parents[1] / "static" / "scene_legend.html").read_text(encoding="utf-8")

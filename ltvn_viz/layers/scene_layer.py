@@ -1,4 +1,4 @@
-"""The scene with its ceiling cut away and what stands in it for now, or a plain floor where nobody has a model."""
+"""The scene with its ceiling cut away and what stands in it for now, or a plain floor if there is no model."""
 
 import time
 from collections.abc import Callable

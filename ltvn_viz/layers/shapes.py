@@ -1,4 +1,4 @@
-"""What the layers draw with: points and turns of poses, and nodes of many lines, dots or drops, changed in place."""
+"""Shapes for the layers: positions and rotations of poses, and nodes of many lines, dots or drops, changed in place."""
 
 from collections.abc import Callable, Coroutine
 

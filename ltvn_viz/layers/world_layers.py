@@ -1,6 +1,6 @@
-"""What a person may change in a simulated world: a handle on each doorway and on each box that was put down.
+"""Handles for changes of a simulated world: one on each doorway and on each box that was put down.
 
-A click on a door's handle closes or opens it; one on a box's lets it wait for a click on the floor.
+A click on a door's handle closes or opens it; a click on a box's handle waits for a click on the floor.
 """
 
 from collections.abc import Callable

@@ -49,10 +49,10 @@ PairCommand: TypeAlias = OpenScene | PairFilter | StepPairs | JumpToRandomPair
 
 @dataclass(frozen=True, eq=False)
 class ShownPair:
-    """What is shown."""
+    """The pair that is shown."""
 
     pair: LabelledPair | None
-    """None where no pair passes the filter."""
+    """None if no pair passes the filter."""
     number: int
     """Place in the list, from 1; 0 of none."""
     count: int
@@ -62,7 +62,7 @@ class ShownPair:
     waypoint: Waypoint = field(default_factory=lambda: np.zeros(3))
     """(3,) waypoint that the network predicts."""
     reasons: tuple[FailureExplanation, ...] = ()
-    """Why the pair is not reachable."""
+    """Reasons why the pair is not reachable."""
 
     @property
     def agrees(self) -> bool:

@@ -34,7 +34,7 @@ POINT_STEP = 3
 _RULED_M = 6
 _CAMERA = LOCOBOT.camera
 _CAMERA_TO_ROBOT = vt.SO3.from_matrix(np.array([[0.0, 0, 1], [-1, 0, 0], [0, -1, 0]]))
-"""From the camera's axes (right, down, ahead) to the robot's (ahead, left, up)."""
+"""Rotation from the camera's axes (right, down, ahead) to the robot's (ahead, left, up)."""
 
 
 class PairScene:
@@ -130,7 +130,7 @@ TITLE = "Labelled pairs"
 
 @dataclass(frozen=True)
 class PairsOptions:
-    """What a person may choose."""
+    """Options of the pair viewer."""
 
     folder: Path
     port: int = 8080

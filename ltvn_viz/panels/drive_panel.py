@@ -35,7 +35,9 @@ class DrivePanel:
 
     def __init__(self, gui: viser.GuiApi) -> None:
         """Add the controls to the tab that is open."""
-        about = with_keys("Drive with W A S D held; the map grows as you go. A recording holds all that happens.")
+        about = with_keys(
+            "Drive with W A S D held; the map grows as you go. A recording contains everything that happens."
+        )
         HtmlBlock(gui, f'<div class="lt lt-note">{about}</div>')
         self.recording = HtmlBlock(gui)
         self.map = HtmlBlock(gui)
@@ -55,7 +57,7 @@ class DrivePanel:
         )
         recorded = snapshot.mode is Mode.REPLAY
         ready = snapshot.mode is Mode.TELEOP or (recorded and not snapshot.is_making)
-        whence = "all images of this recording, into a new file" if recorded else "all images at hand"
+        whence = "all images of this recording, into a new file" if recorded else "all available images"
         label = "" if recorded else "Rebuild the map"
         build = ActionButton(Action.BUILD, label, hint=f"from {whence}", is_enabled=ready)
         cancel = ActionButton(Action.CANCEL, hint="stop building; the old map stays")
@@ -174,7 +176,7 @@ class FineTuningPanel:
             min=LEAST_MINUTES,
             max=MOST_MINUTES,
             step=1,
-            hint="how long to learn; preparing and judging come on top",
+            hint="time for training; preparation and evaluation take additional time",
         )
         self.buttons = HtmlBlock(gui)
 
@@ -192,7 +194,7 @@ class FineTuningPanel:
 
 def _about(fine_tuning: FineTuningStatus, weights: str) -> str:
     if not fine_tuning.is_possible:
-        return f"Images are compared by {weights}; here only the network learns. Others may learn by `ltvn finetune`."
+        return f"Images are compared by {weights}; here only the network learns. Train others with `ltvn finetune`."
     if fine_tuning.phase is FineTuningPhase.LEARNING:
         return f"The network learns from {fine_tuning.drive}; drive on meanwhile."
     if fine_tuning.phase is FineTuningPhase.LEARNED:
@@ -209,7 +211,7 @@ def _state(fine_tuning: FineTuningStatus) -> str:
         case FineTuningPhase.LEARNED:
             return lines(*fine_tuning.lines, f"Saved in {fine_tuning.path}.")
         case FineTuningPhase.WORSE:
-            worse = "It now takes more places that are far apart for near, so the old weights stay in use."
+            worse = "It now accepts more far pairs as near, so the old weights stay in use."
             return lines(*fine_tuning.lines) + warning(worse, f"The new ones are in {fine_tuning.path}.")
         case FineTuningPhase.FAILED:
             return warning(*fine_tuning.lines)

@@ -42,7 +42,7 @@ class NavigationPanel:
         `file_address` adds the key for loading a picture to the address of a file.
         """
         self._file_address = file_address
-        HtmlBlock(gui, note("Click an image, or a node in the scene, and the robot drives there by what it sees."))
+        HtmlBlock(gui, note("Click an image, or a node in the scene, and the robot drives there with its camera."))
         self.task = HtmlBlock(gui)
         self.keep_going = HtmlBlock(gui)
         self.state = HtmlBlock(gui)
@@ -195,15 +195,15 @@ def _decoded(name: str, content: bytes) -> Rgb:
             _check_size(name, image)
             return np.asarray(ImageOps.exif_transpose(_smaller(image)).convert("RGB"))
     except (UnidentifiedImageError, OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
-        raise ImageError(f"{name}: this is not a whole image. Upload a JPEG, PNG, WebP or BMP file.") from error
+        raise ImageError(f"{name}: this is not a complete image. Upload a JPEG, PNG, WebP or BMP file.") from error
 
 
 def _check_size(name: str, image: Image.Image) -> None:
     most = MOST_PIXELS[image.format or ""]
     if image.width * image.height > most or max(image.size) > MOST_SIDE:
         raise ImageError(
-            f"{name}: {image.width} x {image.height} pixels are too many; {most // 10**6} million are read of a "
-            f"{image.format}, and {MOST_SIDE:,} along a side. Scale it down first."
+            f"{name}: {image.width} x {image.height} pixels are too many; at most {most // 10**6} million are "
+            f"allowed for {image.format}, and {MOST_SIDE:,} per side. Scale it down first."
         )
 
 

@@ -26,7 +26,7 @@ class ReplayPanel:
     def __init__(self, gui: viser.GuiApi) -> None:
         """Add the controls to the tab that is open."""
         HtmlBlock(
-            gui, note("Watch a recording in this page: the timeline at the foot plays it and moves through its time.")
+            gui, note("Watch a recording in this page: the timeline at the bottom plays it and jumps to any time.")
         )
         self._names = gui.add_dropdown("Recording", [NONE_YET], disabled=True)
         self.buttons = HtmlBlock(gui)

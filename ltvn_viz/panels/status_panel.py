@@ -241,18 +241,18 @@ def health_of(snapshot: Snapshot) -> HealthReport:
     if message is not None and message.severity is Severity.ERROR:
         return HealthReport(Health.TROUBLE, f"The last message is an error: {message.text}")
     if snapshot.link is not None and snapshot.link.quality is LinkQuality.LOST:
-        return HealthReport(Health.TROUBLE, "The robot is not heard, so it stands.")
+        return HealthReport(Health.TROUBLE, "The robot does not answer, so it is stopped.")
     is_measured = rates.loop_hz > 0
     if is_measured and rates.loop_hz < TROUBLE_HZ:
-        return HealthReport(Health.TROUBLE, "The computer is far too busy: the app looks at the robot too seldom.")
+        return HealthReport(Health.TROUBLE, "The computer is far too busy: the app reads the robot's state too seldom.")
     if rates.frame_age_ms > TOO_OLD_MS:
-        return HealthReport(Health.TROUBLE, f"The camera picture is {rates.frame_age_ms / 1000:.0f} s old.")
+        return HealthReport(Health.TROUBLE, f"The camera image is {rates.frame_age_ms / 1000:.0f} s old.")
     if is_measured and rates.loop_hz < SLOW_HZ:
-        return HealthReport(Health.SLOW, "The computer is busy; the page shows less often what happens.")
+        return HealthReport(Health.SLOW, "The computer is busy; the page is updated less often.")
     if rates.frame_age_ms > OLD_MS:
-        return HealthReport(Health.SLOW, f"The camera picture is {rates.frame_age_ms / 1000:.1f} s old.")
+        return HealthReport(Health.SLOW, f"The camera image is {rates.frame_age_ms / 1000:.1f} s old.")
     if snapshot.link is not None and snapshot.link.quality is LinkQuality.WEAK:
-        return HealthReport(Health.SLOW, "The link to the robot is weak: pictures are few, late or get lost.")
+        return HealthReport(Health.SLOW, "The link to the robot is weak: images are few, late or lost.")
     return HealthReport(Health.GOOD, "Everything keeps up.")
 
 
@@ -283,7 +283,7 @@ def _link_rows(link: LinkReport | None) -> tuple[tuple[str, str], ...]:
         return ()
     return (
         ("link to the robot", str(link.quality) if link.is_connected else "broken"),
-        ("pictures from the robot", f"{link.pictures_hz:.0f} a second, {link.lost_share:.0%} got lost"),
+        ("images from the robot", f"{link.pictures_hz:.0f} a second, {link.lost_share:.0%} got lost"),
         ("not driven because", link.stopped_because or "–"),
     )
 
@@ -292,9 +292,9 @@ def health_numbers(snapshot: Snapshot) -> str:
     """Return the numbers, which the page hides until a person opens them."""
     rates = snapshot.rates
     rows = (
-        ("looks at the robot", f"{rates.loop_hz:.0f} times a second"),
-        ("age of the camera picture", f"{rates.frame_age_ms:.0f} ms"),
-        ("pictures left out for newer ones", f"{rates.dropped:,}"),
+        ("reads of the robot's state", f"{rates.loop_hz:.0f} times a second"),
+        ("age of the camera image", f"{rates.frame_age_ms:.0f} ms"),
+        ("images skipped for newer ones", f"{rates.dropped:,}"),
         ("images are compared by", snapshot.weights or "–"),
         *_link_rows(snapshot.link),
     )

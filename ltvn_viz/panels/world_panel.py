@@ -79,7 +79,7 @@ def _boxes(world: WorldView, *, is_enabled: bool) -> str:
     put = ActionButton(Action.PUT_BOX, is_enabled=is_enabled)
     rows = [button_row(new, put), *(_box(each.number, world.aimed, is_enabled=is_enabled) for each in world.boxes)]
     if world.aimed is not None:
-        rows.append(note("Click the floor, coloured now, where the box shall stand. Press again to leave it."))
+        rows.append(note("Click the floor, coloured now, where the box shall be. Press again to cancel."))
     return "".join(rows)
 
 

@@ -83,7 +83,7 @@ def parse_message(text: str | bytes) -> PageMessage:
         case {"type": "here"} if len(fields) == 1:
             return HERE
         case _:
-            valid = "a drive, an action, a link or a sign of life would be valid"
+            valid = "a drive, an action, a link or a heartbeat would be valid"
             raise MessageError(f"unknown message with the fields {sorted(fields)}; {valid}")
 
 
@@ -142,7 +142,7 @@ def _carried(action: Action, value: Any) -> Value:
         case None | int() | str():
             carried = value
         case _:
-            raise MessageError("value must be nothing, a whole number, a text or a place")
+            raise MessageError("value must be null, a whole number, a text or a place")
     if not WISHES[action].carries.fits(carried):
         raise MessageError(f"{action} carries {WISHES[action].carries.name.lower()}, within limits")
     return carried
@@ -156,4 +156,4 @@ def _action(name: str) -> Action:
 
 
 def _refuse_constant(name: str) -> float:
-    raise MessageError(f"{name} is not a number here")
+    raise MessageError(f"{name} is not a number")

@@ -286,7 +286,7 @@ class DriveSocket:
         try:
             callback(*arguments)
         except Exception:
-            logger.exception("the app failed to take what a page asked for")
+            logger.exception("the app failed to enqueue a command of a page")
 
     def _watch_presence(self, loop: asyncio.AbstractEventLoop) -> None:
         """Check for silent pages in the thread that receives their messages, so that its stalls do not count."""

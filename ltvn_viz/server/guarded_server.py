@@ -96,7 +96,7 @@ class GuardedServer:
         """
         if not is_loopback(host):
             raise ServerError(
-                f"Refused to listen on {host}: everybody in the network could drive the robot. Listen on 127.0.0.1 "
+                f"Refused to listen on {host}: everybody in the network could control the robot. Listen on 127.0.0.1 "
                 "and reach it from another machine with: ssh -L PORT:127.0.0.1:PORT THIS_MACHINE"
             )
         listening = _bind(host, port)

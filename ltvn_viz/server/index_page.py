@@ -41,7 +41,7 @@ def viser_page() -> str:
 def mended(html: str) -> str:
     """Return a page of viser, live or exported, without evaluation of text as code and without the covering notice."""
     if html.count(_UNPACKED) != 1 or html.count("</head>") != 1:
-        raise RuntimeError(f"viser {viser.__version__} has another page than the one this was written for")
+        raise RuntimeError(f"viser {viser.__version__} has another page than expected")
     return html.replace(_UNPACKED, _WITHOUT_SPLATS).replace("</head>", _WITHOUT_NOTICE)
 
 
@@ -124,7 +124,7 @@ def _guarded(index: str) -> str:
     """Return viser's page with our title, where only scripts with the nonce may run."""
     once = ("<script ", LOADER, "</head>", "<body>", "<title>Viser</title>")
     if any(index.count(part) != 1 for part in once):
-        raise RuntimeError(f"viser {viser.__version__} has another page than the one this guard was written for")
+        raise RuntimeError(f"viser {viser.__version__} has another page than expected")
     index = index.replace("<title>Viser</title>", f"<title>{TITLE}</title>")
     index = index.replace("<script ", f'<script nonce="{NONCE}" ')
     return index.replace(LOADER, f'{LOADER}e.nonce="{NONCE}";')

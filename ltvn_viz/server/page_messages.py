@@ -129,7 +129,7 @@ _DECODER = msgspec.msgpack.Decoder(ViserMessage)
 def read_viser_message(raw: bytes | str) -> ViserMessage | None:
     """Parse one message of a page; None if a field is invalid. Raises MessageError if it is not a message."""
     if isinstance(raw, str):
-        raise MessageError("text where MessagePack is spoken")
+        raise MessageError("a text message where MessagePack is expected")
     try:
         return _DECODER.decode(raw)
     except msgspec.ValidationError:

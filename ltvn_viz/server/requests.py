@@ -245,7 +245,7 @@ class Proof:
             shown = None
         if shown is not None and _is_equal(shown.token, self._token):
             return True
-        self._log.log(logging.INFO, "closed a socket on which the token of this start was not shown")
+        self._log.log(logging.INFO, "closed a socket that did not send the token of this start")
         await connection.close(REFUSED_CODE, REFUSED_REASON)
         return False
 

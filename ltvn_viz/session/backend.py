@@ -143,7 +143,7 @@ def open_backend(options: AppOptions, known: LoadedMap | None, stack: ExitStack)
     """
     try:
         if options.replay is not None and options.scene.startswith(SOURCE_SCENE):
-            raise SceneError(f"{options.scene} is the place of an imported drive, and no simulated scene.")
+            raise SceneError(f"{options.scene} is the place of an imported drive, not a simulated scene.")
         with naming_the_extra():
             return _open_simulator(options, known, stack)
     except (SceneError, MissingLibraryError) as missing:

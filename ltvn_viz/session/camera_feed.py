@@ -119,7 +119,7 @@ class LargerFeed:
             try:
                 image = CameraImage(*self._render(wish.pose), ImageSource.RENDERED)
             except Exception:
-                logger.exception("the larger picture could not be drawn")
+                logger.exception("the larger image could not be rendered")
                 return
             with self._change:
                 self._shown = image, wish

@@ -166,7 +166,9 @@ def take_made_recording(state: AppState) -> None:
 
 def _keep_going(state: AppState, *, is_on: bool) -> None:
     if is_on and not state.live.robot.clock.is_simulated:
-        raise OptionError("Only a simulated robot may drive on with no page open; a real one needs somebody there.")
+        raise OptionError(
+            "Only a simulated robot may drive on with no page open; a real one needs a person who watches it."
+        )
     state.keeps_going = is_on
 
 
@@ -338,8 +340,8 @@ def use_weights(state: AppState) -> None:
     weights = state.fine_tuning.offer
     if state.live.recorder.is_on:
         raise RecordingError(
-            "A recording holds a map of one set of weights. Keep this recording (N) or discard it, then use the new "
-            "ones."
+            "A recording contains the map of one set of weights. Keep this recording (N) or discard it, then use the "
+            "new ones."
         )
 
     def rebuild(progress: Callable[[int, int], None]) -> Sequence[GraphDelta]:
@@ -349,7 +351,7 @@ def use_weights(state: AppState) -> None:
         state.fine_tuning.adopt(weights)
         state.say(
             f"The map was rebuilt with the weights {state.live_map.fingerprint}. Start the app with --weights "
-            f"{weights} to use them another time."
+            f"{weights} to use them again later."
         )
 
     state.activity = MapBuilding(state.live, state.worker, rebuild, then, findings=lambda: state.live_map.findings)

@@ -66,8 +66,8 @@ class LearningTime:
 def besides_words(besides_s: float | None) -> str:
     """Return a sentence about the extra time that fine-tuning takes beyond the requested time."""
     if besides_s is None:
-        return "Preparing and judging take minutes on top; how many, this page says once it has measured it."
-    return f"Preparing and judging took {_minutes(max(besides_s, 1.0))} on top the last time."
+        return "Preparation and evaluation take some minutes more; this page shows their time after the first run."
+    return f"Preparation and evaluation took {_minutes(max(besides_s, 1.0))} more the last time."
 
 
 def _range(least_s: float, most_s: float) -> str:
@@ -146,8 +146,8 @@ class FineTuning:
         """Raise OptionError if no training can start now."""
         if self._tune is None:
             raise OptionError(
-                "Only the network learns, and here there is none to teach. Open the app with --predictor network, "
-                "without --predictor oracle or another."
+                "Only the network can be trained, but another predictor is in use. Open the app with --predictor "
+                "network."
             )
         if self._status.phase is FineTuningPhase.LEARNING:
             raise OptionError("The network is learning already; wait for it, or stop learning first.")
@@ -234,4 +234,4 @@ def _line(label: str, place: str, learned: FineTunedWeights) -> str:
         after = learned.after.get(key)
         if before is not None and after is not None and before == before and after == after:  # NaN means undefined
             parts.append(f"{name} {factor * before:.{digits}f} → {factor * after:.{digits}f} {unit}")
-    return f"{label}: {', '.join(parts) or 'nothing to judge by'}."
+    return f"{label}: {', '.join(parts) or 'nothing to evaluate'}."

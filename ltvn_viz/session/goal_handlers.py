@@ -98,8 +98,8 @@ def _hardly_held(found: _Resembling) -> str:
     node, likeness = found.match.places[0]
     return (
         f"The map may not hold your image: node {node} looks most like it, with a likeness of {likeness:.2f}, where 1 "
-        f"is the same image and places elsewhere hardly reach {LIKELY_HELD:g}. The robot stays. "
-        "If one of the places beside your image is the right one all the same, click it."
+        f"is the same image and other places hardly reach {LIKELY_HELD:g}. The robot stays. "
+        "If one of the places beside your image is right, click it."
     )
 
 

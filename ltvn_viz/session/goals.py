@@ -187,12 +187,12 @@ class FoundPlace(NamedTuple):
         """The result in words."""
         if self.node is None:
             return (
-                f"The picture was taken nowhere in this map: node {self.best} is most like it, with r = "
+                f"The image was not taken in this map: node {self.best} is most like it, with r = "
                 f"{self.reachability:.2f}."
             )
         x, y, turn = self.waypoint
         return (
-            f"The picture was taken at node {self.node}: r = {self.reachability:.2f}; the node's own view is from "
+            f"The image was taken at node {self.node}: r = {self.reachability:.2f}; the node's own image was taken "
             f"{abs(x):.2f} m {'ahead' if x >= 0 else 'behind'} and {abs(y):.2f} m {'left' if y >= 0 else 'right'} of "
             f"it, turned by {np.degrees(turn):.0f}°."
         )
@@ -220,8 +220,8 @@ class PlaceLookup:
             raise MapError("The map of this recording is empty; press “Build a map” (B) to make one from it.")
         if not is_usable(seen, predictor):
             raise MapError(
-                f"This map was built by {known.predictor_name or predictor.fingerprint}, which compares nothing "
-                "without depth, and a picture has none. Open a map that was built with --predictor geometric."
+                f"This map was built by {known.predictor_name or predictor.fingerprint}, which needs depth, but an "
+                "uploaded image has none. Open a map that was built with --predictor geometric."
             )
         matcher = Matcher(predictor, known.keyframes, known.system.method.matching)
         features = predictor.encode([seen])

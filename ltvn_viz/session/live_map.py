@@ -129,7 +129,7 @@ class LiveMap:
         none."""
         seen = self._map.images
         if not seen:
-            raise MapError("There are no pictures to build a map from; hold W A S D and drive a little first.")
+            raise MapError("There are no images to build a map from; hold W A S D and drive a little first.")
         before = self._map
         fresh = replace(self._map, graph=TopologicalGraph())
         deltas = self._replaced(fresh, fresh.build(seen, rng=self._rng, progress=progress), seen)
@@ -145,7 +145,7 @@ class LiveMap:
         """Restore the map from before `rebuild`; returns every change. Raises MapError if there is none."""
         before = self._rebuilt_from
         if before is None:
-            raise MapError("There is no map to bring back: the map on show was not rebuilt.")
+            raise MapError("There is no map to bring back: the map shown was not rebuilt.")
         cleared = self._cleared()
         self._replace(before)
         self.findings = ()

@@ -17,7 +17,7 @@ from ltvn_viz.session.inspection import NOTHING_SELECTED, QuestionName
 from ltvn_viz.timeline.run_moment import RunMoment
 from ltvn_viz.wishes import commands as c
 
-STALE_LINK = "That answer was replaced before your click arrived. Look again, and click what it says now."
+STALE_LINK = "That answer was replaced before your click arrived. Click in the new answer."
 TAKE_OVER_FIRST = "Another page drives. Take over to do this."
 
 
@@ -89,7 +89,7 @@ def _carry_out(state: AppState, view: Debugger, command: c.Command | None) -> No
 def _choose(view: Debugger, name: str) -> None:
     known = next((each for each in view.names if each == name), None)
     if known is None:
-        view.notify(f"“{name}” is for the page that drives. Take over to ask it.")
+        view.notify(f"“{name}” is only for the page that drives. Take over to ask it.")
     else:
         view.choose(known)
 

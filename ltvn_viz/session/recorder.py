@@ -205,7 +205,7 @@ class Recorder:
             self._files.collect()
 
     def take_failure(self) -> str | None:
-        """Return the reason why a recording ended by itself, once; None if none did since the last call."""
+        """Return the reason why a recording failed, once; None if none failed since the last call."""
         failure, self._failure = self._failure, None
         return failure
 

@@ -46,7 +46,7 @@ class RecordingLibrary:
         """Return the path of a recording of the list; raises RecordingError for anything else."""
         if name not in self.names():
             raise RecordingError(
-                f"There is no recording “{name}” in {self.folder}. Choose one of the list; files elsewhere must be "
+                f"There is no recording “{name}” in {self.folder}. Choose one from the list; files elsewhere must be "
                 "copied into that folder first."
             )
         return self.folder / name
@@ -65,7 +65,7 @@ class RecordingLibrary:
         """Return the path of a drive in another format of the list; raises RecordingError for anything else."""
         if name not in self.sources():
             raise RecordingError(
-                f"There is no drive “{name}” in {self.folder} that can be imported. Choose one of the list; files "
+                f"There is no drive “{name}” in {self.folder} that can be imported. Choose one from the list; files "
                 "elsewhere must be copied into that folder first, or imported by `ltvn import`."
             )
         return self.folder / name

@@ -1,6 +1,6 @@
 """Watches the link to a real robot, and reports in plain words when it breaks and is restored.
 
-Owns these words. Stops nothing: the robot stops by itself.
+Owns these words. Does not stop the robot: the robot stops itself.
 """
 
 from collections.abc import Callable
@@ -47,7 +47,7 @@ class RobotLink:
             return None
         self.news = self._words()
         return self.news or LinkNews(
-            f"{self._name} is heard again. It stands; drive it, or choose a goal.", Severity.INFO, is_lost=False
+            f"{self._name} answers again. It is stopped; drive it, or choose a goal.", Severity.INFO, is_lost=False
         )
 
     def _phase_of(self, report: LinkReport) -> _Phase:
@@ -60,12 +60,12 @@ class RobotLink:
             case _Phase.FINE:
                 return None
             case _Phase.LOST:
-                what = "sends no pictures" if self.report.is_connected else "cannot be heard: the link broke"
+                what = "sends no pictures" if self.report.is_connected else "does not answer: the link broke"
                 text = (
-                    f"{self._name} {what}. It stands, and what was recorded is kept. The link comes back by itself; "
-                    "driving does not."
+                    f"{self._name} {what}. It is stopped, and the recording is kept. The link reconnects "
+                    "automatically, but driving does not continue."
                 )
                 return LinkNews(text, Severity.ERROR, is_lost=True)
             case _Phase.HELD:
-                text = f"{self._name} was stopped: {self.report.stopped_because}. Let go of the keys, then drive again."
+                text = f"{self._name} was stopped: {self.report.stopped_because}. Release the keys, then drive again."
                 return LinkNews(text, Severity.WARN, is_lost=False)

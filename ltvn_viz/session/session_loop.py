@@ -236,8 +236,8 @@ class Session:
         except Exception as error:
             logger.exception("the session failed")
             self._state.fail(
-                f"Something in the app went wrong ({type(error).__name__}: {error}). The robot was stopped and what "
-                "was recorded is kept. The log on the console says more; please report it."
+                f"Something in the app went wrong ({type(error).__name__}: {error}). The robot was stopped, and the "
+                "recording is kept. The log on the console says more; please report it."
             )
 
 
@@ -269,6 +269,6 @@ def _handle_breakpoint(state: AppState) -> None:
     if isinstance(state.activity, Navigation):
         state.activity.pause()
     how = "Stopped" if held else "Met"
-    state.say(f"{how} at {stop.time_s:.1f} s: {stop.hit.why}. Why → “Stop when …” leads there.", Severity.WARN)
+    state.say(f"{how} at {stop.time_s:.1f} s: {stop.hit.why}. “Stop when …” under “Why” shows it.", Severity.WARN)
     for debugger in (state.debugger, *state.own_debuggers.values()):
         debugger.mark_stale()

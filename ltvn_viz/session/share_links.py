@@ -29,8 +29,8 @@ FARTHEST_M = 10_000.0
 _CLOSEST_M = 0.001
 _NINE = re.compile(r"[-+0-9.e]+(,[-+0-9.e]+){8}", re.ASCII)
 _REFUSAL = (
-    "This link names a view that makes no sense, so the view stays as it was; want camera= with nine numbers: where "
-    "it is, what it looks at, and which way is up."
+    "This link has an invalid view, so the view did not change; expected camera= with nine numbers: position, target "
+    "and up vector."
 )
 
 
@@ -160,5 +160,5 @@ def _seconds(text: str) -> float:
     except ValueError:
         seconds = math.nan
     if not (math.isfinite(seconds) and seconds >= 0):
-        raise OptionError(f"This link names the time “{text}”; want seconds after the beginning, such as at=12.5.")
+        raise OptionError(f"This link names the time “{text}”; expected seconds after the beginning, such as at=12.5.")
     return seconds

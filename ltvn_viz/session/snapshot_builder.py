@@ -29,7 +29,7 @@ WINDOW_S = 1.0
 """Time over which rates are averaged, in seconds."""
 FEW_NODES = 8
 FEW_IMAGES = 5
-"""Number of images below which nobody has driven yet."""
+"""Number of images below which the robot counts as not driven yet."""
 
 
 class RateMeter:
@@ -190,9 +190,12 @@ def _replayed(replay: Playback) -> Snapshot:
 def hint(snapshot: Snapshot) -> str:
     """Return a hint about what to do next."""
     if not snapshot.timeline.is_now and not snapshot.timeline.is_replay:
-        return "The scene shows the past, the camera what is now. “Live” below it returns, and so does driving."
+        return (
+            "The scene shows the past, the camera shows the present. “Live” below the scene returns to now, and so "
+            "does driving."
+        )
     if snapshot.story_goes_on and snapshot.mode in (Mode.TELEOP, Mode.NAVIGATING):
-        return "Watch the story; what happens is told below the scene. W A S D or Space ends it."
+        return "Watch the story; the text below the scene explains it. W A S D or Space ends it."
     match snapshot.mode:
         case Mode.BUILDING:
             return "The map is being built from all images so far. You can cancel; the old map stays until then."
@@ -200,8 +203,8 @@ def hint(snapshot: Snapshot) -> str:
             return "Watch: yellow is the plan. Take the robot over with W A S D, stop it with Space, or pause."
         case Mode.PAUSED:
             if snapshot.pause_notice:
-                return f"{snapshot.pause_notice} Press Go on, or cancel."
-            return "Paused. Resume, go on by single steps, or cancel."
+                return f"{snapshot.pause_notice} Press “Go on”, or cancel."
+            return "Paused. Resume, do single steps, or cancel."
         case Mode.REPLAY if snapshot.lone_camera is not None and not snapshot.moment.graph.ids.size:
             return "This is an imported drive. Play it, or press “Build a map” (B) under “Drive”."
         case Mode.REPLAY:
@@ -213,13 +216,13 @@ def hint(snapshot: Snapshot) -> str:
 def _driving(snapshot: Snapshot) -> str:
     moment = snapshot.moment
     if snapshot.is_open_loop:
-        return "A recorded drive plays the robot. Watch the map grow, or ask under “Why” where the robot is."
+        return "A recorded drive replaces the robot. Watch the map grow, or ask under “Why” where the robot is."
     if snapshot.recording.name is not None:
         return "Recording. Drive through the rooms with W A S D; then keep the recording (N) or discard it."
     if snapshot.fine_tuning.phase is FineTuningPhase.LEARNED:
         return "The network has learned from your drive. Look at the figures under “Drive”, then use the new weights."
     if len(moment.graph.ids) < FEW_NODES and moment.frames < FEW_IMAGES:
-        return "Hold W A S D or the arrow keys to drive. The map grows by itself as the robot sees new places."
+        return "Hold W A S D or the arrow keys to drive. The map grows as the robot sees new places."
     if len(moment.graph.ids) < FEW_NODES:
         return "The map is growing. Drive on through the doors; places seen from both sides connect best."
     ended = moment.progress.ended
@@ -230,5 +233,5 @@ def _driving(snapshot: Snapshot) -> str:
     if ended.outcome is Outcome.ARRIVED:
         return "Arrived. Pick the next goal, or press R to record what happens from now on and replay it later."
     if ended.outcome is Outcome.CANCELLED:
-        return "You have the robot. Hold W A S D to drive, or pick a goal again."
-    return "It did not get there. Drive along the missing way so that the map learns it, then try the goal again."
+        return "You are driving. Hold W A S D to drive, or pick a goal again."
+    return "The robot did not arrive. Drive the missing route so that the map learns it, then try the goal again."

@@ -28,7 +28,7 @@ from ltvn_viz.session.live_map import LiveMap
 from ltvn_viz.session.live_run import LiveRun
 from ltvn_viz.wishes import commands as c
 
-ENDED_EARLY = "The story ends here, because somebody took the robot."
+ENDED_EARLY = "The story ends here, because somebody took over the robot."
 PACE = 3
 """Largest speed of the robot's time as a factor of real time."""
 

@@ -96,9 +96,9 @@ function whyLatched() {
 
 // What the robot does, or why it does nothing; empty while it is for a person to drive.
 function whatTheRobotDoes() {
-  if (activity.goal !== null) return `The robot ${activity.mode === "paused" ? "waits on its way" : "drives"} to node ${activity.goal}`;
-  if (activity.mode === "building") return "The map is being built; the robot stands";
-  if (activity.mode === "replay") return "This is a recording; the robot stands";
+  if (activity.goal !== null) return `The robot ${activity.mode === "paused" ? "is paused on its path" : "drives"} to node ${activity.goal}`;
+  if (activity.mode === "building") return "The map is being built; the robot is stopped";
+  if (activity.mode === "replay") return "This is a recording; the robot is stopped";
   return "";
 }
 
@@ -117,7 +117,7 @@ function status() {
   if (typing) return ["free", "Typing: click the scene to drive"];
   if (isInPanels()) return ["free", "Keys are in the panel: Esc to drive"];
   if (isHolding()) return ["you", "You drive"];
-  if (activity.story) return ["free", "The story goes on: the robot waits for what comes next"];
+  if (activity.story) return ["free", "The story continues: the robot waits for the next part"];
   return [seat.driver === seat.you ? "you" : "free", `Hold ${how} to drive`];
 }
 

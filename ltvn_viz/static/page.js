@@ -9,7 +9,7 @@ function socketAddress(path) {
 
 const ASK_WHETHER_THERE_MS = 200;
 const ASK_IN_VAIN = 25;
-const FETCHES = "The app is there. This page fetches the scene; without a graphics card that takes some ten seconds…";
+const FETCHES = "The app is running. This page is loading the scene; without a graphics card that takes about ten seconds…";
 const UNAUTHORIZED = 401;
 const TOKEN_REFUSED = "token refused"; // As in `requests.py`.
 const VISER_MESSAGES = ["zstd_wasm", "set_server"]; // The first that viser's page says to the worker of its socket.

@@ -1,1 +1,1 @@
-"""What happened when: the run as the page looks at it."""
+"""The run over time, as the page shows it."""

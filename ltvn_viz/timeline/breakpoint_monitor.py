@@ -28,13 +28,13 @@ class BreakpointStop(NamedTuple):
 
 
 class BreakpointMonitor:
-    """What a person wants to stop at."""
+    """Breakpoints of a person."""
 
     def __init__(self) -> None:
         """Watch for nothing, which costs nothing."""
         self.breakpoints: tuple[Breakpoint, ...] = ()
         self.stops: deque[BreakpointStop] = deque(maxlen=_KEPT)
-        """Where the live run met them, also before they were set."""
+        """Stops of the live run at breakpoints, also those before they were set."""
         self._news: BreakpointStop | None = None
         self._found: WeakKeyDictionary[Timeline, tuple[BreakpointStop, ...]] = WeakKeyDictionary()
 

@@ -1,6 +1,6 @@
-"""What the page draws of one moment of a run: robot, trajectory, map, and what came and went lately.
+"""One moment of a run as the page draws it: robot, trajectory, map, and recent additions and removals.
 
-Owns what is about drawing alone: interpolation between images, thinning and fading. What happened, and when, is
+Owns only matters of drawing: interpolation between images, thinning and fading. What happened, and when, is
 `ltvn_core.analysis.timeline`. The same moment of the same run shares its arrays with the one drawn before.
 """
 
@@ -17,11 +17,11 @@ from ltvn_core.geometry import compose, wrap_angle
 from ltvn_core.types import FrameId, Pose
 
 FADE_S = 3.0
-"""How long an edge that came or went stays highlighted."""
+"""Time for which an added or removed edge stays highlighted, in seconds."""
 TRAJECTORY_POINTS = 2000
 """The trajectory is thinned to at most this many points."""
 MAX_INTERPOLATION_GAP_S = 0.35
-"""Frames no further apart than this are joined by interpolation when a replay runs."""
+"""Greatest time between frames that a replay interpolates."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

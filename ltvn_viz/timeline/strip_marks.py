@@ -49,7 +49,7 @@ class StripRow(NamedTuple):
     """Time after the beginning of the run, rounded up, so that seeking to it shows the event."""
     kind: StripKind
     first: int = _NOBODY
-    """What it is about: source and target of an edge, a node, a door, a query and its goal; -1 for nothing."""
+    """Subject of the mark: source and target of an edge, a node, a door, a query and its goal; -1 for nothing."""
     second: int = _NOBODY
 
 

@@ -37,8 +37,9 @@ class AppVerb(FloorPlanOptions, Verb):
     system: SystemName = DEFAULT_SYSTEM
     """The navigation system, ours or a rival: it builds maps and drives by them. An opened map brings its own."""
     predictor: PredictorName = AUTO
-    """What compares images, by name; auto takes the one that made the map, else the network for the simulated robot and
-    geometric for a robot of your own with another camera."""
+    """Predictor that compares images, by name; auto uses the one that built the map, else the network for the simulated
+    robot and geometric for your own robot with another camera.
+    """
     weights: Path | None = None
     """Weights to use instead of the shipped ones."""
     preset: Literal["robust", "paper"] = "robust"
@@ -48,7 +49,7 @@ class AppVerb(FloorPlanOptions, Verb):
     pruning as in that preset; brm: BRM's posterior, which prunes nothing; persistent: also what is open at which
     time."""
     world: str | None = None
-    """Let the scene change by itself, from nine o'clock on: static, doors, daily, telegraph, moving, light, people,
+    """Change the scene over time, from nine o'clock on: static, doors, daily, telegraph, moving, light, people,
     all, several of them (doors+moving), or a JSON file with a script."""
     seed: int = 0
     """Draws the robot's start, the odometry noise and what changes in the world."""

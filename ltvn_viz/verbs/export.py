@@ -23,19 +23,19 @@ class ExportVerb(FloorPlanOptions, Verb):
     recording: Positional[Path]
     """The .rrd file; it is left as it is."""
     from_s: Annotated[float | None, tyro.conf.arg(name="from")] = None
-    """Where the moment begins, in seconds on the robot's clock; the beginning if not given."""
+    """Start of the moment, in seconds on the robot's clock; the beginning if not given."""
     to: str | None = None
     """A format for other programs: of a drive mcap, tum, vint or lerobot, of a map graphml, geojson or nav2-route. Or
     seconds: where the moment ends, and the time at which the map is drawn; the end if not given."""
     until: float | None = None
-    """Where the moment ends, beside --to FORMAT."""
+    """End of the moment, for --to FORMAT."""
     output: Path | None = None
-    """Write the moment here, as a recording that stands alone; with --to FORMAT the file or folder of that format."""
+    """Write the moment here, as a complete recording; with --to FORMAT the file or folder of that format."""
     named_only: bool = False
-    """Keep only the images that the moment's events name: much smaller, but nobody can navigate by it."""
+    """Keep only the images that the moment's events name: much smaller, but unfit for navigation."""
     test: Path | None = None
     """Write a pytest file here that opens the moment and asserts what happened; lies beside --output."""
     html: Path | None = None
     """Write the map in its scene, in 3D, as one HTML file that needs no network."""
     svg: Path | None = None
-    """Write it as a flat figure; pointing at a node or an edge shows its numbers."""
+    """Write the map as an SVG figure; pointing at a node or an edge shows its numbers."""

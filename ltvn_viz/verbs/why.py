@@ -30,4 +30,4 @@ class WhyVerb(Verb):
     query: int | None = None
     """Point at a navigation task, by its number."""
     text: str = ""
-    """What a person would type into the question, for instance --ask what-if --text "without 12->40"."""
+    """Text that a person would type into the question, for instance --ask what-if --text "without 12->40"."""

@@ -1,1 +1,1 @@
-"""What a person can wish for on the page: commands, and the table of the actions that ask for them."""
+"""Wishes of a person on the page: commands, and the table of the actions that send them."""

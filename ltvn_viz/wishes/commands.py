@@ -1,4 +1,4 @@
-"""What a person can ask of the app, as data, and what the app is doing when each makes sense.
+"""Commands of a person to the app, as data, and the modes in which each is legal.
 
 Callbacks of the page build these and put them into the session's queue; the session alone carries them out. Driving
 is not among them: the held keys are polled from the driver's seat, so that they can never pile up in a queue. What
@@ -15,35 +15,35 @@ from ltvn_core.types import NodeId, Rgb
 
 
 class Mode(StrEnum):
-    """What the app is doing; the value is what the page shows."""
+    """Activity of the app; the value is the word that the page shows."""
 
     TELEOP = "driving"
     """A person drives; the map may grow."""
     BUILDING = "building"
-    """Algorithm 1 runs; the robot stands still."""
+    """Algorithm 1 runs; the robot is stopped."""
     NAVIGATING = "navigating"
-    """The robot drives by itself."""
+    """The robot navigates to a goal."""
     PAUSED = "paused"
-    """A query waits; the robot stands still."""
+    """A query is paused; the robot is stopped."""
     REPLAY = "replay"
-    """The page shows a recording; the robot stands still."""
+    """The page shows a recording; the robot is stopped."""
 
 
 ANYWHERE = frozenset(Mode)
 LIVE = frozenset({Mode.TELEOP, Mode.NAVIGATING, Mode.PAUSED})
 DRIVING = frozenset({Mode.TELEOP})
 UNDER_WAY = frozenset({Mode.NAVIGATING, Mode.PAUSED})
-"""While a query is under way."""
+"""While a query is in progress."""
 STANDING = frozenset({Mode.TELEOP, Mode.REPLAY})
-"""While no query and no building of a map is under way."""
+"""While no query and no building of a map is in progress."""
 
 
 @dataclass(frozen=True, eq=False)
 class BaseCommand:
-    """Something a person asked for."""
+    """Base of all commands."""
 
     modes: ClassVar[frozenset[Mode]]
-    """In which it makes sense."""
+    """Modes in which the command is legal."""
 
     def __init_subclass__(cls, *, modes: frozenset[Mode]) -> None:
         """Make a kind of command."""
@@ -62,7 +62,7 @@ class Cancel(BaseCommand, modes=ANYWHERE):
 
 @dataclass(frozen=True, eq=False)
 class Pause(BaseCommand, modes=UNDER_WAY | {Mode.REPLAY}):
-    """Hold the query or the replay, or go on with it."""
+    """Pause the query or the replay, or continue it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +72,7 @@ class StepOnce(BaseCommand, modes=UNDER_WAY):
 
 @dataclass(frozen=True, eq=False)
 class KeepGoing(BaseCommand, modes=ANYWHERE):
-    """Say whether a query goes on when the last page closes, or pauses."""
+    """Choose whether a query continues or pauses when the last page closes."""
 
     is_on: bool
 
@@ -96,7 +96,7 @@ class StartRecording(BaseCommand, modes=LIVE):
 
 @dataclass(frozen=True, eq=False)
 class KeepRecording(BaseCommand, modes=LIVE):
-    """End the recording and keep it under a name of its own."""
+    """End the recording and keep it under a new name."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,7 +173,7 @@ class SubmitText(BaseCommand, modes=ANYWHERE):
 
 @dataclass(frozen=True, slots=True)
 class QuestionRequest:
-    """What a link in an answer asks of the question that drew it; each question has its own kinds."""
+    """Request of a link in an answer to the question that drew it; each question has its own kinds."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -230,7 +230,7 @@ class OpenRecording(BaseCommand, modes=STANDING):
     at_s: float = 0.0
     """Seconds after its beginning at which to show it first."""
     then: "tuple[Command, ...]" = ()
-    """What to do once it is open."""
+    """Commands that follow when it is open."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -263,14 +263,14 @@ class SeekMark(BaseCommand, modes=LIVE | {Mode.REPLAY}):
 
 @dataclass(frozen=True, eq=False)
 class SeekBy(BaseCommand, modes=LIVE | {Mode.REPLAY}):
-    """Show the replay a number of seconds later, or earlier."""
+    """Show the replay some seconds later (positive) or earlier (negative)."""
 
     seconds: float
 
 
 @dataclass(frozen=True, eq=False)
 class PlayTime(BaseCommand, modes=LIVE | {Mode.REPLAY}):
-    """Let the time on show go on, or hold it: of the recording, or of the live run's past."""
+    """Play or pause the time shown, of the recording or of the live run's past."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -294,10 +294,10 @@ class ToggleDoor(BaseCommand, modes=LIVE):
 
 @dataclass(frozen=True, eq=False)
 class AimBox(BaseCommand, modes=LIVE):
-    """Wait for a click on the floor that says where a box shall stand; asked for again, wait no longer."""
+    """Wait for a click on the floor for the place of a box; a second command cancels this."""
 
     number: int
-    """A box that stands there already, to move it; 0 for a new one."""
+    """Number of an existing box to move; 0 for a new one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -330,7 +330,7 @@ class UndoWorldChange(BaseCommand, modes=LIVE):
 
 @dataclass(frozen=True, eq=False)
 class WatchItLearn(BaseCommand, modes=DRIVING):
-    """Close a door on a planned way, let the robot find out, open it again, and tell what the map learns."""
+    """Close a door on a planned path, let the robot find out, open it again, and tell what the map learns."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -342,12 +342,12 @@ class ReportError(BaseCommand, modes=ANYWHERE):
 
 RecordingCommand: TypeAlias = StartRecording | KeepRecording | DiscardRecording
 PlaybackCommand: TypeAlias = Pause | StepOnce | OpenRecording | CloseRecording
-"""What means something to a query or a replay under way."""
+"""Commands for a running query or replay."""
 TimeCommand: TypeAlias = Seek | SeekMark | SeekBy | PlayTime | SetPlaySpeed | ShowNow
-"""What moves the time on show, in a recording or in the live run's past."""
+"""Commands that change the time shown, in a recording or in the live run's past."""
 DebuggerCommand: TypeAlias = ChooseQuestion | PointAt | SubmitText | AskQuestion | FollowLink
 WorldCommand: TypeAlias = ToggleDoor | AimBox | PutBox | TakeBox | SetLight | UndoWorldChange | WatchItLearn
-"""What changes the simulated world."""
+"""Commands that change the simulated world."""
 OtherCommand: TypeAlias = (
     StopRobot
     | BuildMap
@@ -369,4 +369,4 @@ OtherCommand: TypeAlias = (
     | ReportError
 )
 Command: TypeAlias = RecordingCommand | WorldCommand | PlaybackCommand | TimeCommand | DebuggerCommand | OtherCommand
-"""Everything that can be asked of the session; pyright names each place that must know a new one."""
+"""All commands to the session; pyright reports each place that must handle a new one."""

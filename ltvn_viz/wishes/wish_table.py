@@ -1,4 +1,4 @@
-"""What a person can wish for on the page, each wish written once: its command, words, keys, value, and who may.
+"""The table of wishes on the page: for each, its command, words, keys, value, and audience.
 
 Keys, buttons, viser's controls, the palette, the help, and the sentence for what makes no sense now are all made from
 `WISHES`. The command of a wish says in which modes it makes sense, `session.command_handlers` what it does. Keys are
@@ -17,7 +17,7 @@ from ltvn_viz.wishes.commands import Command, Mode
 
 
 class Action(StrEnum):
-    """What a person asks for with one press or one click; the value is its name between page and server."""
+    """An action of one press or one click; the value is its name between page and server."""
 
     STOP = "stop"
     TAKE_OVER = "take_over"
@@ -66,18 +66,18 @@ class Action(StrEnum):
 
 
 class Audience(Enum):
-    """Who may have a wish."""
+    """Pages that may use a wish."""
 
     DRIVER = auto()
-    """The page with the seat, because all pages see what comes of it."""
+    """The page with the seat, because all pages see the effect."""
     OWN_VIEW = auto()
-    """Any page; one without the seat has it in its own view."""
+    """Any page; without the seat, the effect is only in that page's own view."""
     EVERYBODY = auto()
-    """Any page; the driver's seat or the page itself fulfils it."""
+    """Any page; the driver's seat or the page itself does it."""
 
 
 Value: TypeAlias = int | str | tuple[float, float] | None
-"""What a wish can carry."""
+"""Value of a wish."""
 MAX_WHOLE = 2**53 - 1
 """JavaScript counts exactly up to here."""
 MAX_TEXT = 500
@@ -122,20 +122,20 @@ class Wish:
     """One row of the table."""
 
     command: type[Command] | None
-    """What it asks of the session; None where the driver's seat or the page itself fulfils it."""
+    """The command for the session; None if the driver's seat or the page itself does it."""
     label: str
-    """What a button says; empty for what has no button."""
+    """Text of the button; empty if there is no button."""
     help: str
-    """What comes of it; it begins small, as after a key."""
+    """Effect of the action; it begins with a small letter, because it follows the name of a key."""
     keys: tuple[str, ...] = ()
     carries: Carried = Carried.NOTHING
     audience: Audience = Audience.DRIVER
     make: Callable[..., Command] | None = None
-    """Makes the command of the value, where its class does not."""
+    """Makes the command from the value, if its class does not."""
 
     @property
     def modes(self) -> frozenset[Mode]:
-        """In which modes it makes sense."""
+        """Modes in which it is legal."""
         return c.ANYWHERE if self.command is None else self.command.modes
 
     @property
@@ -146,7 +146,7 @@ class Wish:
 
 SEEK_S = 1.0
 LEAST_SPEED, MOST_SPEED = 25, 800
-"""Of playing, in per cent."""
+"""Limits of the playing speed, in percent."""
 
 
 def _speed(percent: int) -> Command:
@@ -163,11 +163,11 @@ WISHES: Mapping[Action, Wish] = {
     Action.KEEP: Wish(c.KeepRecording, "Keep", "end the recording and keep it", keys=("KeyN",)),
     Action.DISCARD: Wish(c.DiscardRecording, "Discard", "end the recording and set it aside", keys=("Backspace",)),
     Action.BUILD: Wish(c.BuildMap, "Build a map", "build a map of all images", keys=("KeyB",)),
-    Action.UNDO_BUILD: Wish(c.UndoBuild, "Undo the rebuilding", "bring the map of before the rebuilding back"),
+    Action.UNDO_BUILD: Wish(c.UndoBuild, "Undo the rebuild", "restore the map from before the rebuild"),
     Action.LEARN: Wish(
         c.FineTune,
         "Learn from this drive",
-        "fine-tune the network on these images for so many minutes; nothing changes before you say so",
+        "fine-tune the network on these images; the map does not change until you use the new weights",
         carries=Carried.WHOLE,
     ),
     Action.STOP_LEARNING: Wish(c.StopFineTuning, "Stop learning", "stop learning; the network stays as it is"),
@@ -177,7 +177,7 @@ WISHES: Mapping[Action, Wish] = {
         "use the new weights; it takes about as long as building a map",
     ),
     Action.LEAVE_WEIGHTS: Wish(
-        c.DismissWeights, "Leave the new weights", "go on with the weights in use; the new ones stay on disk"
+        c.DismissWeights, "Discard the new weights", "keep the weights in use; the new ones stay on disk"
     ),
     Action.GOAL: Wish(
         c.NavigateTo, "Navigate", "go to the chosen goal", keys=("KeyG",), carries=Carried.WHOLE_OR_NOTHING
@@ -186,8 +186,8 @@ WISHES: Mapping[Action, Wish] = {
     Action.PICK: Wish(
         c.PickNode, "", "go to a node of the scene, or ask about it", carries=Carried.WHOLE, audience=Audience.OWN_VIEW
     ),
-    Action.CANCEL: Wish(c.Cancel, "Cancel", "cancel what is under way", keys=("Escape",)),
-    Action.PAUSE: Wish(c.Pause, "Pause", "pause, or go on", keys=("KeyP",)),
+    Action.CANCEL: Wish(c.Cancel, "Cancel", "cancel the current activity", keys=("Escape",)),
+    Action.PAUSE: Wish(c.Pause, "Pause", "pause, or continue", keys=("KeyP",)),
     Action.STEP: Wish(c.StepOnce, "Step", "one control step, then pause", keys=("Period",)),
     Action.KEEP_GOING: Wish(
         c.KeepGoing,
@@ -198,8 +198,8 @@ WISHES: Mapping[Action, Wish] = {
     ),
     Action.LARGER_PICTURE: Wish(
         c.ShowLarger,
-        "Draw a larger picture of what the robot sees",
-        "for people alone, and for some of the processor's time; the method sees the small image",
+        "Show a larger camera image",
+        "only for people; it costs processor time, and the method still uses the small image",
         carries=Carried.SWITCH,
         make=lambda number: c.ShowLarger(number == 1),
     ),
@@ -207,21 +207,23 @@ WISHES: Mapping[Action, Wish] = {
     Action.IMPORT: Wish(c.ImportDrive, "Import", "make a recording of a drive and open it", carries=Carried.TEXT),
     Action.CLOSE: Wish(c.CloseRecording, "Back to the robot", "leave the recording"),
     Action.SEEK_BACK: Wish(c.SeekBy, "", "go back one second", keys=("BracketLeft",), make=lambda: c.SeekBy(-SEEK_S)),
-    Action.SEEK_FORWARD: Wish(c.SeekBy, "", "go on one second", keys=("BracketRight",), make=lambda: c.SeekBy(SEEK_S)),
+    Action.SEEK_FORWARD: Wish(
+        c.SeekBy, "", "go forward one second", keys=("BracketRight",), make=lambda: c.SeekBy(SEEK_S)
+    ),
     Action.SEEK: Wish(
         c.Seek,
         "Seek",
-        "show a moment, in milliseconds after the beginning",
+        "show a moment, given in milliseconds after the beginning",
         carries=Carried.WHOLE,
         make=lambda time_ms: c.Seek(time_ms / 1000),
     ),
-    Action.PLAY: Wish(c.PlayTime, "Play", "play, or hold the time on show"),
-    Action.SPEED: Wish(c.SetPlaySpeed, "", "play so fast, in per cent", carries=Carried.WHOLE, make=_speed),
+    Action.PLAY: Wish(c.PlayTime, "Play", "play, or pause the time shown"),
+    Action.SPEED: Wish(c.SetPlaySpeed, "", "set the speed of playing, in percent", carries=Carried.WHOLE, make=_speed),
     Action.SHOW_NOW: Wish(c.ShowNow, "Back to now", "go back to now"),
     Action.EVENT_BEFORE: Wish(
         c.SeekMark,
         "Go to an event",
-        "look back: go to the event before",
+        "look back: go to the previous event",
         keys=("Semicolon",),
         make=lambda: c.SeekMark(None, forwards=False),
     ),
@@ -231,7 +233,7 @@ WISHES: Mapping[Action, Wish] = {
     Action.QUERY_BEFORE: Wish(
         c.SeekMark,
         "",
-        "look back: go to the query before",
+        "look back: go to the previous query",
         keys=("Minus",),
         make=lambda: c.SeekMark(MarkKind.QUERY_START, forwards=False),
     ),
@@ -246,24 +248,30 @@ WISHES: Mapping[Action, Wish] = {
         c.ToggleDoor, "Open or close a door", "close an open door, open a closed one", carries=Carried.WHOLE
     ),
     Action.AIM_BOX: Wish(
-        c.AimBox, "Put a box on the floor", "then click the floor where it shall stand", carries=Carried.WHOLE
+        c.AimBox, "Put a box on the floor", "then click its place on the floor", carries=Carried.WHOLE
     ),
     Action.PUT_BOX: Wish(
-        c.PutBox, "Put a box before the robot", "put a box before the robot", carries=Carried.PLACE_OR_NOTHING
+        c.PutBox, "Put a box in front of the robot", "put a box in front of the robot", carries=Carried.PLACE_OR_NOTHING
     ),
     Action.TAKE_BOX: Wish(c.TakeBox, "Take away a box", "take a box away", carries=Carried.WHOLE),
-    Action.LIGHT: Wish(c.SetLight, "Change the light", "light of so many per cent", carries=Carried.WHOLE),
+    Action.LIGHT: Wish(
+        c.SetLight, "Change the light", "set the brightness of the light, in percent", carries=Carried.WHOLE
+    ),
     Action.UNDO_CHANGE: Wish(c.UndoWorldChange, "Undo", "undo the last change of the world"),
     Action.WATCH_IT_LEARN: Wish(
         c.WatchItLearn,
         "Watch it learn",
-        "watch it learn: a door closes on the robot's way, and opens again; see what the map makes of it",
+        "watch how the map learns: a door on the robot's path closes, and opens again",
     ),
     Action.QUESTION: Wish(
         c.ChooseQuestion, "Ask why", "choose a question", carries=Carried.TEXT, audience=Audience.OWN_VIEW
     ),
     Action.TELL: Wish(
-        c.SubmitText, "", "tell the question on show what it asks for", carries=Carried.TEXT, audience=Audience.OWN_VIEW
+        c.SubmitText,
+        "",
+        "give the question shown the text that it asks for",
+        carries=Carried.TEXT,
+        audience=Audience.OWN_VIEW,
     ),
     Action.FOLLOW: Wish(
         c.FollowLink, "", "follow a link of the answer", carries=Carried.WHOLE, audience=Audience.OWN_VIEW
@@ -279,23 +287,23 @@ UNASKED: Mapping[type[Command], str] = {
     c.PointAt: "",  # In an address, or behind a link of an answer.
     c.ReportError: "",  # The app itself has something to say.
 }
-"""Commands that no action asks for, and what the page calls them."""
+"""Commands without an action, and their names on the page."""
 
 
 def command_for(action: Action, value: Value = None) -> Command | None:
-    """Return what an action asks the session for, None when it is no business of the session's."""
+    """Return the command of an action for the session; None if the action is not for the session."""
     wish = WISHES[action]
     if wish.command is None:
         return None
     if not wish.carries.fits(value):
-        return c.ReportError(f"“{wish.help}” cannot be asked with {str(value)[:40]!r}.")
+        return c.ReportError(f"“{wish.help}” does not accept the value {str(value)[:40]!r}.")
     make: Any = wish.make or wish.command  # What fits is of the type that it takes.
     made: Command = make() if wish.carries is Carried.NOTHING else make(value)
     return made
 
 
 def refusal(command: Command, mode: Mode) -> str | None:
-    """Return why `command` makes no sense in `mode` and what does, or None when it is legal."""
+    """Return why `command` is illegal in `mode` and which commands are legal; None if it is legal."""
     if mode in command.modes:
         return None
     when = " or ".join(sorted(command.modes))
@@ -305,7 +313,7 @@ def refusal(command: Command, mode: Mode) -> str | None:
 
 
 def _labels() -> dict[type[Command], str]:
-    """Return what the page calls each command: what the first row that asks for it says."""
+    """Return the name of each command on the page, from its first row in the table."""
     labels: dict[type[Command], str] = {}
     for wish in WISHES.values():
         if wish.command is not None:

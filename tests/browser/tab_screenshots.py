@@ -105,7 +105,7 @@ def _go(app: RunningApp, page: Page) -> None:
 def _change_the_world(app: RunningApp, page: Page) -> None:
     """Close a door and put down a box."""
     page.get_by_role("tab", name="World").click()
-    page.get_by_role("button", name="Put a box before the robot").click()
+    page.get_by_role("button", name="Put a box in front of the robot").click()
     page.get_by_role("button", name="Take away box 1").wait_for()
     page.get_by_role("button", name=re.compile("^hall 2 – study")).click()
     page.get_by_role("button", name=re.compile("^hall 2 – study: closed")).wait_for()

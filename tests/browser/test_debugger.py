@@ -111,7 +111,7 @@ def test_a_wrong_arrival_leads_to_the_pair_of_perceptual_aliases(fault: Debugger
 def test_no_path_leads_to_an_edge_that_is_missing(fault: DebuggerPage, planted: Faults) -> None:
     assert "no path" in fault.go_to_failure(3)
     fault.follow(QuestionName.TRUTH)
-    fault.says("missing", "way in the map")
+    fault.says("missing", "path in the map")
     listed = edges_in(fault.answer.locator("table").nth(1).inner_text())
     missing = next(edge for edge in listed if edge in planted["missing-edge"])
     fault.follow(f"{missing[0]} → {missing[1]}")
@@ -182,7 +182,7 @@ def test_a_link_shows_the_moment_the_edge_and_the_same_side_of_them(fault: Debug
 def test_a_link_with_a_broken_camera_says_so_and_shows_the_rest(fault: DebuggerPage) -> None:
     fault.open_link("/?replay=demo-fault.rrd&at=3&tool=edge&edge=1489-2621&camera=1,2,3,1,2,3,0,0,1")
     # First the message, which goes away by itself.
-    fault.page.get_by_text("a view that makes no sense").first.wait_for()
+    fault.page.get_by_text("an invalid view").first.wait_for()
     fault.until(lambda: fault.shown.selection.edge == (1489, 2621))
     fault.until(lambda: fault.looks_from(*first_view(fault)))
     assert fault.seconds == pytest.approx(3.0, abs=0.01)

@@ -144,7 +144,7 @@ def test_pause_step_and_cancel_do_what_they_say(app: FlatApp, page: Page) -> Non
     goal = set_out(app, page)
     page.get_by_role("button", name=re.compile("^Pause")).click()
     until_shown(app, lambda now: now.mode is Mode.PAUSED)
-    expect(pad(page)).to_contain_text(f"The robot waits on its way to node {goal}")
+    expect(pad(page)).to_contain_text(f"The robot is paused on its path to node {goal}")
     where = app.harness.robot.step
     page.get_by_role("button", name=re.compile("^Step")).click()
     until_shown(app, lambda now: now.mode is Mode.PAUSED and app.harness.robot.step == where + 1)
@@ -172,7 +172,7 @@ def test_a_recording_is_made_kept_opened_and_sought(app: FlatApp, page: Page) ->
     page.get_by_role("button", name="Open", exact=True).click()
     now = until_shown(app, lambda now: now.mode is Mode.REPLAY)
     assert now.replay is not None
-    expect(pad(page)).to_have_text("This is a recording; the robot stands")
+    expect(pad(page)).to_have_text("This is a recording; the robot is stopped")
     slider = page.get_by_role("slider", name="moment on show")
     slider.focus()
     slider.press("End")

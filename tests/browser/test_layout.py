@@ -288,7 +288,7 @@ def test_the_longest_words_of_the_pad_move_nothing_out_of_the_window(app: FlatAp
     until(lambda: app.session.mode is Mode.NAVIGATING)
     app.session.send(c.Pause())
     try:
-        expect(page.locator(".ltvn-status")).to_contain_text("The robot waits on its way to node")
+        expect(page.locator(".ltvn-status")).to_contain_text("The robot is paused on its path to node")
         for width, height in ((390, 844), (820, 1180), (1100, 700)):
             page.set_viewport_size({"width": width, "height": height})
             until(

@@ -113,16 +113,16 @@ def test_a_link_that_breaks_stops_it_and_comes_back_and_driving_does_not(
     until(lambda: app.server.seat.current_twist() is not None)
 
     robot.router.kill()
-    expect(page.get_by_role("alert").filter(has_text="cannot be heard: the link broke. It stands")).to_be_visible()
+    expect(page.get_by_role("alert").filter(has_text="does not answer: the link broke. It is stopped")).to_be_visible()
     expect(status).to_contain_text("link lost")
     last_heard_s = live.robot.state().stamp
     router = start_router(robot.address)
     try:
-        expect(page.get_by_role("alert").filter(has_text=re.compile("Let go of the|is heard again"))).to_be_visible()
+        expect(page.get_by_role("alert").filter(has_text=re.compile("Release the|answers again"))).to_be_visible()
         until(lambda: live.robot.state().stamp > last_heard_s)  # Images may come back before odometry does.
         stood = pose(app)
         page.keyboard.up("a")
-        expect(page.get_by_role("alert").filter(has_text="is heard again")).to_be_visible()
+        expect(page.get_by_role("alert").filter(has_text="answers again")).to_be_visible()
         expect(status).to_contain_text(re.compile("link (good|weak)"))
         assert pose(app) == pytest.approx(stood, abs=1e-3)
         assert live.recorder.status.frames >= frames > 1

@@ -131,15 +131,15 @@ def test_a_newcomer_reaches_a_goal_and_then_one_button_tells_how_the_map_learns(
     assert newcomer.first_query_s(app) < FIRST_GOAL_S
     before = app.session.state.live_map.graph.copy()
     newcomer.begin_story(page)
-    expect(page.locator(".ltvn-status")).to_contain_text("The story goes on")
+    expect(page.locator(".ltvn-status")).to_contain_text("The story continues")
     newcomer.wait_for_mark(page, newcomer.NEW)
     newcomer.wait_for_mark(page, newcomer.FADED)
     page.get_by_text("Learnt:").first.wait_for()
     wait_for_rest(app)
     story = app.session.state.story
     assert story is not None
-    told = page.locator(".lt", has_text="led along it once").filter(has_text="Learnt:").first.inner_text()
-    order = ("led along it once", "New nodes appear", "closes the door", "edges through it fade", "The plan turns")
+    told = page.locator(".lt", has_text="driven along it once").filter(has_text="Learnt:").first.inner_text()
+    order = ("driven along it once", "New nodes appear", "closes the door", "edges through it fade", "The plan changes")
     places = [told.find(each) for each in (*order, "is opened", "edges through it return", "Learnt:")]
     assert -1 not in places
     assert places == sorted(places)

@@ -64,8 +64,8 @@ def test_questions_are_answered_from_python(tmp_path: Path) -> None:
     said = run("09_ask_why_from_python.py", cwd=tmp_path)
     assert said.count(" failed (") >= 4
     assert "query 2 failed (wrong arrival)" in said
-    assert "The map that it began with has a gap" in said
-    assert "It left the map at 9.6 s because attempt 7 failed." in said
+    assert "The first map has a gap" in said
+    assert "It was removed at 9.6 s because attempt 7 failed." in said
     assert "gone at step 3383: It was pruned after attempt 7" in said
 
 

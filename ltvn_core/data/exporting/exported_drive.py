@@ -43,7 +43,7 @@ class ExportedFrame:
     stamp: float
     """Seconds on the robot's clock, from 0 on."""
     jpeg: bytes
-    """The colours."""
+    """Colour image as JPEG."""
     depth_png: bytes | None
     """Depth in whole millimetres; None without a depth camera."""
     odometry: Pose
@@ -51,7 +51,7 @@ class ExportedFrame:
     truth: Pose | None
     """(3,) in simulation, or where the drive was imported with it."""
     tilt: Tilt
-    """Of the camera at that moment."""
+    """Tilt of the camera at that moment."""
 
     @property
     def depth_m(self) -> Depth | None:
@@ -68,7 +68,7 @@ class ExportedDrive:
     """The frames of a recording between two moments."""
 
     def __init__(self, recording: Recording, *, from_s: float | None = None, to_s: float | None = None) -> None:
-        """Choose the frames. Raises RecordingError where there are none."""
+        """Choose the frames. Raises RecordingError if there are none."""
         self._recording = recording
         self.camera: CameraModel = recording.meta.camera
         self.name = recording.path.stem
@@ -84,7 +84,7 @@ class ExportedDrive:
     def write_camera(self, folder: Path, *, units_per_metre: float | None = None) -> None:
         """Write the `camera.json` of a folder, with the units per metre of its depth images. Raises OSError.
 
-        The focal lengths of an assumed lens are null, so that nobody takes it for calibrated.
+        The focal lengths of an assumed lens are null, so that it is not mistaken for a calibrated one.
         """
         camera = {**self.camera.to_json(), "depth_scale": units_per_metre}
         if not is_lens_known(self._recording.meta):

@@ -34,7 +34,7 @@ class PlacedMap(NamedTuple):
 
 
 def placed_map(recording: Recording) -> PlacedMap:
-    """Return the map at the end of a recording. Raises MapError where it has none."""
+    """Return the map at the end of a recording. Raises MapError if it has none."""
     graph = recording.final_graph()
     if not graph.nodes:
         raise MapError(f"{recording.path} holds no map; run `ltvn build {recording.path}` to make one.")
@@ -80,7 +80,7 @@ def write_nav2_route(placed: PlacedMap, path: Path) -> None:
     Raises MapError for a map without edges, which the server refuses.
     """
     if not placed.graph.edges:
-        raise MapError("A map without edges is no route graph for Nav2; build it from a longer drive.")
+        raise MapError("A map without edges is not a route graph for Nav2; build one from a longer drive.")
     features = [
         _feature("Point", _point(pose), {"id": node, "frame": MAP_FRAME, "metadata": {"yaw": float(pose[2])}})
         for node, pose in placed.poses.items()

@@ -117,7 +117,7 @@ def export_recording(
 
     A map is written in `frame`, a pose (3,) in the map's own, which is also the default.
 
-    Raises RecordingError where `output` exists or cannot be written, MapError where there is no map, and
+    Raises RecordingError where `output` exists or cannot be written, MapError if there is no map, and
     MissingLibraryError where a library is missing.
     """
     if to.is_map:

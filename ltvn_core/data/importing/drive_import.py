@@ -45,7 +45,7 @@ _NOISE = 2.0
 _DECIDING_FRAMES = 100
 """Number of images whose median is the camera's usual tilt; they are held back until the recording begins."""
 _EVERY_PIXEL = 4
-"""Of these the median of depth is taken."""
+"""Step in pixels between the samples for the median of depth."""
 Progress = Callable[[int, int | None], None]
 """Called with the number of images looked at, and of images in all where that is known."""
 
@@ -93,7 +93,7 @@ class PictureSelection:
     """Keeps an image when the picture has moved on; for drives without any odometry."""
 
     def __init__(self) -> None:
-        """Nothing was seen yet."""
+        """Start before the first image."""
         self._last: NDArray[np.uint8] | None = None
 
     def may_keep(self, pose: Pose, tilt: Tilt | None) -> bool:

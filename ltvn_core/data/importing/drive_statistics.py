@@ -34,19 +34,19 @@ _MEASURED = ("rgb", "depth", "odometry", "truth")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drift:
-    """How far odometry strays from the true poses."""
+    """Deviation of odometry from the true poses."""
 
     position_rmse_m: float
-    """Of the whole drive, laid over the truth as well as possible."""
+    """RMSE of the position over the whole drive, after the best alignment with the truth."""
     per_metre: float
-    """Median error over stretches of a metre or so, as a share of the way."""
+    """Median error over stretches of a metre or so, as a share of the path length."""
     yaw_deg_per_metre: float
-    """The same of the heading."""
+    """Error of the heading over stretches of about a metre, in degrees per metre."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TiltRange:
-    """How a camera was tilted over a drive, in degrees; upwards and right side down are positive."""
+    """Tilt of a camera over a drive, in degrees; upwards and right side down are positive."""
 
     pitch_median_deg: float
     pitch_lowest_deg: float
@@ -80,7 +80,7 @@ class KeptFrame:
     """(3,)."""
     tilt: Tilt | None
     depth_median_m: float | None
-    """Of the pixels with depth; None without a depth image, NaN where it holds none."""
+    """Median over the pixels with depth, in metres; None without a depth image, NaN if it is empty."""
 
     @property
     def has_depth(self) -> bool:
@@ -112,12 +112,12 @@ class DriveStatistics:
     poses: Pose
     """(N, 3) by the odometry that was recorded."""
     width_px: int
-    """Of the recorded images."""
+    """Width of the recorded images, in pixels."""
     field_of_view_rad: float
     """Horizontal."""
     tilt: TiltRange | None
     coverage: Coverage | None
-    """By the poses; None without any."""
+    """Coverage by the poses; None without any."""
     drift: Drift | None
     gaps_s: Sequence[float]
 
@@ -173,7 +173,7 @@ def _drift(frames: Sequence[KeptFrame]) -> Drift | None:
 
 
 def path_m(poses: Pose) -> float:
-    """Return the length of a way through poses (N, 3)."""
+    """Return the length of a path through poses (N, 3)."""
     return float(np.hypot(*np.diff(poses[:, :2], axis=0).T).sum()) if len(poses) > 1 else 0.0
 
 
@@ -204,7 +204,7 @@ def _bridged_pairs(poses: Pose, stamps: NDArray[np.float64]) -> NDArray[np.intp]
 
 
 def drift(odometry: Pose, truth: Pose) -> Drift | None:
-    """Compare odometry with truth, both (N, 3); None where the drive is too short to say."""
+    """Compare odometry with truth, both (N, 3); None if the drive is too short to say."""
     way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(truth[:, :2], axis=0).T))])
     ends = np.searchsorted(way, way + 1.0)
     starts = np.flatnonzero(ends < len(way))

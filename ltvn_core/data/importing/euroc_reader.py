@@ -72,13 +72,13 @@ class EurocReader(ImageFilesReader):
         return self._raw_frame(moment, image, self._colours(image), camera=self._camera)
 
     def _lens(self, said: CalibrationYaml) -> CameraModel | None:
-        """Return the lens of a `sensor.yaml`, None where it is of a kind that is not read. Raises DriveError."""
+        """Return the lens of a `sensor.yaml`, None if it is of a kind that is not read. Raises DriveError."""
         model = said.word("camera_model").lower()
         distortion = said.word("distortion_model").lower()
         if model not in ("pinhole", "") or distortion not in (*_FISHEYES, *_DISTORTIONS):
             self.doubts.append(
                 f"The lens in {_SENSOR} is of the kind {model} with {distortion or 'no distortion'}, which is not "
-                "read; name a pinhole lens by --camera."
+                "supported; give a pinhole lens with --camera."
             )
             return None
         focal = said.numbers("intrinsics")
@@ -142,13 +142,13 @@ def _camera_folder(path: Path, wanted: str | None) -> Path:
         names = sorted(each.name for each in body.iterdir() if _is_camera(each)) if body.is_dir() else []
         raise DriveError(
             f"{body} has no {wanted or _FIRST} with {_IMAGES}/ and {_LIST}; there are {', '.join(names) or 'none'}"
-            ". Choose one by --rgb."
+            ". Choose one with --rgb."
         )
     return body / (wanted or _FIRST)
 
 
 def _images(folder: Path) -> Sequence[tuple[float, str]]:
-    """Return stamps in seconds and images in order, by the list, or by the names where there is none."""
+    """Return stamps in seconds and images in order, by the list, or by the names if there is none."""
     listed = folder / _LIST
     if listed.is_file():
         rows, _ = stamped_lines(listed, least_columns=2, unit_s=_NANOSECOND)

@@ -61,10 +61,12 @@ class FloorPlan:
         said = CalibrationYaml(path, what="map.yaml")
         name = said.word("image")
         if not name:
-            raise DriveError(f"{path} names no image; a map.yaml of nav2 has a line as `image: map.pgm`.")
+            raise DriveError(f"{path} names no image; a map.yaml of nav2 has a line such as `image: map.pgm`.")
         resolution_m = _number(said, "resolution", path)
         if not 0 < resolution_m < MOST_M:
-            raise DriveError(f"{path}: resolution is metres a pixel and above 0, as 0.05; got {resolution_m:g}.")
+            raise DriveError(
+                f"{path}: resolution must be above 0 metres per pixel, such as 0.05; got {resolution_m:g}."
+            )
         origin = said.numbers("origin")
         if len(origin) != 3 or max(map(abs, origin)) > MOST_M:
             raise DriveError(f"{path}: origin is [x, y, yaw] of the lower left corner, in metres and radians.")

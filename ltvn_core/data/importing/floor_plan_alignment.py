@@ -18,7 +18,7 @@ LEAST_APART_M = 0.5
 """Least extent of the points along x or y, in metres; closer points do not determine the rotation."""
 DOUBTFUL_M = 1.0
 """Error in metres above which the pairs are probably wrong, or odometry drifted much."""
-_FORM = "NODE=X,Y, in metres of the plan, as 17=-1.5,2"
+_FORM = "NODE=X,Y, in metres of the plan, such as 17=-1.5,2"
 
 
 def align_floor_plan(pairs: Sequence[str], poses: Mapping[NodeId, Pose]) -> RigidFit:
@@ -29,7 +29,7 @@ def align_floor_plan(pairs: Sequence[str], poses: Mapping[NodeId, Pose]) -> Rigi
         poses: Pose (3,) of each node of the map.
 
     Raises:
-        OptionError: A pair cannot be read or names no node, or all points are at one place.
+        OptionError: A pair cannot be read or does not name a node, or all points are at one place.
     """
     if not pairs:
         return RigidFit(np.zeros(3), 0.0)

@@ -49,7 +49,7 @@ RATE_HZ = 10.0
 _FOCAL_35MM_TAG = 0xA405
 _EXIF_FOLDER_TAG = 0x8769
 _DIAGONAL_35MM = 43.267
-_UNREADABLE = "picture of a kind that is not read"
+_UNREADABLE = "image in an unsupported format"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,18 +67,18 @@ class FolderPictures:
         """Yield which pictures are left out, in whole sentences."""
         if self.unreadable:
             kinds = kinds_of(self.unreadable)
-            yield f"{len(self.unreadable)} pictures are of a kind that is not read ({kinds}). {_conversion(kinds)}"
+            yield f"{len(self.unreadable)} images are in unsupported formats ({kinds}). {_conversion(kinds)}"
         if self.shallow:
             yield (
-                f"{len(self.shallow)} pictures such as {self.shallow[0].name} are named depth but have 8 bits, which "
-                "is too few for depth, so they were left out. Save depth as PNG of 16 bits in millimetres."
+                f"{len(self.shallow)} images such as {self.shallow[0].name} are called depth but have only 8 bits, so "
+                "they were left out. Save depth as 16-bit PNG in millimetres."
             )
 
 
 def colour_pictures(folder: Path, wanted: str | None) -> FolderPictures:
     """Return the pictures of a folder or of the folder in it that holds them. Raises DriveError without colours."""
     if not folder.is_dir():
-        raise DriveError(f"{folder} is not a folder; name the folder that the pictures lie in.")
+        raise DriveError(f"{folder} is not a folder; name the folder of the images.")
     found: list[FolderPictures] = []
     for name in IMAGE_FOLDERS if wanted is None else (wanted,):
         found.append(_sorted_out(folder / name))
@@ -88,15 +88,15 @@ def colour_pictures(folder: Path, wanted: str | None) -> FolderPictures:
         if each.unreadable:
             kinds = kinds_of(each.unreadable)
             raise DriveError(
-                f"{each.unreadable[0].parent} holds pictures that are not read: {kinds}. {_conversion(kinds)}"
+                f"{each.unreadable[0].parent} contains images in unsupported formats: {kinds}. {_conversion(kinds)}"
             )
         if each.deep or each.shallow:
             some = [*each.deep, *each.shallow]
             raise DriveError(
-                f"{some[0].parent} holds {len(some)} pictures of depth ({some[0].name} and others) and none of "
-                "colours; name the folder of the colours by --rgb."
+                f"{some[0].parent} holds {len(some)} depth images ({some[0].name} and others) and no colour images; "
+                "name the folder of the colour images with --rgb."
             )
-    raise DriveError(f"{folder / (wanted or '')} holds no pictures ({', '.join(sorted(IMAGE_SUFFIXES))}).")
+    raise DriveError(f"{folder / (wanted or '')} contains no images ({', '.join(sorted(IMAGE_SUFFIXES))}).")
 
 
 def holds_pictures(path: Path) -> bool:
@@ -199,7 +199,7 @@ class FolderReader(ImageFilesReader):
             self.dropped[_UNREADABLE] = len(pictures.unreadable)
         self.doubts += pictures.doubts()
         if self._truth is not None and self._truth.missing:
-            self.doubts.append(f"{self._truth.missing} pictures have no valid pose in {self._truth.name}.")
+            self.doubts.append(f"{self._truth.missing} images have no valid pose in {self._truth.name}.")
         self.facts = DriveFacts(
             format="folder", frames=len(self._pictures), streams=self._streams(), place=folder.resolve().name
         )
@@ -247,7 +247,7 @@ class FolderReader(ImageFilesReader):
         if confidence.shape != depth_m.shape:
             raise DriveError(
                 f"{beside} has {confidence.shape[1]} x {confidence.shape[0]} pixels and its depth image "
-                f"{depth_m.shape[1]} x {depth_m.shape[0]}; save them at one size, or move {CONFIDENCE_FOLDER}/ away."
+                f"{depth_m.shape[1]} x {depth_m.shape[0]}; save both in one size, or move {CONFIDENCE_FOLDER}/ away."
             )
         return without_low_confidence(depth_m, confidence)
 

@@ -13,7 +13,7 @@ MOST_IMAGE_BYTES = 200_000_000
 """Largest size of a single image, in bytes."""
 
 _POINTER = b"version https://git-lfs"
-"""So a file begins that Git LFS wrote in place of one that was not fetched."""
+"""First bytes of the pointer file that Git LFS writes for a file that was not fetched."""
 _LONGEST_POINTER = 1024
 _ATTRIBUTES = ".gitattributes"
 _MOST_ATTRIBUTES = 1_000_000
@@ -34,7 +34,7 @@ def read_foreign(path: Path, *, most_bytes: int, what: str) -> bytes:
     """
     require_plain(path)
     if path.stat().st_size > most_bytes:
-        raise DriveError(f"{path} has more than {most_bytes:,} bytes, which no {what} has.")
+        raise DriveError(f"{path} has more than {most_bytes:,} bytes, which is too large for a {what}.")
     return path.read_bytes()
 
 
@@ -42,7 +42,7 @@ def require_plain(path: Path) -> None:
     """Raise DriveError for a pipe, a device or their like, and for a pointer of Git LFS; OSError where nothing is."""
     found = path.stat()
     if not (stat.S_ISREG(found.st_mode) or stat.S_ISDIR(found.st_mode)):  # Of a folder the system says that it is one.
-        raise DriveError(f"{path} is a pipe or a device, not a file, and is not read.")
+        raise DriveError(f"{path} is a pipe or a device, not a file, so it is not read.")
     if stat.S_ISREG(found.st_mode) and found.st_size <= _LONGEST_POINTER and _begins_as_pointer(path):
         raise DriveError(
             f"{path} is only a pointer of Git LFS, not the file itself; run `git lfs pull` in {path.parent}."
@@ -73,8 +73,8 @@ def _require_link_within(link: Path, folder: Path) -> None:
         return  # It leads nowhere, or in a circle, and shows nothing.
     if not link.resolve().is_relative_to(folder.resolve()):
         raise DriveError(
-            f"{link} is a link to outside of {folder}, and links are not followed there. If you trust what it leads "
-            "to, import a copy that `cp -rL` makes of the folder; else take the link away."
+            f"{link} is a link to outside of {folder}, and links are not followed there. If you trust its target, "
+            "copy the folder with `cp -rL` and import the copy; otherwise remove the link."
         )
 
 
@@ -100,9 +100,9 @@ def require_within(path: Path, folder: Path) -> None:
     try:
         is_within = path.resolve().is_relative_to(folder.resolve())
     except (OSError, ValueError, RuntimeError) as error:  # A zero byte in the name, or links in a circle.
-        raise DriveError(f"{path} leads nowhere ({error!s:.120}).") from error
+        raise DriveError(f"{path} cannot be resolved ({error!s:.120}).") from error
     if not is_within:
-        raise DriveError(f"{path} lies outside of {folder}, and is not read.")
+        raise DriveError(f"{path} lies outside of {folder}, so it is not read.")
 
 
 def read_bytes_within(folder: Path, name: str) -> bytes:

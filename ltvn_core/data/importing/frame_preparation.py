@@ -80,8 +80,8 @@ class FramePreparation:
         """Whether the source or a person said what the lens is."""
         if not self.is_lens_known and first.depth_m is not None:
             raise DriveError(
-                f"Nothing says what lens took {first.name or 'these images'} ({width} x {height}), and depth means "
-                f"nothing without: {HOW_TO}."
+                f"The lens is unknown that took {first.name or 'these images'} ({width} x {height}), and depth needs "
+                f"it: {HOW_TO}."
             )
         self._source = first.camera or camera_of_fov(width, height, fov_deg or ASSUMED_FOV_DEG)
         self.camera = recorded_camera(self._source)
@@ -134,9 +134,9 @@ class FramePreparation:
             lens = source.scaled(width, height)
         else:
             raise ImageError(
-                f"{raw.name}: the depth image is {width} x {height} and the image {source.width} x {source.height}, "
-                "which is of another aspect, so depth is not registered to the colours; name registered images by "
-                "--depth, or leave depth out by --depth none."
+                f"{raw.name}: the depth image is {width} x {height} and the image {source.width} x {source.height}. "
+                "Their aspect ratios differ, so depth is not registered to the colours; name registered images with "
+                "--depth, or omit depth with --depth none."
             )
         usable = np.where(np.isfinite(depth_m) & (depth_m > 0), depth_m, 0).astype(np.float32)
         return rectification(lens, target).rectify_depth(usable)

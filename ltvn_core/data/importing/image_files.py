@@ -32,7 +32,7 @@ class ImageFilesReader(ABC):
     facts: DriveFacts
     """The facts of the drive."""
     DAMAGED = "damaged or missing image"
-    """Why an image was left out that cannot be read."""
+    """Reason for leaving out an image that cannot be read."""
     MOST_AT_FIRST: float = 1000
     """Number of damaged images at the start after which reading ends, because opening a million takes minutes."""
 
@@ -41,9 +41,9 @@ class ImageFilesReader(ABC):
         self._folder = folder
         self._options = options
         self.dropped: Counter[str] = Counter()
-        """How many images were left out, by reason."""
+        """Number of images that were left out, by reason."""
         self.doubts: list[str] = []
-        """What is doubtful about the drive."""
+        """Doubts about the drive, as sentences."""
 
     @classmethod
     def open(cls, path: Path, options: ReadOptions) -> Self:

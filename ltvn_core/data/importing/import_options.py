@@ -15,7 +15,7 @@ EVERY_M, EVERY_DEG = 0.1, 8.0
 
 
 class OdometrySource(StrEnum):
-    """Where the recorded odometry comes from."""
+    """Source of the recorded odometry."""
 
     AUTO = "auto"
     """The source's odometry, else its true poses, else none."""
@@ -24,7 +24,7 @@ class OdometrySource(StrEnum):
     NONE = "none"
 
     def pose(self, moment: FrameMoment) -> Pose | None:
-        """Return the pose (3,) of a moment, zeros where there is to be none; None where it is missing."""
+        """Return the pose (3,) of a moment, zeros where there is to be none; None if it is missing."""
         match self:
             case OdometrySource.TRUTH:
                 return moment.truth
@@ -35,7 +35,7 @@ class OdometrySource(StrEnum):
 
 
 def chosen_odometry(reader: DriveReader, wanted: OdometrySource = OdometrySource.AUTO) -> OdometrySource:
-    """Return where odometry is to come from. Raises DriveError where the source has none of the wanted kind."""
+    """Return the source of odometry. Raises DriveError where the source has none of the wanted kind."""
     roles = {stream.role for stream in reader.facts.streams}
     offered = {OdometrySource.SOURCE: "odometry", OdometrySource.TRUTH: "truth"}
     if wanted is OdometrySource.AUTO:
@@ -43,8 +43,8 @@ def chosen_odometry(reader: DriveReader, wanted: OdometrySource = OdometrySource
     if wanted in offered and offered[wanted] not in roles:
         found = ", ".join(sorted(roles)) or "nothing"
         raise DriveError(
-            f"--odometry-from {wanted}: the drive has no {offered[wanted]}; found {found}. Leave the option out to "
-            "take what there is."
+            f"--odometry-from {wanted}: the drive has no {offered[wanted]}; found {found}. Omit the option to use "
+            "what the drive has."
         )
     return wanted
 
@@ -65,16 +65,16 @@ class ImportOptions:
     pitch_deg: float | None = None
     """Tilt of a mounted camera, upwards positive."""
     scene: str = ""
-    """What the recording calls the place; made from the source's name where it is empty."""
+    """Name of the place in the recording; if empty, made from the source's name."""
 
     def __post_init__(self) -> None:
         """Check the numbers."""
         if not (0 <= self.every_m < math.inf and 0 <= self.every_deg < math.inf):
-            raise OptionError(f"--every-m and --every-deg are 0 or more, got {self.every_m} and {self.every_deg}.")
+            raise OptionError(f"--every-m and --every-deg must be 0 or more, got {self.every_m} and {self.every_deg}.")
         if self.height_m is not None and not 0 <= self.height_m < 100:
-            raise OptionError(f"--height is metres above the floor, got {self.height_m}.")
+            raise OptionError(f"--height must be in metres above the floor, got {self.height_m}.")
         if self.pitch_deg is not None and not abs(self.pitch_deg) < 90:
-            raise OptionError(f"--pitch is degrees from level, between -90 and 90, got {self.pitch_deg}.")
+            raise OptionError(f"--pitch must be between -90 and 90 degrees from level, got {self.pitch_deg}.")
 
     @property
     def has_own_spacing(self) -> bool:

@@ -76,13 +76,13 @@ class ImportedCamera:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ImportSummary(WithDoubts):
-    """What an import found, left out and wrote."""
+    """Numbers of an import: found, left out and written."""
 
     recording: Path
     format: str
     """Name of the reader."""
     scene: str
-    """What the recording calls the place."""
+    """Name of the place in the recording."""
     frames: int
     """Images of the recording."""
     dropped: Mapping[str, int]
@@ -90,14 +90,14 @@ class ImportSummary(WithDoubts):
     without_depth: int
     """Images of the recording without any depth."""
     rates_hz: Mapping[str, float]
-    """How many images, poses and the like the source has a second."""
+    """Rates of the source's streams, such as images and poses, per second."""
     camera: ImportedCamera
     odometry: OdometrySource
-    """Where the recorded odometry comes from."""
+    """Source of the recorded odometry."""
     seconds: float
-    """From the first to the last image, on the source's clock."""
+    """Duration from the first to the last image, on the source's clock."""
     path_m: float | None
-    """Length of the way by odometry; None where there is none."""
+    """Length of the path by odometry; None if there is none."""
     pieces_expected: int | None
     """Least number of pieces of a map: near images joined, and consecutive ones by odometry; None without poses."""
     largest_piece_expected: float | None
@@ -108,13 +108,13 @@ class ImportSummary(WithDoubts):
     """Number of pauses between images that are much longer than usual."""
     longest_gap_s: float
     tilt: TiltRange | None
-    """How the camera was tilted, where that changes."""
+    """Tilt of the camera, if it changes."""
     drift: Drift | None
-    """How odometry strays from the true poses, where the source has both."""
+    """Deviation of odometry from the true poses, if the source has both."""
     findings: tuple[Finding, ...]
-    """What is doubtful, with the likely cause and advice; empty if nothing is."""
+    """Doubts, with likely causes and advice; empty if there are none."""
     next_step: str
-    """What to do now, and what that will tell."""
+    """Next step, and what it shows."""
 
 
 def import_summary(
@@ -151,8 +151,8 @@ def import_summary(
         drift=found.drift,
         findings=(*told, *_drive_findings(found)),
         next_step=(
-            f"`ltvn build {recording} --output map.rrd` makes a map, and its `known_share` says of how much of the "
-            "drive the map knows the place; below 80 % it says where, and likely causes."
+            f"`ltvn build {recording} --output map.rrd` makes a map. Its `known_share` is the share of the drive that "
+            "the map recognises; below 80 % it also lists where it fails, and likely causes."
         ),
     )
 
@@ -166,35 +166,35 @@ def _drive_findings(drive: DriveStatistics) -> Iterator[Finding]:
 def _camera(drive: DriveStatistics) -> Iterator[Finding]:
     if not drive.is_lens_known:
         yield Finding(
-            f"Nothing says what lens took the images; {ASSUMED_FOV_DEG:.0f} degrees were assumed, and distances will "
-            f"be wrong by as much as that is: {HOW_TO}."
+            f"The lens is unknown; a field of view of {ASSUMED_FOV_DEG:.0f} degrees was assumed, and distances will "
+            f"be wrong if it differs: {HOW_TO}."
         )
     if drive.width_px < NARROW_PX:
         yield Finding(
-            f"The images are {drive.width_px} pixels wide, and in less than {NARROW_PX} hardly anything is recognised; "
-            "a map of them may know a small part of the drive.",
-            remedy="Record larger images where the camera can.",
+            f"The images are {drive.width_px} pixels wide; below {NARROW_PX} pixels hardly any place is recognised, "
+            "so a map may know only a small part of the drive.",
+            remedy="Record larger images if the camera can.",
         )
 
 
 def _depth(drive: DriveStatistics) -> Iterator[Finding]:
     if not drive.is_depth_registered:
         yield Finding(
-            "The depth images are not registered to the colours; they were laid over them by the two lenses alone, and "
-            "lie a few centimetres off.",
-            remedy="Name a registered stream by --depth where there is one.",
+            "The depth images are not registered to the colours; they were aligned by the two lenses alone, so depth "
+            "is shifted by a few centimetres.",
+            remedy="Name a registered stream with --depth, if there is one.",
         )
     if not drive.with_depth:
         yield _no_depth(drive)
     elif drive.with_depth < drive.frames:
         missing = drive.frames - drive.with_depth
-        yield Finding(f"{missing} of {drive.frames} images have no depth, and are not used where it is needed.")
+        yield Finding(f"{missing} of {drive.frames} images have no depth; they are not used where depth is needed.")
     median_m = drive.depth_median_m
     if median_m is not None and not NEAREST_MEDIAN_M <= median_m <= FARTHEST_MEDIAN_M:
         side = "nearer" if median_m < NEAREST_MEDIAN_M else "farther"
         yield Finding(
             f"Half of the depth is {side} than {median_m:.3g} m, where {NEAREST_MEDIAN_M:g} to {FARTHEST_MEDIAN_M:g} m "
-            f"are usual, so its unit is probably another: {HOW_TO_SCALE}."
+            f"are usual, so the assumed unit is probably wrong: {HOW_TO_SCALE}."
         )
 
 
@@ -202,9 +202,9 @@ def _no_depth(drive: DriveStatistics) -> Finding:
     less = "predictors that need it cannot use this drive, and the others estimate distances less well."
     if drive.possible_depths:
         names = ", ".join(drive.possible_depths[:_MOST_NAMES])
-        return Finding(f"No depth was used: {less}", remedy=f"It could be in {names}; name the right one by --depth.")
+        return Finding(f"No depth was used: {less}", remedy=f"It could be in {names}; name the right one with --depth.")
     used = ", ".join(drive.used_streams[:_MOST_NAMES]) or "images alone"
-    remedy = "Record the depth camera too where the robot has one."
+    remedy = "Record the depth camera too, if the robot has one."
     return Finding(f"There is no depth among {used}: {less}", remedy=remedy)
 
 
@@ -229,14 +229,14 @@ def _tilt(drive: DriveStatistics) -> Iterator[Finding]:
 def _odometry(drive: DriveStatistics) -> Iterator[Finding]:
     if drive.odometry is OdometrySource.NONE:
         yield Finding(
-            "There is no odometry, so all images are recorded at one place: distances between them are what the "
-            "predictor says, and nothing contradicts it.",
-            remedy="Give odometry by --odometry where the robot has some.",
+            "There is no odometry, so all images have the same pose. Only the predictor estimates distances between "
+            "them, and its errors cannot be detected.",
+            remedy="Name the odometry with --odometry, if the robot has it.",
         )
     if drive.is_spacing_ignored:
         yield Finding(
-            "--every-m and --every-deg were ignored, for without odometry nobody knows how far the camera moved: an "
-            "image was kept where the picture had changed.",
+            "--every-m and --every-deg were ignored, because without odometry the motion of the camera is unknown: an "
+            "image was kept if it had changed.",
             remedy=_KEEP_ALL,
         )
     if drive.odometry is OdometrySource.TRUTH:
@@ -246,8 +246,8 @@ def _odometry(drive: DriveStatistics) -> Iterator[Finding]:
         )
     if drive.drift is not None and drive.drift.per_metre > MUCH_DRIFT:
         yield Finding(
-            f"Odometry strays from the true poses by {drive.drift.per_metre:.0%} of the way; is it in metres, of the "
-            "same robot, and turned as x forward, y left?"
+            f"Odometry deviates from the true poses by {drive.drift.per_metre:.0%} of the distance driven; is it in "
+            "metres, of the same robot, and turned as x forward, y left?"
         )
 
 
@@ -257,8 +257,8 @@ def _frames(drive: DriveStatistics) -> Iterator[Finding]:
         yield Finding(text, remedy=_thinned(drive))
     if len(drive.gaps_s) >= MANY_GAPS or sum(drive.gaps_s) > MANY_GAPS * 10:
         yield Finding(
-            f"For {len(drive.gaps_s)} times, {sum(drive.gaps_s):.0f} s in all, no images came; did the recorder lose "
-            "messages?"
+            f"For {len(drive.gaps_s)} times, {sum(drive.gaps_s):.0f} s in all, there are no images; did the recorder "
+            "lose messages?"
         )
 
 
@@ -270,16 +270,16 @@ def _overlap(drive: DriveStatistics) -> Iterator[Finding]:
     apart |= np.abs(wrap_angle(steps[:, 2])) > drive.field_of_view_rad / 2
     if apart.mean() > _APART_SHARE:
         yield Finding(
-            f"{apart.sum()} of {len(apart)} images in a row do not overlap with the one before: farther than {NEAR_M} "
-            "m, or turned by more than half of what the camera sees.",
-            remedy=f"Drive slower, or record more images a second. {_thinned(drive)}".rstrip(),
+            f"{apart.sum()} of {len(apart)} images do not overlap with the one before: they are farther than {NEAR_M} "
+            "m apart, or turned by more than half of the field of view.",
+            remedy=f"Drive slower, or record more images per second. {_thinned(drive)}".rstrip(),
         )
     if drive.coverage.pieces > 1:
         yield Finding(
-            f"By its poses the drive falls into {drive.coverage.pieces} pieces, the largest with "
-            f"{drive.coverage.largest_share:.0%} of the images, and a map will fall apart likewise, for neither near "
-            "images nor odometry join them. Do the gaps or jumps belong there?",
-            remedy="Drive the missing ways, and come back to where you began.",
+            f"By its poses the drive consists of {drive.coverage.pieces} pieces, the largest with "
+            f"{drive.coverage.largest_share:.0%} of the images. Neither near images nor odometry join the pieces, so "
+            "a map will be in pieces too. Are the gaps or jumps real?",
+            remedy="Drive the missing routes, and return to where you began.",
         )
 
 
@@ -288,13 +288,13 @@ def _thinned(drive: DriveStatistics) -> str:
     if not drive.thinned:
         return ""
     if drive.odometry is OdometrySource.NONE:
-        return f"{drive.thinned} were left out because the picture had hardly changed. {_KEEP_ALL}"
+        return f"{drive.thinned} were left out because the image had hardly changed. {_KEEP_ALL}"
     return f"{drive.thinned} were left out for too little motion; lower --every-m and --every-deg to keep more."
 
 
 def _dropped(drive: DriveStatistics) -> Iterator[Finding]:
     if drive.dropped_as_wrong > _DROPPED_SHARE * (drive.frames + drive.dropped_as_wrong):
         yield Finding(
-            f"{drive.dropped_as_wrong} images could not be used, see `dropped` for the reasons; is the file cut, or "
-            "were its streams recorded by different clocks?"
+            f"{drive.dropped_as_wrong} images could not be used, see `dropped` for the reasons. Is the file cut off, "
+            "or do its streams have different clocks?"
         )

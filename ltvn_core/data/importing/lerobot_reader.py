@@ -162,7 +162,7 @@ class LerobotReader:
             found = [each for each in found if each.key.rpartition(".")[2] in ("front", "head", "ego")] or found
         if len(found) != 1:
             names = ", ".join(each.key for each in images) or "none"
-            raise DriveError(f"{self._dataset.folder}: choose images by {option}; the data set has {names}.")
+            raise DriveError(f"{self._dataset.folder}: choose images with {option}; the data set has {names}.")
         return found[0]
 
     def _depth_feature(self, asked: str | None) -> Feature | None:
@@ -185,7 +185,7 @@ class LerobotReader:
             if len(found) == len(places):
                 return each, found
         if asked is not None:
-            raise DriveError(f"{self._dataset.folder}: {asked} has no numbers that are named x, y and yaw.")
+            raise DriveError(f"{self._dataset.folder}: {asked} has no numbers called x, y and yaw.")
         return None, ()
 
 

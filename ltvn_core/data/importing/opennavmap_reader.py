@@ -95,7 +95,9 @@ def _rows(path: Path, *, columns: int) -> Mapping[str, list[float]]:
 
 
 def _track(path: Path, stamps: Mapping[str, float]) -> PoseTrack:
-    """Return the poses of the images that have a time; w2c with w first becomes c2w."""
+    """Return the poses of the images that have a stamp, converted from world-to-camera with w first to
+    camera-to-world.
+    """
     rows = _rows(path, columns=7)
     poses = {stamps[name]: numbers for name, numbers in rows.items() if name in stamps}
     if not poses:

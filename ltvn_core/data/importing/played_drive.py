@@ -44,7 +44,7 @@ class NamedDrive(NamedTuple):
 
     @classmethod
     def find(cls, wanted: str) -> Self | None:
-        """Return the drive of that name; None where no such file or folder exists. Raises RobotError."""
+        """Return the drive of that name; None if no such file or folder exists. Raises RobotError."""
         if Path(wanted).exists():
             return None if wanted.endswith(".py") else cls(Path(wanted))
         name, at, place = wanted.rpartition("@")
@@ -115,10 +115,10 @@ class PlayedDrive:
         self._name = drive.path.name
         reader = drive.open()
         self.open_loop = (
-            f"{self._name} is a recorded drive, played open loop: it shows what was seen, and obeys no command. Goals "
-            "need a robot; where it led, `ltvn robot check --map` says."
+            f"{self._name} is a recorded drive, played back without control: it cannot be driven, so it cannot go to "
+            "goals. `ltvn robot check --map` shows where the drive went."
         )
-        """Why commands do nothing."""
+        """Reason why commands have no effect."""
         self._odometry = chosen_odometry(reader)
         self._frames = (
             drive.mounted(raw) for raw in reader.frames() if self._odometry.pose(FrameMoment.of(raw)) is not None
@@ -191,7 +191,7 @@ class PlayedDrive:
         raise DriveError(f"None of the images of {self._name} can be used.{fault}")
 
     def _play(self) -> None:
-        """Take the frames whose time has come; the newest is kept."""
+        """Take the frames that are due; the newest is kept."""
         while self._next is not None and self._next.stamp - self._seen_s <= self._now_s:
             self._raw = self._next
             pose = self._odometry.pose(FrameMoment.of(self._raw))

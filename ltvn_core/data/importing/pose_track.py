@@ -31,7 +31,7 @@ _UNIT_TOLERANCE = 0.1
 _BESIDE_S = 0.025
 """Largest time between a pose and a sample on only one side of it, in seconds."""
 _AXES = {"z": (0, 0, 1), "-y": (0, -1, 0), "y": (0, 1, 0), "-z": (0, 0, -1)}
-"""What programs take for up: z in robotics, -y where the world is the first camera, y in graphics."""
+"""Possible up axes: z in robotics, -y if the first camera defines the world, y in graphics."""
 POSE_FOLDERS = ("pose", "poses")
 ROWS_FILE = "traj.txt"
 _NUMBERS = 16
@@ -50,7 +50,7 @@ class StampedPoses(NamedTuple):
     rotations: Rotation
     """N of them, from the frame whose pose it is to the world."""
     doubt: str | None
-    """What is doubtful about the stamps."""
+    """Doubts about the stamps, as sentences."""
 
 
 class PoseTrack:
@@ -71,9 +71,9 @@ class PoseTrack:
         """
         self.stamps = stamps
         self.doubt = doubt
-        """What is doubtful about its stamps."""
+        """Doubts about its stamps, as sentences."""
         self.up_axis = up_axis or _up_axis(rotations)
-        """Which axis of the source's world is up; positions and rotations are turned so that it is z."""
+        """Up axis of the source's world; positions and rotations are turned so that z is up."""
         turn = Rotation.align_vectors([[0, 0, 1]], [_AXES[self.up_axis]])[0] if self.up_axis != "z" else None
         self._positions = positions if turn is None else turn.apply(positions)
         self._rotations = rotations if turn is None else turn * rotations
@@ -82,11 +82,11 @@ class PoseTrack:
 
     @classmethod
     def read(cls, path: Path) -> "PoseTrack":
-        """Read a file. Raises DriveError that names the first line that cannot be right."""
+        """Read a file. Raises DriveError with the first invalid line."""
         return cls(*read_poses(path))
 
     def at(self, stamp: float) -> SpatialPose | None:
-        """Return the pose at a time, between samples in proportion; None where there is no sample nearby."""
+        """Return the pose at a time, between samples in proportion; None if there is no sample nearby."""
         after = int(np.searchsorted(self.stamps, stamp))
         if after < len(self.stamps) and self.stamps[after] == stamp:
             return self._sample(after)
@@ -125,7 +125,7 @@ def read_poses(path: Path, *, scalar_first: bool = False, unit_s: float | None =
     try:
         numbers = np.array([[stamp, *map(float, words[: _COLUMNS - 1])] for stamp, words in lines])
     except ValueError as error:
-        raise DriveError(f"{path}: a pose is no row of numbers ({error!s:.80}).") from error
+        raise DriveError(f"{path}: a pose is not a row of numbers ({error!s:.80}).") from error
     numbers = numbers[np.unique(numbers[:, 0], return_index=True)[1]]
     norms = np.linalg.norm(numbers[:, 4:], axis=1)
     wrong = ~np.isfinite(numbers).all(axis=1) | (np.abs(norms - 1) > _UNIT_TOLERANCE)
@@ -152,9 +152,9 @@ class PicturePoses:
     """Poses of pictures by their place in the drive; z is up, however the source's world is turned."""
 
     def __init__(self, matrices: NDArray[np.float64], name: str) -> None:
-        """Take (N, 4, 4) camera to world, one for each picture; rows that are no pose hold no rotation."""
+        """Take (N, 4, 4) camera to world, one for each picture; invalid rows contain no rotation."""
         self.name = name
-        """The file or folder that they come from."""
+        """The file or folder of the poses."""
         known = _are_rigid(matrices)
         self.missing = int(len(known) - known.sum())
         """Pictures without a pose."""
@@ -166,7 +166,7 @@ class PicturePoses:
             self._track = PoseTrack(places.astype(np.float64), good[:, :3, 3], Rotation.from_matrix(good[:, :3, :3]))
 
     def at(self, place: int) -> SpatialPose | None:
-        """Return the pose of a picture by its place; None where it has none."""
+        """Return the pose of a picture by its place; None if it has none."""
         if self._track is None or place not in self._places:
             return None
         return self._track.at(place)
@@ -177,7 +177,7 @@ class PicturePoses:
 
 
 def poses_beside(folder: Path, pictures: Sequence[Path]) -> PicturePoses | None:
-    """Return the poses that lie beside a folder's pictures; None where there are none. Raises DriveError."""
+    """Return the poses that lie beside a folder's pictures; None if there are none. Raises DriveError."""
     rows = folder / ROWS_FILE
     if rows.is_file():
         return PicturePoses(_rows(rows, len(pictures)), ROWS_FILE)
@@ -210,8 +210,8 @@ def _rows(path: Path, count: int) -> NDArray[np.float64]:
     numbers = _numbers(path)
     if not numbers or len(numbers) % _NUMBERS or len(numbers) // _NUMBERS != count:
         raise DriveError(
-            f"{path} holds {len(numbers)} numbers, which are not 16 for each of the {count} pictures (a 4 x 4 matrix, "
-            "camera to world, row by row). Complete the file, or move it away to import the pictures without poses."
+            f"{path} holds {len(numbers)} numbers, which are not 16 for each of the {count} images (a 4 x 4 matrix, "
+            "camera to world, row by row). Complete the file, or move it away to import the images without poses."
         )
     return np.array(numbers).reshape(count, 4, 4)
 

@@ -26,7 +26,7 @@ class RawFrame:
     """(h, w) metres along the optical axis, 0 = no return; None without a depth image. Where `depth_camera` is None it
     shows what `rgb` shows, perhaps at another size."""
     camera: CameraModel | None = None
-    """The camera of `rgb`, at its size; None where the source does not say."""
+    """The camera of `rgb`, at its size; None if the source does not say."""
     depth_camera: CameraModel | None = None
     """The camera of `depth_m`, at its size, where it is not registered to the colours; its lens alone matters."""
     odometry: Pose | None = None
@@ -34,9 +34,9 @@ class RawFrame:
     truth: Pose | None = None
     """(3,) true pose in a world frame whose z is up."""
     tilt: Tilt | None = None
-    """How the camera was tilted then, where that changes; see `spatial_pose`."""
+    """Tilt of the camera at that time, if it changes; see `spatial_pose`."""
     name: str = ""
-    """What messages call it: a file, or a topic and a number."""
+    """Name of the frame in messages: a file, or a topic and a number."""
 
 
 class FrameMoment(NamedTuple):
@@ -78,7 +78,7 @@ class SourceFact:
     count: int | None = None
     """Messages or files."""
     rate_hz: float | None = None
-    """How many a second, where they have stamps."""
+    """Number of messages per second, if they have stamps."""
     could_be: str = ""
     """The role that an unused stream could have too, for the option of that name."""
 
@@ -90,11 +90,11 @@ class DriveFacts:
     format: str
     """Name of the reader."""
     frames: int | None = None
-    """How many images will be looked at, for the progress bar; None where that is not known."""
+    """Number of images to read, for the progress bar; None if unknown."""
     streams: Sequence[SourceFact] = ()
-    """What was found; `--rgb` and its like choose among these."""
+    """Streams that were found; `--rgb`, `--depth` and `--odometry` choose among them."""
     place: str = ""
-    """What the drive may be called: the name of the file or folder."""
+    """Default name of the drive: the name of the file or folder."""
     odometry_frame: str = ""
     """Name of the odometry frame in the source, such as `odom`; empty if it has none."""
 

@@ -1,7 +1,7 @@
 """Registry of the formats that can be read: readers of installed packages in the entry-point group `ltvn.readers`.
 
 Owns the choice of a reader for a path. Built-in readers are found in the same way as other people's, and a reader's
-module is imported only when its turn comes.
+module is imported only when it is needed.
 """
 
 import logging
@@ -34,7 +34,7 @@ def reader_names() -> tuple[str, ...]:
 def open_drive(path: Path, name: str = AUTO, options: ReadOptions | None = None) -> DriveReader:
     """Open a drive by the reader of that name, or by the first that recognises it.
 
-    Raises DriveError where there is no such file or no reader knows it, PluginError and MissingLibraryError where the
+    Raises DriveError if there is no such file or no reader knows it, PluginError and MissingLibraryError where the
     reader cannot be loaded.
     """
     if not path.exists():
@@ -76,14 +76,14 @@ def _recognised(path: Path) -> ReaderClass:
         raise broken[0]
     if inside := _drives_in(path):
         raise DriveError(
-            f"{path} is no drive itself but holds {len(inside)}; import each by its own path: {inside[0]}."
+            f"{path} is not a drive, but contains {len(inside)}; import each by its own path: {inside[0]}."
         )
     if path.suffix.lower() in _SCENES:
-        raise DriveError(f"{path} is a scene and no drive: `ltvn app --scene {path}` opens it, to drive in.")
+        raise DriveError(f"{path} is a scene, not a drive: `ltvn app --scene {path}` opens it, to drive in.")
     require_plain(path)  # A pointer of Git LFS must not be recognised as the file that it stands for.
     raise DriveError(
-        f"{path} is in no format that can be read ({', '.join(reader_names())}); name the file or folder of one drive, "
-        "and the format by --format where it was not recognised."
+        f"{path} is not in a supported format ({', '.join(reader_names())}); name the file or folder of one drive, "
+        "and its format with --format if it was not recognised."
     )
 
 

@@ -28,22 +28,22 @@ _READ = ("GET", "BINGET", "LONG_BINGET", "DUP")
 _REMEMBER = ("PUT", "BINPUT", "LONG_BINPUT", "MEMOIZE")
 _FILL = ("APPEND", "APPENDS", "SETITEM", "SETITEMS", "ADDITEMS", "BUILD")
 """These put values into the one below them."""
-_TOO_FEW = "it takes more values than it made"
+_TOO_FEW = "it takes more values from the stack than there are"
 MOST_BYTES = 50_000_000
-"""A million poses; a longer file is no trajectory."""
+"""A million poses; a longer file is not a trajectory."""
 _NUMPY_TYPE = re.compile("[<>|=]?[?biufcSUO][0-9]{0,4}")
 """Numbers and texts; numpy parses longer descriptions for minutes."""
 
 
 def check_program(data: bytes) -> None:
-    """Raise ValueError for a program that is too long, makes values that are too deep, or is no program."""
+    """Raise ValueError for a program that is too long, makes values that are too deep, or is not a valid program."""
     depths = _Depths()
     for count, (step, argument, _) in enumerate(pickletools.genops(data)):
         if count > MOST_STEPS:
             raise ValueError(f"it has more than {MOST_STEPS:,} steps")
         # The interpreter makes a list as long as the number, whatever was put into it.
         if step.name.endswith("PUT") and isinstance(argument, int) and argument > count:
-            raise ValueError("it numbers what it remembers too high")
+            raise ValueError("its memo has an index that is too high")
         depths.follow(step, argument)
 
 
@@ -83,7 +83,7 @@ class _Depths:
     def _read(self, name: str, argument: Any) -> None:
         value = self._top() if name == "DUP" else self._memory.get(int(argument))
         if value is None:
-            raise ValueError("it reads what it never remembered")
+            raise ValueError("it reads a memo that was never written")
         value.is_shared = True
         self._stack.append(value)
 
@@ -92,7 +92,7 @@ class _Depths:
         target = self._top()
         if target.is_shared:
             # What holds it already would become deeper unseen, and it could come to hold itself.
-            raise ValueError("it goes on filling what it has put elsewhere")
+            raise ValueError("it changes a value that is already stored elsewhere")
         target.levels = max(target.levels, _around(within))
 
     def _make(self, step: pickletools.OpcodeInfo) -> None:
@@ -148,7 +148,7 @@ class _ArrayUnpickler(pickle.Unpickler):
         found = _ALLOWED.get(f"{module}.{name}")
         if found is None:
             raise pickle.UnpicklingError(
-                f"it wants to call {module:.60}.{name:.60}, which a trajectory needs not, and was not called"
+                f"it wants to call {module:.60}.{name:.60}, which a trajectory does not need; it was not called"
             )
         return found
 

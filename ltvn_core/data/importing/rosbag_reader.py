@@ -53,9 +53,9 @@ def _bag_files(path: Path) -> list[Path]:
         raise DriveError(f"{path} cannot be read ({error.strerror}).") from error
     kinds = {_plain_suffix(file) for file in found}
     if not found:
-        raise DriveError(f"{path} holds no bag: expected files that end in {', '.join(_SUFFIXES)}.")
+        raise DriveError(f"{path} contains no bag: expected files that end in {', '.join(_SUFFIXES)}.")
     if len(kinds) > 1:
-        raise DriveError(f"{path} holds bags of several kinds ({', '.join(sorted(kinds))}); name one of its files.")
+        raise DriveError(f"{path} contains bags of several kinds ({', '.join(sorted(kinds))}); name one of its files.")
     return found
 
 

@@ -116,7 +116,7 @@ class RtabmapReader:
             )
         if len(rig) > 1 and self._options.rgb is None:
             self._doubt_once(
-                f"Each node has {len(rig)} cameras side by side; the first was read. Choose by --rgb 0, 1 ..."
+                f"Each node has {len(rig)} cameras side by side; the first was read. Choose with --rgb 0, 1 ..."
             )
         return rig
 
@@ -128,7 +128,7 @@ class RtabmapReader:
         try:
             return None if camera is None else mounting.mounted(camera.fitted(width, height))
         except CameraError as error:
-            raise DriveError(f"{name}: {error}; give the lens by --camera.") from error
+            raise DriveError(f"{name}: {error}; give the lens with --camera.") from error
 
     def _depth(self, images: NodeImages, rig: list[RigCamera], name: str) -> Depth | None:
         if images.depth is None or self._options.depth == NOTHING or (rig and rig[0].is_stereo):
@@ -142,7 +142,7 @@ class RtabmapReader:
         return _one_camera(depth, len(rig), self._camera_number, name)
 
     def _one_session(self, nodes: list[Node]) -> list[Node]:
-        """Return the nodes of the longest drive by their stamps; by their ids where there are no stamps."""
+        """Return the nodes of the longest drive by their stamps; by their ids if there are no stamps."""
         if not nodes:
             raise DriveError(
                 f"{self._database.path} holds no images; set RTAB-Map's Mem/BinDataKept to true and drive again."
@@ -169,8 +169,8 @@ class RtabmapReader:
         if not closures or sum(node.id in optimised for node in self._nodes) < _COVERED * len(self._nodes):
             return {}
         self.doubts.append(
-            f"True poses are those of RTAB-Map's own map, optimised over {closures} loop closures: good to judge by, "
-            "but no measurement."
+            f"The true poses are those of RTAB-Map's own map, optimised over {closures} loop closures: useful for an "
+            "evaluation, but not measured."
         )
         return optimised
 
@@ -183,7 +183,9 @@ def _camera_number(said: str | None) -> int:
     if said is None:
         return 0
     if not said.isdecimal() or len(said) > 3:
-        raise DriveError(f"--rgb chooses a camera of an RTAB-Map database by its number from 0, got {said!r:.40}.")
+        raise DriveError(
+            f"--rgb must be the number of a camera of the RTAB-Map database, counted from 0, got {said!r:.40}."
+        )
     return int(said)
 
 

@@ -1,7 +1,7 @@
 """The camera of a drive as people write it down: numbers on the command line, `camera.json`, or a little of YAML.
 
 Owns these notations, Replica's `cam_params.json`, and the fit of a camera to the images that were found. Guesses
-nothing: where nobody says what the lens is, there is no camera. Of YAML it reads what calibration files use, words and
+nothing: without a stated lens there is no camera. Of YAML it reads what calibration files use, words and
 lists of numbers behind names, as OpenCV and EuRoC write it: no library is needed for that, and YAML's references and
 tags, by which a small file can stand for a large one, mean nothing here.
 """
@@ -22,15 +22,15 @@ from ltvn_core.structured_text import parse_json
 
 CAMERA_FILE = "camera.json"
 REPLICA_FILE = "cam_params.json"
-"""As NICE-SLAM's copy of Replica has it, for all its rooms or beside one."""
+"""Camera file in NICE-SLAM's copy of Replica, for all rooms or beside one."""
 HOW_TO = (
-    "say it by --camera fx,fy,cx,cy,width,height (in pixels, then the distortion k1,k2,p1,p2,k3 where there is one), "
-    "or roughly by --fov DEGREES, the horizontal field of view"
+    "give it with --camera fx,fy,cx,cy,width,height (in pixels, then the distortion k1,k2,p1,p2,k3 if there is any), "
+    "or roughly with --fov DEGREES, the horizontal field of view"
 )
 """Advice for a message about an unknown lens."""
 HOW_TO_SCALE = (
-    'write {"depth_scale": N} into a camera.json, where N is how many units a metre has (1000 for millimetres), and '
-    "name the file by --camera"
+    'write {"depth_scale": N} into a camera.json, where N is the number of units in a metre (1000 for millimetres), '
+    "and name the file with --camera"
 )
 """Advice for a message about depth in another unit."""
 
@@ -42,18 +42,18 @@ _NAME = re.compile(r"^([A-Za-z_]\w*)[ \t]*:", re.MULTILINE)
 _COMMENT = re.compile(r"(?:^|(?<=\s))#.*$", re.MULTILINE)
 _LIST = re.compile(r"\[([^\[\]]*)\]")
 _ITEM = re.compile(r"^[ \t]*-[ \t]+(\S+)[ \t]*$", re.MULTILINE)
-"""Of a list with a line for each number."""
+"""Pattern of a list with one number per line."""
 
 
 class CameraFile(NamedTuple):
     """Content of a `camera.json`; None for missing fields."""
 
     camera: CameraModel | None
-    """Of the colour images."""
+    """Camera of the colour images."""
     depth_focal_px: float | None
     """Focal length of depth images that are not registered to the colours, `depth_fx_nominal`."""
     metres_per_unit: float | None
-    """Of the depth images."""
+    """Metres per unit of the depth images."""
 
 
 def parse_camera(text: str) -> CameraModel:
@@ -63,7 +63,7 @@ def parse_camera(text: str) -> CameraModel:
         fx, fy, cx, cy, width, height = numbers[:_SIX]
         return _camera(fx, fy, cx, cy, width=width, height=height, distortion=numbers[_SIX:])
     except (ValueError, OverflowError, CameraError) as error:
-        raise DriveError(f"--camera {text!s:.80} is no camera ({error!s:.160}); {HOW_TO}.") from error
+        raise DriveError(f"--camera {text!s:.80} is not a camera ({error!s:.160}); {HOW_TO}.") from error
 
 
 def read_camera_option(text: str) -> CameraFile:
@@ -74,8 +74,7 @@ def read_camera_option(text: str) -> CameraFile:
     said = read_camera_file(Path(text))
     if said.camera is None and said.metres_per_unit is None:
         raise DriveError(
-            f"{text} says neither what the lens is, which needs width, height, fx, fy, cx and cy in pixels, nor what "
-            "the unit of depth is, which is depth_scale."
+            f"{text} has neither a lens (width, height, fx, fy, cx and cy in pixels) nor a unit of depth (depth_scale)."
         )
     return said
 
@@ -91,7 +90,7 @@ def read_camera_file(path: Path) -> CameraFile:
     try:
         fields = parse_json(read_foreign(path, most_bytes=_MOST_BYTES, what="camera.json"))
         if not isinstance(fields, dict):
-            raise ValueError("it is no JSON object")
+            raise ValueError("it is not a JSON object")
         return CameraFile(_file_camera(fields), _positive(fields, "depth_fx_nominal"), _depth_unit(fields))
     except (OSError, ValueError, TypeError, KeyError, OverflowError, CameraError) as error:
         raise DriveError(
@@ -110,7 +109,7 @@ def camera_beside(folder: Path) -> CameraFile:
 
 
 def _replica_camera(path: Path) -> CameraFile:
-    """Read {"camera": {"w", "h", "fx", "fy", "cx", "cy", "scale"}}. Raises DriveError where it cannot be right."""
+    """Read {"camera": {"w", "h", "fx", "fy", "cx", "cy", "scale"}}. Raises DriveError if it is invalid."""
     try:
         fields = parse_json(read_foreign(path, most_bytes=_MOST_BYTES, what="cam_params.json"))["camera"]
         named = {**fields, "width": fields["w"], "height": fields["h"], "depth_scale": fields.get("scale")}
@@ -145,8 +144,8 @@ def fitted(camera: CameraModel, width: int, height: int, source: str) -> CameraM
         return camera
     if abs(width / height / camera.aspect - 1) > _ASPECT_TOLERANCE:
         raise DriveError(
-            f"{source}: the images are {width} x {height}, but the camera takes {camera.width} x {camera.height}, "
-            f"which is of another aspect, so it is not the camera of these images; {HOW_TO}."
+            f"{source}: the images are {width} x {height}, but the camera's are {camera.width} x {camera.height}, "
+            f"with another aspect ratio, so it is not the camera of these images; {HOW_TO}."
         )
     return camera.scaled(width, height)
 
@@ -208,7 +207,7 @@ class CalibrationYaml:
     """Content of a file, by the names at the beginning of its lines."""
 
     def __init__(self, path: Path, *, what: str = "calibration") -> None:
-        """Read a file, which messages call `what`. Raises DriveError where it is no text or too long."""
+        """Read a file, which messages call `what`. Raises DriveError if it is not text or too long."""
         self._path = path
         try:
             text = read_foreign(path, most_bytes=_MOST_YAML_BYTES, what=what).decode("utf-8-sig")
@@ -222,7 +221,7 @@ class CalibrationYaml:
         return (self._values.get(name, "").strip().splitlines() or [""])[0].strip().strip("\"'")
 
     def numbers(self, name: str) -> Sequence[float]:
-        """Return the list of a name, or its `data`; empty where the file has none. Raises DriveError."""
+        """Return the list of a name, or its `data`; empty if the file has none. Raises DriveError."""
         value = self._values.get(name, "")
         found = _LIST.search(value)
         try:
@@ -235,7 +234,7 @@ class CalibrationYaml:
         return numbers
 
     def transform(self, name: str) -> Transform | None:
-        """Return a pose in space from 3 or 4 rows of 4 numbers, None where there is none. Raises DriveError."""
+        """Return a 3D pose from 3 or 4 rows of 4 numbers; None if the file has none. Raises DriveError."""
         numbers = self.numbers(name)
         if not numbers:
             return None

@@ -62,7 +62,7 @@ def spatial_pose(position: ArrayLike, rotation: ArrayLike) -> SpatialPose:
 
 
 def transform(translation: ArrayLike, quaternion: ArrayLike) -> Transform | None:
-    """Return a pose in space from (3,) metres and (4,) x, y, z, w; None where they are no pose."""
+    """Return a pose in space from (3,) metres and (4,) x, y, z, w; None if they are not a valid pose."""
     place = np.asarray(translation, np.float64)
     turn = np.asarray(quaternion, np.float64)
     if not (np.all(np.isfinite(place)) and np.all(np.isfinite(turn))) or np.linalg.norm(turn) < 1e-6:
@@ -114,13 +114,13 @@ class CameraMounting:
     """Where a camera is on its robot."""
 
     camera_on_robot: Transform
-    """(4, 4): the optical frame in the robot's frame; at its origin, straight ahead, where it is unknown."""
+    """(4, 4): the optical frame in the robot's frame; at its origin, straight ahead, if it is unknown."""
     tilt: Tilt | None = None
-    """On a level robot, of an image that was turned upright; None where it is unknown."""
+    """Tilt of the upright image, for a level robot; None if it is unknown."""
     quarter_turns: int = 0
-    """How often images must be turned to stand upright, see `CameraModel`."""
+    """Number of quarter turns that make images upright, see `CameraModel`."""
     height_m: float = 0.0
-    """Above the ground; 0 where it is unknown."""
+    """Above the ground; 0 if it is unknown."""
 
     @classmethod
     def unknown(cls) -> Self:
@@ -142,14 +142,14 @@ class CameraMounting:
         )
 
     def own_tilt(self, tilt: Tilt) -> Tilt | None:
-        """Return the tilt of an image that was turned upright, None where it is the one of the mounting."""
+        """Return the tilt of an image that was turned upright, None if it is the one of the mounting."""
         upright = _upright(tilt, self.quarter_turns)
         usual = self.tilt or Tilt(0.0, 0.0)
         apart = max(abs(upright.pitch_rad - usual.pitch_rad), abs(_wrapped(upright.roll_rad - usual.roll_rad)))
         return None if apart < _SAME_TILT_RAD else upright
 
     def mounted(self, lens: CameraModel) -> CameraModel:
-        """Return a lens as it is mounted; one that says itself how it is mounted stays as it is."""
+        """Return a camera with this mounting; a camera that already has a mounting is returned unchanged."""
         if any((lens.height_m, lens.pitch_rad, lens.roll_rad, lens.quarter_turns)):
             return lens
         tilt = self.tilt or Tilt(0.0, 0.0)

@@ -23,7 +23,7 @@ MOST_LINES = 1_000_000
 """Nine hours at 30 images a second; a drive is imported in parts where it is longer."""
 _MOST_BYTES = 100_000_000
 _UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
-"""With these a text begins that Windows' PowerShell wrote."""
+"""First bytes of text that Windows' PowerShell wrote."""
 _SECONDS_BELOW = 1e11
 """Stamps are in seconds below this, the year 5138."""
 _UNITS = (("milliseconds", 1e-3), ("microseconds", 1e-6), ("nanoseconds", 1e-9))
@@ -49,7 +49,9 @@ def _read_list(path: Path, what: str) -> str:
     except (OSError, UnicodeDecodeError) as error:
         raise DriveError(f"{path} cannot be read as text ({error!s:.120}).") from error
     if max(text.count("\n"), text.count("\r")) > MOST_LINES:
-        raise DriveError(f"{path} has more than {MOST_LINES:,} lines, which no {what} has; import the drive in parts.")
+        raise DriveError(
+            f"{path} has more than {MOST_LINES:,} lines, which is too many for a {what}; import the drive in parts."
+        )
     return text
 
 
@@ -107,7 +109,7 @@ def _in_seconds(rows: list[tuple[float, list[str]]], path: Path) -> StampedLines
 
 
 def period_s(stamps: ArrayLike) -> float | None:
-    """Return the usual time between two of N stamps in order, None where there are too few."""
+    """Return the usual time between two of N stamps in order, None if there are too few."""
     steps = np.diff(np.asarray(stamps, np.float64))
     steps = steps[steps > 0]
     return float(np.median(steps)) if len(steps) else None
@@ -120,7 +122,7 @@ def rate_hz(stamps: ArrayLike) -> float | None:
 
 
 def nearest(stamps: Sequence[float], others: Sequence[float], *, slack_s: float) -> list[int | None]:
-    """Return for each stamp the place of the nearest among `others`; None where none is within half a frame.
+    """Return for each stamp the place of the nearest among `others`; None if none is within half a frame.
 
     Both are in rising order. Half a frame is half of the usual time between two stamps, and at least `slack_s`.
     """
@@ -162,13 +164,13 @@ class OdometryTable:
         return cls(path.name, *_parsed(rows, path))
 
     def stamps_by_place(self, images: int) -> list[float] | None:
-        """Return the stamps of as many pictures in order; None where rows have no stamps or are not as many."""
+        """Return the stamps of as many pictures in order; None if rows have no stamps or are not as many."""
         if self._stamps is None or len(self._poses) != images or not (np.diff(self._stamps) > 0).all():
             return None
         return self._stamps.tolist()
 
     def pose(self, file: str, stamp: float, place: int) -> Pose | None:
-        """Return the pose (3,) of a picture by its file's name, its stamp, or its place; None where no row fits."""
+        """Return the pose (3,) of a picture by its file's name, its stamp, or its place; None if no row fits."""
         row = self._places.get(file, self._stems.get(Path(file).stem))
         if row is None and self._stamps is not None:
             row = self._row_at(stamp)

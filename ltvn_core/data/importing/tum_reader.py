@@ -176,7 +176,7 @@ def _benchmark_camera(folder: Path) -> CameraModel | None:
 
 def _axis_doubts(*tracks: PoseTrack | None) -> list[str]:
     return [
-        f"The camera stands upright in its poses where {track.up_axis} of their world is up, and was read so; TUM's "
+        f"The camera is upright only if {track.up_axis} is the up axis of its poses, so that axis was used; TUM's "
         "files have z up."
         for track in tracks
         if track is not None and track.up_axis != "z"

@@ -50,7 +50,7 @@ def video_facts(path: Path, container_format: str) -> VideoFacts:
     try:
         with path.open("rb") as file, av.open(file, mode="r", format=container_format) as container:
             if not container.streams.video:
-                raise DriveError(f"{path} holds no images, but {len(container.streams)} other streams.")
+                raise DriveError(f"{path} contains no images, but {len(container.streams)} other streams.")
             stream = container.streams.video[0]
             return VideoFacts(stream.frames or None, float(stream.average_rate) if stream.average_rate else None)
     except DriveError:
@@ -108,4 +108,4 @@ def codes(frame: Any, path: Path) -> NDArray[np.uint16]:
 
 def _check_size(width: int, height: int, path: Path) -> None:
     if not 0 < width * height <= MAX_PIXELS:
-        raise DriveError(f"{path} has images of {width} x {height}, which no camera of a robot takes.")
+        raise DriveError(f"{path} has images of {width} x {height}, which is not a size of a robot's camera.")

@@ -94,7 +94,7 @@ class VideoReader:
         except DriveError as error:
             if place < 0:
                 raise
-            self.doubts.append(f"After {place + 1} images the video cannot be read any more: {error}")
+            self.doubts.append(f"After {place + 1} images the rest of the video cannot be read: {error}")
 
     def _frame(self, moment: FrameMoment, frame: object, place: int) -> RawFrame:
         rgb = self._decoding.upright_colours(frame)

@@ -1,7 +1,7 @@
 """Reads trajectories as GNM, ViNT and NoMaD are trained from: `0.jpg`, `1.jpg`, ... and `traj_data.pkl`.
 
 The pickle holds `position` (T, 2) in metres and `yaw` (T,) in radians; row and image have one number. There is no
-depth and no stamp; the lens is that of a `camera.json`, where there is one.
+depth and no stamp; the lens is that of a `camera.json`, if there is one.
 """
 
 import math
@@ -21,7 +21,7 @@ from ltvn_core.types import Pose
 
 TRAJECTORY = "traj_data.pkl"
 DEFAULT_RATE_HZ = 4.0
-"""At which GNM's data sets are sampled."""
+"""Sampling rate of GNM's data sets."""
 
 _SUFFIXES = (".jpg", ".jpeg", ".png")
 _LARGEST_M = 1e5
@@ -30,7 +30,7 @@ _LONGEST_ROW = 16
 """Numbers of one pose."""
 _NUMBERS = (int, float, np.number)
 
-NO_POSE = "without a row of poses"
+NO_POSE = "without a pose"
 
 
 class VintReader(ImageFilesReader):
@@ -47,7 +47,9 @@ class VintReader(ImageFilesReader):
         self._poses = _poses(folder)
         self._numbered = _images(folder)
         if options.rate_hz is None:
-            self.doubts.append(f"The images have no stamps; {DEFAULT_RATE_HZ:g} a second are assumed, --rate says it.")
+            self.doubts.append(
+                f"The images have no stamps; {DEFAULT_RATE_HZ:g} per second are assumed; --rate sets another rate."
+            )
         self.facts = DriveFacts(
             format="vint",
             frames=len(self._numbered),
@@ -147,7 +149,7 @@ def _is_short_row(row: object) -> bool:
 
 
 def _images(folder: Path) -> dict[int, str]:
-    """Return the images by their numbers, in order. Raises DriveError where there are none."""
+    """Return the images by their numbers, in order. Raises DriveError if there are none."""
     found: dict[int, str] = {}
     for path in folder.iterdir():
         if path.suffix.lower() in _SUFFIXES and path.stem.isdecimal() and len(path.stem) < 10:

@@ -53,9 +53,9 @@ class FilePlace:
         if named is not None and (not self._is_name_telling or _same_file(named, opened)):
             return None
         if opened.st_nlink == 0:
-            return f"{self._path} was deleted while it was being recorded, and what it held is lost. Record again."
+            return f"{self._path} was deleted while it was being recorded, and its content is lost. Record again."
         return (
-            f"{self._path} is no longer in its place: the file or a folder above it was renamed or replaced, or the "
+            f"{self._path} is no longer in its place: the file or one of its folders was renamed or replaced, or the "
             f"disk was unmounted. What was recorded before is in the file{self._new_place()}. Record again."
         )
 
@@ -113,7 +113,7 @@ class AppendedFile:
         """Make the file; it fails when less than `min_free_bytes` are left on its disk."""
         self.path = path
         self.failure: str | None = None
-        """Why nothing more is written, or None."""
+        """Reason why writing stopped, or None."""
         self._ending = ending
         self._size_bytes = 0
         self._queue: queue.SimpleQueue[Sequence[bytes] | None] = queue.SimpleQueue()
@@ -143,7 +143,7 @@ class AppendedFile:
             return
         if self.waiting_bytes > WAITING_BYTES:
             self._fail(
-                f"The disk under {self.path} does not keep up: {self.waiting_bytes >> 20} MiB wait to be written. What "
+                f"The disk under {self.path} is too slow: {self.waiting_bytes >> 20} MiB wait to be written. What "
                 "was written before is kept in the file. Record onto a faster disk."
             )
             return
@@ -177,8 +177,8 @@ class AppendedFile:
         self._thread.join(_STALL_S if in_time else 0)
         if self._thread.is_alive():
             self._fail(
-                f"The disk under {self.path} does not answer, and what was recorded last may be missing. Look after "
-                f"the disk, then run `ltvn verify {self.path}`."
+                f"The disk under {self.path} does not answer, and what was recorded last may be missing. Check the "
+                f"disk, then run `ltvn verify {self.path}`."
             )
 
     def _run(self) -> None:
@@ -211,7 +211,7 @@ class AppendedFile:
                 self._bring_to_disk()
 
     def _end(self) -> None:
-        """Write the ending, and the short one where there is no room for the other."""
+        """Write the ending, and the short one if there is no room for the other."""
         complete = self.failure is None
         ending = self._ending.encoded(complete=complete)
         self._ending_is_known.set()
@@ -275,6 +275,6 @@ def _to_disk(file: int) -> None:
 
 def _broken(path: Path, why: str) -> str:
     return (
-        f"{path} could not be written any further ({why}); is the disk full? What was recorded before is in the file: "
-        f"run `ltvn verify {path}`, and `ltvn repair {path} --output NEW.rrd` if it says so."
+        f"{path} could not be written to the end ({why}); is the disk full? What was recorded before is in the file: "
+        f"run `ltvn verify {path}`, and `ltvn repair {path} --output NEW.rrd` if it reports damage."
     )

@@ -1,6 +1,6 @@
 """Where frames were taken, and the floor around them, so that a graph of pictures can be drawn in space.
 
-The exact pose wins where there is one (in simulation, so that nodes lie on the floor of the drawn scene); otherwise
+The exact pose wins if there is one (in simulation, so that nodes lie on the floor of the drawn scene); otherwise
 odometry does. For drawing only.
 """
 

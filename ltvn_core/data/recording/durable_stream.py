@@ -95,7 +95,7 @@ class MessageStream:
         try:
             block = self._encoded.read(flush=True, flush_timeout_sec=_ENCODING_S)
         except (RuntimeError, ValueError) as error:
-            raise RecordingError(f"Rerun could not encode what was to be recorded ({error}).") from error
+            raise RecordingError(f"Rerun could not encode a message of the recording ({error}).") from error
         if not block:
             return ()
         header = () if self._begun else (block[:HEADER_BYTES],)
@@ -131,7 +131,7 @@ class MessageStream:
 
 
 class DurableStream:
-    """Rows go in; a `.rrd` file comes out that survives the death of the process up to its last half second.
+    """Writes rows to a `.rrd` file that survives the death of the process up to its last half second.
 
     Raises RecordingError at the start when the file exists already or cannot be made, and once, from the next `log`,
     when the disk stops taking data. After that rows are dropped, so that a robot can drive on. With a `live_port`,
@@ -179,7 +179,7 @@ class DurableStream:
 
     @property
     def failure(self) -> str | None:
-        """Why the recording stopped by itself, or None."""
+        """Reason why the recording stopped after a failure, or None."""
         return self._failure or self._file.failure
 
     @property
@@ -272,7 +272,7 @@ class DurableStream:
             self._live.close()
 
     def _pass_on(self) -> None:
-        """Pass on to the file what was logged since the last time."""
+        """Write the data that was logged since the last call to the file."""
         with self._lock:
             try:
                 self._file.append(self._messages.take())
@@ -294,7 +294,7 @@ class DurableStream:
     def _taking(self) -> bool:
         self._raise_once()
         if self._closed and not self.failure:
-            raise RecordingError(f"The recording {self.path} is closed; open a new one for what follows.")
+            raise RecordingError(f"The recording {self.path} is closed; open a new one to record more.")
         return self.failure is None
 
     def _raise_once(self) -> None:

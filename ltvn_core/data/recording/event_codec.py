@@ -54,13 +54,13 @@ def encode_event(event: Event) -> str:
 def decode_event(text: str) -> Event:
     """Read an event back, equal to the one written; kinds are migrated to today's names.
 
-    Raises RecordingError when the text is no event of this schema.
+    Raises RecordingError if the text is not an event of this schema.
     """
     try:
         data = parse_json(text)
         return _CONVERTER.structure(data | {"kind": current_kind(data["kind"])}, Event)  # pyright: ignore[reportArgumentType]
     except (ValueError, KeyError, TypeError, cattrs.BaseValidationError) as error:
-        raise RecordingError(f"This is not an event of the present schema: {text[:120]}") from error
+        raise RecordingError(f"This is not an event of the current schema: {text[:120]}") from error
 
 
 def current_kind(kind: str) -> str:

@@ -1,4 +1,4 @@
-"""Cuts a moment out of a recording, as a small recording of its own.
+"""Cuts a moment out of a recording, as a separate small recording.
 
 Owns the data that a moment needs: the map at its start, the images, and the running query. Changes nothing in the
 original recording.
@@ -46,11 +46,11 @@ class Excerpt:
     """The original recording."""
     output: Path
     from_s: float
-    """On the robot's clock."""
+    """Start of the moment on the robot's clock, in seconds."""
     to_s: float
     frames: int
     events: int
-    """Of the moment itself, without those that make the map at its start."""
+    """Number of events of the moment, without those that build the map at its start."""
     size_bytes: int
 
 
@@ -90,7 +90,7 @@ def time_span(recording: Recording) -> tuple[float, float]:
     """Return the first and the last instant of a recording, in seconds on the robot's clock. Raises RecordingError."""
     stamps = [*recording.poses.stamps.tolist(), *(stamped.stamp for stamped in recording.events)]
     if not stamps:
-        raise RecordingError(f"{recording.path} holds no frames and no events, so no moment can be cut out of it.")
+        raise RecordingError(f"{recording.path} has no frames and no events, so no excerpt can be written.")
     return min(stamps), max(stamps)
 
 
@@ -140,7 +140,7 @@ def _check_times(recording: Recording, from_s: float, to_s: float) -> None:
     begin, end = time_span(recording)
     whole = f"the recording runs from {begin:.1f} s to {end:.1f} s"
     if not (math.isfinite(from_s) and math.isfinite(to_s) and from_s <= to_s):
-        raise RecordingError(f"A moment runs from an earlier to a later time, not {from_s} to {to_s} s; {whole}.")
+        raise RecordingError(f"An excerpt runs from an earlier to a later time, not {from_s} to {to_s} s; {whole}.")
     stamps = (*recording.poses.stamps.tolist(), *(stamped.stamp for stamped in recording.events))
     if not any(from_s <= stamp <= to_s for stamp in stamps):
         raise RecordingError(f"{recording.path}: nothing happened between {from_s} and {to_s} s; {whole}.")

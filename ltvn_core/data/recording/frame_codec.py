@@ -71,15 +71,15 @@ class EncodedFrame:
     rgb: bytes
     """A JPEG."""
     depth: bytes | None
-    """A 16-bit PNG in millimetres, None where the robot has no depth camera."""
+    """A 16-bit PNG in millimetres, None if the robot has no depth camera."""
     original: OriginalImage | None = None
     """The camera's own picture where it was kept."""
     tilt: Tilt | None = None
-    """How the camera was tilted then, where that changes."""
+    """Tilt of the camera at that time, if it changes."""
 
     @property
     def drawn_pose(self) -> Pose:
-        """(3,): where the viewer shows it; the exact pose where there is one."""
+        """(3,): where the viewer shows it; the exact pose if there is one."""
         return self.odometry if self.exact_pose is None else self.exact_pose
 
     @property
@@ -97,7 +97,7 @@ class EncodedFrame:
 
     @property
     def original_checksum(self) -> int:
-        """CRC-32 over the original picture, its camera and its step; 0 where there is none."""
+        """CRC-32 over the original picture, its camera and its step; 0 if there is none."""
         if self.original is None:
             return 0
         camera = camera_text(self.original.camera).encode()

@@ -24,10 +24,10 @@ class RecordingInfo:
     started_at: str
     """Wall-clock time, ISO 8601 in UTC."""
     duration_s: float
-    """From the first frame to the last, on the robot's clock."""
+    """Time from the first frame to the last on the robot's clock, in seconds."""
     frames: int
     nodes: int
-    """Of the map at the end."""
+    """Number of nodes in the map at the end."""
     edges: int
     reserve: int
     """Images left over from mapping."""
@@ -37,7 +37,7 @@ class RecordingInfo:
     """Goals reached by the evaluation's criterion; None without an evaluation."""
     collisions: int
     events: Mapping[str, int]
-    """How many of each kind."""
+    """Number of events of each kind."""
     fingerprint: str
     schema: int
     versions: Mapping[str, str]

@@ -22,7 +22,7 @@ _SECRET = secrets.token_urlsafe(16)
 _ADDRESS = re.compile(r"http://127\.0\.0\.1:(?P<port>[1-9][0-9]{0,4})/[\w-]{16,64}/live\.rrd", re.ASCII)
 _BLOCK_BYTES = 1 << 16
 _LOOK_S = 0.1
-"""How often a watched file is looked at for more."""
+"""Interval between two checks whether a watched file has grown, in seconds."""
 _IDLE_S = 30.0
 """Time after which a silent or blocked connection is closed, in seconds."""
 
@@ -76,7 +76,7 @@ class _Server(http.server.ThreadingHTTPServer):
     block_on_close = False
 
     def handle_error(self, request: object, client_address: object) -> None:
-        """Stay quiet: viewers come and go."""
+        """Log nothing: viewers connect and disconnect often."""
         _LOG.debug("a viewer left", exc_info=True)
 
 

@@ -1,4 +1,4 @@
-"""What robot and map look like in the Rerun viewer: from frames and graphs to drawn rows.
+"""Drawing of robot and map in the Rerun viewer: from frames and graphs to drawn rows.
 
 Owns shapes, and takes the colours that mean something from `ltvn_core.palette`. Writes nothing itself, and nothing is
 read back from here except the columns of the graph, which stand in the same rows so that a clicked instance names its

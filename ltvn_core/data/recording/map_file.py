@@ -70,7 +70,7 @@ def save_map(
 def load_map(path: Path | str) -> LoadedMap:
     """Read the map at the end of a map file or of any recording in which one was built or used.
 
-    Raises RecordingError for a file that is no complete recording, MapError when it holds no map.
+    Raises RecordingError for a file that is not a complete recording, MapError when it holds no map.
     """
     recording = Recording.open(path)
     graph = recording.final_graph()
@@ -91,11 +91,12 @@ def check_fingerprint(meta: RecordingMetadata, fingerprint: str) -> None:
         remedy = (
             "Use the old weights"
             if named is None
-            else f"Name it with --predictor {named} and its weights; if it is in use already, its version is another"
+            else f"Name it with --predictor {named} and its weights; if it is already in use, its version differs"
         )
         raise MapError(
-            f"This map was made{by} with the weights {meta.fingerprint!r}, those in use are {fingerprint!r}; their "
-            f"distances do not compare. {remedy}; or run `ltvn build` on the recording again."
+            f"This map was made{by} with the weights {meta.fingerprint!r}, but the weights in use are "
+            f"{fingerprint!r}; their distances cannot be compared. {remedy}; or run `ltvn build` on the recording "
+            "again."
         )
 
 
@@ -111,6 +112,6 @@ def _require_images(wanted: frozenset[FrameId], held: Iterable[FrameId], what: s
     missing = sorted(wanted.difference(held))
     if missing:
         raise MapError(
-            f"{what}: {len(missing)} of {len(wanted)} images are missing, the first is frame {missing[0]}. Build the "
-            "map again from the recording with `ltvn build`."
+            f"{what}: {len(missing)} of {len(wanted)} images are missing, the first is frame {missing[0]}. Rebuild "
+            "the map from the recording with `ltvn build`."
         )

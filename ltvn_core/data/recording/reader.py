@@ -50,7 +50,7 @@ class StoredFrame(NamedTuple):
 
     @property
     def intact(self) -> bool:
-        """Nothing changed since it was written."""
+        """The data is as it was written."""
         frame = self.frame
         stored = self.rgb_checksum, self.depth_checksum, self.original_checksum
         return stored == (frame.rgb_checksum, frame.depth_checksum, frame.original_checksum)
@@ -60,7 +60,7 @@ class Recording:
     """A recording on disk, opened for reading."""
 
     def __init__(self, path: Path, contents: RrdContents) -> None:
-        """Index the contents of a file; `Recording.open` is the way in."""
+        """Index the contents of a file; `Recording.open` is the entry point."""
         self.path = path
         self.meta: RecordingMetadata = contents.meta
         self._contents = contents

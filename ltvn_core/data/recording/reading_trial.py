@@ -30,10 +30,10 @@ def reading_failure(path: Path) -> str | None:
     try:
         tried = subprocess.run(_command(_FILE, path), capture_output=True, text=True, timeout=limit, env=_environment())
     except subprocess.TimeoutExpired:
-        return f"Rerun does not come to an end of it in {limit} s"
+        return f"Rerun does not finish reading it within {limit} s"
     if tried.returncode == 0:
         return None
-    return tried.stdout.strip() or "Rerun's reader breaks down on it"
+    return tried.stdout.strip() or "Rerun's reader crashes on it"
 
 
 def unreadable_messages(path: Path, count: int) -> dict[int, str]:
@@ -53,7 +53,7 @@ def unreadable_messages(path: Path, count: int) -> dict[int, str]:
             if why:
                 failures[int(place)] = why
         if first < count:
-            failures[first] = "Rerun's reader breaks down on it"
+            failures[first] = "Rerun's reader crashes on it"
             first += 1
     return failures
 

@@ -33,7 +33,7 @@ class RunDescription:
     fingerprint: str
     """Names the weights in use."""
     camera: CameraModel | None = None
-    """Of its images; None is the simulated robot's."""
+    """Camera of its images; None means the simulated robot's."""
     scene_glb: bytes | None = None
     """The scene as binary glTF, z up, for drawing; None without a model."""
 
@@ -98,7 +98,7 @@ class DepthWatch:
         if was_lost or not self._is_lost:
             return None
         return Note(
-            f"Image {observation.step} has no depth: it is kept, and not used where depth is needed.", Severity.WARN
+            f"Image {observation.step} has no depth: it is kept, but not used where depth is needed.", Severity.WARN
         )
 
 

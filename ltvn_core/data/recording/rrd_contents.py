@@ -60,7 +60,7 @@ def _is_whole(batch: pa.RecordBatch, needed: Set[str]) -> bool:
 def _column(
     name: str, batches: Sequence[pa.RecordBatch], ids: Sequence[Sequence[bytes]], every: Sequence[bytes]
 ) -> pa.Array:
-    """Return a column for the rows `every`, empty where no batch holds anything."""
+    """Return a column for the rows `every`, empty if no batch holds anything."""
     pieces = list[pa.Array]()
     places = dict[bytes, int]()
     start = 0
@@ -81,7 +81,7 @@ class StoreRows(NamedTuple):
     rows: Mapping[str, Sequence[pa.RecordBatch]]
     """Entity path with a leading slash -> batches in the order of the file, each row with all of its columns."""
     other_ids: Sequence[str] = ()
-    """Of further recordings in the same file; their rows are not here."""
+    """Ids of further recordings in the same file; their rows are not here."""
     without_steps: Set[str] = frozenset()
     """Entities with exact columns but without the timeline that orders them."""
 
@@ -120,12 +120,12 @@ def require_rrd(path: Path) -> None:
 
 
 def require_file(path: Path) -> None:
-    """Raise RecordingError when `path` is no file."""
+    """Raise RecordingError if `path` is not a file."""
     require_usable_name(path)
     if not path.exists():
         raise RecordingError(f"There is no file {path}; `ltvn collect` and `ltvn demo` make recordings.")
     if not path.is_file():
-        raise RecordingError(f"{path} is no file; name a single .rrd recording.")
+        raise RecordingError(f"{path} is not a file; name a single .rrd recording.")
 
 
 def unreadable(path: Path, error: OSError) -> RecordingError:
@@ -147,10 +147,10 @@ def require_whole(path: Path) -> FileCheck:
     if found.damage is not None:
         what = f"was damaged since it was written: {found.damage}"
     elif is_finished(path):
-        what = f"was damaged since it was written: behind byte {whole_bytes} of {size} its messages do not go on"
+        what = f"was damaged since it was written: no valid message follows byte {whole_bytes} of {size}"
     else:
-        what = f"is cut or was never finished: {whole_bytes} of its {size} bytes are whole"
-    raise RecordingError(f"{path} {what}. Run `ltvn repair {path} --output NEW.rrd` to get all whole frames back.")
+        what = f"is cut off or was never finished: {whole_bytes} of its {size} bytes are undamaged"
+    raise RecordingError(f"{path} {what}. Run `ltvn repair {path} --output NEW.rrd` to recover all undamaged frames.")
 
 
 def open_contents(path: Path) -> RrdContents:
@@ -165,11 +165,11 @@ def open_contents(path: Path) -> RrdContents:
     for entity, batches in store.rows.items():
         for batch in batches:
             if not has_expected_columns(entity, batch):
-                raise _damaged_inside(path, f"a column of {entity} is missing or of another kind")
+                raise _damaged_inside(path, f"a column of {entity} is missing or has another type")
         if entity in store.without_steps:
             raise RecordingError(
-                f"{path} has lost the timeline `{schema.STEP}` of {entity}, which says what belongs to which moment. "
-                "Use the original recording, and keep that timeline."
+                f"{path} lacks the timeline `{schema.STEP}` of {entity}, which gives the step of each row. Use the "
+                "original recording, which has it."
             )
     return RrdContents(meta, store.rows, found.record)
 
@@ -177,7 +177,7 @@ def open_contents(path: Path) -> RrdContents:
 def several_recordings(path: Path, ids: Sequence[str]) -> RecordingError:
     """Return the message about a file into which `rerun rrd merge` put more than one recording."""
     return RecordingError(
-        f"{path} holds {len(ids)} recordings: {' and '.join(ids)}. Take one out with `ltvn repair {path} "
+        f"{path} holds {len(ids)} recordings: {' and '.join(ids)}. Extract one with `ltvn repair {path} "
         f"--recording-id {ids[0]} --output NEW.rrd`, and open that."
     )
 
@@ -204,7 +204,7 @@ def read_store(path: Path, *, part_of: Path | None = None, doubtful: Sequence[Pa
     try:
         joined = {entity: _joined(entity, each) for entity, each in rows.items()}
     except (pa.ArrowException, TypeError) as error:
-        raise _damaged_inside(named, f"its columns do not fit together ({error})") from error
+        raise _damaged_inside(named, f"its columns do not match ({error})") from error
     return StoreRows(
         found.recording_id,
         joined if part_of is None else {entity: damaged_first(entity, each) for entity, each in joined.items()},
@@ -217,7 +217,7 @@ class _StoreBatches(NamedTuple):
     recording_id: str
     other_ids: Sequence[str]
     batches: Mapping[str, Sequence[pa.RecordBatch]]
-    """By entity, as they stand in the file."""
+    """Record batches by entity, in the order of the file."""
 
 
 def _read_batches(path: Path, named: Path) -> _StoreBatches:
@@ -269,7 +269,9 @@ def read_description(path: Path, store: StoreRows) -> RecordingMetadata:
         row = store.rows[DESCRIPTION][-1]
         version = read_schema_version(row)
     except (IndexError, KeyError, ValueError, TypeError) as error:
-        raise RecordingError(f"{path} does not say what it holds; name a .rrd file written by `ltvn`.") from error
+        raise RecordingError(
+            f"{path} has no description of its content; name a .rrd file written by `ltvn`."
+        ) from error
     if version != schema.SCHEMA_VERSION:
         raise RecordingError(
             f"{path} has schema {version}, this program reads schema {schema.SCHEMA_VERSION}; use the version of ltvn "
@@ -296,5 +298,5 @@ def _is_read(entity: str) -> bool:
 
 def _damaged_inside(path: Path, why: str) -> RecordingError:
     return RecordingError(
-        f"{path} is damaged inside: {why}. Run `ltvn repair {path} --output NEW.rrd` to get back what is whole."
+        f"{path} is damaged: {why}. Run `ltvn repair {path} --output NEW.rrd` to recover the undamaged part."
     )

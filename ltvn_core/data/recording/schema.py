@@ -1,4 +1,4 @@
-"""What a recording is called inside, said once for writer and reader: versions, names, timelines, entities, columns.
+"""Schema of a recording, for writer and reader: versions, names, timelines, entities, columns.
 
 Owns also how one row of exact numbers and texts goes into Rerun beside what the viewer draws, as typed Arrow arrays,
 and comes back. `recordings/README.md` explains the same to people.
@@ -100,7 +100,7 @@ OWN_ENTITIES = (
     IMAGES,
     MARGIN,
 )
-"""What the recorder writes itself; each name also stands for all entities below it."""
+"""Entities that are reserved for the recorder, with all entities below them."""
 _OWN_BEGINNINGS = tuple(f"{own}/" for own in OWN_ENTITIES)
 
 
@@ -114,7 +114,7 @@ READ_BACK = (RGB, DEPTH, ORIGINAL, EVENTS, SCENE)
 """The entities that carry data; all others are drawn only."""
 
 FRAME_ROW = "ltvn.Frame"
-"""Exact columns beside the RGB image: stamp, odometry, exact_pose, crc32; tilt where there is one."""
+"""Exact columns beside the RGB image: stamp, odometry, exact_pose, crc32; tilt if there is one."""
 DEPTH_ROW = "ltvn.Depth"
 """Exact columns beside the depth image: crc32."""
 ORIGINAL_ROW = "ltvn.Original"

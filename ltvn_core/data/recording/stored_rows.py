@@ -31,7 +31,7 @@ class StoredEvent(NamedTuple):
 
     @property
     def intact(self) -> bool:
-        """Nothing changed since it was written."""
+        """The data is as it was written."""
         return self.checksum == self.event.checksum
 
 
@@ -126,7 +126,7 @@ def believable(path: str, batches: Sequence[pa.RecordBatch], *, parts_too: bool)
 
 
 def _intact_rows(entity: str, batch: pa.RecordBatch) -> NDArray[np.bool_]:
-    """Tell of each row whether it agrees with its own checksum, (N,); of none where a column is missing, (0,)."""
+    """Tell of each row whether it agrees with its own checksum, (N,); of none if a column is missing, (0,)."""
     if not schema.COLUMNS[entity].keys() <= set(batch.schema.names):
         return np.empty(0, bool)
     if entity == schema.EVENTS:

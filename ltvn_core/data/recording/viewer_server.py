@@ -149,7 +149,7 @@ def viewer_assets() -> ViewerAssets:
     folder = Path(platformdirs.user_cache_dir("ltvn")) / f"rerun-viewer-{rr.__version__}"
     assets = ViewerAssets(folder / f"{_SCRIPT}.gz", folder / f"{_MODULE}.gz")
     if not all(path.exists() for path in assets):
-        _LOG.info("Unpacking the Rerun viewer once; this takes some seconds.")
+        _LOG.info("Unpacking the Rerun viewer (only once); this takes some seconds.")
         folder.mkdir(parents=True, exist_ok=True)
         with _served_by_rerun() as address:
             for name, path in zip((_SCRIPT, _MODULE), assets, strict=True):
@@ -199,7 +199,7 @@ def _fetched(url: str) -> bytes:
         with open_here(url, _START_S) as answer:
             return answer.read()
     except OSError as error:
-        raise ServerError(f"The Rerun program did not hand over its web viewer ({error}); try again.") from error
+        raise ServerError(f"The Rerun program did not serve its web viewer ({error}); try again.") from error
 
 
 def _program() -> Path:
@@ -266,7 +266,7 @@ class ServedViewer(NamedTuple):
     """A running viewer."""
 
     url: str
-    """Where the page is; holds the secret."""
+    """Address of the page, with its secret."""
     ended: threading.Event
 
     def wait(self) -> None:
@@ -288,9 +288,11 @@ def serve_viewer(path: Path | str, port: int = 0) -> Iterator[ServedViewer]:
         require_rrd(path)
         found = check_file(path)
         if not found.framing.finished:
-            _LOG.warning("%s is cut or unfinished; the viewer shows what is whole.", path)
+            _LOG.warning("%s is cut off or unfinished; the viewer shows the undamaged part.", path)
         elif found.damage is not None:
-            _LOG.warning("%s is damaged (%s), and the viewer may show less or nothing of it.", path, found.damage)
+            _LOG.warning(
+                "%s is damaged (%s), and the viewer may show only a part of it, or nothing.", path, found.damage
+            )
         contents = contents_of(path)
         _LOG.info("%s", contents.text)
     token = secrets.token_urlsafe(16)

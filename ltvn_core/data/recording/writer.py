@@ -112,7 +112,7 @@ class RecordingWriter:
 
     @property
     def failure(self) -> str | None:
-        """Why the recording stopped by itself, or None."""
+        """Reason why the recording stopped after a failure, or None."""
         return self._stream.failure
 
     def draw_scene(self, glb: bytes) -> None:
@@ -172,7 +172,8 @@ class RecordingWriter:
         path = entity.strip("/")
         if not path or schema.is_own_entity(path):
             raise RecordingError(
-                f"The entity {entity!r} is the recorder's own. Choose another path, such as my/{path or 'values'}."
+                f"The entity {entity!r} is reserved for the recorder. Choose another path, such as "
+                f"my/{path or 'values'}."
             )
         if not values:
             raise RecordingError(f"There is nothing to write to {entity!r}. Give an archetype of Rerun or a number.")

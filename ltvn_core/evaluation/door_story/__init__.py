@@ -1,1 +1,1 @@
-"""A demonstration of learning in a map: a door on the planned way closes, and later opens again."""
+"""A demonstration of learning in a map: a door on the planned path closes, and later opens again."""

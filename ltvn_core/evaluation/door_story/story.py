@@ -1,6 +1,6 @@
 """The steps of the story and its captions. Drives nothing; the page and a headless run play it.
 
-A door on the planned way closes, and later it opens again. The player passes every event to `take`, calls `next_step`
+A door on the planned path closes, and later it opens again. The player passes every event to `take`, calls `next_step`
 at each control step, and carries out the result. Each caption is one plain sentence.
 """
 
@@ -20,17 +20,17 @@ from ltvn_core.navigation.events import Event, GraphChanged, Outcome, Planned, Q
 from ltvn_core.types import NodeId, Pose
 from ltvn_core.worlds import OWN_PREFIX, DoorMoved, ThingRemoved, TimePassed, WorldChange
 
-NO_STORY = "No way in this map leads from here through a door. Map more rooms, and try again from one of them."
+NO_STORY = "No path in this map leads from here through a door. Map more rooms, and try again from one of them."
 STORY_MAINTENANCE = "persistent"
 """Name of the maintenance in a story."""
 _ENDS: dict[Outcome | None, str] = {
     Outcome.ARRIVED: "the robot arrived",
-    Outcome.CANCELLED: "the robot is called back, it has shown enough",
+    Outcome.CANCELLED: "the robot is called back, because the demonstration is complete",
 }
 _SEVERAL = 3
 """Number of new nodes from which a way counts as new in the map."""
 MOST_TRIES = 2
-"""Number of times that the robot is sent out again if it took another way without having seen the closed door."""
+"""Number of times that the robot is sent out again if it took another path without having seen the closed door."""
 STEPS_AT_DOOR, STEPS_BEYOND_DOOR = 80, 250
 """Number of control steps at a closed door, and beyond an open one, after which the robot is called back."""
 
@@ -169,8 +169,8 @@ class DoorStory:
             self.captions.append(NO_STORY)
             return
         self.stage = stage
-        other = "The map knows another way, too." if stage.has_way_round else "The map knows no other way."
-        self.captions.append(f"Now it drives by itself, to node {stage.goal}, through {self._door}. {other}")
+        other = "The map has another path, too." if stage.has_way_round else "The map has no other path."
+        self.captions.append(f"Now it drives autonomously to node {stage.goal}, through {self._door}. {other}")
         if not stands_there:
             yield from self._when_idle(Carry(self._map.pose(stage.start)))
         yield from self._meet_closed_door(stage)
@@ -178,16 +178,17 @@ class DoorStory:
             yield from self._find_open_door(stage)
 
     def _lead_along(self, unknown: UnknownWay) -> _Steps:
-        """Lead the robot along a way that its map lacks."""
+        """Drive the robot along a path that its map lacks."""
         room = self._map.room(unknown.path[len(unknown.path) // 2])
         if unknown.moved_away is None:
             self.captions.append(
-                f"There is a way through the {room} that the map does not know. The robot is led along it once."
+                f"There is a route through the {room} that the map lacks. The robot is driven along it once."
             )
         else:
             thing = unknown.moved_away.removeprefix(OWN_PREFIX).rpartition("-")[0].replace("-", " ")
             self.captions.append(
-                f"Somebody moved the {thing} out of the {room}: now there is a way. The robot is led along it once."
+                f"Somebody moved the {thing} out of the {room}: now there is a route. The robot is driven along it "
+                "once."
             )
             yield from self._when_idle(Change(ThingRemoved(unknown.moved_away)))
         yield from self._when_idle(Carry(self._map.pose(self._map.start_of(unknown))))
@@ -200,13 +201,13 @@ class DoorStory:
             yield from self._query(stage.goal, partial(self._close_or_wait, stage))
             if not self._is_closed:
                 self.captions.append(
-                    "The robot found a way that does not lead through the door. Try again from another place."
+                    "The robot found a path that does not lead through the door. Try again from another place."
                 )
                 return
             if self.facts.absent or self._is_called_back or not tries_left:
                 break
             self.captions.append(
-                "It did not see what is in the way, so the map learns nothing from it. It is put back and tries again."
+                "The robot did not see the obstacle, so the map learns nothing. It starts again from the same place."
             )
             yield from self._when_idle(Carry(self._map.pose(stage.start)))
         if self._outcome is Outcome.ARRIVED:
@@ -225,7 +226,7 @@ class DoorStory:
         self._steps_near += 1
         if self._steps_near < STEPS_AT_DOOR:
             return None
-        self.captions.append("The map knows no other way, so the robot is called back.")
+        self.captions.append("The map has no other path, so the robot is called back.")
         return self._call_back()
 
     def _find_open_door(self, stage: Stage) -> _Steps:
@@ -234,8 +235,8 @@ class DoorStory:
         self._is_reopened = True
         self._steps_near = 0
         self.captions.append(
-            f"{self._door[:1].upper()}{self._door[1:]} is opened, and nobody tells the robot. {_duration(wait_s)} "
-            "later it stands where it began, and sets out again."
+            f"{self._door[:1].upper()}{self._door[1:]} is opened, but the robot does not know it yet. "
+            f"{_duration(wait_s)} later it starts again from the same place."
         )
         yield from self._when_idle(Change(DoorMoved(stage.door, is_open=True)))
         self._is_closed = False
@@ -287,12 +288,10 @@ class DoorStory:
     def _tell_of_plan(self, stage: Stage) -> None:
         through = self._map.passes(self._plan, stage.door)
         if self._is_reopened and through:
-            self._tell_once("After so long the map thinks that the door may be open: the plan tries it again.")
+            self._tell_once("After this time the map thinks that the door may be open: the plan goes through it again.")
         if self._is_closed and not self._is_reopened and not through and not self.facts.rerouted:
             self.facts.rerouted = True
-            self.captions.append(
-                f"The plan turns: the robot goes round by the other way, {len(self._plan)} nodes long."
-            )
+            self.captions.append(f"The plan changes: the robot takes the other path, {len(self._plan)} nodes long.")
 
     def _tell_of_map(self) -> None:
         if self.facts.nodes_added >= _SEVERAL:

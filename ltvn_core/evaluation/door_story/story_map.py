@@ -1,6 +1,6 @@
 """Search for a story in a map: its start, door and goal, and the time after which the map would try the door again.
 
-Owns the criteria of a good story: short, with another way, and with some distance before and behind the door. Reads
+Owns the criteria of a good story: short, with another path, and with some distance before and behind the door. Reads
 exact poses to set up the story; the robot does not use them.
 """
 
@@ -28,11 +28,11 @@ _SPEED_M_S, _BACKWARDS_M_S, _TURN_RAD_S = 0.35, 0.1, 0.6
 _STANDING_M = 0.1
 """Length below which backing up counts as standing, in metres."""
 _BESIDE_M = 0.15
-"""Greatest distance of a way from a doorway that it leads through, in metres; an edge is straight, a drive is not."""
+"""Greatest distance of a path from a doorway that it leads through, in metres; an edge is straight, a drive is not."""
 BEFORE_DOOR_M, BEYOND_DOOR_M = 1.0, 0.6
-"""Least lengths of the planned way before and behind the door, in metres."""
+"""Least lengths of the planned path before and behind the door, in metres."""
 _DETOUR_COST = 4.0
-"""Least additional cost of the other way, about as many metres; no plan takes it until the door was seen closed."""
+"""Least additional cost of the other path, about as many metres; no plan takes it until the door was seen closed."""
 _BLIND_S = 60.0
 """Time that a robot which backs up to a closed door needs to detect it, in seconds."""
 _S_PER_WIDTH_M = 20.0
@@ -45,9 +45,9 @@ rings and of viewing directions."""
 NEAREST_M = 1.2
 """Greatest distance of the robot from a node, in metres."""
 _AHEAD = 10
-"""Index of the point of a way that defines its heading at the beginning."""
+"""Index of the point of a path that defines its heading at the beginning."""
 _YAW_WEIGHT_M = 0.5
-"""Length of way that counts as much as a turn by one radian, in metres."""
+"""Length of path that counts as much as a turn by one radian, in metres."""
 _WAITS_S = (600.0, 1800.0, 3600.0, 2 * 3600.0, 4 * 3600.0, 8 * 3600.0, 16 * 3600.0, 24 * 3600.0)
 
 
@@ -74,7 +74,7 @@ class _Crossing:
     before_s: float
     """Approximate time to that node, in seconds."""
     least_s: float
-    """Approximate time of the whole way if the door is open, in seconds; shorter than any other way."""
+    """Approximate time of the whole path if the door is open, in seconds; shorter than any other path."""
 
 
 class StoryMap:
@@ -96,7 +96,7 @@ class StoryMap:
         self._truth = GroundTruth(world.base.clearance, observation)
 
     def stage(self) -> Stage | None:
-        """Return the shortest story from the robot's place, preferably with another way; None without any."""
+        """Return the shortest story from the robot's place, preferably with another path; None without any."""
         poses = self._poses(self.graph.nodes)
         robot = self.robot()
         if not len(poses) or np.hypot(*(poses[:, :2] - robot[:2]).T).min() > NEAREST_M:
@@ -104,17 +104,17 @@ class StoryMap:
         return self._best_stage([self._nearest(robot)])
 
     def stage_by(self, way: UnknownWay) -> Stage | None:
-        """Return the shortest story with another way that starts where the robot was led; None without any."""
+        """Return the shortest story with another path that starts where the robot was led; None without any."""
         best = self._best_stage(self._facing_all_ways(way.path[0]))
         return best if best is not None and best.has_way_round else None
 
     def unknown_way(self) -> UnknownWay | None:
-        """Return a way that the map lacks and that leads around a door; None if there is none."""
+        """Return a path that the map lacks and that leads around a door; None if there is none."""
         mapped = self._poses(self.graph.nodes)[:, :2]
         return find_unknown_way(self.world.base, self.world.state, mapped) if len(mapped) else None
 
     def start_of(self, way: UnknownWay) -> NodeId:
-        """Return the node at the beginning of a way whose heading fits it best."""
+        """Return the node at the beginning of a path whose heading fits it best."""
         ahead = way.path[min(_AHEAD, len(way.path) - 1)] - way.path[0]
         return self._nearest(np.array([*way.path[0], np.arctan2(ahead[1], ahead[0])]))
 
@@ -128,7 +128,7 @@ class StoryMap:
         return "scene" if room is None else self.world.base.rooms[room].kind.value
 
     def passes(self, nodes: Sequence[NodeId], door: int) -> bool:
-        """Tell whether a way leads through a door."""
+        """Tell whether a path leads through a door."""
         return bool(self._edges_through(list(itertools.pairwise(nodes)), door))
 
     def wait_s(self, stage: Stage) -> float:
@@ -148,7 +148,7 @@ class StoryMap:
         return _WAITS_S[-1]
 
     def _best_stage(self, starts: Sequence[NodeId]) -> Stage | None:
-        """Return the shortest story with another way from one of these nodes, or, without any, the shortest of all."""
+        """Return the shortest story with another path from one of these nodes, or, without any, the shortest of all."""
         nodes = list(self.graph.nodes)
         goals = nodes[:: max(1, len(nodes) // MOST_GOALS)]
         planner = self._planner()
@@ -184,7 +184,7 @@ class StoryMap:
             yield _Crossing(door, there, place, before_s, before_s + _duration_s(behind))
 
     def _round_about(self, crossing: _Crossing, closing: Mapping[EdgeKey, float], planner: Planner) -> Stage | None:
-        """Return the story of a crossing, if another way to the goal costs clearly more; None otherwise."""
+        """Return the story of a crossing, if another path to the goal costs clearly more; None otherwise."""
         here = crossing.there[crossing.place]
         goal = crossing.there[-1]
         around = planner.plan(here, goal, closing)
@@ -198,7 +198,7 @@ class StoryMap:
         return dict.fromkeys(self._edges_through(list(self.graph.edges), door), math.inf)
 
     def _edges_through(self, edges: Sequence[EdgeKey], door: int) -> list[EdgeKey]:
-        """Return the edges whose straight ways lead through a doorway."""
+        """Return the edges whose straight lines lead through a doorway."""
         doorway = self.world.base.parts.doors[door]
         ends = self._poses([node for edge in edges for node in edge])[:, :2].reshape(-1, 2, 2)
         across = ends[:, :, doorway.axis] - doorway.wall

@@ -1,7 +1,7 @@
-"""A way over the floor of a scene that a map lacks, possibly after a piece of furniture was removed.
+"""A path over the floor of a scene that a map lacks, possibly after a piece of furniture was removed.
 
-With only one way in the map, no plan can change; a robot that is led along such a way once has two. Reads the clearance
-map to set up the story.
+With only one path in the map, no plan can change; a robot that is driven along such a path once has two. Reads the
+clearance map to set up the story.
 """
 
 from collections.abc import Collection, Iterator
@@ -21,10 +21,10 @@ from ltvn_core.worlds import OWN_PREFIX, DoorMoved, ThingRemoved, WorldState
 UNKNOWN_M = 0.7
 """Distance from all nodes beyond which floor is not in the map, in metres."""
 _BESIDE_DOOR_M = 0.6
-"""Distance from a door at which the ways around it begin and end, in metres."""
+"""Distance from a door at which the paths around it begin and end, in metres."""
 _POINTS_IN_DOOR = 20
 _LEAST_UNKNOWN_M, _MOST_UNKNOWN_M = 0.8, 6.0
-"""Least and greatest length of the part of a way that is not in the map, in metres."""
+"""Least and greatest length of the part of a path that is not in the map, in metres."""
 _BEFORE_M, _BEYOND_M = 0.9, 1.6
 """The drive begins this far before the unknown floor and ends this far beyond it, in metres."""
 _DOOR_NEAR_M = 1.5
@@ -33,21 +33,21 @@ _DOOR_NEAR_M = 1.5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class UnknownWay:
-    """A way along which the robot is led once."""
+    """A path along which the robot is driven once."""
 
     path: NDArray[np.float64]
     """(M, 2) x and y in metres; it begins and ends on floor that is in the map."""
     moved_away: str | None
-    """Name of the furniture that blocks the way at first; None without any."""
+    """Name of the furniture that blocks the path at first; None without any."""
 
     @property
     def length_m(self) -> float:
-        """Length of the way in metres."""
+        """Length of the path in metres."""
         return float(np.hypot(*np.diff(self.path, axis=0).T).sum())
 
 
 def find_unknown_way(scene: Scene, state: WorldState, mapped: NDArray[np.float64]) -> UnknownWay | None:
-    """Return the shortest unknown way in a world that closes a loop with ways through doors that the map contains.
+    """Return the shortest unknown path in a world that closes a loop with paths through doors that the map contains.
 
     `mapped` are the positions of the nodes, (N, 2). Ways without furniture to move are preferred; None without any.
     """
@@ -58,7 +58,7 @@ def find_unknown_way(scene: Scene, state: WorldState, mapped: NDArray[np.float64
 
 
 def _loops(here: Scene, scenes: ChangedScenes, state: WorldState) -> Iterator[tuple[NDArray[np.float64], str | None]]:
-    """Yield ways (M, 2) around a door from one side to the other, and the furniture to remove for each."""
+    """Yield paths (M, 2) around a door from one side to the other, and the furniture to remove for each."""
     elsewhere = state.missing | {thing.thing for thing in state.things}
     leaves = [_leaf_cells(here.clearance, doorway) for doorway in here.parts.doors]
     for piece in (None, *(each for each in here.parts.furniture if _can_go(each, elsewhere))):
@@ -118,7 +118,7 @@ def _cell(clearance: ClearanceMap, point: NDArray[np.float64]) -> tuple[int, int
 def _unknown_part(
     loop: NDArray[np.float64], moved_away: str | None, scene: Scene, mapped: NDArray[np.float64]
 ) -> UnknownWay | None:
-    """Return the only part of a loop (M, 2) that is not in the map, with ways to it and from it; None for several."""
+    """Return the only part of a loop (M, 2) that is not in the map, with paths to it and from it; None for several."""
     away_m = np.hypot(*(loop[:-1, None] - mapped[None]).transpose(2, 0, 1)).min(1)
     to_middle = len(away_m) // 2 - int(away_m.argmax())
     loop, away_m = np.roll(loop[:-1], to_middle, axis=0), np.roll(away_m, to_middle)

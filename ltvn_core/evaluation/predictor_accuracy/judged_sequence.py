@@ -109,13 +109,13 @@ def encode_sequence(
 
 def _too_few(path: Path, seen: Sequence[Observation], usable: Sequence[Observation]) -> str:
     if len(seen) < 2:
-        return f"{path} holds {len(seen)} images; two at least can be compared. Record or import a longer drive."
+        return f"{path} holds {len(seen)} images; at least two are needed. Record or import a longer drive."
     if len(usable) < 2:
         return (
-            f"{len(usable)} of the {len(seen)} images of {path} have depth, which the predictor needs; judge one that "
-            "works from colours alone (--predictor)."
+            f"{len(usable)} of the {len(seen)} images of {path} have depth, which the predictor needs; choose a "
+            "predictor that needs no depth (--predictor)."
         )
     return (
-        f"{path}: nobody knows where its images were taken, so no answer can be called right or wrong. Import it with "
-        "its ground truth; or judge the map alone with --without-truth; or give a loop-closure matrix with --revisits."
+        f"{path}: the true poses of its images are unknown, so answers cannot be checked. Import it with its ground "
+        "truth; or judge the map alone with --without-truth; or give a loop-closure matrix with --revisits."
     )

@@ -301,7 +301,7 @@ def _pair_findings(judgement: Judgement) -> Iterator[Finding]:
         return
     for kind, count in (("near", pairs.near_pairs), ("far", pairs.far_pairs)):
         if not count:
-            yield Finding(f"There are no {kind} pairs, so nobody can say how many the predictor accepts.")
+            yield Finding(f"There are no {kind} pairs, so the share that the predictor accepts is unknown.")
         elif count < _FEW_PAIRS:
             yield Finding(f"There are only {count} {kind} pairs, so the share of them that is accepted is uncertain.")
     if not pairs.near_pairs:
@@ -320,7 +320,10 @@ def _odometry_findings(sequence: JudgedSequence) -> Iterator[Finding]:
     poses = sequence.views.poses
     moved = relative(poses[:-1], poses[1:])
     if (distance(relative(driven, moved)) < _SAME_D).all():
-        text = f"The odometry of {name} is its true poses, so its map has fewer false edges than one of a robot would."
+        text = (
+            f"The odometry of {name} is its true poses, so its map has fewer false edges than a map from a robot's "
+            "odometry would."
+        )
         yield Finding(text, where=name)
 
 
@@ -328,7 +331,7 @@ def _look_findings(judgement: Judgement) -> Iterator[Finding]:
     looks = judgement.conditions[0].localisation
     if looks is not None and looks.looks_elsewhere:
         yield Finding(
-            f"{looks.looks_elsewhere} of {looks.looks + looks.looks_elsewhere} images that were looked for were taken "
-            "where the map has no image near; they do not count.",
+            f"{looks.looks_elsewhere} of {looks.looks + looks.looks_elsewhere} images were taken where the map has no "
+            "image nearby; they do not count.",
             Severity.INFO,
         )

@@ -54,7 +54,7 @@ def read_revisits(path: Path, images: int) -> NDArray[np.bool_]:
     if matrix.shape != (images, images):
         raise DatasetError(
             f"{path} must be a matrix of {images} x {images} numbers, one row and one column for each image of the "
-            f"recording, got {' x '.join(map(str, matrix.shape))}. It is text (.txt, .csv) or a picture (.bmp, .png)."
+            f"recording, got {' x '.join(map(str, matrix.shape))}. It is text (.txt, .csv) or an image (.bmp, .png)."
         )
     return (matrix != 0) | (matrix.T != 0)
 
@@ -91,8 +91,8 @@ def summarise_revisits(score: NDArray[np.float64], same_place: NDArray[np.bool_]
     is_query = (same_place & asked).any(axis=1)
     if not is_query.any():
         raise DatasetError(
-            f"By the matrix no image shows a place that was seen {_LEAST_GAP} images before or earlier, so there is "
-            "nothing to recognise."
+            f"According to the matrix no image shows a place that was also seen at least {_LEAST_GAP} images earlier, "
+            "so there is nothing to recognise."
         )
     rows = np.flatnonzero(asked.any(axis=1))
     best = score[rows].argmax(axis=1)

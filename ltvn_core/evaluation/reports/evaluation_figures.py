@@ -284,13 +284,13 @@ def _row_figures(rows: Sequence[ResultRow], palette: FigurePalette) -> Iterable[
         yield ReportFigure(
             kind="success",
             name="ablation",
-            title="What each part is worth",
+            title="Effect of each part",
             caption=caption,
             draw=partial(success, parts, palette),
         )
     if whole:
         over = rows_over_scenes(whole) or whole
-        caption = "Share of the episodes that failed, by the one cause that each failure is put down to."
+        caption = "Share of the episodes that failed, by the main cause of each failure."
         yield ReportFigure(
             kind="causes",
             name="causes",
@@ -310,7 +310,7 @@ def _map_figures(rows: Sequence[ResultRow], palette: FigurePalette) -> Iterable[
             if row.setup.scene == scene
         ]
         title = f"Maps of {scene_name(scene)}"
-        caption = f"Map seed {panels[0].trial.seed}. Grey: where no robot fits. Red crosses: spurious edges."
+        caption = f"Map seed {panels[0].trial.seed}. Grey: too narrow for the robot. Red crosses: spurious edges."
         yield ReportFigure(
             kind="floors",
             name=f"floors-{slug(scene_name(scene))}",
@@ -338,7 +338,7 @@ def _lifelong_figures(lifelong_groups: Sequence[LifelongGroup], palette: FigureP
         )
         yield from _before_and_after(group, name, palette)
     if any(point.calibration for group in lifelong_groups for run in group.runs for point in run.points):
-        caption = "A point on the dashed line means: of edges with this p, just that share can be driven."
+        caption = "On the dashed line, p equals the share of edges that can be driven."
         yield ReportFigure(
             kind="calibration",
             name="calibration",

@@ -90,7 +90,7 @@ def margin_table(rows: Sequence[ResultRow]) -> ReportTable:
 def size_table(rows: Sequence[ResultRow]) -> ReportTable:
     """Return the sizes of the maps, their spurious edges and components."""
     head = ("scene", "method", "network", "images", "nodes", "edges", "spurious edges", "pieces", "goals connected")
-    head = (*head, "goals told as not held (rightly)", "not told")
+    head = (*head, "goals reported as not in the map (rightly)", "not told")
     body = (
         (
             *_named(row),
@@ -101,9 +101,9 @@ def size_table(rows: Sequence[ResultRow]) -> ReportTable:
         for row in rows
     )
     return ReportTable(
-        caption="Means over the map seeds. Before any drive a map tells of which goals it knows no way that it trusts; "
-        "rightly, where no drivable way leads there from half of its nodes. Not told: goals without such a way that it "
-        "claims to hold.",
+        caption="Means over the map seeds. Before any drive, the map reports the goals to which it has no path that it "
+        "trusts. A report is right if no drivable path leads to the goal from half of the nodes. Not reported: goals "
+        "without such a path that the map claims to contain.",
         head=head,
         rows=tuple(body),
         words=3,
@@ -140,14 +140,15 @@ def recognition_table(rows: Sequence[ResultRow]) -> ReportTable:
         if (found := recognition_of(row.trials)) is not None
     )
     caption = (
-        "Checkpoints lie at each metre of the way from start to goal; crossing one is coming nearer than 0.72 m. "
-        "A wrong node is farther than 1.5 m or 60 degrees, or behind a wall. Wrong arrivals: share of those declared."
+        "There is a checkpoint at each metre of the path from start to goal; the robot crosses one when it comes "
+        "nearer than 0.72 m. A wrong node is farther than 1.5 m or 60 degrees, or behind a wall. Wrong arrivals: "
+        "share of those declared."
     )
     return ReportTable(caption=caption, head=head, rows=tuple(body), words=3)
 
 
 def lifelong_table(lifelong_groups: Iterable[LifelongGroup]) -> ReportTable:
-    """Return the tests of each lifelong group, with the changes by maintenance since the test before."""
+    """Return the tests of each lifelong group, with the changes by maintenance since the previous test."""
     head = (
         "scene",
         "method",
@@ -162,7 +163,7 @@ def lifelong_table(lifelong_groups: Iterable[LifelongGroup]) -> ReportTable:
     )
     body = tuple(line for group in lifelong_groups for line in _lifelong_lines(group))
     caption = (
-        "Tests with maintenance off. Added and pruned edges are means over the runs, since the test before. "
+        "Tests with maintenance off. Added and pruned edges are means over the runs, since the previous test. "
         "The gap of p is its mean calibration error."
     )
     return ReportTable(caption=caption, head=(*head, "added", "pruned (bad)", "seeds"), rows=body, words=2)
@@ -180,7 +181,7 @@ def run_table(results: EvaluationResults) -> ReportTable:
     body = tuple(
         (method, stage, *cells, version, command) for (method, stage, version, command), cells in merged_rows(rows)
     )
-    return ReportTable(caption="What makes each result again.", head=head, rows=body, words=7)
+    return ReportTable(caption="Command that repeats each result.", head=head, rows=body, words=7)
 
 
 def merged_rows(rows: Iterable[tuple[_Key, tuple[str, ...]]]) -> Iterator[tuple[_Key, tuple[str, ...]]]:

@@ -55,7 +55,7 @@ class FailureRow:
 
     @property
     def beginning(self) -> str | None:
-        """The first cause, where it differs from the main one."""
+        """The first cause, if it differs from the main one."""
         first = self.episode.trigger
         return None if first is None or first is self.episode.failure else first.value
 
@@ -82,7 +82,7 @@ def data_url(image: bytes) -> str:
     for mark, kind in _MIME_TYPES.items():
         if image.startswith(mark):
             return f"data:{kind};base64,{b64encode(image).decode()}"
-    raise OptionError("A picture of the failure gallery is neither JPEG nor PNG; encode it as one of them.")
+    raise OptionError("An image of the failure gallery is neither JPEG nor PNG; encode it as one of them.")
 
 
 def select_failures(rows: Sequence[FailureRow], most: int) -> tuple[FailureRow, ...]:

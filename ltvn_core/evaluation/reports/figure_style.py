@@ -107,7 +107,7 @@ def save_png(figure: Figure, path: Path) -> Path:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(small_png(buffer.getvalue()))
     except OSError as error:
-        raise OptionError(f"{path}: the picture could not be written ({error}); choose another --output.") from error
+        raise OptionError(f"{path}: the figure could not be written ({error}); choose another --output.") from error
     return path
 
 

@@ -109,5 +109,5 @@ def _draw_legend(canvas: _Canvas, drawn: MapLayout) -> None:
     bar_m = bar_length_m(canvas.picture.shape[1] / canvas.scale)
     canvas.line((_MARGIN, row - 4), (_MARGIN + round(bar_m * canvas.scale), row - 4), palette.TEXT, 2)
     counts = f"{bar_m:g} m   {drawn.title}: {len(drawn.graph.nodes)} nodes, {len(drawn.graph.edges)} edges"
-    spurious = "; thick: nobody can drive it" if drawn.simulated else ""
+    spurious = "; thick: cannot be driven" if drawn.simulated else ""
     canvas.write((_MARGIN + round(bar_m * canvas.scale) + 8, row), counts + spurious)

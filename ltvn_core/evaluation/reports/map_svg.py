@@ -284,7 +284,7 @@ def _ramp(left: float, base: float, letter: float) -> Iterator[str]:
 def _spurious(left: float, base: float, letter: float) -> Iterator[str]:
     middle = base - 0.35 * letter
     yield f'<path class="s" d="M{left:.3f} {middle:.3f}h{2 * letter:.3f}"/>'
-    yield _text(left + 2.4 * letter, base, "nobody can drive it", letter)
+    yield _text(left + 2.4 * letter, base, "cannot be driven", letter)
 
 
 def _text(x: float, y: float, words: str, letter: float) -> str:

@@ -38,7 +38,7 @@ def world_table(results: Sequence[WorldResult]) -> ReportTable:
             "scene",
             "maintenance",
             "goals reached",
-            "where the usual way is closed",
+            "where the usual path is closed",
             "SPL",
             "tries at closed edges, per 100",
             "at closed doors",
@@ -48,9 +48,9 @@ def world_table(results: Sequence[WorldResult]) -> ReportTable:
     )
     body = tuple(_line(*group) for group in world_groups(results))
     caption = (
-        "Goals reached with 95 % interval, of them those whose shortest way is at least half a metre longer than in "
-        "the scene as it was made, with their number; SPL against the shortest way of the moment. Brier: squared error "
-        "of predicted presence, over the edges that the world ever closes. Nodes: before and after all queries."
+        "Goals reached with 95 % interval, then only of goals whose shortest path is at least half a metre longer "
+        "than in the original scene, with their number; SPL against the shortest path at that time. Brier: squared "
+        "error of predicted presence, over the edges that the world ever closes. Nodes: before and after all queries."
     )
     return ReportTable(caption=caption, head=head, rows=body, words=3)
 
@@ -63,7 +63,7 @@ def world_run_table(results: Sequence[WorldResult]) -> ReportTable:
         for each in _sorted(results)
     )
     body = tuple((world, *cells, version, command) for (world, version, command), cells in merged_rows(rows))
-    return ReportTable(caption="What makes each result again.", head=head, rows=body, words=6)
+    return ReportTable(caption="Command that repeats each result.", head=head, rows=body, words=6)
 
 
 def world_groups(results: Sequence[WorldResult]) -> Iterator[tuple[str, str, Sequence[WorldResult]]]:
@@ -116,7 +116,7 @@ def people_table(results: Sequence[WorldResult]) -> ReportTable:
     body = tuple(_people_line(*group) for group in world_groups(met))
     caption = (
         "An encounter begins when a person is nearer than 1.5 m, from surface to surface as all distances, and ends "
-        "beyond 2 m. A touch is avoidable where the robot drove towards the person, and either backwards, or although "
+        "beyond 2 m. A touch is avoidable if the robot drove towards the person, and either backwards, or although "
         "its camera had shown the person in the last 3 s and early enough to brake."
     )
     return ReportTable(caption=caption, head=_PEOPLE_HEAD, rows=body, words=3)

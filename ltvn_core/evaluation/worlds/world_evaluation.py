@@ -146,7 +146,7 @@ class WorldDrive:
         return _Foretold(now, later, self._doors_wanted(scheduled))
 
     def _doors_wanted(self, scheduled: ScheduledQuery) -> frozenset[int]:
-        """Return the doors on the best way of the map from the node next to the start, given which edges are open."""
+        """Return the doors on the best path of the map from the node next to the start, given which edges are open."""
         graph = self.runner.map.graph
         truth = self.runner.truth
         system = self.runner.map.system

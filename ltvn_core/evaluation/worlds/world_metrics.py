@@ -23,23 +23,23 @@ class WorldMetrics:
     """95 % interval."""
     success_high: float
     spl: float
-    """Success weighted by path length, relative to the shortest way at that time."""
+    """Success weighted by path length, relative to the shortest path at that time."""
     spl_low: float
     """95 % interval."""
     spl_high: float
     detours: int
-    """Number of queries with a detour: the usual way was closed, and the shortest one longer by `LEAST_DETOUR_M`."""
+    """Number of queries with a detour: the usual path was closed, and the shortest one longer by `LEAST_DETOUR_M`."""
     success_on_detours: float | None
     """Share of the detours whose goals were reached; None if there were none."""
     cut_off: int
-    """Number of failures without an open way to the goal at their end."""
+    """Number of failures without an open path to the goal at their end."""
     blocked_tries_per_100: float
     """Attempts along closed edges in 100 queries."""
     door_tries_per_100: float
     """Attempts along edges through closed doors in 100 queries."""
     reopened_after_queries: float | None
     """Mean number of queries until a reopened door is used, over the doors that the robot had met closed: from the
-    first query whose best way leads through it, at least 1. A door that closes again unused counts one query more;
+    first query whose best path leads through it, at least 1. A door that closes again unused counts one query more;
     None without such doors."""
     reopened: int
     """Number of reopened doors in this mean."""
@@ -107,7 +107,7 @@ def world_metrics(results: Sequence[WorldResult]) -> WorldMetrics:
 def reopening_waits(queries: Sequence[QueryResult], doors: Sequence[DoorMove]) -> list[int]:
     """Return the number of queries until each reopened door that the robot had met closed was used again.
 
-    Queries with a best way through the door count, until one drives through it or it closes again. Doors without such
+    Queries with a best path through the door count, until one drives through it or it closes again. Doors without such
     queries are left out.
     """
     waits = []
@@ -123,7 +123,7 @@ def reopening_waits(queries: Sequence[QueryResult], doors: Sequence[DoorMove]) -
 
 
 def _wait(queries: Sequence[QueryResult], door: int) -> int:
-    """Return the number of the query that uses a door, among those whose best way leads through it; 0 without any."""
+    """Return the number of the query that uses a door, among those whose best path leads through it; 0 without any."""
     wanted = 0
     for query in queries:
         wanted += door in query.doors_wanted

@@ -82,7 +82,7 @@ class WorldFiles:
 
     @classmethod
     def of(cls, plan: WorldPlan, trial: TrialFiles) -> "WorldFiles":
-        """Return the files of a plan, beside those of its trial without maintenance."""
+        """Return the files of a plan; they are in the folder of its trial without maintenance."""
         folder = f"world-{Path(plan.world).stem}-{plan.queries}-in-{plan.days:g}-days"
         return cls(trial, trial.folder / trial.label / folder, plan.maintenance)
 
@@ -113,7 +113,7 @@ class WorldFiles:
 LATER_S = HOUR_S
 """Time ahead for which presence is predicted, in seconds."""
 _LEAST_WAY_M = 1.0
-"""Least length of the way from start to goal, in metres."""
+"""Least length of the path from start to goal, in metres."""
 _MOST_DRAWS = 1000
 
 
@@ -124,13 +124,13 @@ class ScheduledQuery:
     at_s: float
     episode: EpisodePlan
     shortest_m: float
-    """Length of the shortest way at the start of the query, in metres."""
+    """Length of the shortest path at the start of the query, in metres."""
     closed: tuple[EdgeKey, ...]
     """Edges of the first map that are closed at the start of the query."""
     closed_later: tuple[EdgeKey, ...]
     """Edges of the first map that are closed an hour later."""
     detour_m: float = 0.0
-    """Additional length of the shortest way compared with the unchanged scene, in metres."""
+    """Additional length of the shortest path compared with the unchanged scene, in metres."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -226,5 +226,5 @@ def _draw(
             )
             return episode, float(lengths_m[chosen])
     raise OptionError(
-        "No goal of the map can be reached from anywhere; the world is closed up. Choose another --world."
+        "No goal of the map can be reached from any place; the world is completely closed. Choose another --world."
     )

@@ -1,6 +1,6 @@
 """The ground truth of a map in a simulated world: edges that are closed now, doors on edges, and rooms of nodes.
 
-An edge is closed if its straight way is free in the unchanged scene and blocked now. For evaluation, and for the
+An edge is closed if its straight line is free in the unchanged scene and blocked now. For evaluation, and for the
 maintenances `truth` and `brm-rooms`.
 """
 

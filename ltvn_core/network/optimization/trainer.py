@@ -291,10 +291,10 @@ def restore_checkpoint(trainer: Trainer, path: Path) -> float:
             metadata = file.metadata() or {}
             tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 (no mapping)
     except (OSError, SafetensorError) as error:
-        raise WeightsError(f"{path}: not a whole checkpoint ({error}); delete it to start over.") from error
+        raise WeightsError(f"{path}: not a complete checkpoint ({error}); delete it to start over.") from error
     if metadata.get("schema") != SCHEMA or metadata.get("plan") != _plan_text(trainer):
         raise WeightsError(
-            f"{path}: made by another plan of training{_other_family(trainer, metadata)}; "
+            f"{path}: made with other training settings{_other_family(trainer, metadata)}; "
             "name another folder or delete it."
         )
     trainer.network.load_state_dict(_part(tensors, "network."))

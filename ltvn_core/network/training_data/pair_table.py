@@ -191,7 +191,7 @@ def reasons(pair: LabelledPair, limits: ReachabilityLimits) -> tuple[FailureExpl
 
 
 def limits_from_recipe(recipe: str) -> ReachabilityLimits:
-    """Return the limits in a shard's recipe; the defaults where it has none."""
+    """Return the limits in a shard's recipe; the defaults if it has none."""
     try:
         found = parse_json(recipe)["limits"]
     except (ValueError, KeyError, TypeError):
@@ -217,7 +217,7 @@ def _text(criterion: FailedCriteria, pair: LabelledPair, limits: ReachabilityLim
         case FailedCriteria.PATH:
             return _path_text(pair.path_ratio, limits.path_ratio)
         case FailedCriteria.LINE:
-            return f"something stands within {limits.line_clearance_m:.2f} m of the straight way"
+            return f"something stands within {limits.line_clearance_m:.2f} m of the straight line"
         case _:
             return "fails this criterion"
 
@@ -230,5 +230,5 @@ def _visibility_text(pair: LabelledPair) -> str:
 
 def _path_text(ratio: float, limit: float) -> str:
     if not np.isfinite(ratio):
-        return f"the way is far longer than {limit:.2f} times the straight line"
-    return f"the way is {ratio:.2f} times the straight line, at most {limit:.2f} are allowed"
+        return f"the path is far longer than {limit:.2f} times the straight line"
+    return f"the path is {ratio:.2f} times the straight line, at most {limit:.2f} are allowed"

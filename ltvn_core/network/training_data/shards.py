@@ -131,7 +131,7 @@ def read_shard(path: Path) -> Shard:
             _check_schema(metadata, path)
             arrays = {name: file.get_tensor(name) for name in _ARRAYS}
     except (OSError, SafetensorError) as error:
-        raise DatasetError(f"{path}: not a whole shard ({error}); delete it and make the dataset again.") from error
+        raise DatasetError(f"{path}: not a complete shard ({error}); delete it and make the dataset again.") from error
     shard = Shard(name=metadata["name"], recipe=metadata["recipe"], **arrays)
     _check_arrays(shard, path)
     return shard
@@ -167,7 +167,7 @@ def _check_arrays(shard: Shard, path: Path) -> None:
         <= max(shard.sources.max(), shard.targets.max())
         < count
     ):
-        raise DatasetError(f"{path}: a pair names an image that is not there; make the dataset again.")
+        raise DatasetError(f"{path}: a pair refers to a missing image; make the dataset again.")
 
 
 def _metadata(file: Any) -> dict[str, str]:

@@ -96,9 +96,9 @@ def select_keyframes(
     rows = _rows_with_depth(_keyframe_rows(odometry, piece, selection), observations, name)
     if len(rows) < selection.fewest:
         raise RecordingError(
-            f"{name}: of {len(odometry)} images only {len(rows)} are at least {selection.keep_m:g} m or "
-            f"{degrees(selection.keep_rad):.0f} degrees apart, so all show about one place; fine-tuning needs "
-            f"{selection.fewest}. Drive on through the rooms and record that."
+            f"{name}: only {len(rows)} of {len(odometry)} images are at least {selection.keep_m:g} m or "
+            f"{degrees(selection.keep_rad):.0f} degrees apart, so all show about the same place; fine-tuning needs "
+            f"{selection.fewest}. Record a longer drive through the rooms."
         )
     driven, turned = odometry_steps(odometry)
     kept = [observations[row] for row in rows]
@@ -124,7 +124,7 @@ def _odometry(observations: Sequence[Observation], name: str, selection: Keyfram
     odometry = np.stack([np.asarray(each.odometry, np.float64) for each in observations])
     missing = ~np.isfinite(odometry).all(1)
     if missing.any() or np.ptp(odometry, axis=0).max() == 0:
-        reason = f"{int(missing.sum())} of them have none" if missing.any() else "it is the same for all of them"
+        reason = f"{int(missing.sum())} of the poses are missing" if missing.any() else "it does not change"
         raise RecordingError(
             f"{name}: fine-tuning takes the poses of its {len(odometry)} images from odometry, and {reason}. Record "
             "the drive again with the robot's wheel odometry connected."
@@ -160,7 +160,7 @@ def _rows_with_depth(rows: NDArray[np.intp], observations: Sequence[Observation]
     seen = np.array([observations[row].has_depth for row in rows], bool)
     if seen.all() or not seen.any():
         return rows  # If no image has depth, a later message about the camera is more helpful.
-    log.warning("%s: %d of %d images have no depth and teach nothing.", name, int((~seen).sum()), len(rows))
+    log.warning("%s: %d of %d images have no depth and are not used for training.", name, int((~seen).sum()), len(rows))
     return rows[seen]
 
 

@@ -45,7 +45,7 @@ class Freshness:
         if attachment.gid != self._gid:
             if arrived_s - self._heard_s < TAKE_OVER_S:
                 raise RobotError(
-                    f"{self._source} has two senders at once; the second is ignored. End one of the programs, "
+                    f"{self._source} has two senders at once; the second is ignored. Stop one of the programs, "
                     "or give each robot its own ROS_DOMAIN_ID or namespace."
                 )
             self._gid = attachment.gid
@@ -74,7 +74,7 @@ class Freshness:
         if took_s - self._quickest_s > self._most_late_s:
             raise RobotError(
                 f"{self._source}: a message is {took_s - self._quickest_s:.1f} s late; it is not used. Is the link "
-                "slow, or was a clock set back? Then start its sender again."
+                "slow, or was a clock set back? If a clock was set back, restart the sender."
             )
 
     def _forget(self) -> None:

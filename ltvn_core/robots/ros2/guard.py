@@ -149,7 +149,7 @@ class DepthStop:
 
     def __init__(self, profile: RobotProfile, stop_m: float) -> None:
         """Start without depth, so that forward motion is refused."""
-        self.reason: str | None = "no depth image came yet"
+        self.reason: str | None = "no depth image has arrived yet"
         """Reason why forward motion is refused; None if it is allowed."""
         self._profile = profile
         self._stop_m = stop_m
@@ -161,7 +161,7 @@ class DepthStop:
         """Return the command, without its forward speed if that is refused; turning and backing up stay."""
         with self._lock:
             if time.monotonic() - self._seen_s > FRESH_S:
-                self.reason = "no fresh depth image came"
+                self.reason = "no recent depth image has arrived"
             is_free = self.reason is None
         return twist if is_free or twist.linear_m_s <= 0 else Twist(0.0, twist.angular_rad_s)
 
@@ -200,7 +200,7 @@ class DepthStop:
         hits = points[before & beside & high]
         if len(hits) < _FEW_POINTS:
             return None
-        return f"something stands {hits[:, 0].min() - body.radius_m:.2f} m before the robot"
+        return f"there is an obstacle {hits[:, 0].min() - body.radius_m:.2f} m in front of the robot"
 
 
 class Guard:
@@ -251,7 +251,7 @@ class Guard:
                 self._send(self._gate.turn())
                 if was_open and self._gate.must_stop_first:
                     self._complaints.say(
-                        RobotError("No command came in time: the robot is stopped until its driver sends a stop.")
+                        RobotError("No command arrived in time: the robot is stopped until its driver sends a stop.")
                     )
         finally:
             self._send(self._gate.close())
@@ -262,7 +262,10 @@ class Guard:
         answer = self._gate.hear(twist)
         self._send(answer)
         if answer is None:
-            raise RobotError(f"{self._source}: after silence a driver sends a stop first; it is not driven yet.")
+            raise RobotError(
+                f"{self._source}: after a silence the driver must first send a stop; its commands are refused until "
+                "then."
+            )
         self.forwarded += 1
         if not self.has_listener:
             self._complaints.say(RobotError(self._unheard()))
@@ -275,7 +278,7 @@ class Guard:
             if others
             else "is the robot's driver running? `ltvn robot check` says which line of the profile to change."
         )
-        return f"Nobody listens at {self._command} for {self._kind}, so forwarded commands move nothing: {reason}"
+        return f"No node subscribes to {self._command} as {self._kind}, so forwarded commands have no effect: {reason}"
 
     def _sound(self, received: Received) -> Twist:
         """Return the speeds of a command. If they are invalid, stops the robot and raises RobotError."""
@@ -288,7 +291,8 @@ class Guard:
             apart_s = read_stamp(received.message, self._source) - received.attachment.stamp_ns * 1e-9
             if abs(apart_s) > _HEADER_APART_S:
                 raise RobotError(
-                    f"{self._source}: a command is stamped {apart_s:+.1f} s from when it was sent; refused."
+                    f"{self._source}: a command is stamped {apart_s:+.1f} s away from its time of sending; it is "
+                    "refused."
                 )
         return twist
 

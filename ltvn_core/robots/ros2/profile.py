@@ -86,9 +86,9 @@ class OdometryTransform:
         for field_name in ("parent", "child"):
             frame = getattr(self, field_name)
             if not _FRAME.fullmatch(frame):
-                raise RobotError(f"odometry_transform.{field_name} is {frame!r:.60}; a frame is written as base_link.")
+                raise RobotError(f"odometry_transform.{field_name} is {frame!r:.60}; write a frame like base_link.")
         if self.parent == self.child:
-            raise RobotError(f"odometry_transform leads from {self.parent} to itself.")
+            raise RobotError(f"odometry_transform has {self.parent} as both parent and child.")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -166,21 +166,19 @@ class RobotProfile:
         if self.odometry_transform is not None:
             named["odometry_transform.topic"] = self.odometry_transform.topic
         if bool(self.topics.odometry) == (self.odometry_transform is not None):
-            raise RobotError(
-                "either topics.odometry or the table odometry_transform says where the robot is, not both."
-            )
+            raise RobotError("either topics.odometry or the table odometry_transform gives the robot's pose, not both.")
         for place, topic in named.items():
             if not _TOPIC.fullmatch(topic) and (topic or place not in _OPTIONAL):
-                raise RobotError(f"{place} is {topic!r:.60}; a topic is written as /camera/color/image_raw.")
+                raise RobotError(f"{place} is {topic!r:.60}; write a topic like /camera/color/image_raw.")
         if self.driving.guard_topic == self.topics.command:
-            raise RobotError("driving.guard_topic is topics.command too, so that the guard would hear itself.")
+            raise RobotError("driving.guard_topic equals topics.command, so the guard would receive its own commands.")
         self._check_numbers()
         self.spec(CameraModel.from_fov(64, 48, 1.0))  # Its own checks know which sizes fit together.
 
     def _check_numbers(self) -> None:
         values = {name: attrgetter(name)(self) for name in _ALLOWED}
         wrong = [
-            f"{name} is {values[name]}; it is from {least:g} to {most:g}"
+            f"{name} is {values[name]}; it must be from {least:g} to {most:g}"
             for name, (least, most) in _ALLOWED.items()
             if not least <= values[name] <= most
         ]
@@ -231,8 +229,8 @@ def open_profile(wanted: str) -> RobotProfile:
     known = shipped_profiles()
     if wanted not in known:
         raise RobotError(
-            f"No robot profile is called {wanted!r:.60}. {which_name(wanted, known)}; one of your own is named by its "
-            "path, as in my_robot.toml."
+            f"No robot profile is called {wanted!r:.60}. {which_name(wanted, known)}; name your own profile by its "
+            "path, such as my_robot.toml."
         )
     return read_profile(known[wanted], wanted)
 
@@ -242,7 +240,7 @@ def read_profile(text: str, source: str) -> RobotProfile:
     try:
         tables = parse_toml(text)
     except ValueError as error:
-        raise RobotError(f"The profile {source} is no TOML: {error}.") from error
+        raise RobotError(f"The profile {source} is not TOML: {error}.") from error
     try:
         return _converter().structure(tables, RobotProfile)
     except cattrs.BaseValidationError as error:

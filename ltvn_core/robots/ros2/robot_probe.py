@@ -1,4 +1,4 @@
-"""Checks a robot before it is driven: rates, ages, lens, tilt and subscribers. Drives only if asked to."""
+"""Checks a robot before it is driven: rates, ages, lens, tilt and subscribers. Drives only with `--drive`."""
 
 import math
 import time
@@ -42,7 +42,7 @@ def look_over(robot: RosRobot, *, seconds: float, drives: bool) -> RobotReport:
     findings = [*_findings(report, robot.inbox.streams), *robot.declared_otherwise()]
     bumper = robot.profile.topics.bumper
     if bumper and not robot.link.publishers(bumper):
-        text = f"Nobody publishes {bumper}, so no touch is felt; correct topics.bumper, or leave it out."
+        text = f"No node publishes {bumper}, so collisions are not detected; correct topics.bumper, or omit it."
         findings.append(Finding(text, where=bumper))
     return replace(report, findings=tuple(findings))
 
@@ -76,13 +76,13 @@ def _publishers(robot: RosRobot, stream: Stream) -> tuple[str, ...]:
 def _findings(report: RobotReport, streams: tuple[Stream, ...]) -> Iterator[Finding]:
     for each in report.topics:
         if each.rate_hz < LEAST_HZ:
-            text = f"{each.topic} comes {each.rate_hz:.1f} times a second; at least {LEAST_HZ:g} are needed to drive."
+            text = f"{each.topic} arrives {each.rate_hz:.1f} times a second; at least {LEAST_HZ:g} are needed to drive."
             yield Finding(text, where=each.topic)
     yield from robot_findings(report)
     yield from (Finding(stream.refusal, where=stream.topic) for stream in streams if stream.refusal)
     if not report.commands_taken:
         yield Finding(
-            "Nobody listens to commands: start `ltvn guard` beside the robot, or see `guarded` in the profile."
+            "No node receives the commands: start `ltvn guard` beside the robot, or see `guarded` in the profile."
         )
     if report.driving is not None and None in (report.driving.moves_after_s, report.driving.stands_after_s):
         text = "The robot did not follow the command; keep a hand on its emergency stop."

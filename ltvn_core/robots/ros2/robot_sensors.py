@@ -42,7 +42,7 @@ def sensor_size(message: Any, topic: str) -> tuple[int, int]:
     except LtvnError as error:
         raise RobotError(str(error)) from error
     if not 0 < width * height <= MOST_PIXELS:
-        raise RobotError(f"{topic}: {width} x {height} pixels are no image of a robot's camera.")
+        raise RobotError(f"{topic}: {width} x {height} pixels is not a valid size of a camera image.")
     return width, height
 
 

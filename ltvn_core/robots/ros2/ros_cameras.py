@@ -12,7 +12,7 @@ CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 
 _FISHEYES = ("equidistant", "fisheye", "kannala_brandt", "kannala_brandt4")
 _ORDINARY = ("", "plumb_bob", "rational_polynomial", "none", "brown conrady", "brown_conrady")
-"""The last two are `plumb_bob` as the SDK of RealSense cameras calls it."""
+"""Distortion models of ordinary lenses; the last two are `plumb_bob` in the SDK of RealSense cameras."""
 
 
 class _Lens(NamedTuple):
@@ -61,7 +61,7 @@ def ros_camera(info: Any, width: int, height: int, *, rectified: bool, topic: st
         )
         return _fitted(camera, info, width, height)
     except CameraError as error:
-        raise DriveError(f"{topic}: {error} Give the camera by --camera.") from error
+        raise DriveError(f"{topic}: {error} Give the camera with --camera.") from error
 
 
 def _fitted(camera: CameraModel, info: Any, width: int, height: int) -> CameraModel:
@@ -78,7 +78,9 @@ def _fitted(camera: CameraModel, info: Any, width: int, height: int) -> CameraMo
     if (camera.width, camera.height) == (width, height):
         return camera
     if abs(camera.width * height - camera.height * width) > 0.02 * camera.width * height:
-        raise CameraError(f"the camera takes {camera.width} x {camera.height} but the images are {width} x {height}.")
+        raise CameraError(
+            f"the camera's images are {camera.width} x {camera.height} but these images are {width} x {height}."
+        )
     return camera.scaled(width, height)
 
 
@@ -90,14 +92,14 @@ def _distortion(info: Any, topic: str) -> tuple[bool, tuple[float, ...]]:
         return True, numbers[:4]
     if model not in _ORDINARY and any(numbers):
         raise DriveError(
-            f"{topic}: the distortion model {model!r:.40} is none of {', '.join((*_ORDINARY[1:3], *_FISHEYES[:1]))}; "
-            "give the camera by --camera."
+            f"{topic}: the distortion model {model!r:.40} is not one of "
+            f"{', '.join((*_ORDINARY[1:3], *_FISHEYES[:1]))}; give the camera with --camera."
         )
     for count in (0, 4, 5, 8):
         if not any(numbers[count:]):
             return False, (numbers + (0.0,) * count)[:count]
     raise DriveError(
-        f"{topic}: {len(numbers)} coefficients of distortion are more than 8; give the camera by --camera."
+        f"{topic}: {len(numbers)} distortion coefficients, but at most 8 are supported; give the camera with --camera."
     )
 
 

@@ -133,7 +133,7 @@ def decode_metres(message: Any, source: str, unit_m: float = MILLIMETRES) -> Dep
 def _layout(message: Any, known: dict[str, _Layout], source: str) -> _Layout:
     layout = known.get(str(message.encoding).lower())
     if layout is None:
-        raise DriveError(f"{source}: the encoding {message.encoding!r:.40} is none of {', '.join(known)}.")
+        raise DriveError(f"{source}: the encoding {message.encoding!r:.40} is not one of {', '.join(known)}.")
     return layout
 
 
@@ -184,13 +184,13 @@ def _is_rvl(form: str) -> bool:
 
 def _behind_header(data: bytes, source: str) -> bytes:
     if len(data) <= DEPTH_HEADER.size:
-        raise DriveError(f"{source}: {len(data)} bytes are no compressed depth.")
+        raise DriveError(f"{source}: {len(data)} bytes are not compressed depth.")
     return data[DEPTH_HEADER.size :]
 
 
 def _rvl_size(data: bytes, source: str) -> tuple[int, int]:
     if len(data) < _RVL_HEADER.size:
-        raise DriveError(f"{source}: {len(data)} bytes are no compressed depth.")
+        raise DriveError(f"{source}: {len(data)} bytes are not compressed depth.")
     width, height = _RVL_HEADER.unpack_from(data)
     return width, height
 

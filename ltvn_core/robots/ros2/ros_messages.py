@@ -113,7 +113,9 @@ def read_stamp(message: Any, source: str) -> float:
     """Return the time in a message's header, in seconds. Raises RobotError."""
     stamp = message.header.stamp
     if stamp.sec < 0 or stamp.nanosec >= 10**9:
-        raise RobotError(f"{source}: {stamp.sec} s and {stamp.nanosec} ns are no time; is the robot's clock set?")
+        raise RobotError(
+            f"{source}: {stamp.sec} s and {stamp.nanosec} ns is not a valid time; is the robot's clock set?"
+        )
     return stamp.sec + stamp.nanosec * 1e-9
 
 
@@ -152,9 +154,11 @@ def bumper_message(*, pressed: bool) -> Any:
 def _planar(place: Any, q: Any, source: str) -> Pose:
     length = math.hypot(q.x, q.y, q.z, q.w)
     if not (math.isfinite(place.x) and math.isfinite(place.y)):
-        raise RobotError(f"{source}: odometry says x {place.x}, y {place.y}; both must be metres.")
+        raise RobotError(f"{source}: odometry has x {place.x}, y {place.y}; both must be finite metres.")
     if not abs(length - 1.0) <= _UNIT_QUATERNION_TOLERANCE:
-        raise RobotError(f"{source}: odometry's quaternion has length {length:g} instead of 1, so it says no heading.")
+        raise RobotError(
+            f"{source}: odometry's quaternion has length {length:g} instead of 1, so the heading is unknown."
+        )
     yaw = math.atan2(2 * (q.w * q.z + q.x * q.y), 1 - 2 * (q.y * q.y + q.z * q.z))
     return np.array([place.x, place.y, yaw])
 

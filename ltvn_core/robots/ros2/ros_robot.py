@@ -118,7 +118,7 @@ class CommandSender:
     def _turn(self, took_s: float) -> None:
         with self._lock:
             if self._moving and took_s > _BREAK_S:
-                self._break(f"this program was interrupted for {took_s:.1f} s while the robot drove")
+                self._break(f"this program did not run for {took_s:.1f} s while the robot drove")
             elif self._moving and not self._is_connected():
                 self._break("the link to the robot broke")
             twist = self.lease.command()
@@ -132,7 +132,7 @@ class CommandSender:
         self.lease.cancel()
         self._reason = reason
         self._asked_s = time.monotonic()  # The driver may not have released the controls since the interruption.
-        _LOG.warning("The robot is stopped: %s. Let go for a moment, then drive again.", reason)
+        _LOG.warning("The robot is stopped: %s. Release the controls, then drive again.", reason)
 
 
 def open_ros_robot(wanted: str, *, patience_s: float = _PATIENCE_S) -> "RosRobot":
@@ -166,9 +166,9 @@ class RosRobot:
         if not self.inbox.wait_for_all(patience_s):
             otherwise = " ".join(map(str, self.declared_otherwise()))
             raise RobotError(
-                f"{profile.name} at {link.address}: within {patience_s:g} s not everything came: "
+                f"{profile.name} at {link.address}: within {patience_s:g} s some messages did not arrive: "
                 f"{self.inbox.complaint(time.monotonic())}. "
-                f"{otherwise or '`ros2 topic list` has the names; put them into a profile.'}"
+                f"{otherwise or '`ros2 topic list` lists the names; put them into a profile.'}"
             )
         first = self._newest()
         self._spec = profile.spec(self._lens(first))
@@ -200,18 +200,18 @@ class RosRobot:
             self._await_fresh()
         moment = self.inbox.newest()
         if moment is None:
-            self._sender.interrupt("it sends no whole images")
+            self._sender.interrupt("it sends no complete images")
             raise self._blind()
         age_s = time.monotonic() - moment.arrived_s
         if age_s > STALE_S:
             self._sender.interrupt(f"its images stopped for {age_s:.1f} s")
-            link = "" if self.link.is_connected else " The link is broken; it reconnects by itself."
+            link = "" if self.link.is_connected else " The link is broken; it reconnects automatically."
             raise RobotError(
                 f"{self.profile.name}: its newest image is {age_s:.1f} s old, so it is not driven: "
                 f"{self.inbox.complaint(time.monotonic())}.{link}"
             )
         if (reason := self._sender.break_reason) is not None:
-            raise RobotError(f"{self.profile.name} was stopped: {reason}. Let go for a moment, then drive again.")
+            raise RobotError(f"{self.profile.name} was stopped: {reason}. Release the controls, then drive again.")
         if self._seen is None or (self._seen[0] is not moment and self._seen[0].stamp_s != moment.stamp_s):
             self._seen = moment, self._decoded(moment)
         return self._seen[1]
@@ -304,7 +304,7 @@ class RosRobot:
         return moment
 
     def _blind(self) -> RobotError:
-        return RobotError(f"{self.profile.name}: no whole image: {self.inbox.complaint(time.monotonic())}.")
+        return RobotError(f"{self.profile.name}: no complete image: {self.inbox.complaint(time.monotonic())}.")
 
     def _lens(self, moment: Moment) -> CameraModel:
         info = self.inbox.camera_info
@@ -324,7 +324,7 @@ class RosRobot:
         depth_size = sensor_size(moment.depth, topics.depth)
         if size != (camera.width, camera.height):
             raise RobotError(
-                f"{topics.colour} is {_words(size)} now, and was {camera.width} x {camera.height} at first; open the "
+                f"{topics.colour} is now {_words(size)}, but was {camera.width} x {camera.height} at first; open the "
                 "robot again if the camera's settings were changed."
             )
         if depth_size != size:

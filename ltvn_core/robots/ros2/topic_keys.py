@@ -58,7 +58,7 @@ def decode(payload: bytes, name: str, source: str) -> Any:
         return type_store().deserialize_cdr(payload, name)
     except SerdeError as error:
         raise RobotError(
-            f"{source}: {len(payload):,} bytes are no {name}: {error} Is the message cut, or of another type?"
+            f"{source}: {len(payload):,} bytes are not a {name}: {error} Is the message cut off, or of another type?"
         ) from error
 
 
@@ -82,7 +82,7 @@ class Attachment(NamedTuple):
     def to_bytes(self) -> bytes:
         """Return the 33 bytes. Raises ValueError if the id of the sender has another length."""
         if len(self.gid) != GID_BYTES:
-            raise ValueError(f"A sender is named by {GID_BYTES} bytes, got {len(self.gid)}.")
+            raise ValueError(f"The id of a sender has {GID_BYTES} bytes, got {len(self.gid)}.")
         return _LAYOUT.pack(self.sequence, self.stamp_ns, GID_BYTES, self.gid)
 
     @classmethod
@@ -91,13 +91,13 @@ class Attachment(NamedTuple):
         if data is None or len(data) != _LAYOUT.size:
             found = "nothing" if data is None else f"{len(data)} bytes"
             raise RobotError(
-                f"{source}: beside the message stood {found}, not the {_LAYOUT.size} bytes of rmw_zenoh; update "
-                "rmw_zenoh_cpp on the robot (Jazzy: 0.2.4 or newer)."
+                f"{source}: the attachment of the message was {found}, not the {_LAYOUT.size} bytes of rmw_zenoh; "
+                "update rmw_zenoh_cpp on the robot (Jazzy: 0.2.4 or newer)."
             )
         sequence, stamp_ns, length, gid = _LAYOUT.unpack(data)
         if length != GID_BYTES or sequence < 0:
             raise RobotError(
-                f"{source}: the bytes beside the message name a sender of {length} bytes and message {sequence}; "
+                f"{source}: the attachment of the message names a sender of {length} bytes and message {sequence}; "
                 f"rmw_zenoh writes {GID_BYTES} bytes and counts from 1."
             )
         return cls(sequence, stamp_ns, gid)
@@ -145,7 +145,7 @@ class Topic:
 
     @property
     def any_type_key(self) -> str:
-        """Key expression for messages of any type, so that a wrong type can be told from no message."""
+        """Key expression for messages of any type, so that a wrong type can be distinguished from no message."""
         return f"{self._place}/*/*"
 
     @property
@@ -157,12 +157,12 @@ class Topic:
         kind, edition = key.split("/")[-2:]
         if kind != dds_name(self.type_name):
             raise RobotError(
-                f"{self.name} carries {ros_name(kind)}, expected {self.type_name}; name the right topic in the robot's "
-                "profile, or say there whether its commands are stamped."
+                f"{self.name} has the type {ros_name(kind)}, expected {self.type_name}; correct the topic in the "
+                "robot's profile, or whether its commands are stamped."
             )
         if edition not in (type_hash(self.type_name), NO_HASH):
             raise RobotError(
-                f"{self.name} carries another edition of {self.type_name}: its hash is {edition:.24}..., expected "
+                f"{self.name} has another version of {self.type_name}: its hash is {edition:.24}..., expected "
                 f"{type_hash(self.type_name):.24}...; is the robot's ROS older than Humble, or the type changed?"
             )
 

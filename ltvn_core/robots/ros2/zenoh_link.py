@@ -81,8 +81,8 @@ class ZenohLink:
         """Connect to the router at `address`, such as tcp/127.0.0.1:7447. Raises RobotError."""
         check_address(address)
         settings = {"mode": "client", "connect/endpoints": [address], "connect/timeout_ms": _CONNECT_MS}
-        advice = "is the router there (`ros2 run rmw_zenoh_cpp rmw_zenohd`, or `ltvn serve`), and the port open?"
-        return cls(_open(settings, f"Nothing answers at {address}; {advice}"), node, domain, address)
+        advice = "is the router running (`ros2 run rmw_zenoh_cpp rmw_zenohd`, or `ltvn serve`), and the port open?"
+        return cls(_open(settings, f"No router answers at {address}; {advice}"), node, domain, address)
 
     @classmethod
     def listen(cls, address: str, *, node: str, domain: int = 0) -> Self:

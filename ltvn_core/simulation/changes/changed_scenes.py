@@ -165,7 +165,7 @@ def add_thing(builder: SurfaceBuilder, placed: ThingPlaced) -> None:
 
 
 def _refuse_furniture(placed: ThingPlaced) -> Never:
-    raise ValueError(f"{placed.thing} has surfaces of its own; see changed_scenes.")
+    raise ValueError(f"{placed.thing} has unknown surfaces; see changed_scenes.")
 
 
 def _add_box(builder: SurfaceBuilder, placed: ThingPlaced, rng: SeededRng) -> None:

@@ -73,9 +73,9 @@ class FreeFloor:
         return before
 
     def put_back(self, name: str, piece: FurniturePiece, cells: Mask) -> bool:
-        """Return a piece that was placed under a name to its original place.
+        """Move a named piece back to its original place.
 
-        Returns whether that was possible, because another thing may be there now.
+        Returns False if another thing is there now.
         """
         place = piece_cells(piece, self._clearance)
         elsewhere = self._placed.get(name)

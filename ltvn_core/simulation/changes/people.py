@@ -1,7 +1,7 @@
 """People who walk through a world: their arrivals, departures and paths.
 
 A person walks from place to place, stands there for a while, and waits if the robot or another person is too close
-ahead; nobody walks into the robot. After waiting in vain, a person takes another way, and steps aside if the robot
+ahead; nobody walks into the robot. After waiting in vain, a person takes another path, and steps aside if the robot
 comes closer and there is room. People move only while the robot's clock advances.
 """
 

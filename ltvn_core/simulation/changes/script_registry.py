@@ -264,8 +264,8 @@ def _check_together(names: Sequence[str]) -> None:
     doors = len(set(names) & set(_NEED_DOORS))
     if doors > 1 or len(set(names)) < len(names) or set(names) & {"all", STATIC.name}:
         raise WorldError(
-            f"The world {TOGETHER.join(names)!r} would change the same things twice. Join each name once, at most one "
-            f"of {', '.join(_NEED_DOORS)}, and neither all nor static."
+            f"The world {TOGETHER.join(names)!r} would change the same things twice. Use each name once, at most one "
+            f"of {', '.join(_NEED_DOORS)}, and do not combine all or static with others."
         )
 
 

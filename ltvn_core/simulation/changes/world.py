@@ -170,7 +170,7 @@ class World:
     def events(self) -> list[WorldChanged]:
         """Return the first events of a recording: the time and the state of the world.
 
-        Empty for an unchanged scene without changes by itself.
+        Empty for an unchanged scene without a script.
         """
         if self.state == AS_MADE and self.script.is_static:
             return []
@@ -185,12 +185,12 @@ class World:
         self._tell([self._carry_out(change, by, self.time_s) for change in changes])
 
     def _scripted(self) -> Iterator[WorldChanged]:
-        """Apply the changes of the script, each as soon as nobody is in its way."""
+        """Apply the changes of the script, each as soon as neither robot nor person blocks it."""
         for timed in self._script.due(self.time_s):
             try:
                 check_change(timed.change, self.base, self.state)
             except WorldError as no_more:  # A person may have made the change impossible.
-                log.debug("The script's change cannot be any more: %s", no_more)
+                log.debug("A change of the script is not possible any more: %s", no_more)
                 continue
             if self._in_the_way(timed.change) is None:
                 yield self._carry_out(timed.change, ChangedBy.SCRIPT, timed.at_s)
@@ -219,18 +219,18 @@ class World:
             self.state = replace(self.state, people=people)
 
     def _in_the_way(self, change: w.WorldChange) -> str | None:
-        """Return the reason why the robot or a person blocks a change; None if nobody does."""
+        """Return the reason why the robot or a person blocks a change; None if neither does."""
         outline = outline_of(change, self.base)
         if outline is None:
             return None
         if self._body is not None:
             x, y, _ = self._body.exact_pose
             if distance_m(outline, x, y) < self._radius_m + _ROOM_M:
-                return f"This cannot be now ({w.change_text(change)}): the robot stands there. Drive it away first."
+                return f"This is impossible now ({w.change_text(change)}): the robot is there. Drive it away first."
         for person in self.state.people:
             x, y, _ = person.pose
             if not isinstance(change, w.PersonMoved) and distance_m(outline, x, y) < PERSON_RADIUS_M + _ROOM_M:
-                return f"This cannot be now ({w.change_text(change)}): {person.person} stands there. Wait a little."
+                return f"This is impossible now ({w.change_text(change)}): {person.person} is there. Wait a little."
         return None
 
     def _carry_out(self, change: w.WorldChange, by: ChangedBy, at_s: float) -> WorldChanged:

@@ -54,15 +54,15 @@ def check_change(change: w.WorldChange, scene: Scene, state: WorldState) -> None
             _require_between(warmth, (-1.0, 1.0), "warmth")
         case w.PicturesExchanged(seed):
             if seed is not None and seed < 0:
-                raise WorldError(f"Pictures are drawn with a seed of 0 or more, got {seed}.")
+                raise WorldError(f"The seed of pictures must be 0 or more, got {seed}.")
         case w.PersonMoved(person, pose, seed):
             _require_name(person)
             _require_pose(pose, person)
             if seed < 0:
-                raise WorldError(f"The clothes of {person} are drawn with a seed of 0 or more, got {seed}.")
+                raise WorldError(f"The seed of the clothes of {person} must be 0 or more, got {seed}.")
         case w.PersonLeft(person):
             if person not in {each.person for each in state.people}:
-                raise WorldError(f"{person!r} cannot leave: nobody of that name is there.")
+                raise WorldError(f"{person!r} cannot leave: there is no person of that name.")
         case w.TimePassed(duration_s):
             _require_between(duration_s, (0.0, _LONGEST_PASSING_S), "time that passes, in seconds,")
         case _:
@@ -88,8 +88,8 @@ def check_floor(placed: w.ThingPlaced, scene: Scene) -> None:
     x, y, _ = placed.pose
     if not _is_on_floor(scene, x, y):
         raise WorldError(
-            f"{placed.thing} cannot stand at x {x:.2f} m, y {y:.2f} m: there is a wall or something else, or no "
-            "floor. Choose a free place."
+            f"{placed.thing} cannot stand at x {x:.2f} m, y {y:.2f} m: the place is occupied, or has no floor. Choose "
+            "a free place."
         )
 
 
@@ -98,22 +98,24 @@ def _check_removed(thing: str, scene: Scene, state: WorldState) -> None:
         return
     if not thing.startswith(w.OWN_PREFIX):
         names = ", ".join(each.thing for each in state.things) or "none"
-        raise WorldError(f"{thing!r} cannot be taken away: nothing of that name stands there. Things: {names}.")
+        raise WorldError(f"{thing!r} cannot be removed: there is nothing of that name. Things: {names}.")
     _require_own(thing, scene)
     if thing in state.missing:
-        raise WorldError(f"{thing!r} cannot be taken away: it is away already.")
+        raise WorldError(f"{thing!r} cannot be removed: it is already removed.")
 
 
 def _require_own(thing: str, scene: Scene) -> None:
     names = [w.OWN_PREFIX + piece.name for piece in scene.parts.furniture]
     if thing not in names:
-        some = f"It has {', '.join(names[:5])}, ..." if names else "A scene from a mesh has none that can be moved."
+        some = f"It has {', '.join(names[:5])}, ..." if names else "The furniture of a mesh scene cannot be moved."
         raise WorldError(f"The scene {scene.name} has no furniture {thing!r}. {some}")
 
 
 def _require_name(name: str) -> None:
     if not 0 < len(name) <= _LONGEST_NAME or not name.isprintable():
-        raise WorldError(f"A name has 1 to {_LONGEST_NAME} printable characters, got {name[: 2 * _LONGEST_NAME]!r}.")
+        raise WorldError(
+            f"A name must have 1 to {_LONGEST_NAME} printable characters, got {name[: 2 * _LONGEST_NAME]!r}."
+        )
 
 
 def _require_pose(pose: w.PlaceRow, name: str) -> None:
@@ -123,7 +125,7 @@ def _require_pose(pose: w.PlaceRow, name: str) -> None:
 
 def _require_between(value: float, limits: tuple[float, float], what: str) -> None:
     if not limits[0] <= value <= limits[1]:
-        raise WorldError(f"The {what} lies between {limits[0]:g} and {limits[1]:g}, got {value:g}.")
+        raise WorldError(f"The {what} must be between {limits[0]:g} and {limits[1]:g}, got {value:g}.")
 
 
 def _is_on_floor(scene: Scene, x: float, y: float) -> bool:
@@ -164,28 +166,30 @@ class WorldScript:
 
     @property
     def is_static(self) -> bool:
-        """Whether nothing ever changes by itself."""
+        """Whether the script has no changes."""
         return not self.changes and not self.people
 
 
 STATIC = WorldScript("static")
-"""Nothing ever changes by itself."""
+"""A script without changes."""
 
 
 def read_script(path: Path, scene: Scene) -> WorldScript:
     """Read a script for a scene.
 
     Raises:
-        WorldError: The file is missing, is no script, or has a change that is impossible in the scene.
+        WorldError: The file is missing, is not a script, or has a change that is impossible in the scene.
     """
     try:
         if path.stat().st_size > _LARGEST_BYTES:
-            raise WorldError(f"The script {path} is larger than {_LARGEST_BYTES // 1_000_000} MB; no script is.")
+            raise WorldError(
+                f"The script {path} is larger than {_LARGEST_BYTES // 1_000_000} MB, the largest size of a script."
+            )
         data = parse_json(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise WorldError(f"The script {path} cannot be read as JSON: {error}.") from error
     if not isinstance(data, dict) or not isinstance(data.get("changes"), list):
-        raise WorldError(f'The script {path} is no object with a list "changes".')
+        raise WorldError(f'The script {path} is not an object with a list "changes".')
     unknown = data.keys() - {"name", "seed", "people", "changes"}
     if unknown:
         raise WorldError(f"The script {path} has unknown keys: {', '.join(sorted(unknown))}.")
@@ -249,15 +253,15 @@ def _timed(row: object, where: str) -> TimedChange:
         at_s = _number(row.get("at_s"), float)
         change = _CONVERTER.structure(fields, WorldChange)  # pyright: ignore[reportArgumentType]
     except (ValueError, KeyError, TypeError, cattrs.BaseValidationError, cattrs.ForbiddenExtraKeysError) as error:
-        raise WorldError(f"{where[0].upper()}{where[1:]} is no {row[_TAG]}: {error}.") from error
+        raise WorldError(f"{where[0].upper()}{where[1:]} is not a valid {row[_TAG]}: {error}.") from error
     if not 0 <= at_s < float("inf"):
-        raise WorldError(f"{where[0].upper()}{where[1:]} happens at {at_s} s; a moment is 0 s or later.")
+        raise WorldError(f"{where[0].upper()}{where[1:]} happens at {at_s} s; a time must be 0 s or later.")
     return TimedChange(at_s, change)
 
 
 def _whole(value: object, what: str, most: int) -> int:
     if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= most:
-        raise WorldError(f"The {what} is a whole number from 0 to {most}, got {value!r}.")
+        raise WorldError(f"The {what} must be a whole number from 0 to {most}, got {value!r}.")
     return value
 
 
@@ -268,5 +272,5 @@ def _check(script: WorldScript, scene: Scene, path: Path) -> None:
         try:
             check_change(timed.change, scene, state)
         except WorldError as error:
-            raise WorldError(f"The script {path} cannot happen at {timed.at_s:g} s: {error}") from error
+            raise WorldError(f"The script {path} has an impossible change at {timed.at_s:g} s: {error}") from error
         state = state.after(timed.change)

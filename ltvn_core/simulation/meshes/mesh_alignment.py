@@ -45,7 +45,7 @@ CELL_M = 0.05
 _FINE = 2
 """Subdivisions of a cell's side when triangles are rasterized."""
 _STEP_M = 0.06
-"""Height above the floor below which surfaces are no obstacles (rugs, thresholds, noise of scans), in metres."""
+"""Height above the floor below which surfaces are not obstacles (rugs, thresholds, noise of scans), in metres."""
 _HOLLOW_M = 0.1
 """Surfaces this far below the floor's height still belong to the floor."""
 _CEILING_M = 1.8
@@ -98,13 +98,11 @@ def read_mesh_settings(mesh: Path) -> MeshSettings:
             floor_height=None if floor is None else _number(floor),
         )
     except (OSError, ValueError, TypeError, AttributeError, OverflowError) as error:
-        raise SceneError(
-            f'{path} is not understood ({error}). Write for instance {{"up": "z", "scale": 1.0}}.'
-        ) from error
+        raise SceneError(f'{path} cannot be read ({error}). Write for instance {{"up": "z", "scale": 1.0}}.') from error
     _check_keys(content, path)
     if settings.up not in (None, "y", "z") or settings.scale <= 0:
         raise SceneError(
-            f'{path}: "up" is "y" or "z" and "scale" a positive number, got {settings.up!r}, {settings.scale}.'
+            f'{path}: "up" must be "y" or "z", and "scale" a positive number, got {settings.up!r}, {settings.scale}.'
         )
     return settings
 
@@ -112,7 +110,7 @@ def read_mesh_settings(mesh: Path) -> MeshSettings:
 def _number(value: object) -> float:
     """Return a finite number. Raises ValueError for anything else, such as NaN, which JSON should not hold."""
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise ValueError(f"{value!r} is no finite number")
+        raise ValueError(f"{value!r} is not a finite number")
     return float(value)
 
 
@@ -125,7 +123,7 @@ def _check_keys(content: Mapping[str, object], path: Path) -> None:
         if key in known or meant is None or (meant == "scale" and value in _METRES):
             continue
         raise SceneError(
-            f'{path}: "{key}" is not a setting; "{meant}" is meant, most likely. The settings are "up" ("y" or "z"), '
+            f'{path}: "{key}" is not a setting; "{meant}" is probably meant. The settings are "up" ("y" or "z"), '
             '"scale" (metres per unit, 0.001 for millimetres) and "floor_height" (metres).'
         )
 
@@ -194,8 +192,9 @@ def _check_size(size: NDArray[np.float64], mesh: Path) -> None:
         return
     factor = _likely_unit(span, height)
     raise SceneError(
-        f"{mesh} measures {size[0]:.4g} x {size[1]:.4g} x {height:.4g}, which is no indoor scene in metres (a floor is "
-        f"{_LEAST_SPAN_M:g} to {_MOST_SPAN_M:g} m wide). If it has another unit, write the metres per unit into "
+        f"{mesh} measures {size[0]:.4g} x {size[1]:.4g} x {height:.4g}, which is too large or too small for an indoor "
+        f"scene in metres (a floor is {_LEAST_SPAN_M:g} to {_MOST_SPAN_M:g} m wide). If it has another unit, write "
+        "the metres per unit into "
         f'{mesh.with_suffix(".json")}, for instance {{"scale": {factor:g}}}.'
     )
 
@@ -246,7 +245,7 @@ def detect_floor(
     floors = [_survey(triangles, height, known) for height in candidates]
     most = max((floor.navigable_m2 for floor in floors), default=0.0)
     if most < _LEAST_FLOOR_M2:
-        tried = ", ".join(f"{height:.2f} m" for height in candidates) or "no height, nothing in it is level"
+        tried = ", ".join(f"{height:.2f} m" for height in candidates) or "none, because no surface is level"
         raise SceneError(
             f"{mesh} has no floor that is wide enough for the robot (heights examined: {tried}; it needs "
             f"{_LEAST_FLOOR_M2:g} m2 indoors). Set the axis that points up or the height of the floor in the JSON file "

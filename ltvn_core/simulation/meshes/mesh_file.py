@@ -107,10 +107,10 @@ class GltfFile:
     def require_readable(self) -> None:
         """Raise SceneError for an unsupported compression; its message says what to do."""
         required = self._required()
-        way_out = f"`npx @gltf-transform/cli cp {self.path.name} plain.glb` writes it without the compression"
+        way_out = f"`npx @gltf-transform/cli cp {self.path.name} plain.glb` writes an uncompressed copy"
         for name in _MESHOPT:
             if name in required:
-                raise SceneError(f"{self.path} is compressed with meshopt ({name}), which is not read. {way_out}.")
+                raise SceneError(f"{self.path} is compressed with meshopt ({name}), which is not supported. {way_out}.")
         if _DRACO in required and not is_installed("DracoPy"):
             raise SceneError(f"{self.path} is compressed with Draco. {missing_text('DracoPy')} Or {way_out}.")
 
@@ -145,11 +145,14 @@ class GltfFile:
         if images:
             yield (
                 f"{self.path.name}: {len(images)} of {len(self.header['images'])} textures are in KTX2 (Basis "
-                "Universal), which is not read, so their surfaces are plain. `npx @gltf-transform/cli ktxdecompress "
-                f"{self.path.name} plain.glb` turns them into PNG."
+                "Universal), which is not supported, so their surfaces are plain. `npx @gltf-transform/cli "
+                f"ktxdecompress {self.path.name} plain.glb` converts them to PNG."
             )
         if unread := sorted(self._required() - set(_READ)):
-            yield f"{self.path.name} requires {', '.join(unread)}, which is not read; its surfaces may look different."
+            yield (
+                f"{self.path.name} requires {', '.join(unread)}, which is not supported; its surfaces may look "
+                "different."
+            )
 
     def _required(self) -> set[str]:
         required = self.header.get("extensionsRequired", [])
@@ -196,9 +199,9 @@ def read_mesh(path: Path) -> MeshContent:
         SceneError: The file does not exist, cannot be read or has no triangles.
     """
     if path.suffix.lower() not in FORMATS:
-        raise SceneError(f"{path} is no scene: a mesh ends in {', '.join(FORMATS)}. Export it as one of these.")
+        raise SceneError(f"{path} is not a scene: a mesh ends in {', '.join(FORMATS)}. Export it as one of these.")
     if not path.is_file():
-        raise SceneError(f"The scene's file {path} does not exist. Put it there, or give the path where it is now.")
+        raise SceneError(f"The scene's file {path} does not exist. Put it there, or give its new path.")
     colours = TextureCollector(linear_factors=path.suffix.lower() in GLTF_SUFFIXES)
     gltf = GltfFile.read(path) if path.suffix.lower() in GLTF_SUFFIXES else None
     if gltf is not None:
@@ -228,7 +231,7 @@ def _doubts(path: Path, finder: AssetFinder, gltf: GltfFile | None) -> Iterator[
     if finder.missing:
         names = ", ".join(finder.missing[:_NAMED]) + (" ..." if len(finder.missing) > _NAMED else "")
         yield (
-            f"{path.name} names {names}, and there is no such file in {path.parent}, so what it colours is plain. Put "
+            f"{path.name} names {names}, which is missing in {path.parent}, so its surfaces have plain colours. Put "
             "the file there, under that name."
         )
     if gltf is not None:
@@ -256,7 +259,7 @@ def _placed_meshes(
     except Exception as error:
         raise SceneError(
             f"{path} cannot be read as a {path.suffix[1:].upper()} mesh ({error or type(error).__name__}). Check that "
-            "it is complete, and no other format under this ending."
+            "the file is complete, and that its ending fits its format."
         ) from error
     return [(mesh, transform) for mesh, transform in placed if isinstance(mesh, trimesh.Trimesh) and len(mesh.faces)]
 

@@ -80,7 +80,7 @@ def _halvings(texture: Rgb) -> list[NDArray[np.float32]]:
     """Return a texture and its mip-maps, each half as wide and high as the one before, down to one pixel."""
     height, width = texture.shape[:2]
     if height & (height - 1) or width & (width - 1):
-        raise ValueError(f"A texture's sides must be powers of two, got {width} x {height}.")
+        raise ValueError(f"The width and height of a texture must be powers of two, got {width} x {height}.")
     chain = [texture.astype(np.float32)]
     while max(chain[-1].shape[:2]) > 1:
         image = chain[-1]

@@ -90,7 +90,7 @@ def _installed_renderer(scene: RenderableScene) -> _NamedRenderer:
 
 
 def _pose_with_a_view(renderer: _NamedRenderer, camera: CameraModel, scene: RenderableScene) -> Pose:
-    """Return a pose (3,) whose image is not blank. One blank image is no proof of a failure, because it may show a bare
+    """Return a pose (3,) whose image is not blank. One blank image does not prove a failure, because it may show a bare
     wall or the open, so several poses are tried.
 
     Raises SceneError if all images are blank.

@@ -1,1 +1,1 @@
-"""What a plug-in of each kind must keep to, as checks that its author can run: `ltvn plugins test NAME`."""
+"""Contracts for each kind of plug-in, as checks that its author can run: `ltvn plugins test NAME`."""

@@ -1,4 +1,4 @@
-"""Which contract belongs to which kind of plug-in, and what can be told of a plug-in without trying it.
+"""Which contract belongs to which kind of plug-in, and the checks of a plug-in without running it.
 
 Owns the contracts of readers (know your own format, and be calm about all others), of robots, as far as these can be
 looked over without driving (parts, images, clock), and of systems (build maps that hold together, the same ones from
@@ -48,14 +48,14 @@ def scene_checks(plugin: Plugin) -> Iterator[ContractCheck]:
         ("opens by its name", lambda: _opens(plugin)),
         [
             ("has free floor", lambda: _has_floor(plugin)),
-            ("has something to see", lambda: _has_surfaces(plugin)),
+            ("has visible surfaces", lambda: _has_surfaces(plugin)),
         ],
     )
 
 
 def _opens(plugin: Plugin) -> str:
     scene = load_scene(plugin.name)
-    require(scene.address == plugin.name, f"its address is {scene.address!r}, by which nobody finds it again")
+    require(scene.address == plugin.name, f"its address is {scene.address!r}, which does not open it again")
     return f"{scene.area_m2:.0f} m2"
 
 
@@ -68,9 +68,9 @@ def _has_floor(plugin: Plugin) -> str:
 
 def _has_surfaces(plugin: Plugin) -> str:
     surfaces = load_scene(plugin.name).surfaces
-    require(len(surfaces.faces) > 0, "it has no triangle")
-    require(int(surfaces.faces.max()) < len(surfaces.vertices), "faces name vertices that there are not")
-    require(int(surfaces.face_texture.max()) < len(surfaces.textures), "faces name textures that there are not")
+    require(len(surfaces.faces) > 0, "it has no triangles")
+    require(int(surfaces.faces.max()) < len(surfaces.vertices), "faces refer to missing vertices")
+    require(int(surfaces.face_texture.max()) < len(surfaces.textures), "faces refer to missing textures")
     return f"{len(surfaces.faces):,} triangles"
 
 
@@ -130,12 +130,12 @@ class SystemContract:
         graph = TopologicalGraph(self.deltas)
         given = {seen.step for seen in self.samples.observations}
         require(bool(graph.nodes), "its map has no node")
-        require({*graph.nodes, *graph.reserve} <= given, "its map has nodes that are no image of the drive")
+        require({*graph.nodes, *graph.reserve} <= given, "its map has nodes that are not images of the drive")
         return f"{len(graph.nodes)} nodes, {len(graph.edges)} edges of {IMAGES} images"
 
     def is_deterministic(self) -> str:
         """Build once more with the same random numbers."""
-        require(self._build() == self.deltas, "the second map is another one; draw from `rng` alone")
+        require(self._build() == self.deltas, "the second map differs; draw random numbers only from `rng`")
         return ""
 
     def weighs_edges(self) -> str:
@@ -154,8 +154,8 @@ class SystemContract:
 def reader_checks(plugin: Plugin) -> Iterator[ContractCheck]:
     """Show a reader files that are none of its business."""
     return run_checks(
-        ("can be asked and opened", lambda: _has_parts(plugin)),
-        [("recognises nothing in what holds nothing", lambda: _recognises_nothing(plugin))],
+        ("recognises and opens a drive", lambda: _has_parts(plugin)),
+        [("does not recognise an empty folder", lambda: _recognises_nothing(plugin))],
     )
 
 
@@ -174,7 +174,7 @@ def _recognises_nothing(plugin: Plugin) -> str:
         (folder / "noise.bin").write_bytes(bytes(range(256)) * 16)
         (folder / "nothing.txt").write_bytes(b"")
         for place in ("empty", "noise.bin", "nothing.txt", "not-there"):
-            require(reader.recognises(folder / place) is False, f"it says that it can read {place}")
+            require(reader.recognises(folder / place) is False, f"it claims to recognise {place}")
     return ""
 
 
@@ -182,11 +182,11 @@ def robot_checks(plugin: Plugin) -> Iterator[ContractCheck]:
     """Make a robot and look through its camera; nothing is driven."""
     contract = RobotContract(plugin)
     return run_checks(
-        ("is made, and takes a first image", contract.is_made),
+        ("is created, and returns a first image", contract.is_made),
         [
-            ("takes images that its camera can take", contract.takes_images),
-            ("counts steps and time upwards", contract.counts_upwards),
-            ("stops when it is told to", contract.stops),
+            ("returns images that fit its camera", contract.takes_images),
+            ("has increasing steps and times", contract.counts_upwards),
+            ("stops at `stop()`", contract.stops),
         ],
     )
 
@@ -241,7 +241,7 @@ class PluginRow:
     works: bool
     """It can be loaded and looks like one; `ltvn plugins test NAME` tells more."""
     why: str
-    """What is wrong with it; empty where it works."""
+    """The problem; empty if it works."""
 
     def __str__(self) -> str:
         mark = "works" if self.works else f"cannot be used: {self.why}"
@@ -272,7 +272,7 @@ def contract_checks(plugin: Plugin, weights: Path | None = None) -> Iterator[Con
 
 
 def _loads(plugin: Plugin) -> Iterator[ContractCheck]:
-    """All that can be told of a verb or a question."""
+    """The only checks of a verb or a question."""
 
     def load() -> str:
         _load(plugin)

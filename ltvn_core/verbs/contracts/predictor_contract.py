@@ -31,13 +31,13 @@ Check: TypeAlias = Callable[[], str]
 
 @dataclass(frozen=True, slots=True)
 class ContractCheck:
-    """What came of one point."""
+    """Result of one check."""
 
     check: str
-    """What the plug-in must do."""
+    """Requirement that is checked."""
     passed: bool
     said: str
-    """What was found, or what is wrong."""
+    """Measured value, or the problem."""
 
     def __str__(self) -> str:
         return f"{'ok     ' if self.passed else 'BROKEN '} {self.check}" + (f": {self.said}" if self.said else "")
@@ -82,7 +82,7 @@ WALL_M = 1.0
 
 
 class SampleImages(NamedTuple):
-    """Images and where they come from."""
+    """Images and their source."""
 
     observations: tuple[Observation, ...]
     """In the order in which they were taken."""
@@ -102,19 +102,19 @@ def predictor_checks(plugin: Plugin, weights: Path | None = None) -> Iterator[Co
     """Open a predictor for the demo map's images, with weights or a card, and look at all points of its contract."""
     contract = PredictorContract(plugin, sample_images(IMAGES), weights)
     return run_checks(
-        ("opens and says what it is", contract.opens),
+        ("opens and has a card", contract.opens),
         [
             ("encodes one row for each image", contract.encodes_rows),
-            ("encodes an image alike in whatever order they come", contract.encodes_in_any_order),
+            ("encodes an image the same way in any order", contract.encodes_in_any_order),
             ("returns r in [0, 1] and finite waypoints", contract.returns_numbers),
-            ("answers the same question alike", contract.is_deterministic),
-            ("compares one source with many targets as with each", contract.broadcasts),
-            ("takes no images and no targets", contract.takes_nothing),
-            ("knows an image again", contract.knows_an_image_again),
-            ("bears a blank image", contract.bears_a_blank_image),
-            ("bears an image without depth, or says that it needs it", contract.bears_no_depth),
+            ("gives the same answer twice", contract.is_deterministic),
+            ("gives the same answer for one target and for many", contract.broadcasts),
+            ("accepts zero images and zero targets", contract.takes_nothing),
+            ("recognises the same image", contract.knows_an_image_again),
+            ("accepts a blank image", contract.accepts_a_blank_image),
+            ("accepts an image without depth, or declares that it needs depth", contract.accepts_no_depth),
             ("can be opened by other processes", contract.opens_in_workers),
-            ("is fast enough to watch", contract.speed),
+            ("is timed", contract.speed),
         ],
     )
 
@@ -129,7 +129,7 @@ class PredictorContract:
 
     @cached_property
     def request(self) -> PredictorRequest:
-        """What it is opened for."""
+        """The request that it is opened with."""
         return PredictorRequest(self.samples.meta.scene, self.weights, self.samples.meta.camera)
 
     @cached_property
@@ -152,7 +152,7 @@ class PredictorContract:
         """Look at what it says of itself."""
         card = predictor_card(self.predictor)
         again = predictor_card(open_plugin(self.plugin, self.request))
-        require(card.fingerprint == again.fingerprint, "its fingerprint is another each time it is opened")
+        require(card.fingerprint == again.fingerprint, "its fingerprint changes each time it is opened")
         if (known := card.likelihoods) is not None:
             require(
                 0 < known.p_success_if_not < known.p_success_if_reachable < 1 and known.sigma2 > 0,
@@ -193,7 +193,7 @@ class PredictorContract:
         same = np.array_equal(first.reachability, second.reachability) and np.array_equal(
             first.waypoints, second.waypoints
         )
-        require(same, "the second answer is not the first one, bit for bit")
+        require(same, "the second answer differs from the first")
         return ""
 
     def broadcasts(self) -> str:
@@ -209,7 +209,7 @@ class PredictorContract:
 
     def takes_nothing(self) -> str:
         """Encode nothing and compare with nothing."""
-        require(len(self.predictor.encode([])) == 0, "encode must return no row for no image")
+        require(len(self.predictor.encode([])) == 0, "encode must return zero rows for zero images")
         self._require_sound(self.predictor.predict(self.features[:1], self.features[:0]), 0)
         return ""
 
@@ -226,38 +226,38 @@ class PredictorContract:
         )
         return f"r at least {least:.2f}, within {100 * farthest:.1f} cm"
 
-    def bears_a_blank_image(self) -> str:
+    def accepts_a_blank_image(self) -> str:
         """Compare a black image of a plain wall with itself and with others."""
         seen = self.images[0]
         depth = np.full(seen.rgb.shape[:2], WALL_M, np.float32)
-        return self._bears(replace(seen, rgb=np.zeros_like(seen.rgb), depth=depth))
+        return self._accepts(replace(seen, rgb=np.zeros_like(seen.rgb), depth=depth))
 
-    def bears_no_depth(self) -> str:
+    def accepts_no_depth(self) -> str:
         """Compare an image without depth with itself and with others."""
         if predictor_card(self.predictor).needs_depth:
-            return "it needs depth, and is given no image without"
-        self._bears(replace(self.images[0], depth=np.zeros(self.images[0].rgb.shape[:2], np.float32)))
-        return self._bears(replace(self.images[0], depth=None))
+            return "not needed: it gets only images with depth"
+        self._accepts(replace(self.images[0], depth=np.zeros(self.images[0].rgb.shape[:2], np.float32)))
+        return self._accepts(replace(self.images[0], depth=None))
 
     def opens_in_workers(self) -> str:
         """Send the factory and the features to another process and back."""
         factory = self.plugin.load()
         require(pickle.loads(pickle.dumps(factory)) is factory, "its factory must be a function or class of a module")
         sent = pickle.loads(pickle.dumps(self.features))
-        self._require_equal(self._compare(sent), self._compare(self.features), "after a way to another process")
+        self._require_equal(self._compare(sent), self._compare(self.features), "after a copy to another process")
         return ""
 
     def speed(self) -> str:
-        """Say how long an image and a pair take; how fast is fast enough, its author knows."""
+        """Say how long an image and a pair take; its author must judge whether that is fast enough."""
         before = time.perf_counter()
         self.predictor.encode(self.images)
         encoded = time.perf_counter()
         self.predictor.predict(self.features[:1], self.features)
         compared = time.perf_counter()
         image_ms, pair_ms = (1e3 * seconds / IMAGES for seconds in (encoded - before, compared - encoded))
-        return f"{image_ms:.1f} ms an image, {pair_ms:.2f} ms a pair"
+        return f"{image_ms:.1f} ms per image, {pair_ms:.2f} ms per pair"
 
-    def _bears(self, seen: Observation) -> str:
+    def _accepts(self, seen: Observation) -> str:
         row = self.predictor.encode([seen])
         self._require_sound(self.predictor.predict(row, self.features), IMAGES)
         self._require_sound(self.predictor.predict(row, row), 1)

@@ -151,5 +151,5 @@ def _temporal_learning(system: str) -> TemporalLearning:
     if learning is not None and system in trained:
         return learning
     raise OptionError(
-        f"{system} has no network of its own that learns by time alone; those that have are: {', '.join(trained)}."
+        f"{system} has no network that can be trained for a given time; these have one: {', '.join(trained)}."
     )

@@ -24,7 +24,7 @@ class BuildSummary(WithDoubts):
     predictor: str
     """Name of the predictor that compared the images."""
     predictor_reason: str
-    """Why this predictor was chosen."""
+    """Reason for the choice of the predictor."""
     frames: int
     """Images of the recording."""
     without_depth: int
@@ -37,11 +37,11 @@ class BuildSummary(WithDoubts):
     known_share: float
     """Share of the images that are nodes of the largest piece or recognised as one; elsewhere a robot is lost."""
     drives: tuple[DriveReport, ...] = ()
-    """What became of each drive, where there are several: how it is joined, and what changed since those before."""
+    """Report on each of several drives: how it is joined, and what changed since the drives before it."""
     goals: tuple[GoalReport, ...] = ()
     """How each of --goals stands to the map: held, unsure or not held, and which node is most like it instead."""
     findings: tuple[Finding, ...] = ()
-    """What is doubtful of the drive or of the map; nothing where all is well."""
+    """Doubts about the drive or the map; empty if there are none."""
 
 
 def build_map(options: BuildVerb) -> Summary:

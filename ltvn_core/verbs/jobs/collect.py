@@ -25,7 +25,7 @@ MANY_WITHOUT_DEPTH = 0.3
 
 @dataclass(frozen=True)
 class CollectSummary(WithDoubts):
-    """What a tour brought home."""
+    """Summary of a mapping drive."""
 
     recording: Path
     scene: str
@@ -36,7 +36,7 @@ class CollectSummary(WithDoubts):
     driven_s: float
     """Robot time."""
     findings: tuple[Finding, ...] = ()
-    """What is doubtful of the drive; nothing where all is well."""
+    """Doubts about the drive; empty if there are none."""
 
 
 def collect(options: CollectVerb) -> CollectSummary:

@@ -1,6 +1,6 @@
 """The whole main job without a browser: collect, build, navigate with maintenance, record. Part of `ltvn demo`.
 
-With `--story` a door closes on the planned way, and the map learns.
+With `--story` a door closes on the planned path, and the map learns.
 """
 
 import logging
@@ -43,7 +43,7 @@ _LOG = logging.getLogger(__name__)
 
 @dataclass(frozen=True, kw_only=True)
 class DemoSummary(QueriesSummary):
-    """What happened, in numbers."""
+    """Results in numbers."""
 
     recording: Path
     map: Path | None
@@ -51,7 +51,7 @@ class DemoSummary(QueriesSummary):
     frames: int
     """Images of the mapping tour."""
     nodes: int
-    """In the map at the end."""
+    """Number of nodes in the map at the end."""
     edges: int
     predictor: str
     preset: str
@@ -62,14 +62,14 @@ class DemoSummary(QueriesSummary):
 
 @dataclass(frozen=True)
 class StorySummary:
-    """What the map learned when a door closed and opened again."""
+    """Changes of the map when a door closed and opened again."""
 
     absent: int
     """Edges that were seen blocked."""
     rerouted: bool
     """Whether a plan turned away from the closed door."""
     added: int
-    """Nodes and edges that driving brought in."""
+    """Nodes and edges that driving added."""
     returned: int
     """Edges that were seen blocked, and open again later."""
     captions: list[str]
@@ -259,7 +259,7 @@ def _play(story: DoorStory, runner: HeadlessRunner, rng: np.random.Generator) ->
 
 
 def _ready_made(scene: str, predictor: Predictor) -> LoadedMap | None:
-    """Return the map that comes with the demo apartment; None elsewhere, and where other weights are in use."""
+    """Return the shipped map of the demo apartment; None elsewhere, and where other weights are in use."""
     place = demo_file(DEMO_MAP) if scene == "demo" else None
     known = None if place is None else load_map(place)
     return known if known is not None and known.meta.fingerprint == predictor.fingerprint else None

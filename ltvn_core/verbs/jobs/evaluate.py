@@ -28,7 +28,7 @@ from ltvn_core.verbs.jobs.evaluation_progress import PartSummary, progress_on_ba
 
 @dataclass(frozen=True)
 class EvaluateSummary:
-    """What the episodes of all scenes and seeds came to."""
+    """Results of the episodes of all scenes and seeds."""
 
     scenes: tuple[str, ...]
     method: str
@@ -56,7 +56,7 @@ class EvaluateSummary:
     images_without_depth: int
     """Images of all mapping drives in which the camera found no depth; they are in the drives and not in the maps."""
     folder: Path
-    """Holds drives, weights, maps and results; called again, the verb goes on from there."""
+    """Folder of drives, weights, maps and results; a second call of the verb continues from them."""
     wall_s: float
 
 
@@ -78,7 +78,7 @@ def trial_plans(
         or len({*options.scene}) < len(options.scene)
         or len({*options.seed}) < len(options.seed)
     ):
-        raise OptionError("--scene and --seed need one value at least, and none of them twice.")
+        raise OptionError("--scene and --seed need at least one value, and no value twice.")
     for scene in options.scene:
         check_scene(scene)  # Before weights are fine-tuned for any other.
     protocol = _protocol(options, episodes)

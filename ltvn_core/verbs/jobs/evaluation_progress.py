@@ -1,4 +1,4 @@
-"""What tests that take long say of their progress: a bar while they run, and a summary where others are not all done.
+"""Progress of long tests: a bar while they run, and a summary if other parts are unfinished.
 
 The bar is that of `ltvn evaluate` and `ltvn lifelong`: first over the preparation of maps, then over the work.
 """
@@ -14,7 +14,7 @@ from ltvn_core.evaluation.preparation_progress import EvaluationProgress
 
 @dataclass(frozen=True)
 class PartSummary:
-    """What a part of a test did; the other parts are not all done."""
+    """Results of one part of a test, while other parts are unfinished."""
 
     part: str
     done: int

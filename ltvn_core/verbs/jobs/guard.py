@@ -27,7 +27,7 @@ class GuardSummary:
 def guard_robot(options: GuardVerb) -> Summary:
     """Guard until interrupted; raises OptionError and RobotError."""
     if options.depth_stop is not None and not 0 < options.depth_stop <= 5:
-        raise OptionError(f"--depth-stop is a distance above 0 and up to 5 m, got {options.depth_stop}.")
+        raise OptionError(f"--depth-stop must be a distance above 0 and up to 5 m, got {options.depth_stop}.")
     profile, address = split_address(options.robot)
     with ZenohLink.connect(address, node="ltvn_guard", domain=profile.domain) as link:
         guard = Guard(link, profile, depth_stop_m=options.depth_stop)

@@ -35,7 +35,7 @@ from ltvn_core.verbs.verb import Summary
 
 @dataclass(frozen=True, kw_only=True)
 class ConditionSummary:
-    """The figures of one condition; None where they need truth, or pairs, that the recording does not have."""
+    """The figures of one condition; None if they need truth, or pairs, that the recording does not have."""
 
     auc: float | None
     near_recall: float | None
@@ -49,7 +49,7 @@ class ConditionSummary:
     ece: float | None
     """Expected calibration error."""
     nodes: int
-    """Of a map that is built from the images but those left out."""
+    """Number of nodes of the map, which is built without the images that were left out."""
     edges: int
     pieces: int
     largest_piece_share: float
@@ -68,17 +68,17 @@ class ConditionSummary:
 
 @dataclass(frozen=True, kw_only=True)
 class JudgeSummary(ConditionSummary, WithDoubts):
-    """What a predictor was judged to be worth."""
+    """Accuracy of a predictor."""
 
     recording: Path
     part: str
-    """Of it, that was judged."""
+    """Part of the recording that was judged."""
     against: Path | None
     predictor: str
     predictor_reason: str
-    """Why this one."""
+    """Reason for the choice of the predictor."""
     weights: Path | None
-    """Those instead of the predictor's own."""
+    """Weights that replaced the predictor's own."""
     fingerprint: str
     """Names the weights."""
     images: int
@@ -94,7 +94,7 @@ class JudgeSummary(ConditionSummary, WithDoubts):
     perturbed: dict[str, ConditionSummary]
     """The same figures under each perturbation."""
     findings: tuple[Finding, ...]
-    """What is doubtful of these figures."""
+    """Doubts about these figures."""
     report: Path | None
 
 

@@ -25,7 +25,7 @@ from ltvn_core.verbs.verb import Summary
 
 @dataclass(frozen=True)
 class LifelongSummary:
-    """What the lifelong tests of all scenes and seeds came to."""
+    """Results of the lifelong tests of all scenes and seeds."""
 
     scenes: tuple[str, ...]
     preset: str
@@ -36,17 +36,17 @@ class LifelongSummary:
     every: int
     """Queries between two static tests."""
     episodes: int
-    """Of each static test."""
+    """Number of episodes of each static test."""
     all: LifelongMetrics
     by_scene: dict[str, LifelongMetrics]
     folder: Path
-    """Holds drives, weights, maps and results; called again, the verb goes on from there."""
+    """Folder of drives, weights, maps and results; a second call of the verb continues from them."""
     wall_s: float
 
 
 @dataclass(frozen=True, kw_only=True)
 class WorldSummary(WorldMetrics):
-    """What the queries in a changing world came to; the numbers are those of the first maintenance."""
+    """Results of the queries in a changing world; the numbers are those of the first maintenance."""
 
     world: str
     days: float
@@ -55,7 +55,7 @@ class WorldSummary(WorldMetrics):
     without: tuple[str, ...]
     seeds: tuple[int, ...]
     maintenance: str
-    """The first that was asked for."""
+    """The first maintenance of the command line."""
     by_maintenance: dict[str, WorldMetrics]
     """All numbers of each maintenance."""
     folder: Path
@@ -70,13 +70,13 @@ def run_lifelong_test(options: LifelongVerb) -> Summary:
     if len({*options.maintenance}) < len(options.maintenance):
         raise OptionError("--maintenance has a name twice.")
     if options.world is not None and options.conditions:
-        raise OptionError("A --world has light and doors of its own; leave --conditions out, or name no world.")
+        raise OptionError("A --world already changes light and doors; omit --conditions or --world.")
     if options.world is not None:
         return _in_world(options, options.world)
     if len(options.maintenance) > 1 or {"truth", "brm-rooms"} & {*options.maintenance}:
         raise OptionError(
-            "Without --world, --maintenance takes one name, and not truth or brm-rooms, which ask the world. Name "
-            "a world that changes, or run the command once for each."
+            "Without --world, --maintenance takes one name, and not truth or brm-rooms, which need a simulated world. "
+            "Name a --world, or run the command once for each."
         )
     return _without_world(options, options.maintenance[0] if options.maintenance else None)
 

@@ -34,18 +34,18 @@ _FEWEST_IMAGES = 10
 
 @dataclass(frozen=True)
 class MeasureSummary:
-    """What simulated driving showed; `driving` holds all of it."""
+    """Measurements of simulated driving; `driving` contains all of them."""
 
     card: Path | None
     """The card that was written, if it was asked for."""
     refused: str | None
-    """Why these figures cannot be the method's constants and were not written; None if they can."""
+    """Reason why these figures cannot be the method's constants and were not written; None if they can."""
     p_success_if_reachable: float
     """p(s given r), Laplace's estimate."""
     p_success_if_not: float
     """p(s given not r), Laplace's estimate; the method's general one where no false edge looked like an edge."""
     sigma: float
-    """Of d."""
+    """Standard deviation of d."""
     driving: DrivingMeasurements
 
 
@@ -75,12 +75,14 @@ def _check(options: MeasureVerb) -> None:
     if not options.scenes:
         raise OptionError("--scenes needs at least one scene by name.")
     if options.write and options.predictor not in (AUTO, "network", "geometric"):
-        raise OptionError(f"--write is for network and geometric; {options.predictor} says itself what was measured.")
+        raise OptionError(
+            f"--write works only with network and geometric; {options.predictor} has its measurements in its own card."
+        )
     if options.attempts < 2 * len(options.scenes):
         raise OptionError(f"--attempts must be two or more per scene, so {2 * len(options.scenes)} or more.")
     if options.images < _FEWEST_IMAGES:
         raise OptionError(
-            f"--images must be {_FEWEST_IMAGES} or more, got {options.images}; fewer have hardly an edge."
+            f"--images must be {_FEWEST_IMAGES} or more, got {options.images}; with fewer there is hardly an edge."
         )
 
 

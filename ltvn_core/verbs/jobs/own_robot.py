@@ -39,7 +39,7 @@ def collect_with(options: CollectVerb) -> CollectSummary:
         )
         begun_s = time.monotonic()
         has_depth: list[bool] = []
-        _LOG.info(open_loop_word(own) or "Recording; drive the robot by its own controls. Ctrl-C ends it.")
+        _LOG.info(open_loop_word(own) or "Recording; drive the robot with its own controls. Ctrl-C ends the recording.")
         with run.open_writer(options.output) as writer:
             most_s = options.seconds or np.inf
             images = watch_drive(robot, lambda: getattr(own, "is_over", False) or time.monotonic() - begun_s >= most_s)
@@ -60,9 +60,11 @@ def collect_with(options: CollectVerb) -> CollectSummary:
 def navigate_with(options: NavigateOptions, name: str) -> NavigateSummary:
     """Drive a robot to goals of a map; "reached" is the robot's own belief, because the truth is unknown."""
     if options.world is not None:
-        raise OptionError("--world changes a simulated scene; leave it out with a robot of your own.")
+        raise OptionError("--world changes a simulated scene; omit it with your own robot.")
     if options.maintenance in ("truth", "brm-rooms"):
-        raise OptionError(f"--maintenance {options.maintenance} asks the simulator; choose another with a robot.")
+        raise OptionError(
+            f"--maintenance {options.maintenance} needs the simulator; choose another one with your own robot."
+        )
     started = time.monotonic()
     rng = np.random.default_rng(options.seed)
     known = options.open_map()

@@ -32,7 +32,7 @@ from ltvn_core.verbs.verb import Summary
 
 @dataclass(frozen=True)
 class PlantSummary:
-    """What was planted, and what became of the queries that met it."""
+    """Planted faults, and the results of the queries that met them."""
 
     recording: Path
     faults: tuple[Fault, ...]
@@ -41,7 +41,7 @@ class PlantSummary:
     edges: int
     outcome: QueriesSummary
     pruned_spurious: int
-    """How many of the edges that were pruned are spurious by the truth."""
+    """Number of pruned edges that are spurious by the truth."""
     wall_s: float
 
 
@@ -60,7 +60,7 @@ def _drive(options: PlantVerb) -> PlantSummary:
     loaded = load_map(options.map)
     graph = loaded.graph
     if len(graph.nodes) < 2:
-        raise MapError(f"{options.map} has one node; faults lie between nodes, so choose a larger map.")
+        raise MapError(f"{options.map} has one node, but faults join nodes; choose a larger map.")
     opened = TopologicalMap.open(loaded, predictor=options.predictor, weights=options.weights, with_reserve=False)
     known = replace(opened, system=_system(options, opened.predictor, loaded))
     truth = GroundTruth(load_scene(known.scene).clearance, lambda node: loaded.observations[node])

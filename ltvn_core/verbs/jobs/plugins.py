@@ -21,12 +21,12 @@ class PluginsSummary:
 
     plugins: tuple[PluginRow, ...]
     broken: int
-    """How many of them cannot be used."""
+    """Number of plug-ins that cannot be used."""
 
 
 @dataclass(frozen=True)
 class PluginTestSummary:
-    """What came of the contract test of one plug-in."""
+    """Result of the contract test of one plug-in."""
 
     group: str
     name: str

@@ -31,7 +31,7 @@ _LOG = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class ViewSummary:
-    """Where the viewer was."""
+    """Address of the viewer."""
 
     url: str
 

@@ -18,14 +18,14 @@ from ltvn_core.verbs.verb import Summary
 
 @dataclass(frozen=True)
 class ReportSummary:
-    """What was written."""
+    """Files that were written."""
 
     output: Path
     results: Path
     """All results in one file."""
     page: Path | None
     pictures: tuple[Path, ...]
-    """Of the page."""
+    """Figures of the page."""
     trials: int
     lifelong: int
     worlds: int

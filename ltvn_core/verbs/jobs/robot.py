@@ -18,7 +18,7 @@ from ltvn_core.verbs.verb import Summary
 def check_robot(options: RobotVerb) -> Summary:
     """Watch a robot, and drive it if asked to; raises OptionError, DriveError, RobotError and MapError."""
     if not 0.5 <= options.seconds <= 600:
-        raise OptionError(f"--seconds is from 0.5 to 600, got {options.seconds}.")
+        raise OptionError(f"--seconds must be from 0.5 to 600, got {options.seconds}.")
     drive = NamedDrive.find(options.robot)
     if drive is None and "@" not in options.robot:
         raise OptionError(
@@ -45,7 +45,7 @@ def _live(options: RobotVerb) -> Summary:
 
 def _recorded(options: RobotVerb, drive: NamedDrive) -> Summary:
     if options.drive:
-        raise OptionError(f"--drive: {options.robot} is a recorded drive, which can be watched alone.")
+        raise OptionError(f"--drive: {options.robot} is a recorded drive, which cannot be driven.")
     report = look_over_drive(drive, seconds=options.seconds)
     if options.map is None:
         return report
@@ -87,7 +87,7 @@ class _HurriedTime:
 def _opened(path: Path) -> TopologicalMap:
     known = TopologicalMap.load(path, with_reserve=False)
     if not known.graph.nodes:
-        raise MapError(f"The map of {path} is empty, so nobody can be anywhere in it.")
+        raise MapError(f"The map of {path} is empty, so the robot cannot be found in it.")
     return known
 
 

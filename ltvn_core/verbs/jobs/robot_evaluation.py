@@ -36,7 +36,7 @@ PHASES: tuple[Phase, ...] = get_args(Phase)
 
 @dataclass(frozen=True)
 class RobotEvaluationSummary:
-    """What a robot reached before and after it learned from queries."""
+    """Success of a robot before and after it learned from queries."""
 
     robot: str
     map: Path
@@ -48,10 +48,10 @@ class RobotEvaluationSummary:
     pruned: int
     """Edges that the queries took away."""
     added: int
-    """Nodes and edges that they brought in."""
+    """Nodes and edges that they added."""
     driven_m: float
     folder: Path
-    """Holds episodes.jsonl, the recordings and the maps; called again, the verb goes on from there."""
+    """Folder of episodes.jsonl, the recordings and the maps; a second call of the verb continues from them."""
     wall_s: float
 
 

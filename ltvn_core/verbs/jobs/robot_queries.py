@@ -1,4 +1,4 @@
-"""Queries with a robot that is not simulated: time passes by itself, and everything is written down.
+"""Queries with a robot that is not simulated: time passes in real time, and everything is recorded.
 
 Owns the robot's end: it is stopped and closed, whatever happens. Simulated runs are written down and summed up in the
 same way.
@@ -31,9 +31,9 @@ _LOG = logging.getLogger(__name__)
 
 @contextmanager
 def opened_robot(name: str, *, drives: bool = True) -> Iterator[Robot]:
-    """Open a robot; it is stopped and closed, whatever happens.
+    """Open a robot, and stop and close it at the end, even after an error.
 
-    Raises PluginError, DriveError, RobotError, and OptionError where it `drives` and the robot obeys no command.
+    Raises PluginError, DriveError, RobotError, and OptionError if `drives` is set but the robot accepts no commands.
     """
     robot = open_robot(name)
     try:
@@ -46,7 +46,7 @@ def opened_robot(name: str, *, drives: bool = True) -> Iterator[Robot]:
 
 
 def continued_robot(own: Robot, known: TopologicalMap) -> ContinuedRobot:
-    """Return a robot seen through the camera of a map's images, whose steps and stamps go on from theirs."""
+    """Return a robot seen through the camera of a map's images, whose steps and stamps continue theirs."""
     last = known.keyframes.observation(known.keyframes.frames[-1])
     return ContinuedRobot(fit_camera(own, known.predictor.camera), last_step=last.step, last_stamp_s=last.stamp)
 
@@ -85,7 +85,7 @@ class QueriesSummary:
     pruned: int
     """Edges that maintenance took away."""
     added: int
-    """Edges and nodes that maintenance brought in."""
+    """Edges and nodes that maintenance added."""
     failures: dict[str, int]
     """How the other queries ended, in the robot's own words; "arrived" means that it was wrong about that."""
 

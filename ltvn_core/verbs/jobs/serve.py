@@ -25,7 +25,7 @@ class ServeSummary:
 
     scene: str
     address: str
-    """Where the router was."""
+    """Address of the router."""
     driven_s: float
     """Robot time."""
     collisions: int
@@ -34,12 +34,14 @@ class ServeSummary:
 def serve_robot(options: ServeVerb) -> Summary:
     """Serve until interrupted; raises OptionError, RobotError and SceneError."""
     if options.listen and options.connect:
-        raise OptionError("--listen and --connect are two ways to be reached; give one.")
+        raise OptionError("--listen and --connect exclude each other; give one.")
     if not 16 <= options.width <= 1920:
-        raise OptionError(f"--width is from 16 to 1920, got {options.width}.")
+        raise OptionError(f"--width must be from 16 to 1920, got {options.width}.")
     profile = open_profile(options.profile)
     if profile.camera.quarter_turns or profile.camera.roll_deg:
-        raise OptionError(f"{profile.name} has its camera on its side, and the simulator draws upright; use another.")
+        raise OptionError(
+            f"{profile.name} has its camera on its side, which the simulator does not support; use another profile."
+        )
     start = None if options.start is None else np.array([*options.start[:2], math.radians(options.start[2])])
     simulation = open_simulation(
         options.scene,
@@ -50,12 +52,12 @@ def serve_robot(options: ServeVerb) -> Summary:
         body=options.body,
     )
     if start is not None and simulation.scene.clearance.at(start[:2]) < profile.body.radius_m:
-        raise OptionError(f"--start {start[0]:g} {start[1]:g} is in or beside something that stands there.")
+        raise OptionError(f"--start {start[0]:g} {start[1]:g} is too close to an obstacle.")
     join = ZenohLink.connect if options.connect else ZenohLink.listen
     robot = simulation.robot
     with join(options.connect or options.listen or LOOPBACK, node="ltvn_simulator", domain=profile.domain) as link:
         served = ServedRobot(robot, link, profile, truth=lambda: robot.exact_pose)
-        _LOG.info("Serving %s in %s at %s; Ctrl-C ends it.", profile.name, simulation.scene.name, link.address)
+        _LOG.info("Serving %s in %s at %s; Ctrl-C stops it.", profile.name, simulation.scene.name, link.address)
         with suppress(KeyboardInterrupt):
             served.run(lambda: False)
     return ServeSummary(simulation.scene.name, link.address, robot.stamp, robot.collisions)

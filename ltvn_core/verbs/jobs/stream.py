@@ -1,4 +1,4 @@
-"""What a run that can be watched in Rerun says to the person who started it."""
+"""Messages to the person who started a run that can be watched in Rerun."""
 
 import logging
 
@@ -10,9 +10,9 @@ _LAST_PORT = 65535
 
 
 def announce_stream(port: int | None) -> int | None:
-    """Say how to watch what is recorded at `port`, and return it; None, which nobody can watch, is passed on.
+    """Print how to watch the recording at `port`, and return the port; None means no stream.
 
-    Raises OptionError for a number that is no port.
+    Raises OptionError for an invalid port.
     """
     if port is None:
         return None

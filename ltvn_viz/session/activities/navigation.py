@@ -35,9 +35,9 @@ class Navigation:
         self._step_ends_s = 0.0
         self._steps_left: int | None = None
         self.held_because = ""
-        """Why the robot is stopped in the middle of a control step; empty while it is not."""
+        """Reason why the robot is stopped in the middle of a control step; empty if it is not."""
         self.is_stopping = False
-        """Whether the query was cancelled and its last events are still to come."""
+        """Whether the query was cancelled and its last events have not arrived yet."""
         self.over = False
         """Whether the query has ended and the robot is free."""
 

@@ -64,7 +64,7 @@ class ReplayMethods:
             choice = ImageSource.of(meta).choose()
             return None if self._is_the_robots(choice, meta.camera) else self._open(choice, meta)
         except LtvnError as error:
-            logger.info("The images of the recording are compared as the robot's are: %s", error)
+            logger.info("The recording's images are compared with the same predictor as the robot's: %s", error)
             return None
 
     def _is_the_robots(self, choice: PredictorChoice, camera: CameraModel) -> bool:

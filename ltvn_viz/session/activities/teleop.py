@@ -20,7 +20,7 @@ from ltvn_viz.wishes.commands import Mode
 KEYFRAME_M = 0.12
 KEYFRAME_RAD = float(np.deg2rad(10))
 LAG_LIMIT = 50
-"""Largest number of keyframes that wait for the mapper; older ones are left out of the map, but are recorded."""
+"""Largest number of keyframes that wait for the mapper; older ones are recorded, but not added to the map."""
 
 
 class Teleop:

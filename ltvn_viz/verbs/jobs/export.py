@@ -64,7 +64,7 @@ def _end(options: ExportVerb) -> tuple[float | None, ExportFormat | None]:
     except ValueError as error:
         raise OptionError(f"--to takes a format ({', '.join(names)}) or seconds, got {options.to!r:.40}.") from error
     if options.until is not None:
-        raise OptionError("--to names seconds already; --until goes with --to FORMAT.")
+        raise OptionError("--to already gives seconds; use --until only with --to FORMAT.")
     return seconds, None
 
 
@@ -72,11 +72,11 @@ def _check(options: ExportVerb, to_format: ExportFormat | None) -> None:
     if to_format is not None:
         _check_format(options, to_format)
     elif (options.floor_plan or options.align) and not (options.html or options.svg):
-        raise OptionError("--floor-plan lies under a map; it goes with --html, --svg and the formats of maps.")
+        raise OptionError("--floor-plan needs a map; use it with --html, --svg or a format of maps.")
     elif options.output is None and options.html is None and options.svg is None:
-        raise OptionError("Nothing to write: name --output for a moment, or --html or --svg for a picture of the map.")
+        raise OptionError("Nothing to write: give --output for a recording, or --html or --svg for the map.")
     if options.test is not None and options.output is None:
-        raise OptionError("--test is about a moment; name --output, the recording that the test opens.")
+        raise OptionError("--test needs --output, the recording that the test opens.")
     for path in (options.test, options.html, options.svg):
         if path is not None and path.exists():
             raise OptionError(f"{path} exists already and is never overwritten; name another file.")
@@ -87,13 +87,13 @@ def _check_format(options: ExportVerb, to_format: ExportFormat) -> None:
     if options.output is None:
         raise OptionError(f"--to {name} needs --output, the file or folder to write.")
     if options.html or options.svg or options.test or options.named_only:
-        raise OptionError(f"--to {name} writes one thing alone; leave out --html, --svg, --test and --named-only.")
+        raise OptionError(f"--to {name} writes only one output; omit --html, --svg, --test and --named-only.")
     if not to_format.is_map and (options.floor_plan or options.align):
-        raise OptionError(f"--to {name} writes a drive; --floor-plan goes with graphml, geojson and nav2-route.")
+        raise OptionError(f"--to {name} writes a drive; use --floor-plan only with graphml, geojson and nav2-route.")
     if to_format.is_map and (options.from_s is not None or options.until is not None):
-        raise OptionError(f"--to {name} writes the map at the end; --from and --until choose frames of a drive.")
+        raise OptionError(f"--to {name} writes the map at the end; use --from and --until only for drives.")
     if options.output.suffix == ".rrd":
-        raise OptionError(f"--to {name} writes no recording; give --output another ending than .rrd.")
+        raise OptionError(f"--to {name} does not write a recording; --output must not end in .rrd.")
 
 
 def _export(options: ExportVerb, to_format: ExportFormat, to_s: float | None) -> Summary:

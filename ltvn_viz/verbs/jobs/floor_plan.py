@@ -34,13 +34,13 @@ def lay_floor_plan(options: FloorPlanOptions, map_file: Path | None) -> LaidFloo
     """
     if options.floor_plan is None:
         if options.align:
-            raise OptionError("--align says where a floor plan lies; name it by --floor-plan map.yaml.")
+            raise OptionError("--align gives the position of a floor plan; name the plan with --floor-plan map.yaml.")
         return None
     plan = FloorPlan.open(options.floor_plan)
     if not options.align:
         return LaidFloorPlan(plan, np.zeros(3))
     if map_file is None:
-        raise OptionError("--align names nodes of a map; name the map too, by --map.")
+        raise OptionError("--align refers to nodes of a map; give the map with --map.")
     poses = placed_map(Recording.open(map_file)).poses
     alignment = align_floor_plan(options.align, poses)
     laid = plan.moved(alignment.pose)

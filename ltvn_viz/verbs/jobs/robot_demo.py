@@ -73,7 +73,7 @@ def start_router(address: str) -> BaseProcess:
     """Start a router at an address, and wait until it answers. Raises RobotError."""
     router = _process(_route, (address,))
     _, host, port = check_address(address)
-    _until(lambda: _answers(host, port), [router], f"No router came up at {address}.")
+    _until(lambda: _answers(host, port), [router], f"No router started at {address}.")
     return router
 
 
@@ -118,7 +118,7 @@ def _until(ask: Callable[[], object], processes: Sequence[BaseProcess], failure:
     ends_s = time.monotonic() + _PATIENCE_S
     while not ask():
         if time.monotonic() > ends_s or any(each.exitcode is not None for each in processes):
-            raise RobotError(f"The robot did not come up: {failure} The lines above say why.")
+            raise RobotError(f"The robot did not start: {failure} The lines above say why.")
         time.sleep(_LOOK_S)
 
 
@@ -169,7 +169,7 @@ _LOG = logging.getLogger(__name__)
 def drive_robot(options: DemoVerb) -> Summary:
     """Start a ROS 2 robot and the page that drives it; in the demo apartment, use its ready-made map."""
     if options.headless or options.story:
-        raise OptionError("--robot is for the page; leave --headless and --story out.")
+        raise OptionError("--robot needs the page; omit --headless and --story.")
     _LOG.info("Starting a router, the simulated robot and its guard…")
     with robot_processes(options.scene, "--seed", str(options.seed), "--body", options.body) as robot:
         _LOG.info("For other programs of ROS 2 the robot is at %s.", robot.address)

@@ -164,7 +164,7 @@ def test_the_prune_threshold_is_shown_by_the_name_it_was_asked_for_by() -> None:
     "text", ["", "prunes", "edge 12", "edge a->b", "margin = 3", "margin < ", "p(12->40)", "p < 0.5", "node -1"]
 )
 def test_a_mistyped_breakpoint_is_answered_with_what_is_valid(text: str) -> None:
-    with pytest.raises(OptionError, match=r"is no breakpoint; write one of: prune, expand.*edge 12->40"):
+    with pytest.raises(OptionError, match=r"breakpoint.*: prune, expand.*edge 12->40"):
         parse_breakpoint(text)
 
 

@@ -117,7 +117,7 @@ def test_an_image_is_as_new_as_the_network_says() -> None:
 def test_where_nothing_is_left_to_mend_the_rim_is_next() -> None:
     poses = np.array([[0.2 * k, 0.5, np.pi * (k % 2)] for k in range(20)])
     advice = coached(chain(poses), poses)
-    assert str(advice.hint) == "All is well here. Go beyond the rim of what you have seen, right where you are."
+    assert "beyond what you have seen, right where you are" in str(advice.hint)
     assert advice.target is not None
     assert advice.target.x_m in (0.0, pytest.approx(3.8))
 

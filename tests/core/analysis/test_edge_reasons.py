@@ -48,11 +48,11 @@ def test_an_edge_goes_with_its_node_or_with_its_map() -> None:
     dropped = [*example_runs.two_failures(), *example_runs.at(190, GraphChanged(NodeDropped(1, Cause.HAND)))]
     assert (
         edge_explanation.explain_pruned_edge(Timeline.of(dropped), 0, 1)[-1].text
-        == "It went with node 1, which left by hand."
+        == "It was removed together with node 1, by hand."
     )
     replaced = [*example_runs.two_failures(), *example_runs.at(190, example_runs.node(0, cause=Cause.LOAD))]
     assert (
-        "another one came in with a map out of a file"
+        "another map replaced this one, with a map from a file"
         in edge_explanation.explain_pruned_edge(Timeline.of(replaced), 0, 1)[-1].text
     )
 
@@ -66,8 +66,7 @@ def test_a_weak_edge_is_weak_because_of_what_driving_taught() -> None:
 
 def test_an_edge_nobody_drove_is_as_weak_as_the_network_made_it() -> None:
     assert (
-        "as it came in: p = 0.90, length (mu) = 1.50"
-        in edge_explanation.explain_edge_belief(example_runs.timeline(), 0, 3)[-1].text
+        "p = 0.90, length (mu) = 1.50" in edge_explanation.explain_edge_belief(example_runs.timeline(), 0, 3)[-1].text
     )
 
 
@@ -130,7 +129,7 @@ def test_a_missing_edge_is_missing_because_of_a_threshold() -> None:
         )
     ]
     assert texts == [
-        "There never was an edge 0 -> 2.",
+        "There has never been an edge 0 -> 2.",
         "The network would not join them: d = 2.00 is not below D_c = 1.50.",
     ]
     allowed = edge_explanation.explain_missing_edge(
@@ -142,7 +141,7 @@ def test_a_missing_edge_is_missing_because_of_a_threshold() -> None:
 def test_a_missing_edge_is_missing_because_a_node_is_only_in_the_reserve() -> None:
     run = [*example_runs.square(), *example_runs.at(10, GraphChanged(FramesReserved((8,), Cause.BUILD)))]
     assert [reason.text for reason in edge_explanation.explain_missing_edge(Timeline.of(run), 1, 8)] == [
-        "There never was an edge 1 -> 8.",
+        "There has never been an edge 1 -> 8.",
         "Node 8 is not in the map, only in the reserve.",
     ]
 
@@ -150,7 +149,7 @@ def test_a_missing_edge_is_missing_because_a_node_is_only_in_the_reserve() -> No
 def test_the_way_back_is_named_and_a_pruned_edge_is_gone_rather_than_missing() -> None:
     assert (
         edge_explanation.explain_missing_edge(example_runs.timeline(), 1, 0)[-1].text
-        == "The way back is there: edge 0 -> 1."
+        == "The reverse edge 0 -> 1 exists."
     )
     assert edge_explanation.explain_missing_edge(example_runs.timeline(), 1, 2)[-1].kind is ExplanationKind.GONE
 
@@ -159,7 +158,7 @@ def test_a_node_is_here_because_the_map_was_built_and_serves_plans() -> None:
     texts = [
         reason.text for reason in edge_explanation.explain_node(Timeline.of(Recording.open(DEMO_DRIVE).events), 921)
     ]
-    assert texts[0] == "Node 921 came in when the map was built."
+    assert texts[0] == "Node 921 was added when the map was built."
     assert texts[1].startswith("It was joined with ")
     assert "plans led through it" in texts[2]
 
@@ -175,8 +174,8 @@ def test_a_node_is_here_because_there_was_no_path_or_nobody_recognised_the_place
     ]
     timeline = Timeline.of(expanded)
     assert [reason.text for reason in edge_explanation.explain_node(timeline, 8)] == [
-        "Node 8 came in because there was no path without it.",
-        "In query 3 no path led from node 2 to 0; a way through image 8 did.",
+        "Node 8 was added because there was no path without it.",
+        "In query 3 no path led from node 2 to 0; a path through image 8 did.",
         "It was joined with 1 node: 2.",
         "1 plan led through it, the last one in query 3.",
     ]
@@ -195,9 +194,9 @@ def test_a_node_tells_when_it_looked_different_and_what_that_was_good_for() -> N
     ]
     timeline = Timeline.of([*example_runs.square(), *example_runs.at(50, *changed)])
     assert [reason.text for reason in edge_explanation.explain_node(timeline, 1)][2:5] == [
-        "It looked different from image 50, where odometry put the robot here: a view of it now.",
+        "Image 50 was taken here by odometry, but looked different, so it became a view of this node.",
         "The robot recognised it by its view 50.",
-        "Its view 50 was the least useful one and made room.",
+        "Its view 50 was removed as the least useful one.",
     ]
 
 

@@ -87,7 +87,7 @@ def test_events_in_disorder_are_put_in_order_and_a_note_says_so() -> None:
     mixed = [*run[:20], *run[30:], *run[20:30]]
     timeline = Timeline.of(mixed)
     assert list(timeline.events) == run
-    assert any("come after a later one" in note for note in timeline.notes)
+    assert any("after a later one" in note for note in timeline.notes)
 
 
 @pytest.mark.parametrize("length", range(0, 40, 3))
@@ -105,7 +105,7 @@ def test_a_query_that_is_cut_has_no_end_and_neither_failed_nor_succeeded() -> No
     (query,) = Timeline.of(run).queries
     assert (query.end, query.outcome, query.succeeded) == (None, None, None)
     assert query.attempts[-1].ended is None
-    assert Timeline.of(run).notes == ("Query 0 is cut: the events end before it does.",)
+    assert "Query 0 is cut" in Timeline.of(run).notes[0]
 
 
 def test_a_query_begun_before_the_last_one_ended_cuts_it() -> None:

@@ -110,7 +110,7 @@ def test_steps_lost_in_recovering_make_a_query_lost() -> None:
 
 
 def test_a_denied_arrival_counts_as_a_setback() -> None:
-    denial = Note("It looked like the goal, but the goal is somewhere else.", Severity.WARN)
+    denial = Note("The place looked like the goal, but the goal is elsewhere.", Severity.WARN)
     run = [*example_runs.square(), *query(0, 20, Outcome.STEP_LIMIT, reached=False)]
     run[-2:-2] = example_runs.at(28, denial)
     (failure,) = failed_queries(Timeline.of(run))
@@ -172,5 +172,5 @@ def test_steady_success_and_few_queries_have_no_dips() -> None:
 
 
 def test_a_window_of_no_queries_is_refused() -> None:
-    with pytest.raises(OptionError, match="choose at least 1"):
+    with pytest.raises(OptionError, match="at least 1"):
         lifelong_success(example_runs.timeline(), window=0)

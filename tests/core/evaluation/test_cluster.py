@@ -87,7 +87,7 @@ def test_parts_are_everything_and_have_nothing_in_common() -> None:
     assert Part.parse("2/3") == Part(2, 3)
     assert Part.parse("") == WHOLE
     for wrong in ("0/3", "4/3", "1", "a/b", "1/2/3"):
-        with pytest.raises(OptionError, match="--part is I/N"):
+        with pytest.raises(OptionError, match="--part must be I/N"):
             Part.parse(wrong)
 
 

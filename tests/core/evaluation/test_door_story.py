@@ -149,7 +149,7 @@ def test_an_edge_fades_a_plan_turns_a_node_appears_and_an_edge_returns(
     story.take(seen(edge, present=False, stamp=1.0))
     assert "absent now, not forgotten" in story.captions[-1]
     story.take(Planned(0, (stage.start,), 1.0))
-    assert "The plan turns" in story.captions[-1]
+    assert "The plan changes" in story.captions[-1]
     for observation in list(known.observations.values())[:3]:
         story.take(GraphChanged(NodeAdded(node_from_observation(observation), Cause.NOVEL)))
     assert "New nodes appear" in story.captions[-1]
@@ -195,7 +195,7 @@ def test_a_robot_that_went_round_without_seeing_why_is_sent_out_again(story_map:
     assert isinstance(carried, Carry)
     assert np.array_equal(carried.pose, story_map.pose(stage.start))
     assert story.next_step(is_idle=True) == GoTo(stage.goal)
-    assert "tries again" in story.captions[-1]
+    assert "starts again" in story.captions[-1]
 
 
 def test_where_no_way_leads_round_the_robot_is_called_back(story_map: StoryMap, unknown: UnknownWay) -> None:

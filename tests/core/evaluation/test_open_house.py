@@ -81,7 +81,7 @@ def test_the_evaluation_ends_and_counts_the_images_without_depth(
     assert trial.without_depth == len(blind)
     assert not set(load_results(files.drive_truth, DriveGroundTruth).goals) & set(blind)
     notes = [stamped.event.text for stamped in drive.events if isinstance(stamped.event, Note)]
-    assert f"Image {blind[0]} has no depth: it is kept, and not used where depth is needed." in notes
+    assert any(f"Image {blind[0]} has no depth" in note for note in notes)
 
 
 def test_a_collected_drive_says_how_many_images_have_no_depth(plan: TrialPlan, tmp_path: Path) -> None:

@@ -99,5 +99,5 @@ def test_a_perturbation_that_there_is_not_is_refused_with_those_there_are() -> N
     assert chosen_perturbations(["all"]) == PERTURBATIONS
     assert chosen_perturbations(["blur", "flare", "blur"]) == ("blur", "flare")
     assert chosen_perturbations([]) == ()
-    with pytest.raises(OptionError, match=r"does not know fog; name one or several of blur exposure"):
+    with pytest.raises(OptionError, match=r"no perturbation fog.* blur exposure"):
         chosen_perturbations(["blur", "fog"])

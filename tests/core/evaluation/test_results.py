@@ -39,5 +39,5 @@ def test_a_broken_drawing_is_named(tmp_path: Path, content: bytes) -> None:
     path = drawing_path(tmp_path, "ltvn", 100)
     path.write_bytes(content)
 
-    with pytest.raises(OptionError, match=r"ltvn-map-0100\.npz holds no drawing"):
+    with pytest.raises(OptionError, match=r"ltvn-map-0100\.npz is not a drawing"):
         load_drawing(path)

@@ -25,15 +25,15 @@ def test_a_map_of_one_node_is_told(caplog: pytest.LogCaptureFixture) -> None:
     standing = [observation_at(np.array([2.0, 2.0, 0.0]), step) for step in range(30)]
     built = build_map(standing, predictor=FlatPredictor(one_room()))
     assert len(built.graph.nodes) == 1
-    (doubt,) = [doubt for doubt in built.doubts if "one node" in doubt]
-    assert "as if all 30 images showed one place" in doubt
+    (doubt,) = [doubt for doubt in built.doubts if "only one node" in doubt]
+    assert "all 30 images seem to show the same place" in doubt
     assert doubt in caplog.text
 
 
 def test_one_node_that_knows_little_is_not_said_to_be_all_there_was_to_see() -> None:
     alone = TopologicalGraph([NodeAdded(node_from_observation(observation_at(np.zeros(3), 0)), Cause.BUILD)])
     said = " ".join(map(str, map_findings(alone, 199, MapCoverage(0.11, None))))
-    assert "one node" in said
+    assert "only one node" in said
     assert "knows 11%" in said
     assert "one place" not in said
     assert "nearly all 199 images" in " ".join(map(str, map_findings(alone, 199, MapCoverage(0.95, None))))
@@ -126,9 +126,9 @@ def test_why_nothing_came_of_a_drive_is_said_with_what_to_do() -> None:
     camera = CameraModel.from_fov(96, 72, np.radians(50))
     built = build_map(tilted, predictor=BlindPredictor(one_room()), camera=camera, is_lens_known=False)
     said = " ".join(built.doubts)
-    for cause in ("lens is not known", f"{len(images)} of {len(images)} images have no depth", "pitched by -40"):
+    for cause in ("lens is unknown", f"{len(images)} of {len(images)} images have no depth", "pitched by -40"):
         assert cause in said
-    assert "in a row 0 are recognised as one place. The predictor cannot compare" in said
+    assert "consecutive images are recognised as the same place. The predictor cannot compare" in said
     assert sum("Likely cause" in doubt for doubt in built.doubts) == 4
 
 
@@ -180,7 +180,7 @@ def test_a_stretch_that_is_driven_once_is_named_one_way_only_and_one_driven_twic
         " ".join(build_map(drive, predictor=FlatPredictor(one_room(), sight_m=1.0)).doubts) for drive in (once, twice)
     ]
     assert ["of its own drive" in words for words in said] == [True, True]
-    assert ["one way only" in words for words in said] == [True, False]
+    assert ["one direction only" in words for words in said] == [True, False]
 
 
 class PoorPredictor(BlindPredictor):
@@ -193,7 +193,7 @@ class PoorPredictor(BlindPredictor):
 def test_few_key_points_are_named_with_their_number() -> None:
     images = list(tour([(0.7, 0.7), (4.2, 0.7)]))
     assert any(
-        "few key points (87 an image" in doubt
+        "few key points (87 per image" in doubt
         for doubt in build_map(images, predictor=PoorPredictor(one_room())).doubts
     )
 

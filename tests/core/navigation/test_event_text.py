@@ -85,9 +85,7 @@ def test_a_change_of_the_map_names_its_cause(delta: d.GraphDelta) -> None:
 
 def test_a_look_that_follows_places_says_how_sure_it_is() -> None:
     event = e.Localised(3, 20, 4, 0.3, 0.95, None, math.inf, "local", probability=0.31)
-    assert describe_event(event).text == (
-        "at node 4: distance 0.30, reachability 0.95, sure of the place to 31% (local)"
-    )
+    assert describe_event(event).text == ("at node 4: distance 0.30, reachability 0.95, place probability 31% (local)")
 
 
 def test_a_long_plan_is_told_by_its_first_and_last_nodes() -> None:

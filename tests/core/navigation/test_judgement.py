@@ -26,7 +26,7 @@ def test_every_failure_names_its_rule() -> None:
     assert verdict(r=0.2) == (False, "target does not look reachable: r = 0.20, needs 0.50")
     assert verdict(d=0.9) == (False, "target is still too far: d = 0.90, needs 0.70")
     assert verdict(driven_too_often=True) == (False, "driven too often in this query")
-    assert verdict(fits_place=False) == (False, "by all that was seen on the way the target is somewhere else")
+    assert verdict(fits_place=False) == (False, "the images of the whole query say that the target is elsewhere")
 
 
 def test_what_stands_in_the_way_or_goes_in_circles_says_little_about_the_edge() -> None:

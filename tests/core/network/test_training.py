@@ -63,7 +63,7 @@ def test_a_checkpoint_of_another_plan_or_a_cut_one_is_refused(tmp_path: Path) ->
     with pytest.raises(WeightsError, match="another plan"):
         restore_checkpoint(Trainer(replace(PLAN, alpha=9.0), SMALL), path)
     path.write_bytes(path.read_bytes()[:-50])
-    with pytest.raises(WeightsError, match="not a whole checkpoint"):
+    with pytest.raises(WeightsError, match="not a complete checkpoint"):
         restore_checkpoint(trainer(), path)
 
 

@@ -44,10 +44,10 @@ def test_cut_and_foreign_files_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "w.safetensors"
     save_weights(PairNetwork(SMALL), path)
     path.write_bytes(path.read_bytes()[:-100])
-    with pytest.raises(WeightsError, match="not a whole safetensors file"):
+    with pytest.raises(WeightsError, match="not a complete safetensors file"):
         load_weights(path)
     path.write_bytes(b"\x80\x04pickled")
-    with pytest.raises(WeightsError, match="not a whole safetensors file"):
+    with pytest.raises(WeightsError, match="not a complete safetensors file"):
         load_weights(path)
     save_file({"x": torch.zeros(1)}, path)
     with pytest.raises(WeightsError, match="something else"):

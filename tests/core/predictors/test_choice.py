@@ -31,7 +31,7 @@ def test_an_imported_drive_is_real_whatever_its_camera_is() -> None:
 
 def test_a_map_is_gone_on_with_by_the_predictor_that_made_it() -> None:
     made = ImageSource(camera=KINECT, config={"predictor": "oracle"}, fingerprint="oracle")
-    assert str(made.choose()) == "oracle (it made the map)"
+    assert str(made.choose()) == "oracle (the map was built with it)"
     assert made.choose_anew().name == "geometric"
     assert str(made.choose("network")) == "network (as asked)"
 
@@ -44,7 +44,7 @@ def test_maps_of_earlier_versions_were_made_by_the_network_or_the_oracle() -> No
 def test_a_predictor_that_is_not_installed_is_refused_with_those_that_are() -> None:
     with pytest.raises(OptionError, match=r"'clairvoyant'; installed are: network, geometric, oracle"):
         SIMULATED.choose("clairvoyant")
-    with pytest.raises(OptionError, match="Install the package that brings it"):
+    with pytest.raises(OptionError, match="Install the package"):
         replace(SIMULATED, config={"predictor": "clairvoyant"}).choose()
 
 

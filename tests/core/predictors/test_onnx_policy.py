@@ -111,7 +111,7 @@ def test_a_map_is_built_with_a_policy_and_remembers_it(tmp_path: Path) -> None:
         (CARD.replace("10.0", "-1.0"), "above 0"),
         (CARD.replace("policy.onnx", "../policy.onnx"), "beside the card"),
         (CARD.replace("policy.onnx", "other.onnx"), "cannot be read"),
-        ("model = ", "is no TOML"),
+        ("model = ", "is not TOML"),
     ],
 )
 def test_a_card_that_does_not_fit_says_what_is_wrong(tmp_path: Path, wrong: str, says: str) -> None:
@@ -125,7 +125,7 @@ def test_a_damaged_model_and_a_missing_card_are_clear_errors(tmp_path: Path) -> 
     card = policy_card(tmp_path)
     (tmp_path / "policy.onnx").write_bytes(b"no model")
 
-    with pytest.raises(WeightsError, match="no ONNX model"):
+    with pytest.raises(WeightsError, match="not an ONNX model"):
         open_predictor("onnx", weights=card)
     with pytest.raises(WeightsError, match="--weights"):
         open_predictor("onnx")

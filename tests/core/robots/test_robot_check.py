@@ -37,14 +37,14 @@ def at(place: int, **fields: object) -> Change:
 
 
 WRONG: dict[str, tuple[Change, str]] = {
-    "repeated step": (at(7, step=6), "Step 6 came twice"),
-    "backward step": (at(7, step=2), "Step 2 comes after step 6"),
-    "backward stamp": (at(7, stamp=0.2), "goes back from 0.600 s to 0.200 s"),
-    "standing clock": (lambda images: [replace(seen, stamp=1.0) for seen in images], "clock stand still"),
+    "repeated step": (at(7, step=6), "Step 6 appeared twice"),
+    "backward step": (at(7, step=2), "Step 2 follows step 6"),
+    "backward stamp": (at(7, stamp=0.2), "back from 0.600 s to 0.200 s"),
+    "standing clock": (lambda images: [replace(seen, stamp=1.0) for seen in images], "clock stopped"),
     "jump": (at(7, odometry=np.array([100.0, 0.0, 0.0])), "jumps by 99 m"),
     "alike": (
         lambda images: [replace(seen, rgb=images[0].rgb) for seen in images],
-        "are equal, though the robot drove",
+        "are equal, although the robot drove",
     ),
     "covered": (lambda images: [replace(seen, rgb=np.zeros_like(seen.rgb)) for seen in images], "is it covered?"),
 }

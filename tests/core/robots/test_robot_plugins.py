@@ -72,7 +72,7 @@ def test_an_installed_robot_is_found_by_its_name() -> None:
         ("NoSpec", "has no `spec`"),
         ("timeless", "has no `clock`"),
         ("legless", "lacks drive"),
-        ("blind", "takes no image"),
+        ("blind", "returns no image"),
         ("lost", "all finite"),
     ],
 )
@@ -85,7 +85,7 @@ def test_what_is_wrong_with_a_robot_is_said_before_the_page_opens(file: Path, fa
     ("wanted", "said"),
     [
         ("nowhere.py:make_robot", "nowhere.py does not exist"),
-        ("nowhere.py", "names no robot"),
+        ("nowhere.py", "does not name a robot"),
         ("nobody", "No robot is called 'nobody'. Installed robots: none"),
     ],
 )

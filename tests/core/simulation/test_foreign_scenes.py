@@ -31,5 +31,5 @@ def test_a_broken_scene_is_refused_with_the_name_of_its_package(
     source = "def nothing(): return 7\n"
     install(tmp_path, "empty_houses", "[ltvn.scenes]\nnothing = empty_houses:nothing\n", source=source)
     monkeypatch.syspath_prepend(str(tmp_path))
-    with pytest.raises(PluginError, match=r"scene nothing of the package empty_houses .*returns int, no Scene"):
+    with pytest.raises(PluginError, match=r"scene nothing of the package empty_houses .*returns int, not a Scene"):
         load_scene("nothing")

@@ -60,7 +60,7 @@ def test_a_system_knows_no_presence_unless_it_is_asked_for() -> None:
 def test_what_cannot_be_is_refused_with_what_can() -> None:
     with pytest.raises(OptionError, match="static, paper, robust, brm, brm-rooms, persistent"):
         with_maintenance(ltvn_system(ROBUST), "kalman")
-    with pytest.raises(OptionError, match="'brm-rooms' asks the world which rooms"):
+    with pytest.raises(OptionError, match="'brm-rooms' needs to know from the simulator which rooms"):
         with_maintenance(ltvn_system(ROBUST), "brm-rooms")
     with pytest.raises(OptionError, match="simulated worlds"):
         with_maintenance(ltvn_system(ROBUST), "truth")

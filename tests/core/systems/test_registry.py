@@ -90,7 +90,7 @@ def test_no_other_package_takes_the_place_of_an_own_system(tmp_path: Path, monke
     [
         ("cautious_robots:MISSING", "cannot be loaded .*MISSING.* repair or uninstall"),
         ("no_such_module:SYSTEM", "cannot be loaded .*no_such_module.* repair or uninstall"),
-        ("cautious_robots:NOT_A_SYSTEM", "neither a SystemEntry of that name nor a function"),
+        ("cautious_robots:NOT_A_SYSTEM", "neither a SystemEntry with that name nor a function"),
     ],
 )
 def test_a_broken_system_is_refused_with_the_name_of_its_package(

@@ -57,7 +57,7 @@ def test_odometry_with_a_jump_is_taken_in_pieces(tmp_path: Path) -> None:
 def test_a_recording_of_one_place_or_of_nothing_much_is_refused(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="holds 6 images; fine-tuning needs 20"):
         read_labelled_drive(record(tmp_path / "short.rrd", observations_at(WAY[:6])), OdometryLabelRule(horizon=8))
-    with pytest.raises(RecordingError, match="the same for all of them"):
+    with pytest.raises(RecordingError, match="does not change"):
         read_labelled_drive(record(tmp_path / "still.rrd", observations_at(WAY, WAY * 0)), OdometryLabelRule(horizon=8))
 
 
@@ -133,5 +133,5 @@ def test_a_calibration_learns_from_half_a_drive_and_compares_images_afterwards(t
 
 def test_a_drive_that_nobody_knows_the_way_of_teaches_no_calibration(tmp_path: Path) -> None:
     path = record(tmp_path / "still.rrd", observations_at(WAY, WAY * 0))
-    with pytest.raises(RecordingError, match="ground truth or odometry, and there is neither"):
+    with pytest.raises(RecordingError, match="ground truth or odometry"):
         FinetuneVerb(recording=path, predictor="geometric", output=tmp_path / "own.json").run()

@@ -118,7 +118,7 @@ def test_a_predictor_that_needs_depth_says_so_of_a_recording_without(tmp_path: P
 
 def test_a_recording_of_one_image_cannot_be_judged(tmp_path: Path) -> None:
     path = record(tmp_path / "one.rrd", drive()[:1])
-    with pytest.raises(RecordingError, match="holds 1 images; two at least"):
+    with pytest.raises(RecordingError, match="1 images; at least two"):
         read(path, ShiftedPredictor())
 
 

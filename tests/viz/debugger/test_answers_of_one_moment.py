@@ -57,7 +57,7 @@ def stated_beliefs(replay: ReplayedFile, edge: EdgeKey) -> dict[str, tuple[str, 
     told = replay.text(QuestionName.EDGE)
     if found := re.search(r"p (\d\.\d\d) · length \(mu\) (\d+\.\d\d)", told):
         stated["edge"] = found[1], found[2]
-    for verdict in ("as it came in: p = ", "counted, .* p went from .* to "):
+    for verdict in ("still the first one: p = ", "counted, .* p went from .* to "):
         if found := re.search(rf"{verdict}(\d\.\d\d), length \(mu\) (?:= |from \d+\.\d\d to )(\d+\.\d\d)", told):
             stated["reasons"] = found[1], found[2]
     replay.do(c.PointAt(edge[0]))
@@ -71,7 +71,7 @@ def stated_ps(replay: ReplayedFile, edge: EdgeKey) -> dict[str, str]:
     """What each answer that names p alone says of it."""
     stated = {}
     told = replay.answer(QuestionName.EDGE)
-    if found := re.search(r"Why is (?:it so weak, )?p = (\d\.\d\d)\?", answer_text(told)):
+    if found := re.search(r"Why is (?:its belief so low, )?p = (\d\.\d\d)\?", answer_text(told)):
         stated["title of the reasons"] = found[1]
     for block in told.blocks:
         if isinstance(block, StepChart):
@@ -106,7 +106,7 @@ def test_all_answers_about_an_edge_name_the_same_p_and_length_at_every_moment(re
                 assert set(both) <= {"edge"}  # It says what was believed last.
                 assert ps.pop(QuestionName.COMPARE, "–") == "–"
                 assert set(ps) <= {"curve"}
-                assert "It left the map" in replay.text(QuestionName.EDGE)
+                assert "It was removed" in replay.text(QuestionName.EDGE)
                 assert "Why is it gone?" in replay.text(QuestionName.EDGE)
             else:
                 assert not both
@@ -164,7 +164,7 @@ def test_all_answers_about_an_edge_know_the_same_attempts_with_the_same_d_and_r(
             assert all([d, r] in [row[3:] for row in rows] for d, r in named)
             # What was driven before the recording is told of, and not as if nobody had.
             before = [int(count) for count in re.findall(r"driven (\d+) times? before", told)]
-            assert "Nobody drove it" not in told or all(f"{count} attempt" in told for count in before)
+            assert "It was not driven" not in told or all(f"{count} attempt" in told for count in before)
             counts.add(len(rows))
     assert (len(counts) > 1) == bool(replay.timeline.queries)
 
@@ -218,7 +218,7 @@ def _check_results(replay: ReplayedFile) -> None:
     over = [query for query in replay.timeline.queries if query.end is not None and query.last < replay.known]
     failed = [query.id for query in over if query.succeeded is False]
     listed = [row for head, rows in replay.tables(QuestionName.FAILURES) if "cause" in head for row in rows]
-    counted = f"{len(failed)} of {len(over)} queries failed" if over else "No query is over yet."
+    counted = f"{len(failed)} of {len(over)} queries failed" if over else "No query has ended yet."
 
     assert counted in replay.text(QuestionName.FAILURES)
     assert [int(row[1]) for row in listed] == failed

@@ -59,7 +59,7 @@ def test_a_drive_is_compared_with_the_map_of_another_drive(demo: SessionHarness)
     demo.do(c.ChooseQuestion(QuestionName.COMPARE))
     shown = follow(demo, "demo-map.rrd")
 
-    assert "nodes are in both, known by their pose" in words(shown)
+    assert "nodes are in both, matched by their pose" in words(shown)
     assert (
         {palette.EDGE_ADDED, palette.EDGE_REMOVED}
         <= colours(shown)
@@ -75,7 +75,7 @@ def test_a_drive_is_compared_with_the_map_of_another_drive(demo: SessionHarness)
 def test_a_run_is_compared_with_what_its_map_was_before_it_learned(demo: SessionHarness) -> None:
     demo.do(c.ChooseQuestion(QuestionName.COMPARE))
     shown = follow(demo, f"{BEFORE_FIRST_QUERY}")
-    assert "known by their id" in words(shown)
+    assert "matched by their id" in words(shown)
     assert palette.PLAN in colours(shown)
     assert not re.search(r"believed differently: 0\b", words(shown))
 
@@ -118,7 +118,7 @@ def test_without_truth_one_sentence_says_why(demo: SessionHarness) -> None:
         return seen and Observation(seen.rgb, seen.depth, seen.odometry, seen.stamp, seen.step)
 
     for observation in (outside, lambda _: None):
-        assert "Nobody knows the truth here" in answer_text(
+        assert "ground truth is unknown" in answer_text(
             GroundTruthQuestion().answer(replace(case, observation=observation), NOTHING_SELECTED).answer
         )
 

@@ -97,10 +97,10 @@ def replayed() -> Iterator[list[Snapshot]]:
 def test_in_the_demo_recording_images_are_read_bit_by_bit_until_all_are_compared(replayed: list[Snapshot]) -> None:
     last = replayed[-1]
 
-    reading = [each for each in replayed if "to go …" in words(each)]
+    reading = [each for each in replayed if "left …" in words(each)]
     assert reading
     assert not any("near enough" in words(each) or "may be here" in words(each) for each in reading)
     assert not any(each.inspection.answer.overlay.nodes for each in reading)
-    assert "to go …" not in words(last)
+    assert "left …" not in words(last)
     assert "near enough" in words(last)
     assert len(last.inspection.answer.overlay.nodes) == len(last.moment.graph.ids)

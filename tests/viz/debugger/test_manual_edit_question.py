@@ -91,7 +91,7 @@ def test_a_name_is_asked_for_only_when_a_node_is_chosen(harness: SessionHarness)
 
     assert shown.inspection.answer.input_hint == ""
     assert shown.message is not None
-    assert "Click the node first" in shown.message.text
+    assert "click the node" in shown.message.text
 
 
 def test_a_name_that_is_taken_is_refused_with_its_holder(harness: SessionHarness) -> None:

@@ -113,9 +113,9 @@ def test_a_node_that_is_not_there_is_an_answer_and_can_be_forgotten(harness: Ses
 @pytest.mark.parametrize(
     ("system", "said"),
     [
-        ("", "The recording names no system; both plans weigh edges as ltvn does."),
+        ("", "The recording names no system; both plans use the edge costs of ltvn."),
         ("ltvn", ""),
-        ("sptm", "Both plans weigh edges as sptm does."),
+        ("sptm", "Both plans use the edge costs of sptm."),
         ("<b>", "The recording names the system “<b>”, which is not known here;"),
     ],
 )
@@ -131,5 +131,5 @@ def test_a_replay_is_planned_by_the_system_that_its_recording_names(tmp_path: Pa
     shown = harness.do(c.SubmitText(f"from {start}"), c.SubmitText(f"goal {goal}"), ticks=3)
 
     assert said in words(shown)
-    assert ("weigh edges as" in words(shown)) == bool(said)
+    assert ("use the edge costs of" in words(shown)) == bool(said)
     assert " nodes at cost " in words(shown)

@@ -335,8 +335,8 @@ def test_a_part_that_fails_does_not_keep_the_others_from_drawing(
 def test_a_story_has_one_caption_at_a_time_and_its_end_stays_for_a_while(server: viser.ViserServer) -> None:
     now = [0.0]
     bar = StoryBar(server.gui, lambda: now[0])
-    bar.show(Snapshot(story=("The <door> closes.", "The plan turns."), story_goes_on=True))
-    assert "The plan turns." in bar.caption.content
+    bar.show(Snapshot(story=("The <door> closes.", "The plan changes."), story_goes_on=True))
+    assert "The plan changes." in bar.caption.content
     assert "closes" not in bar.caption.content
     bar.show(Snapshot(story=("The <door> is open.",), story_goes_on=True))
     assert "&lt;door&gt;" in bar.caption.content

@@ -220,13 +220,13 @@ def test_without_odometry_one_learns_nothing_and_reads_why(folder: Path) -> None
     harness.state.live_map.keyframes.keep_only([])
     harness.state.live_map.keyframes.add([replace(seen, odometry=np.zeros(3)) for seen in drive()])
     now = harness.do(c.FineTune(3), ticks=2)
-    assert "the same for all of them" in now.fine_tuning.lines[0]
+    assert "does not change" in now.fine_tuning.lines[0]
 
 
 def test_the_oracle_cannot_be_taught(folder: Path) -> None:
     now = fine_tuning_harness(folder, None).do(c.FineTune(3))
     assert now.message is not None
-    assert (now.message.severity, "without --predictor oracle" in now.message.text) == (Severity.ERROR, True)
+    assert (now.message.severity, "--predictor network" in now.message.text) == (Severity.ERROR, True)
     assert now.fine_tuning.phase is FineTuningPhase.IDLE
 
 
@@ -235,7 +235,7 @@ def test_a_folder_that_cannot_hold_weights_is_found_out_before_learning(folder: 
         DriveSource("images", drive()), tiny_weights(folder), folder / "gone" / "new.safetensors", 3
     )
     told: list[str] = []
-    with pytest.raises(WeightsError, match=r"Learning ended without a result .* free some space"):
+    with pytest.raises(WeightsError, match=r"Training ended without a result .* free some space"):
         TUNER(request, lambda _share, doing: told.append(doing), threading.Event())
     assert told == ["reading and labelling the drive"]
 
@@ -274,7 +274,7 @@ def test_the_result_is_two_plain_lines() -> None:
     here, simulation = result_lines(learned(drive_metrics(0.004, 0.0738), drive_metrics(0.002, 0.0689)))
     assert here == "Here: false links 0.40 → 0.20 %, waypoint error 7.4 → 6.9 cm."
     assert simulation.startswith("Simulated: false links")
-    assert "nothing to judge by" in result_lines(learned({}, {}))[0]
+    assert "nothing to evaluate" in result_lines(learned({}, {}))[0]
 
 
 def test_weights_are_not_exchanged_within_a_recording(folder: Path) -> None:
@@ -337,7 +337,7 @@ def test_one_minute_of_learning_on_a_slow_computer_is_said_to_take_what_it_takes
     ]
     assert lesson.left == "about 3 min left"
     assert lesson.besides_s == 410
-    assert "took 7 min on top" in besides_words(lesson.besides_s)
+    assert "took 7 min more" in besides_words(lesson.besides_s)
 
 
 def test_a_lesson_that_was_stopped_while_it_learned_says_nothing_of_the_whole(clock: Clock) -> None:
@@ -346,4 +346,4 @@ def test_a_lesson_that_was_stopped_while_it_learned_says_nothing_of_the_whole(cl
     clock.now += 60
     assert lesson.left == "about 2 min left"
     assert lesson.besides_s is None
-    assert "once it has measured it" in besides_words(lesson.besides_s)
+    assert "after the first run" in besides_words(lesson.besides_s)

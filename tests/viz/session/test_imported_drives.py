@@ -149,12 +149,12 @@ def test_a_picture_is_found_in_a_map_and_one_of_elsewhere_is_not(page: Page) -> 
     page.do(look_for(taken.rgb))
     now = page.until(lambda now: now.message is not None and "The picture" in now.message.text)
     assert now.message is not None
-    assert now.message.text.startswith(f"The picture was taken at node {node}")
+    assert now.message.text.startswith(f"The image was taken at node {node}")
     assert now.selected == node
     page.do(look_for(np.random.default_rng(0).integers(0, 255, (240, 320, 3), np.uint8)))
     now = page.until(lambda now: now.selected is None)
     assert now.message is not None
-    assert "nowhere in this map" in now.message.text
+    assert "not taken in this map" in now.message.text
 
 
 def test_a_picture_cannot_be_found_where_there_is_no_map(page: Page) -> None:

@@ -262,7 +262,7 @@ def test_of_a_recorded_drive_the_page_says_that_nothing_can_be_driven(harness: O
     harness.drive(AHEAD, 0.2)
     assert harness.now.message is not None
     assert harness.now.message.text == harness.state.open_loop
-    assert "A recorded drive plays the robot" in hint(harness.now)
+    assert "A recorded drive replaces the robot" in hint(harness.now)
     harness.state.say("something else")
     harness.do(c.NavigateTo(int(harness.now.moment.graph.ids[0])))
     assert harness.now.message.text == harness.state.open_loop

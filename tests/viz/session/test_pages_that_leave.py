@@ -46,7 +46,7 @@ def test_a_query_stands_at_once_and_goes_on_only_when_told(harness: SessionHarne
     where = harness.robot.pose.copy()
     assert shown.mode is Mode.PAUSED
     assert shown.pause_notice == "Paused: the last page was closed at 14:03."
-    assert shown.hint.startswith("Paused: the last page was closed at 14:03. Press Go on")
+    assert shown.hint.startswith("Paused: the last page was closed at 14:03. Press “Go on”")
     pages.absence = None
     assert harness.wait(60).mode is Mode.PAUSED
     assert np.array_equal(harness.robot.pose, where)
@@ -92,7 +92,7 @@ def test_a_real_robot_never_goes_on_with_nobody_there(harness: SessionHarness) -
     handle(harness.state, c.KeepGoing(is_on=True))
     assert not harness.state.keeps_going
     assert harness.state.message is not None
-    assert "needs somebody there" in harness.state.message.text
+    assert "needs a person" in harness.state.message.text
 
 
 def test_a_flood_of_a_watcher_s_wishes_keeps_out_nothing_that_the_driver_asks_for(harness: SessionHarness) -> None:

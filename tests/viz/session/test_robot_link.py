@@ -33,17 +33,14 @@ def test_each_change_is_told_once_in_plain_words() -> None:
     broken = replace(WELL, is_connected=False, picture_age_s=3.0)
 
     assert robot.said(WELL) == ""
-    assert robot.said(broken) == (
-        "TurtleBot 4 cannot be heard: the link broke. It stands, and what was recorded is kept. The link comes back by "
-        "itself; driving does not."
-    )
+    assert "TurtleBot 4 does not answer: the link broke. It is stopped" in robot.said(broken)
     assert robot.link.news is not None
     assert robot.link.news.is_lost
     assert robot.link.news.severity is Severity.ERROR
     assert robot.said(replace(broken, picture_age_s=4.0)) == ""
     held = robot.said(replace(WELL, stopped_because="the link to the robot broke"))
-    assert held == "TurtleBot 4 was stopped: the link to the robot broke. Let go of the keys, then drive again."
-    assert "is heard again. It stands" in robot.said(WELL)
+    assert held == "TurtleBot 4 was stopped: the link to the robot broke. Release the keys, then drive again."
+    assert "answers again. It is stopped" in robot.said(WELL)
     assert robot.link.news is None
 
 

@@ -90,7 +90,7 @@ def test_a_change_that_would_hit_the_robot_is_refused_in_words(apartment: Apartm
     pose = apartment.session.state.live.robot.drawn_pose
     shown = apartment.do(c.PutBox((float(pose[0]), float(pose[1]))))
     assert shown.message is not None
-    assert "the robot stands there" in shown.message.text
+    assert "the robot is there" in shown.message.text
     assert shown.moment.progress.world.things == ()
     assert not apartment.view.undo
 

@@ -27,7 +27,7 @@ LARGEST_CODE = 4095
 _MOST_ROWS = 32
 _BYTES_AT_ONCE = 2**28
 _MOST_PART_BYTES = 2**29
-"""Of a column in one group of rows; a whole file of a LeRobotDataset has a fifth of it."""
+"""Largest size of a column in one row group; a whole LeRobotDataset file has a fifth of it."""
 _MOST_NUMBERS = 1024
 """Largest number of values in a cell, as for the joints of a robot."""
 INFO = "meta/info.json"
@@ -37,7 +37,7 @@ _LARGEST_CHUNK = 10**6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DepthCodes:
-    """What the codes 0 to 4095 mean. Code 0 also stands for everything nearer, and for no return."""
+    """Meaning of the codes 0 to 4095. Code 0 also stands for everything nearer, and for no return."""
 
     depth_min: float = 0.01
     """Depth at code 0, in metres."""
@@ -53,7 +53,7 @@ class DepthCodes:
         numbers = (self.depth_min, self.depth_max, self.shift)
         if not (all(map(math.isfinite, numbers)) and self.depth_max > self.depth_min > -self.shift):
             raise DriveError(
-                f"Depth between {self.depth_min} and {self.depth_max} m, shifted by {self.shift}, is none."
+                f"Depth between {self.depth_min} and {self.depth_max} m, shifted by {self.shift}, is not a valid range."
             )
 
     def metres(self, codes: NDArray[np.uint16]) -> Depth:
@@ -84,7 +84,7 @@ def rows_at_once(metadata: pq.FileMetaData, columns: Sequence[str]) -> int:
         if part.total_uncompressed_size > _MOST_PART_BYTES or part.num_values > rows * _MOST_NUMBERS:
             raise DriveError(
                 f"The column {part.path_in_schema!s:.80} unpacks to {part.total_uncompressed_size:,} bytes and "
-                f"{part.num_values:,} values in {rows:,} rows, which no drive has."
+                f"{part.num_values:,} values in {rows:,} rows, which is too large for a drive."
             )
         largest = max(largest, part.total_uncompressed_size)
     # Each row may hold the column's largest value, which is at most as large as all of them.
@@ -109,12 +109,12 @@ class Feature:
     dtype: str
     """`video`, `image`, or a kind of number."""
     names: tuple[str, ...] = ()
-    """Of the numbers of a row."""
+    """Names of the numbers in a row."""
     is_depth: bool = False
     metres_per_unit: float = 0.001
-    """Of depth images."""
+    """Metres per unit of depth images."""
     codes: DepthCodes = field(default_factory=DepthCodes)
-    """Of depth videos."""
+    """Depth codes of depth videos."""
 
     @property
     def is_image(self) -> bool:
@@ -200,11 +200,11 @@ def _layout(folder: Path, info: Mapping[str, Any]) -> Layout:
     if version.startswith("v2"):
         size = info.get("chunks_size", LayoutV2.CHUNK)
         if not isinstance(size, int) or not 0 < size <= _LARGEST_CHUNK:
-            raise DriveError(f"{folder / INFO}: chunks_size is {size!r:.20}, and must be a number of episodes.")
+            raise DriveError(f"{folder / INFO}: chunks_size is {size!r:.20}, but must be a number of episodes.")
         return LayoutV2(folder, data, video, size)
     raise DriveError(
-        f"{folder} is a LeRobotDataset of version {version!r:.20}, and versions 2.0, 2.1 and 3 are read; convert it "
-        "to one of these with a release of LeRobot that reads it."
+        f"{folder} is a LeRobotDataset of version {version!r:.20}, but only 2.0, 2.1 and 3 are supported; convert it "
+        "with a release of LeRobot that reads it."
     )
 
 
@@ -242,5 +242,5 @@ def _names(said: object) -> tuple[str, ...]:
 
 def _positive(value: object, name: str) -> float:
     if not isinstance(value, int | float) or not 0 < value < 10_000:
-        raise DriveError(f"{name} is {value!r:.20}, and must be images a second.")
+        raise DriveError(f"{name} is {value!r:.20}, but must be images per second.")
     return float(value)

@@ -24,7 +24,7 @@ EPISODE_LINES = "meta/episodes.jsonl"
 _PLACE = re.compile(r"\{(chunk_index|file_index|episode_chunk|episode_index|video_key)(?::0?(\d)d)?\}")
 _MOST_EPISODES = 200_000
 _MOST_CELLS = 20_000_000
-"""Of a table of episodes."""
+"""Largest number of cells in a table of episodes."""
 _MOST_LINES_BYTES = 50_000_000
 _LARGEST_NUMBER = 10**6
 
@@ -81,7 +81,7 @@ class LayoutV3:
     VIDEO = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
 
     def __init__(self, folder: Path, data: object, video: object) -> None:
-        """Take the templates of the data set, None where it has none."""
+        """Take the templates of the data set, None if it has none."""
         self._folder = folder
         self._data = str(data or self.DATA)
         self._video = str(video or self.VIDEO)
@@ -134,7 +134,7 @@ class LayoutV2:
     """Episodes in a folder."""
 
     def __init__(self, folder: Path, data: object, video: object, chunk: int) -> None:
-        """Take the templates of the data set, None where it has none, and how many episodes are in a folder."""
+        """Take the templates of the data set, None if it has none, and how many episodes are in a folder."""
         self._folder = folder
         self._chunk = chunk
         self._data = str(data or self.DATA)

@@ -33,7 +33,7 @@ from ltvn_core.errors import DriveError
 MAX_CHUNK_BYTES = 2**28
 """Chunks of bags have about a megabyte, and must hold an image; 256 MB is 60 megapixels of raw colours."""
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
-"""A message that was compressed by itself begins so; one that was not begins with a zero."""
+"""First bytes of a message that is compressed on its own; an uncompressed one begins with a zero."""
 _MAGIC = b"\x89MCAP0\r\n"
 _HEADER = struct.Struct("<BQI")
 """After the magic: the kind of the first record, its length, and the length of the profile's name."""
@@ -47,7 +47,7 @@ _NANOSECONDS = 1e-9
 _MAGICS = {".mcap": b"\x89MCAP0\r\n", ".bag": b"#ROSBAG V", ".db3": b"SQLite format 3\0"}
 """How files of each kind begin."""
 _COMPRESSED = ".zstd"
-"""So a file ends that ROS 2 compressed as a whole."""
+"""Suffix of a file that ROS 2 compressed as a whole."""
 _MAX_OVERLAPPING_BYTES = 2**30
 """Chunks of an MCAP whose times overlap are in memory together."""
 _MAX_RATIO = 1000
@@ -70,7 +70,7 @@ def bound_decompression() -> None:
 
 
 def decompress_message(data: bytes) -> bytes:
-    """Return a message of a bag that compresses each by itself. Raises DriveError where it is too large."""
+    """Return a message of a bag that compresses each message on its own. Raises DriveError where it is too large."""
     return _limited(zstd.ZstdFile, data)
 
 
@@ -95,8 +95,8 @@ def _read(opener: _Opener, data: bytes, most: int) -> bytes:
 
 def _too_large(size: str) -> DriveError:
     return DriveError(
-        f"A compressed part of the bag unpacks to {size}, where {MAX_CHUNK_BYTES:,} bytes are the most that is "
-        "read at once; write the bag again with smaller chunks, for instance with `ros2 bag convert`."
+        f"A compressed part of the bag unpacks to {size}, but at most {MAX_CHUNK_BYTES:,} bytes are read at once; "
+        "write the bag again with smaller chunks, for instance with `ros2 bag convert`."
     )
 
 
@@ -154,9 +154,9 @@ class RawMessage(NamedTuple):
 
     topic: str
     msgtype: str
-    """As `nav_msgs/msg/Odometry`: of ROS, also where it was written in another form."""
+    """Message type of ROS, such as `nav_msgs/msg/Odometry`, also for other encodings."""
     log_s: float
-    """When it was recorded, in seconds."""
+    """Time of recording, in seconds."""
     data: bytes
     written: Written
     """How it is to be decoded."""
@@ -187,7 +187,7 @@ class BagFiles:
         self.foreign: dict[str, str] = {}
         """Topics that are not read, and how their messages are encoded."""
         self.duration_s = 0.0
-        """From the first message to the last."""
+        """Time from the first message to the last, in seconds."""
         self._files = files
         self._reader = MessageReader(ros1=self._files[0].suffix == ".bag")
         begin = float("inf")
@@ -220,7 +220,7 @@ class BagFiles:
             return self._reader.read(message.data, message.written)
         except Exception as error:  # The library reads lengths from the message and trusts them.
             raise DriveError(
-                f"{self.path}: a message of {message.topic} is no {message.written.schema} ({_said(error)})."
+                f"{self.path}: a message of {message.topic} is not a {message.written.schema} ({_said(error)})."
             ) from error
 
     def _count(self, connections: Collection[Connection]) -> None:
@@ -260,8 +260,8 @@ def _decompressed(file: Path, folder: Path) -> Path:
         while piece := packed.read(2**20):
             if unpacked.tell() > most:
                 raise DriveError(
-                    f"{file} unpacks to more than {most:,} bytes, which is more than images do or than half of the "
-                    "free disk; unpack it yourself with `zstd -d` and name the unpacked file."
+                    f"{file} unpacks to more than {most:,} bytes, which is too large for images or for the free disk; "
+                    "unpack it with `zstd -d` and name the unpacked file."
                 )
             unpacked.write(piece)
     return target
@@ -323,11 +323,11 @@ def _remedy(file: Path, error: Exception) -> str:
     if not begin:
         return " The file is empty; name one that holds the drive."
     if not begin.startswith(magic):
-        return f" It does not begin as a {file.suffix} does, so it is another file of that name; name a bag."
+        return f" Its first bytes are not those of a {file.suffix} file; name a bag."
     if file.suffix == ".mcap" and not end.endswith(magic):
-        return " It was cut while recording or copying: `mcap recover` writes a new file of what is whole."
+        return " It was cut off while recording or copying: `mcap recover` writes the whole part to a new file."
     if file.suffix == ".bag" and "index" in str(error).lower():
-        return " It was cut while recording or copying: `rosbag reindex` mends it."
+        return " It was cut off while recording or copying: `rosbag reindex` repairs it."
     return ""
 
 

@@ -29,7 +29,7 @@ _SURVEY_S = (1.0, 20.0)
 
 @dataclass(frozen=True, slots=True)
 class BagSurvey:
-    """What the beginning of a bag says."""
+    """Result of reading the beginning of a bag."""
 
     samples: dict[str, Any] = field(default_factory=dict)
     """The first message of each topic."""
@@ -37,7 +37,7 @@ class BagSurvey:
     """How far the first stamp above 0 is ahead of the moment at which its message was recorded, by topic; the first
     stamp where all are 0."""
     earliest_s: dict[str, float] = field(default_factory=dict)
-    """The first stamp above 0 of each topic; missing where all are 0."""
+    """The first stamp above 0 of each topic, in seconds; missing if all are 0."""
     tree: TransformTree = field(default_factory=TransformTree)
     """Frames of `/tf` and `/tf_static` so far."""
 
@@ -100,7 +100,7 @@ def frame_name(name: Any) -> str:
 
 
 def stamp_s(message: Any) -> float:
-    """Return the stamp of a message in seconds; 0 where it has none."""
+    """Return the stamp of a message in seconds; 0 if it has none."""
     header = getattr(message, "header", None)
     return 0.0 if header is None else header.stamp.sec + header.stamp.nanosec * 1e-9
 

@@ -18,7 +18,7 @@ from ltvn_core.robots.ros2.ros_cameras import CAMERA_INFO
 from ltvn_core.robots.ros2.ros_images import COMPRESSED_IMAGE, IMAGE, has_sixteen_bits, shows_depth
 
 FROM_TREE = "tf"
-"""What `--odometry` says for the tree of frames."""
+"""Value of `--odometry` for the tree of frames."""
 
 _SUFFIXES = re.compile(r"/(compressed|compressedDepth|ffmpeg|foxglove)$")
 _TRUTH = re.compile(r"(^|[/_])(ground_?truth|gt|mocap|vicon|optitrack|qualisys)([/_]|$)", re.IGNORECASE)
@@ -38,7 +38,7 @@ class ChosenTopics:
     rgb: str
     depth: str | None
     odometry: str | None
-    """None where the tree of frames says it, or nothing."""
+    """None if the tree of frames says it, or nothing."""
     truth: str | None
     camera_info: str | None
     depth_info: str | None
@@ -71,7 +71,7 @@ def choose_topics(files: BagFiles, found: BagSurvey, options: ReadOptions) -> Ch
     images = _named(files, IMAGE, COMPRESSED_IMAGE)
     depth_videos = tuple(name for name in images if _is_depth_video(name, found))
     if options.depth is not None and options.depth.lstrip("/") in [name.lstrip("/") for name in depth_videos]:
-        raise DriveError(f"{files.path}: {video_depth_text(options.depth)} `--depth none` leaves depth out.")
+        raise DriveError(f"{files.path}: {video_depth_text(options.depth)} `--depth none` omits depth.")
     images = [name for name in images if name not in depth_videos]
     depths = [name for name in images if _is_depth(name, found)]
     depth = None if options.depth == NOTHING else _asked(files, options.depth, "--depth", images)
@@ -99,8 +99,8 @@ def choose_topics(files: BagFiles, found: BagSurvey, options: ReadOptions) -> Ch
 def video_depth_text(topic: str) -> str:
     """Return a note about a topic with depth as video."""
     return (
-        f"{topic} is depth as a video, which is not read, so it is not used. Record the depth images as they are "
-        "(16UC1 or 32FC1), or write them again by `ros2 run image_transport republish`."
+        f"{topic} is depth as a video, which is not supported, so it is not used. Record the depth images as they are "
+        "(16UC1 or 32FC1), or convert them with `ros2 run image_transport republish`."
     )
 
 
@@ -148,9 +148,7 @@ def _colour(images: Sequence[str], depths: Collection[str | None], found: BagSur
     if not colours:
         kinds = sorted({topic.written.schema for topic in files.topics.values()})
         foreign = [f"{name} ({encoding})" for name, encoding in files.foreign.items()]
-        left_out = (
-            f"; in encodings or schemas that are not read, and thus left out, are {_listed(foreign)}" if foreign else ""
-        )
+        left_out = f"; left out because of their encoding or schema: {_listed(foreign)}" if foreign else ""
         raise DriveError(
             f"{files.path} has no colour images: expected a topic of type {IMAGE} or {COMPRESSED_IMAGE}, or of "
             f"Foxglove's images or videos, found {_listed(kinds)}{left_out}."
@@ -159,8 +157,8 @@ def _colour(images: Sequence[str], depths: Collection[str | None], found: BagSur
     equal = [name for name in colours if _colour_rank(name) == best]
     if len({_camera_of(name) for name in equal}) > 1:
         possible = [name for name in equal if _could_be_depth(name, found)]
-        hint = f"; of 16 bits, and perhaps depth for --depth, are: {_listed(possible)}" if possible else ""
-        raise DriveError(f"{files.path} has several cameras; choose one by --rgb: {_listed(equal)}{hint}.")
+        hint = f"; topics with 16 bits, which may be depth for --depth: {_listed(possible)}" if possible else ""
+        raise DriveError(f"{files.path} has several cameras; choose one with --rgb: {_listed(equal)}{hint}.")
     # Of one camera: images before video, which was compressed more, rectified ones before raw ones, and the shortest
     # name, which is not compressed.
     return min(equal, key=lambda name: (is_video(_format(name, found)), "rect" not in name, len(name), name))
@@ -208,7 +206,7 @@ def _info_beside(image: str, infos: Sequence[str], images: Collection[str]) -> s
 
 
 def _around(info: str, images: Collection[str]) -> str | None:
-    """Return the namespace around that of a CameraInfo; None where images lie in its own."""
+    """Return the namespace around that of a CameraInfo; None if images lie in its own."""
     own = _camera_of(info)
     return None if any(name.startswith(f"{own}/") for name in images) else own.rpartition("/")[0]
 
@@ -228,7 +226,7 @@ def _poses(files: BagFiles, found: BagSurvey, options: ReadOptions) -> tuple[str
         candidates = [name for name in candidates if name not in truths]
     best = [name for name in candidates if name.endswith("/odom")] or candidates
     if len(best) > 1:
-        raise DriveError(f"{files.path} has several odometries; choose one by --odometry: {_listed(best)}.")
+        raise DriveError(f"{files.path} has several odometry topics; choose one with --odometry: {_listed(best)}.")
     return (best[0] if best else None), truth
 
 

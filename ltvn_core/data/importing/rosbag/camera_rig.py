@@ -47,10 +47,10 @@ class CameraRig:
     image_turn: NDArray[np.float64]
     """(3, 3): takes directions of the optical frame to the frame that the images name."""
     mounting: CameraMounting
-    """Where the camera is on the robot; without a tilt where that is unknown."""
+    """Mounting of the camera on the robot; without a tilt if that is unknown."""
 
     def pose(self, tree: TransformTree, stamp: float) -> SpatialPose | None:
-        """Return where the camera was at a moment, None where the tree does not tell."""
+        """Return where the camera was at a moment, None if the tree does not tell."""
         found = tree.lookup(self.world, self.carrier, stamp) if self.world else None
         return None if found is None else spatial_pose(found[:3, 3], found[:3, :3] @ self.turn)
 
@@ -61,7 +61,7 @@ def find_rig(tree: TransformTree, camera_frame: str, odometry: FrameEdge | None,
     Args:
         tree: Frames as `/tf` and `/tf_static` have them.
         camera_frame: The frame that the images name.
-        odometry: The frames that an odometry topic names; None where the tree has to say it.
+        odometry: The frames that an odometry topic names; None if the tree has to say it.
         stamp: A moment for which the tree is known, for a camera on a moving head.
     """
     world, robot = odometry or _motion(tree, list(tree.ancestors(camera_frame)))
@@ -81,7 +81,7 @@ def find_rig(tree: TransformTree, camera_frame: str, odometry: FrameEdge | None,
 
 
 def robot_frame(tree: TransformTree) -> str:
-    """Return the frame that is called like a robot's own; "base_link" where there is none."""
+    """Return the frame that is called like a robot's own; "base_link" if there is none."""
     frames = sorted(tree.frames)
     return next((frame for name in _ROBOT_FRAMES for frame in frames if _last(frame) == name), _ROBOT_FRAMES[0])
 

@@ -47,8 +47,8 @@ _TOLERANCES_S = (0.01, 0.1)
 """Colours and depth belong together within half a frame, within these limits."""
 _MOST_DOUBTS = 10
 
-NO_POSE = "no pose of that moment"
-NO_DEPTH = "no depth image of that moment"
+NO_POSE = "no pose at that time"
+NO_DEPTH = "no depth image at that time"
 NOT_LATER = "not later than the image before"
 
 
@@ -56,16 +56,16 @@ class BagDrive:
     """A bag that is open for reading; a `DriveReader`."""
 
     def __init__(self, files: BagFiles, found: BagSurvey, topics: ChosenTopics, options: ReadOptions) -> None:
-        """Prepare reading; `open_bag` is the way in."""
+        """Prepare reading; `open_bag` is the entry point."""
         self._files = files
         self._topics = topics
         self._samples = found.samples
         self._tree = found.tree
         self._truth = MovingFrame()
         self.dropped: Counter[str] = Counter()
-        """How many images were left out, by reason."""
+        """Number of images that were left out, by reason."""
         self.doubts: list[str] = []
-        """What is doubtful about the bag."""
+        """Doubts about the bag, as sentences."""
         self._by_log = self._lacks_stamps(found) or self._has_clocks_apart(found.ahead_s)
         self._is_zero_a_time = any(stamp < _CLOCK_BEGINS_S for stamp in found.earliest_s.values())
         self._edge = self._odometry_frames(options)
@@ -75,10 +75,10 @@ class BagDrive:
         self._video = self._video_of(self._samples.get(topics.rgb))
         if files.foreign:
             said = ", ".join(f"{name} ({encoding})" for name, encoding in [*files.foreign.items()][:_MOST_DOUBTS])
-            self._doubt(f"Topics in encodings or schemas that are not read are left out: {said}.")
+            self._doubt(f"Topics in unsupported encodings or schemas are left out: {said}.")
         for name in topics.lost_depths:
             self._doubt(
-                f"{name} is called depth, but its images have 8 bits, in which no distances fit, so it is not used. "
+                f"{name} is called depth, but its images have only 8 bits, so it is not used. "
                 "Record the depth images as they are (16UC1 or 32FC1), or the topic that ends in /compressedDepth."
             )
 
@@ -127,7 +127,7 @@ class BagDrive:
             said = ", ".join(f"{count} with {reason}" for reason, count in self.dropped.items()) or "it holds none"
             raise DriveError(
                 f"{self._files.path}: no image of {self._topics.rgb} can be used ({said}); {' '.join(self.doubts)} "
-                "Choose other topics by --rgb, --depth and --odometry; `none` leaves one out."
+                "Choose other topics with --rgb, --depth and --odometry; `none` omits one."
             )
 
     def _matches(self) -> Iterator[MatchedImages]:
@@ -175,12 +175,12 @@ class BagDrive:
         self.dropped[reason] += 1
         if reason == DAMAGED:
             self._doubt(
-                f"Packets of the video {self._topics.rgb} cannot be decoded; images from there up to the next key "
-                "frame are left out. Where packets get lost, have the encoder send key frames more often."
+                f"Packets of the video {self._topics.rgb} cannot be decoded; images from there to the next key frame "
+                "are left out. If packets get lost, make the encoder send key frames more often."
             )
 
     def _stamp(self, message: Any, raw: RawMessage) -> float:
-        """Return the stamp of a message, or when it was recorded where it has none."""
+        """Return the stamp of a message, or when it was recorded if it has none."""
         stamp = 0.0 if self._by_log else stamp_s(message)
         is_stamped = stamp > 0 or (self._is_zero_a_time and not self._by_log)
         return stamp if is_stamped else raw.log_s
@@ -244,8 +244,8 @@ class BagDrive:
         if not used or any(topic in found.earliest_s for topic in used):
             return False
         self._doubt(
-            f"The messages of {', '.join(used)} have no stamps, so the time of recording counts instead; have the "
-            "drivers of the robot set header.stamp."
+            f"The messages of {', '.join(used)} have no stamps, so the time of recording is used; make the robot's "
+            "drivers set header.stamp."
         )
         return True
 
@@ -256,12 +256,12 @@ class BagDrive:
             return False
         self._doubt(
             f"The stamps of the topics differ by up to {max(used) - min(used):.3g} s for messages that were recorded "
-            "together, so the time of recording counts instead; set the clocks of all machines before you record."
+            "together, so the time of recording is used; synchronise the clocks of all machines before you record."
         )
         return True
 
     def _odometry_frames(self, options: ReadOptions) -> FrameEdge | None:
-        """Return the frames of the odometry topic; None where the tree of frames is to say it."""
+        """Return the frames of the odometry topic; None if the tree of frames is to say it."""
         if options.odometry == NOTHING:
             return FrameEdge("", robot_frame(self._tree))
         odometry = self._samples.get(self._topics.odometry or "")
@@ -276,8 +276,8 @@ class BagDrive:
         rig = find_rig(self._tree, camera_frame, self._edge, 0.0 if image is None else stamp_s(image))
         if rig.world and rig.mounting.tilt is None and rig.carrier != camera_frame:
             self._doubt(
-                f"The bag does not say where {camera_frame or 'the camera'} is on {rig.carrier}; it is taken to look "
-                "straight ahead from there. Record /tf_static as well."
+                f"The bag does not say where {camera_frame or 'the camera'} is on {rig.carrier}; it is assumed to "
+                "look straight ahead from there. Record /tf_static as well."
             )
         return rig
 

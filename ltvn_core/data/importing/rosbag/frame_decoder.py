@@ -28,11 +28,11 @@ from ltvn_core.robots.ros2.ros_images import decode_colours, decode_metres, has_
 from ltvn_core.types import Depth, Rgb
 
 _NEAREST_M = 0.01
-"""Least depth; nearer values are no depth, in metres."""
+"""Least valid depth, in metres."""
 _OFF_CENTRE = 0.2
 """Largest distance of a lens's centre from the middle of the image, as a share of the image's size."""
 _ADVICE = (
-    "Give the lens by --camera fx,fy,cx,cy,width,height in pixels; a simulator's, without distortion, has fx = fy = "
+    "Give the lens with --camera fx,fy,cx,cy,width,height in pixels; a simulator's, without distortion, has fx = fy = "
     "width / 2 / tan(horizontal field of view / 2) and its centre in the middle."
 )
 _SAME_LENS = 0.015
@@ -82,7 +82,7 @@ def _rays(camera: CameraModel) -> NDArray[np.float64]:
 
 
 def lens_doubt(lens: CameraModel, info: Any, topic: str) -> str | None:
-    """Return what speaks against a lens; None where nothing does.
+    """Return what speaks against a lens; None if nothing does.
 
     Args:
         lens: The lens at the size of the images, after cropping and binning.
@@ -94,15 +94,14 @@ def lens_doubt(lens: CameraModel, info: Any, topic: str) -> str | None:
     if abs(lens.cx - middle_x) > _OFF_CENTRE * lens.width or abs(lens.cy - middle_y) > _OFF_CENTRE * lens.height:
         return (
             f"{topic} puts the centre of the lens at {lens.cx:.0f}, {lens.cy:.0f} in images of {lens.width} x "
-            f"{lens.height} pixels, far from their middle, so it is hardly the lens of these images, and distances "
-            f"and directions are wrong. {_ADVICE}"
+            f"{lens.height} pixels, far from their middle, so it is probably not the lens of these images, and "
+            f"distances and directions will be wrong. {_ADVICE}"
         )
     said = (int(getattr(info, "width", 0)), int(getattr(info, "height", 0)))
     if 0 < said[0] < lens.width and 0 < said[1] < lens.height:
         return (
-            f"{topic} is of images of {said[0]} x {said[1]} pixels, but they have {lens.width} x {lens.height}, which "
-            f"is more than the camera takes; its lens was scaled to them, which is wrong where it is of another "
-            f"camera. {_ADVICE}"
+            f"{topic} describes images of {said[0]} x {said[1]} pixels, but they have {lens.width} x {lens.height}, "
+            f"which is larger; the lens was scaled to them, which is wrong if it belongs to another camera. {_ADVICE}"
         )
     return None
 
@@ -171,7 +170,7 @@ class FrameDecoder:
         return lens
 
     def _lens(self, image_topic: str, info_topic: str | None, width: int, height: int) -> CameraModel | None:
-        """Return the lens of images of a size, level; None where the bag does not say. Raises DriveError."""
+        """Return the lens of images of a size, level; None if the bag does not say. Raises DriveError."""
         key = (image_topic, width, height)
         if self._lenses.get(key) is None:
             info = self._samples.get(info_topic or "")
@@ -187,12 +186,12 @@ class FrameDecoder:
         return lens_doubt(lens, self._samples.get(info_topic or ""), str(info_topic))
 
     def _depth_lens(self, topic: str, width: int, height: int) -> CameraModel | None:
-        """Return the lens of depth images; None where the bag does not say, or says what cannot be."""
+        """Return the lens of depth images; None if the bag does not say, or says what cannot be."""
         info_topic = self._topics.depth_info
         try:
             lens = self._lens(topic, info_topic, width, height)
         except DriveError as error:
-            self._doubt(f"The lens of the depth images is not known, and is taken for that of the colours: {error}")
+            self._doubt(f"The lens of the depth images is unknown, so that of the colours is used: {error}")
             return None
         if lens is None or self._lens_doubt(lens, info_topic) is not None or self._shares_corrected_lens(lens):
             return None
@@ -231,8 +230,8 @@ class FrameDecoder:
         if apart is None or lens is None or colours is None:
             self._doubt(
                 f"Depth is of the frame {depth_frame or 'without a name'} and colours are of "
-                f"{colours_frame or 'one without a name'}, and the bag does not say how the two lie to each other, so "
-                "they are taken for one place. Record /tf_static and both camera_info, or registered depth."
+                f"{colours_frame or 'one without a name'}, and the bag has no transform between them, so they are "
+                "assumed to be the same. Record /tf_static and both camera_info, or registered depth."
             )
             return depth, own_lens
         return register_depth(depth, lens, colours, self._optical(apart)), None

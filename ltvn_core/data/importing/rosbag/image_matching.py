@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 _PATIENCE_S = 1.0
 """Time after which a message recorded later is no longer expected, in seconds."""
 _MOST_BYTES = 2**28
-"""Of images that wait."""
+"""Largest size of the images that wait, in bytes."""
 _MOST_WAITING = 200
 
 
@@ -18,9 +18,9 @@ class PendingImage(NamedTuple):
     """An image message that waits."""
 
     stamp: float
-    """When it was taken, in seconds."""
+    """Time when it was taken, in seconds."""
     log_s: float
-    """When it was recorded."""
+    """Time when it was recorded, in seconds."""
     message: Any
     size_bytes: int
 
@@ -30,7 +30,7 @@ class MatchedImages(NamedTuple):
 
     colours: PendingImage
     depth: PendingImage | None
-    """None where there is no depth topic, or no depth of that moment."""
+    """None if there is no depth topic, or no depth of that moment."""
 
 
 class StampMatcher:
@@ -42,7 +42,7 @@ class StampMatcher:
         Args:
             needs_depth: There is a depth topic.
             tolerance_s: Stamps that differ by no more are of one moment.
-            is_known: Tells whether the pose of a moment has come.
+            is_known: Tells whether the pose at a time has arrived.
         """
         self._needs_depth = needs_depth
         self._tolerance_s = tolerance_s

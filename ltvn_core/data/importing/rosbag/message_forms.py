@@ -138,13 +138,13 @@ def read_message(data: bytes, encoding: str, name: str) -> SimpleNamespace:
         name: A key of `SCHEMAS`.
 
     Raises:
-        ValueError: It is no such message.
+        ValueError: It is not such a message.
         TypeError: A field of JSON is of another type.
     """
     if encoding == PROTOBUF:
         return _ProtobufReader().read(data, SCHEMAS[name])
     if len(data) > _MOST_JSON_BYTES:
-        raise ValueError(f"{len(data):,} bytes of JSON, where {_MOST_JSON_BYTES:,} are the most that is read")
+        raise ValueError(f"{len(data):,} bytes of JSON, but at most {_MOST_JSON_BYTES:,} are read")
     return _json_fields(parse_json(data), SCHEMAS[name])
 
 
@@ -191,7 +191,7 @@ def _integer(value: int | bytes) -> int:
 
 def _bytes(value: int | bytes) -> bytes:
     if isinstance(value, int):
-        raise ValueError("a number stands where the schema has bytes")
+        raise ValueError("there is a number where the schema has bytes")
     return value
 
 
@@ -243,7 +243,7 @@ class Written(NamedTuple):
 
     @property
     def msgtype(self) -> str | None:
-        """The type of ROS as which the messages are read; None where they are not."""
+        """The type of ROS as which the messages are read; None if they are not."""
         if self.foxglove:
             return _FOXGLOVE[self.foxglove][0]
         if self.encoding not in (CDR, ROS1):
@@ -348,7 +348,7 @@ _FOXGLOVE: dict[str, tuple[str, _Convert]] = {
     "FrameTransforms": (_TF, _transforms),
     POSE_IN_FRAME: (_POSE_STAMPED, _pose),
 }
-"""Foxglove's schema -> ROS's type, and the way there."""
+"""Foxglove's schema -> ROS's type, and the conversion."""
 
 _TRANSFORMS = "geometry_msgs/TransformStamped[] transforms"
 

@@ -63,7 +63,7 @@ class MovingFrame:
         return True
 
     def at(self, stamp: float) -> Transform | None:
-        """Return the pose at a moment; None where the poses do not tell."""
+        """Return the pose at a moment; None if the poses do not tell."""
         after = bisect_right(self._stamps, stamp)
         if 0 < after < len(self._stamps):
             return self._between(after, stamp)
@@ -165,7 +165,7 @@ class TransformTree:
         return float("-inf")
 
     def lookup(self, target: str, source: str, stamp: float) -> Transform | None:
-        """Return where `source` was in `target` at a moment; None where the tree does not tell."""
+        """Return where `source` was in `target` at a moment; None if the tree does not tell."""
         way = list(self.ancestors(source))
         other = list(self.ancestors(target))
         shared = next((frame for frame in way if frame in other), None)

@@ -1,8 +1,8 @@
 """A video whose packets are messages of a bag: what the format of such a message says, and the decoder (PyAV).
 
-Owns which formats are video, and whether of depth. Owns the state between packets: until a key frame has come, and from
+Owns which formats are video, and whether of depth. Owns the state between packets: until the first key frame, and from
 a damaged packet up to the next key frame, images would be made of what is missing, so they are left out. A packet that
-was never recorded is noticed in H.265, and not in H.264, where FFmpeg goes on from the picture before.
+was never recorded is noticed in H.265, and not in H.264, where FFmpeg continues from the previous image.
 """
 
 import re
@@ -28,13 +28,13 @@ _CODECS = {
 _DEPTH = re.compile(r"gray1\d|16uc1|mono16|32fc1|64fc1|y16")
 KNOWN = ", ".join(_CODECS)
 """Codecs that are read, for messages."""
-BEFORE_KEY_FRAME = "no key frame of the video before"
-NO_PICTURE = "no picture in the packet of the video"
+BEFORE_KEY_FRAME = "no key frame of the video before it"
+NO_PICTURE = "no image in the packet of the video"
 DAMAGED = "damaged image"
 _MOST_PIXELS = 35_651_584
-"""Of a picture at the highest level of H.264 and of H.265."""
+"""Largest size of an image, at the highest level of H.264 and of H.265."""
 _MOST_PENDING = 64
-"""Packets whose picture may still come: H.264 delays a picture by 16 at most."""
+"""Packets whose image is not decoded yet: H.264 delays an image by at most 16."""
 _START_CODE = b"\0\0\1"
 
 
@@ -49,7 +49,7 @@ def is_video(form: str) -> bool:
 
 
 def video_codec(form: str) -> str | None:
-    """Return FFmpeg's name of the decoder for a format, as `h264` for `libx264;yuv420p`; None where none is known."""
+    """Return FFmpeg's name of the decoder for a format, as `h264` for `libx264;yuv420p`; None if none is known."""
     codec = form.removeprefix(_VIDEO).lower().partition(";")[0]
     return next((name for name, pattern in _CODECS.items() if pattern.search(codec)), None)
 
@@ -63,7 +63,7 @@ class VideoPicture(NamedTuple):
     """A picture of a video in place of an image message."""
 
     header: Any
-    """Of the message that held its packet."""
+    """Header of the message with its packet."""
     frame: Any
     """PyAV's own."""
 
@@ -90,8 +90,8 @@ class VideoStream:
         codec = video_codec(form)
         if codec is None:
             raise DriveError(
-                f"{topic} is video in {form.partition('/')[2] or 'no named format'!r:.40}, which is not read: expected "
-                f"{KNOWN}. Choose other colours by --rgb."
+                f"{topic} is video in {form.partition('/')[2] or 'no named format'!r:.40}, which is not supported: "
+                f"expected {KNOWN}. Choose other colours with --rgb."
             )
         with naming_the_extra():
             import av
@@ -108,7 +108,7 @@ class VideoStream:
         self._has_key = False
 
     def pictures(self, image: PendingImage) -> list[PendingImage]:
-        """Return the pictures that are whole once a packet has come; most often its own."""
+        """Return the images that are complete after a packet; usually its own."""
         data = bytes(image.message.data)
         packet = self._av.Packet(data)
         packet.pts = self._count

@@ -49,7 +49,7 @@ class RigCamera(NamedTuple):
     """A camera of the rig."""
 
     lens: CameraModel | None
-    """Level; None where the database does not say its size."""
+    """Level; None if the database does not say its size."""
     place: Transform
     """(4, 4): its optical frame in the robot's frame."""
     focal: tuple[float, float, float, float]
@@ -68,13 +68,14 @@ class RigCamera(NamedTuple):
         assert self.lens is not None
         if abs(width / height / self.lens.aspect - 1) > 0.02:
             raise CameraError(
-                f"the images are {width} x {height}, but their calibration is of {self.lens.width} x {self.lens.height}"
+                f"the images are {width} x {height}, but their calibration is for {self.lens.width} x "
+                f"{self.lens.height}"
             )
         return self.lens.scaled(width, height)
 
 
 def parse_pose(blob: object) -> Transform | None:
-    """Return a pose (4, 4) from its blob, None where there is none or where it is not finite."""
+    """Return a pose (4, 4) from its blob, None if there is none or where it is not finite."""
     if not isinstance(blob, bytes) or len(blob) != 4 * POSE_FLOATS:
         return None
     rows = np.frombuffer(blob, "<f4").astype(np.float64).reshape(3, 4)
@@ -98,7 +99,7 @@ def parse_calibration(blob: bytes, version: tuple[int, ...], source: str) -> lis
         return cameras
     except (ValueError, struct.error, CameraError, IndexError) as error:
         raise DriveError(
-            f"{source}: the calibration is damaged ({error!s:.120}); give the lens by --camera."
+            f"{source}: the calibration is damaged ({error!s:.120}); give the lens with --camera."
         ) from error
 
 
@@ -122,7 +123,7 @@ def _records(blob: bytes) -> list[RigCamera]:
 
 
 def _record(blob: bytes, start: int) -> tuple[RigCamera, int]:
-    """Return the camera that begins at a byte, and of how many bytes it is."""
+    """Return the camera that begins at a byte, and its length in bytes."""
     *_, width, height, k, d, r, p, place = _MONO_HEAD.unpack_from(blob, start)
     k, d, r, p, place = _counted((k, d, r, p, place))
     at = start + _MONO_HEAD.size
@@ -186,7 +187,7 @@ class NodeImages:
 
     colours: bytes
     depth: bytes | None
-    """Of a stereo camera it is the right image."""
+    """The stored depth image; the right image if the camera is a stereo camera."""
     calibration: bytes
 
 
@@ -203,8 +204,8 @@ class RtabmapDatabase:
         self.version = self._version()
         if self.version < _OLDEST:
             raise DriveError(
-                f"{path} was written by RTAB-Map {'.'.join(map(str, self.version))}, and databases are read from 0.10 "
-                "on; open it in a newer RTAB-Map, which converts it."
+                f"{path} was written by RTAB-Map {'.'.join(map(str, self.version))}, but only 0.10 and later are "
+                "supported; open it in a newer RTAB-Map, which converts it."
             )
 
     def nodes(self) -> list[Node]:
@@ -246,7 +247,7 @@ class RtabmapDatabase:
         return _whole(next(self._rows(query, _CLOSURES))[0])
 
     def optimised(self) -> dict[int, Transform]:
-        """Return the poses (4, 4) of the optimised map by node; empty where there is none, or none that can be read."""
+        """Return the poses (4, 4) of the optimised map by node; empty if there is none, or none that can be read."""
         if not {"opt_ids", "opt_poses"} <= self._columns("Admin"):
             return {}
         ids, poses = next(self._rows("SELECT opt_ids, opt_poses FROM Admin LIMIT 1"), (None, None))
@@ -294,8 +295,8 @@ class RtabmapDatabase:
             yield
         except (sqlite3.Error, OverflowError, MemoryError, UnicodeError, ValueError) as error:
             raise DriveError(
-                f"{self.path} cannot be read as a database of RTAB-Map ({error!s:.120}); if the program was ended "
-                "early, mend it with `rtabmap-recovery`."
+                f"{self.path} cannot be read as a database of RTAB-Map ({error!s:.120}); if RTAB-Map was stopped "
+                "while writing, repair it with `rtabmap-recovery`."
             ) from error
 
 
@@ -304,7 +305,7 @@ def _whole(value: object) -> int:
 
 
 def _matrix(blob: object, dtype: str) -> np.ndarray | None:
-    """Return the numbers of a matrix that OpenCV held and zlib compressed; None where it is damaged."""
+    """Return the numbers of a matrix that OpenCV held and zlib compressed; None if it is damaged."""
     if not isinstance(blob, bytes) or len(blob) <= _MATRIX_TAIL:
         return None
     rows, columns, _ = np.frombuffer(blob[-_MATRIX_TAIL:], "<i4")

@@ -52,7 +52,7 @@ class ExportFiles:
 
     @classmethod
     def find(cls, folder: Path) -> Self | None:
-        """Return the files of a folder; None where they are not those of an export."""
+        """Return the files of a folder; None if they are not those of an export."""
         if not folder.is_dir() or (folder / "rgb.txt").is_file():  # TUM's layout has folders with the same names.
             return None
         for rgb in _folders(folder):
@@ -78,7 +78,7 @@ class ExportFiles:
         return sorted(found, key=lambda path: (_number(path) is None, _number(path) or 0.0, path.name))
 
     def depth_of(self, image: Path) -> Path | None:
-        """Return the depth image of an image, where it has one."""
+        """Return the depth image of an image, if it has one."""
         return _partner(self.depth, image)
 
     def confidence_of(self, image: Path) -> Path | None:
@@ -86,7 +86,7 @@ class ExportFiles:
         return _partner(self.confidence, image)
 
     def lens_of(self, image: Path) -> Path | None:
-        """Return the description of an image's lens, where there is one."""
+        """Return the description of an image's lens, if there is one."""
         if self.lens is None or self.lens.is_file():
             return self.lens
         own = next((path for end in _LENS_SUFFIXES if (path := self.lens / f"{image.stem}{end}").is_file()), None)
@@ -128,8 +128,8 @@ def read_poses(path: Path, images: Sequence[Path]) -> Mapping[Path, ExportedPose
             return found
     if len(rows) != len(images):
         raise DriveError(
-            f"{path} has {len(rows)} poses for {len(images)} images, and no stamp or number that names one of them. "
-            "Export both again by `rtabmap-export --images_id --poses_camera FILE.db`."
+            f"{path} has {len(rows)} poses for {len(images)} images, and no stamp or number that says which pose "
+            "belongs to which image. Export both again with `rtabmap-export --images_id --poses_camera FILE.db`."
         )
     in_order = list(by_stamp.values()) if by_stamp else [ExportedPose(None, _matrix(numbers, path)) for numbers in rows]
     return dict(zip(images, in_order, strict=False))
@@ -168,7 +168,7 @@ def _rows(path: Path) -> Iterator[NDArray[np.float64]]:
         if len(numbers) not in (_STAMPED, _WITH_ID, _RAW) or not np.isfinite(numbers).all():
             raise DriveError(
                 f"{path}, line {number}: expected stamp x y z qx qy qz qw (and a number), or 3 rows of 4 numbers, got "
-                f"{line!s:.60}. Export the poses again by `rtabmap-export --poses_camera FILE.db`."
+                f"{line!s:.60}. Export the poses again with `rtabmap-export --poses_camera FILE.db`."
             )
         yield numbers
 
@@ -176,7 +176,7 @@ def _rows(path: Path) -> Iterator[NDArray[np.float64]]:
 def _matrix(numbers: NDArray[np.float64], path: Path) -> Transform:
     matrix = np.vstack([numbers.reshape(3, 4), [0, 0, 0, 1]])
     if not is_rigid(matrix):
-        raise DriveError(f"{path}: {numbers[:4]} and so on is not a pose; its rows are r11 r12 r13 tx and so on.")
+        raise DriveError(f"{path}: {numbers[:4]} ... is not a pose; its rows must be r11 r12 r13 tx, and so on.")
     return matrix
 
 
@@ -292,7 +292,9 @@ class RtabmapExportReader(ImageFilesReader):
             pass  # Names with a point need not be numbers.
         rate = self._options.rate_hz or RATE_HZ
         if self._options.rate_hz is None:
-            self.doubts.append(f"The images have no stamps; {RATE_HZ:g} a second is assumed, --rate says it.")
+            self.doubts.append(
+                f"The images have no stamps; {RATE_HZ:g} per second are assumed; --rate sets another rate."
+            )
         return {image: place / rate for place, image in enumerate(self._paths)}
 
     def _track(self, found: Mapping[Path, ExportedPose]) -> PoseTrack:
@@ -303,7 +305,9 @@ class RtabmapExportReader(ImageFilesReader):
         on_robot = None if lens is None else CalibrationYaml(self._within(lens)).transform("local_transform")
         matrices = camera_poses(matrices, are_of_camera=of_camera, camera_on_robot=on_robot)
         stamps, rows = np.unique([self._stamps[image] for image in images], return_index=True)
-        self.doubts.append("True poses are those of RTAB-Map's own map: good to judge by, but no measurement.")
+        self.doubts.append(
+            "The true poses are those of RTAB-Map's own map: useful for an evaluation, but not measured."
+        )
         return PoseTrack(stamps, matrices[rows, :3, 3], Rotation.from_matrix(matrices[rows, :3, :3]))
 
     def _streams(self, poses: int) -> list[SourceFact]:
@@ -342,6 +346,6 @@ def _described_lens(path: Path, width: int, height: int) -> CameraModel:
         )
     except (ValueError, CameraError) as error:
         raise DriveError(
-            f"{path} describes no camera ({error!s:.120}); it needs camera_matrix with 3 rows of 3 numbers. Mend it, "
-            "or use --camera."
+            f"{path} describes no camera ({error!s:.120}); it needs camera_matrix with 3 rows of 3 numbers. Correct "
+            "it, or use --camera."
         ) from error

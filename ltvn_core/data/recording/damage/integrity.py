@@ -25,8 +25,8 @@ from ltvn_core.types import FrameId
 _NAMED = 12
 """Number of frames or places that are listed individually."""
 _NO_RECORD = (
-    "rewritten by Rerun, or older than checksums: frames and events carry their own checksums and are right; "
-    "the file's own table of checksums is not there"
+    "rewritten by Rerun, or older than checksums: frames and events have their own checksums and are correct; the "
+    "file has no table of checksums"
 )
 
 
@@ -38,7 +38,7 @@ class Losses(NamedTuple):
     frames: Sequence[FrameId]
     """Frames that are known by name."""
     more_frames: int | None
-    """Number of lost frames beside them; None if unknown."""
+    """Number of further lost frames; None if unknown."""
     events_written: int
     lost_bytes: int
     only_behind: FrameId | None
@@ -46,7 +46,7 @@ class Losses(NamedTuple):
 
     @property
     def frame_count(self) -> int:
-        """How many frames are lost, as far as that is known."""
+        """Number of lost frames, as far as it is known."""
         return len(self.frames) + (self.more_frames or 0)
 
     def without_image(self, recording: Recording, saved: Sequence[FrameId]) -> Set[FrameId]:
@@ -89,16 +89,16 @@ def _lines(salvage: Salvage, frames: Sequence[FrameId], more: int | None) -> Ite
     recording = salvage.recording
     record = salvage.record
     if not salvage.ended:
-        yield "what was recorded last: the file was never finished, was cut, or has the ending of another"
+        yield "the last part: the file was never finished, was cut off, or has the end of another file"
     if frames:
         yield f"{len(frames)} frames: {_listed(frames)}"
     if more:
-        yield f"{more} frames{' more' if frames else ''}, of which nothing is left"
+        yield f"{more} frames{' more' if frames else ''}, which are lost completely"
     if not salvage.described:
-        yield "the description (scene, settings, camera); the camera of the usual robot stands in for its own"
+        yield "the description (scene, settings, camera); the default robot's camera is used instead of its own"
     if record is not None:
         if (originals := record.rows.get(schema.ORIGINAL, 0) - (recording.row_count(schema.ORIGINAL) or 0)) > 0:
-            yield f"{originals} of the camera's own pictures"
+            yield f"{originals} of the camera's original images"
         if record.static_rows.get(schema.SCENE) and recording.scene_glb() is None:
             yield "the drawn scene"
     if salvage.lost_places:
@@ -129,7 +129,7 @@ class VerifiedRecording:
     checksummed: bool
     """Every byte has a checksum. An older recording has them only for its frames and events."""
     note: str | None = None
-    """What the file lacks although everything that is read back is right."""
+    """Missing parts of the file, although all data that is read is correct."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,7 +165,7 @@ def verify(path: Path | str) -> VerifiedRecording:
     if contents.record is not None:
         _check_rows(recording, contents.record)
     if recording.half_frames:
-        raise _changed(path, f"of frame {recording.half_frames[0]} only the picture or only the depth is there")
+        raise _changed(path, f"of frame {recording.half_frames[0]} only the colours or only the depth is there")
     damaged = [frame for frame in recording.frames if not recording.is_intact(frame)]
     if damaged:
         changed = f"{len(damaged)} of {len(recording.frames)} frames changed since they were written, the first is"
@@ -197,7 +197,7 @@ def repair(path: Path | str, output: Path | str, *, recording_id: str | None = N
     events = list(_consistent_events(recording, losses.without_image(recording, frames)))
     # Of a recording that was cut before its first frame, the description and the scene are all there is.
     if not frames and not events and (salvage.ended or salvage.lost_places):
-        raise RecordingError(f"{path} holds no whole frame and no whole event; nothing in it can be saved.")
+        raise RecordingError(f"{path} has no undamaged frame and no undamaged event; nothing can be recovered.")
     with atomic_output(output) as part:
         rewrite(recording, part, frames, events)
     return _report(recording, output, frames, events, losses)
@@ -241,8 +241,8 @@ def _check_events(recording: Recording) -> None:
 
 def _changed(path: Path, what: str) -> RecordingError:
     return RecordingError(
-        f"{path}: {what}. Restore the file from a copy, or run `ltvn repair {path} --output NEW.rrd` to get back what "
-        "is whole."
+        f"{path}: {what}. Restore the file from a copy, or run `ltvn repair {path} --output NEW.rrd` to recover the "
+        "undamaged part."
     )
 
 

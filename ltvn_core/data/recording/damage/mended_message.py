@@ -1,7 +1,7 @@
 """Makes the best of a message that is damaged: repairs a single flipped bit, or puts what is left into a new message.
 
 Owns the arithmetic of the checksum, the layout of the messages that hold rows, and the decompression of damaged LZ4
-blocks. Without a checksum of the message nobody knows which of its rows are right; whoever reads them compares the
+blocks. Without a checksum of the message it is unknown which of its rows are correct; the reader compares the
 checksums of their own.
 """
 
@@ -14,7 +14,7 @@ from ltvn_core.data.recording.rrf2.framing import CHUNK_KIND, MESSAGE_HEADER
 from ltvn_core.protobuf_fields import bytes_field, number_field
 
 _LONG = 15
-"""A length of four bits that goes on in the bytes that follow."""
+"""A length of four bits that continues in the next bytes."""
 _SHORTEST_MATCH = 4
 _MOST_RATIO = 255
 """No block grows by more."""
@@ -31,7 +31,7 @@ _ARROW = 1
 _TABLE_START = re.compile(rb"\x18(?P<size>[\x80-\xff]{0,5}[\0-\x7f])\x20\x01\x2a(?P<length>[\x80-\xff]{0,5}[\0-\x7f])")
 """Size, encoding (Arrow) and the beginning of the table, which stand one behind the other."""
 _BEFORE_TABLE = 256
-"""All of these stand in so many bytes at the beginning of a message."""
+"""Number of bytes at the beginning of a message that contain all of these."""
 _POLYNOMIAL = 0xEDB88320
 
 
@@ -40,9 +40,9 @@ class _Sequence(NamedTuple):
 
     literals: bytes
     back: int
-    """How far up the bytes to repeat begin; 0 in the last sequence."""
+    """Distance back to the bytes to repeat; 0 in the last sequence."""
     match: int
-    """How many bytes to repeat."""
+    """Number of bytes to repeat."""
 
 
 def decompressed(block: bytes, size: int) -> Iterator[bytes]:

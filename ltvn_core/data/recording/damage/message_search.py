@@ -248,7 +248,7 @@ def _between(data: bytes, position: int, end: int | None, following: int) -> Ite
 
 
 def _message_end(data: bytes, position: int) -> int | None:
-    """Return where the message at a place ends, None where there is none."""
+    """Return where the message at a place ends, None if there is none."""
     if not _HEADER_LIKE.match(data, position):
         return None
     _, length = MESSAGE_HEADER.unpack_from(data, position)

@@ -37,7 +37,7 @@ from ltvn_core.protobuf_fields import bytes_field, read_fields
 from ltvn_core.robots.robot_spec import LOCOBOT
 
 _FILE_HEADER = b"RRF2" + bytes([*map(int, rr.__version__.split("+")[0].split(".")[:2]), 0, 0]) + b"\x01\x02\x00\x00"
-"""As this Rerun writes it: magic, version, LZ4, protobuf."""
+"""File header of the installed Rerun: magic, version, LZ4, protobuf."""
 _STORE_KIND = 1
 _ROW_ID = b"\n\x12\t" + bytes(8) + b"\x11" + bytes(8)
 _STORE_SOURCE = b"*\x0c\x08\x02\x12\x08\n\x06\x08\x03\x10\x0b\x18\x07"
@@ -55,7 +55,7 @@ class Salvage(NamedTuple):
     described: bool
     """The description could be read; else another stands in for it."""
     lost_bytes: int
-    """Of messages that are damaged or missing, or were cut; of some of them single rows are saved."""
+    """Bytes of messages that are damaged, missing or cut off; some of their rows may be saved."""
     lost_places: Sequence[tuple[int, int]]
     """Where those before the cut begin and how long they are, in bytes."""
     ended: bool
@@ -74,7 +74,7 @@ def open_salvage(path: Path, recording_id: str | None = None) -> Salvage:
     found = find_messages(data)
     stores = _stores([each.data for each in found.messages])
     if not stores:
-        raise RecordingError(f"{path} holds no whole message of a recording; nothing in it can be saved.")
+        raise RecordingError(f"{path} has no undamaged message of a recording; nothing can be recovered.")
     store = _chosen_store(path, stores, recording_id)
     number = _record_of(found, store)
     messages = [each for each in found.messages if _belongs(each, store, {*stores} - {store}, number)]
@@ -100,7 +100,7 @@ def open_salvage(path: Path, recording_id: str | None = None) -> Salvage:
 
 
 def _record_of(found: FoundMessages, store: bytes) -> int | None:
-    """Return the number of the closing record that speaks of a store's messages, None where none is left."""
+    """Return the number of the closing record that speaks of a store's messages, None if none is left."""
     speaking = Counter(each.record for each in found.messages if each.sure and _store(each.data) == store)
     if speaking:
         return speaking.most_common(1)[0][0]

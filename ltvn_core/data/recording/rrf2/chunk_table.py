@@ -51,7 +51,7 @@ class SorbetSchema(NamedTuple):
 
 
 class _Kind(NamedTuple):
-    """What columns must have in common to stand in one chunk."""
+    """Properties that all columns of one chunk share."""
 
     is_static: bool
     is_empty: bool
@@ -139,17 +139,17 @@ class ChunkPlace(NamedTuple):
 class _Block(NamedTuple):
     footer: bytes
     offsets: Sequence[int]
-    """Of the chunks in the block, in order."""
+    """Offsets of the chunks in the block, in order."""
 
 
 class _Layout(NamedTuple):
-    """What rows of the same kind have in common."""
+    """Properties that all rows of the same kind share."""
 
     entity: str
     columns: tuple[str, ...]
-    """Those that are neither empty nor zero."""
+    """Columns that are neither empty nor zero."""
     places: tuple[int, ...]
-    """For each column, which of the row's distinct numbers it holds; most columns repeat others."""
+    """For each column, the index of its number in the row's distinct numbers; most columns repeat others."""
 
 
 class _Rows:
@@ -157,7 +157,7 @@ class _Rows:
 
     def __init__(self) -> None:
         self.chunks = array("I")
-        """Which chunk of the recording each row is about, counted from 0."""
+        """Index of the chunk that each row describes."""
         self.numbers = array("q")
         """The distinct numbers of each row, one row after the other."""
 
@@ -195,7 +195,10 @@ class ChunkTable:
             try:
                 self._read(block)
             except (pa.ArrowException, ValueError, LookupError, TypeError, MemoryError):
-                _LOG.warning("The recording will have no table of chunks: Rerun's own one is unknown.", exc_info=True)
+                _LOG.warning(
+                    "The recording will have no table of chunks: the layout of Rerun's own table is unknown.",
+                    exc_info=True,
+                )
                 self._incomplete = True
 
     def encoded(self, places: Sequence[ChunkPlace]) -> bytes:
@@ -211,7 +214,7 @@ class ChunkTable:
         try:
             return b"".join(bytes_field(_MANIFESTS, self._manifest(key, stores[key], places)) for key in stores)
         except (pa.ArrowException, ValueError, LookupError, TypeError, RuntimeError, MemoryError):
-            _LOG.warning("The recording has no table of chunks: it could not be put together.", exc_info=True)
+            _LOG.warning("The recording has no table of chunks: it could not be made.", exc_info=True)
             return b""
 
     def _read(self, block: _Block) -> None:
@@ -378,9 +381,9 @@ def _read_batch(rows: bytes) -> pa.RecordBatch:
     payload = values[_PAYLOAD]
     size = values.get(_SIZE, 0)
     if not isinstance(payload, bytes) or not isinstance(size, int):
-        raise TypeError("the table is laid out otherwise")
+        raise TypeError("the table has another layout")
     if size > _MOST_RATIO * len(payload):
-        raise ValueError("the table is compressed by more than LZ4 can")
+        raise ValueError("the table is larger than LZ4 can compress")
     stream = pa.Codec("lz4_raw").decompress(payload, size) if values.get(_COMPRESSION) == _LZ4 else payload
     (batch,) = pa.ipc.open_stream(stream)
     return batch

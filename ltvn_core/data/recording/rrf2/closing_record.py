@@ -1,4 +1,4 @@
-"""What a finished recording says of its own bytes, and the comparison of a file with it before Rerun's reader sees one.
+"""Closing record of a finished recording, and the check of a file against it before Rerun's reader opens the file.
 
 The closing record holds a checksum of every message, and how many rows were written. It stands in the end message, as a
 field that Rerun skips, and covers every byte of the file: its own, the rest of the end message and the tail too. Owns
@@ -50,7 +50,7 @@ class ClosingRecord:
     messages: Sequence[MessageSum]
     """Every message before the end message, in order."""
     rows: Mapping[str, int]
-    """Entity path -> rows that were written with a time. What Rerun lost on the way shows here."""
+    """Entity path -> rows that were written with a time. Rows that Rerun lost show here."""
     static_rows: Mapping[str, int] = field(default_factory=dict)
     """The same for rows that hold at all times."""
 
@@ -208,7 +208,7 @@ class FileCheck(NamedTuple):
 
 
 def check_file(path: Path) -> FileCheck:
-    """Walk over a file and compare every byte with its closing record, where it has one. Raises OSError."""
+    """Walk over a file and compare every byte with its closing record, if it has one. Raises OSError."""
     with path.open("rb") as file:
         size = file.seek(0, 2)
         file.seek(0)
@@ -236,7 +236,7 @@ def _damage(
             return f"message {place}, at byte {position}, changed"
         position += found.size
     if len(messages) != len(record.messages):
-        return f"it holds {len(messages)} messages and was finished with {len(record.messages)}"
+        return f"it has {len(messages)} messages, but {len(record.messages)} when it was finished"
     return None
 
 
@@ -250,8 +250,11 @@ def _damage_without_record(messages: Sequence[MessageSum], end: EndMessage) -> s
     if not end.footer_is_right:
         return "Rerun's table of its chunks changed"
     if not end.footer:
-        return "it has neither our table of checksums nor Rerun's table of its chunks, as if it was cut and then ended"
+        return (
+            "it has neither our table of checksums nor Rerun's table of its chunks, as if it had been cut off and "
+            "then finished"
+        )
     listed = listed_chunks(end.footer)
     if listed is not None and listed != set(chunk_places(messages)):
-        return "Rerun's table lists other chunks than it holds"
+        return "Rerun's table does not list the same chunks as the file"
     return None

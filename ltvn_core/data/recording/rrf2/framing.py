@@ -35,7 +35,7 @@ class MessageSum(NamedTuple):
 
     kind: int
     length: int
-    """Of the payload, in bytes."""
+    """Length of the payload, in bytes."""
     crc32: int
     """Over the message's header and payload."""
 
@@ -54,9 +54,9 @@ class Tail(NamedTuple):
     """The last 32 bytes of a finished file."""
 
     footer_start: int
-    """Where the payload of the end message begins."""
+    """Position of the payload of the end message, in bytes."""
     footer_bytes: int
-    """How much of it is Rerun's own table of all chunks, 0 where there is none."""
+    """Size of Rerun's own table of all chunks, in bytes; 0 if there is none."""
     footer_xxh32: int
     """Rerun's checksum of that table."""
 
@@ -67,7 +67,7 @@ class Tail(NamedTuple):
 
     @classmethod
     def read(cls, data: bytes) -> Self | None:
-        """Read a tail, None where there is none."""
+        """Read a tail, None if there is none."""
         if len(data) != TAIL_BYTES:
             return None
         tail = cls(*_TAIL.unpack(data)[:3])
@@ -125,7 +125,7 @@ class EndMessage(NamedTuple):
     """The message that closes a file."""
 
     position: int
-    """Where it begins."""
+    """Position of its beginning, in bytes."""
     payload: bytes
     tail: Tail
 

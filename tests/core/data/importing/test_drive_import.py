@@ -189,9 +189,9 @@ def test_depth_from_a_lens_that_nobody_knows_is_refused_with_what_to_give(output
 def test_colours_alone_come_in_with_an_assumed_lens_and_a_loud_doubt(output: Path) -> None:
     summary = import_drive(ListedDrive([frame(camera=None)], ("rgb", "odometry")), output)
     assert not summary.camera.is_lens_known
-    assert any("Nothing says what lens" in doubt for doubt in summary.doubts)
+    assert any("The lens is unknown" in doubt for doubt in summary.doubts)
     notes = [str(event.event) for event in Recording.open(output).events]
-    assert any("Nothing says what lens" in note for note in notes)
+    assert any("The lens is unknown" in note for note in notes)
 
 
 @pytest.mark.parametrize(

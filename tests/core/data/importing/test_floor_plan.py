@@ -77,10 +77,10 @@ def test_png_plain_pgm_comments_and_lists_by_lines_are_read(tmp_path: Path) -> N
         (SAID.replace("map.pgm", "other.pgm"), r"other\.pgm cannot be read"),
         (SAID.replace("map.pgm", "../map.pgm"), "lies outside"),
         (SAID.replace("map.pgm", "/etc/hostname"), "lies outside"),
-        (SAID.replace("map.pgm", "map.yaml"), "no image that can be read"),
+        (SAID.replace("map.pgm", "map.yaml"), "not an image"),
         (SAID.replace("map.pgm", "big.pgm"), "64,000,000 pixels"),
-        (SAID.replace("0.5", "0", 1), "resolution is metres a pixel"),
-        (SAID.replace("0.5", "-0.05", 1), "resolution is metres a pixel"),
+        (SAID.replace("0.5", "0", 1), "resolution must"),
+        (SAID.replace("0.5", "-0.05", 1), "resolution must"),
         (SAID.replace("0.5", "fine", 1), "resolution must be a number"),
         (SAID.replace("0.5", "nan", 1), "resolution must be a finite number"),
         (SAID.replace("0.5", "90000", 1), "check resolution"),
@@ -93,7 +93,7 @@ def test_png_plain_pgm_comments_and_lists_by_lines_are_read(tmp_path: Path) -> N
         ("[" * 90_000, "names no image"),
         ("&a [*a, *a]\n" * 5_000, "names no image"),
         ("#" * 200_000, "100,000 bytes"),
-        (SAID.replace("map.pgm", "\0"), "cannot be read|leads nowhere"),
+        (SAID.replace("map.pgm", "\0"), "cannot be"),
     ],
 )
 def test_what_cannot_be_right_is_refused_in_one_line(tmp_path: Path, said: str, expected: str) -> None:

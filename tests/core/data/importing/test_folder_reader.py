@@ -164,7 +164,7 @@ def test_of_a_damaged_picture_one_line_is_said_and_none_by_the_libraries_that_de
 
 def test_a_folder_without_pictures_is_no_drive(tmp_path: Path) -> None:
     assert not FolderReader.recognises(tmp_path)
-    with pytest.raises(DriveError, match="holds no pictures"):
+    with pytest.raises(DriveError, match="contains no images"):
         FolderReader.open(tmp_path, ReadOptions())
     with pytest.raises(DriveError, match="holds no depth images"):
         FolderReader.open(write_pictures(tmp_path, ["1.jpg", "2.jpg"]), ReadOptions(depth="deep"))
@@ -205,7 +205,7 @@ def test_depth_in_the_folder_of_the_colours_is_told_apart_and_paired(tmp_path: P
 def test_a_folder_of_depth_alone_asks_for_the_colours(tmp_path: Path) -> None:
     for k in range(3):
         write_depth(tmp_path / f"{k}.png", 1000)
-    with pytest.raises(DriveError, match="none of colours"):
+    with pytest.raises(DriveError, match="no colour images"):
         read(tmp_path)
 
 

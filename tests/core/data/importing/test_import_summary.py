@@ -49,13 +49,13 @@ def test_pauses_of_the_recorder_are_told(tmp_path: Path) -> None:
     summary = imported(tmp_path, [replace(frame(k, x=0.1 * k), stamp=s) for k, s in enumerate(stamps)])
     assert summary.gaps == 3
     assert round(summary.longest_gap_s, 1) == 5.1
-    assert "For 3 times, 15 s in all, no images came" in said(summary)
+    assert "For 3 times, 15 s in all" in said(summary)
 
 
 def test_images_in_a_row_that_cannot_overlap_are_told(tmp_path: Path) -> None:
     summary = imported(tmp_path, [frame(k, x=1.5 * k) for k in range(25)])
-    assert "24 of 24 images in a row do not overlap" in said(summary)
-    assert "falls into 25 pieces" in said(summary)
+    assert "24 of 24 images do not overlap" in said(summary)
+    assert "25 pieces" in said(summary)
 
 
 def test_odometry_in_another_unit_shows_as_drift(tmp_path: Path) -> None:

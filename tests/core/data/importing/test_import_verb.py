@@ -32,10 +32,10 @@ def test_a_real_drive_is_imported_with_one_command(tmp_path: Path, capsys: pytes
     ("arguments", "message"),
     [
         (["{tmp}/missing"], "There is no file or folder"),
-        (["{tmp}/strange.bin"], "in no format that can be read"),
+        (["{tmp}/strange.bin"], "not in a supported format"),
         (["{tmp}/house.glb"], "--scene"),
         (["{tmp}/strange.bin", "--format", "floppy"], "No reader is called 'floppy'"),
-        ([str(EXCERPT), "--camera", "1,2,3"], "--camera 1,2,3 is no camera"),
+        ([str(EXCERPT), "--camera", "1,2,3"], "--camera 1,2,3"),
         ([str(EXCERPT), "--every-m", "-1"], "--every-m"),
         ([str(EXCERPT), "--odometry-from", "source"], "has no odometry; found depth, rgb, truth"),
     ],

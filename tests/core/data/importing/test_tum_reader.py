@@ -100,7 +100,7 @@ def test_a_world_whose_z_is_not_up_is_turned_and_that_is_said(tmp_path: Path) ->
         ("rgb.txt", "100.0\n", r"rgb.txt, line 1"),
         ("rgb.txt", "\0\0\0", r"rgb.txt, line 1"),
         ("groundtruth.txt", "100.0 1 2 3 0 0 0 9\n", "quaternion"),
-        ("groundtruth.txt", "100.0 1 2 3 0 0 zero 1\n", "no row of numbers"),
+        ("groundtruth.txt", "100.0 1 2 3 0 0 zero 1\n", "row of numbers"),
         ("camera.json", "[1, 2]", "camera.json describes no camera"),
         ("camera.json", json.dumps({"width": 64, "height": 48, "fx": -3, "fy": 1, "cx": 1, "cy": 1}), "positive"),
         ("camera.json", "[" * 100_000, "camera.json"),

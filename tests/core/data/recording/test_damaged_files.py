@@ -126,7 +126,7 @@ def test_one_of_the_two_descriptions_is_enough(whole: Path, damaged: Path, repai
 
 def test_when_no_frame_and_no_event_is_left_nothing_is_written(whole: Path, damaged: Path, repaired: Path) -> None:
     damaged.write_bytes(blanked(whole.read_bytes(), b""))
-    with pytest.raises(RecordingError, match="nothing in it can be saved"):
+    with pytest.raises(RecordingError, match="nothing can be recovered"):
         repair(damaged, repaired)
     assert not repaired.exists()
 

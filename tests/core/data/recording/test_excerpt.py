@@ -125,4 +125,4 @@ def test_a_page_and_a_figure_ask_nothing_of_another_machine(tmp_path: Path) -> N
 
 
 def test_there_must_be_something_to_write(drive: Recording) -> None:
-    assert "name --output" in ltvn("export", drive.path).stderr
+    assert "give --output" in ltvn("export", drive.path).stderr

@@ -110,7 +110,7 @@ def test_the_same_weights_are_not_made_twice_and_others_not_overwritten(
     written = output.stat().st_mtime_ns
     assert fine_tune_for("ltvn", start, output, data=dataset) == first
     assert output.stat().st_mtime_ns == written
-    with pytest.raises(WeightsError, match="made otherwise; nothing is overwritten"):
+    with pytest.raises(WeightsError, match="is not overwritten"):
         fine_tune_for("ltvn", start, output, data=dataset, plan=replace(PLAN, steps=1))
 
 
@@ -131,7 +131,7 @@ def test_weights_of_an_earlier_version_with_the_same_run_are_kept(tmp_path: Path
     card_path(output).write_text(
         json.dumps(card | {"run": {"parent": card["parent"], "minutes": 3.0}}), encoding="utf-8"
     )
-    with pytest.raises(WeightsError, match="made otherwise"):
+    with pytest.raises(WeightsError, match="other settings"):
         fine_tune_for("ltvn", start, output, data=dataset)
 
 

@@ -94,7 +94,7 @@ def test_a_pair_of_an_image_that_is_not_there_is_refused(tmp_path: Path) -> None
     shard = make_shard(two_rooms("a"), RECIPE)
     path = tmp_path / "odd.pairs.safetensors"
     write_shard(replace(shard, targets=shard.targets + 1000), path)
-    with pytest.raises(DatasetError, match="not there"):
+    with pytest.raises(DatasetError, match="missing image"):
         read_shard(path)
 
 

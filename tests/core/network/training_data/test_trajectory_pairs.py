@@ -108,7 +108,7 @@ def test_images_of_one_place_are_thinned() -> None:
 
 def test_a_drive_that_cannot_teach_is_refused_with_a_reason() -> None:
     still = poses_along((1.0, 1.0), (1.3, 1.0), step_m=0.01)
-    with pytest.raises(RecordingError, match=r"drive\.rrd: of \d+ images only 3 .* one place"):
+    with pytest.raises(RecordingError, match=r"drive\.rrd: only 3 of \d+ images"):
         drive(still)
     with pytest.raises(RecordingError, match="holds 5 images; fine-tuning needs 20"):
         drive(TOUR[:5])
@@ -116,7 +116,7 @@ def test_a_drive_that_cannot_teach_is_refused_with_a_reason() -> None:
         drive(TOUR, np.zeros_like(TOUR))
     missing = TOUR.copy()
     missing[3] = np.nan
-    with pytest.raises(RecordingError, match="and 1 of them have none"):
+    with pytest.raises(RecordingError, match="1 of the poses are missing"):
         drive(TOUR, missing)
 
 
@@ -137,7 +137,7 @@ def test_images_without_depth_teach_nothing_and_are_said(caplog: pytest.LogCaptu
     kept = select_keyframes(blind, "drive.rrd")
     assert kept.depth_mm.any(axis=(1, 2)).all()
     assert len(kept.poses) < len(select_keyframes(whole, "drive.rrd").poses)
-    assert "have no depth and teach nothing" in caplog.text
+    assert "have no depth" in caplog.text
 
 
 @pytest.mark.parametrize("depth", [None, np.zeros((72, 96), np.float32)], ids=["absent", "zero"])

@@ -155,7 +155,7 @@ def test_a_second_sender_is_refused_until_the_first_is_silent() -> None:
 @pytest.mark.parametrize(
     ("depth_m", "reason"),
     [
-        (0.3, "something stands 0.12 m before the robot"),
+        (0.3, "there is an obstacle 0.12 m in front of the robot"),
         (3.0, None),
         (0.0, "the depth image is empty"),
         (math.nan, "the depth image is empty"),

@@ -74,7 +74,7 @@ def test_commands_are_forwarded_and_silence_is_one_zero(bench: Bench) -> None:
     bench.next_that(is_zero=True)
 
     bench.drive(TURN)  # It drove, fell silent, and sent no stop.
-    bench.guard.wait_until_it_says("a driver sends a stop first")
+    bench.guard.wait_until_it_says("must first send a stop")
     assert bench.reached.empty()
     bench.drive(ZERO_TWIST)
     bench.next_that(is_zero=True)

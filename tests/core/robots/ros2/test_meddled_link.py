@@ -84,7 +84,7 @@ def _sees(robot: RosRobot) -> bool:
     [
         (lost, "its newest image is"),
         (late_by(1.5), "late; it is not used"),
-        (other_edition, "another edition"),
+        (other_edition, "another version"),
         (cut, "is the message cut"),
         (foreign_attachment, "not the 33 bytes of rmw_zenoh"),
     ],
@@ -105,7 +105,7 @@ def test_what_cannot_be_used_stops_the_robot_says_why_and_driving_does_not_come_
     body.meddle = leave_alone
     until(lambda: drive_like_a_person(robot) and robot.link_report().picture_age_s < 0.2)
     assert AHEAD not in body.told[stood:]
-    assert "Let go" in drive_like_a_person(robot)
+    assert "Release" in drive_like_a_person(robot)
 
     let_go(robot)
     assert AHEAD not in body.told[stood:]

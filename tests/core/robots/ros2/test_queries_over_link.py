@@ -92,7 +92,7 @@ def told(verb: Any, options: Callable[[int], list[str]], capsys: pytest.CaptureF
         said = capsys.readouterr()
         if code == 0:
             return json.loads(said.out)
-        assert re.search("was stopped|newest image is|no whole image", said.err), said.err
+        assert re.search("was stopped|newest image is|no complete image", said.err), said.err
     raise AssertionError(f"the robot was lost {TRIES} times")
 
 

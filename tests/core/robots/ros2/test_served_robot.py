@@ -121,7 +121,7 @@ def _heading(message: Any) -> float:
 
 
 def test_a_robot_that_is_not_there_is_an_error_that_says_what_to_do() -> None:
-    with pytest.raises(RobotError, match=r"Nothing answers at tcp/127\.0\.0\.1:1; is the router there"):
+    with pytest.raises(RobotError, match=r"No router answers at tcp/127\.0\.0\.1:1"):
         open_robot("sim@tcp/127.0.0.1:1")
     with pytest.raises(RobotError, match="write tcp/HOST:PORT"):
         open_robot("sim@127.0.0.1")

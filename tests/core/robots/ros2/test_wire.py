@@ -159,18 +159,18 @@ def test_an_image_that_unpacks_to_too_much_is_refused_before_it_is_decoded() -> 
         (bytes(12) + large, "16UC1; compressedDepth png"),
         (bytes(12) + struct.pack("<II", 5000, 5000) + bytes(8), "16UC1; compressedDepth rvl"),
     ):
-        with pytest.raises(RobotError, match="/image: 5000 x 5000 pixels are no image of a robot's camera"):
+        with pytest.raises(RobotError, match="/image: 5000 x 5000 pixels"):
             sensor_size(compressed(data, form), "/image")
 
 
 @pytest.mark.parametrize(
     ("data", "form", "message"),
     [
-        (b"", "jpeg", "is no image that can be read"),
-        (b"no image", "rgb8; jpeg compressed bgr8", "is no image that can be read"),
-        (bytes(12), "16UC1; compressedDepth png", "12 bytes are no compressed depth"),
-        (bytes(30), "16UC1; compressedDepth png", "is no image that can be read"),
-        (bytes(16), "16UC1; compressedDepth rvl", "4 bytes are no compressed depth"),
+        (b"", "jpeg", "is not an image"),
+        (b"no image", "rgb8; jpeg compressed bgr8", "is not an image"),
+        (bytes(12), "16UC1; compressedDepth png", "12 bytes are not compressed depth"),
+        (bytes(30), "16UC1; compressedDepth png", "is not an image"),
+        (bytes(16), "16UC1; compressedDepth rvl", "4 bytes are not compressed depth"),
     ],
 )
 def test_a_compressed_image_that_is_none_is_refused(data: bytes, form: str, message: str) -> None:
@@ -180,7 +180,7 @@ def test_a_compressed_image_that_is_none_is_refused(data: bytes, form: str, mess
 
 def test_colours_where_depth_belongs_are_refused() -> None:
     message = compressed_colour_message(np.zeros((4, 4, 3), np.uint8), STAMP_S)
-    with pytest.raises(RobotError, match="/depth is no depth image"):
+    with pytest.raises(RobotError, match="/depth is not a depth image"):
         sensor_depth(message, "/depth", 0.001)
 
 
@@ -265,15 +265,15 @@ def test_a_topic_of_another_type_or_edition_is_named() -> None:
 
     topic.check_key(topic.key)
     topic.check_key(topic.key.replace(TWIST_HASH, "TypeHashNotSupported"))
-    with pytest.raises(RobotError, match="carries geometry_msgs/msg/TwistStamped, expected geometry_msgs/msg/Twist"):
+    with pytest.raises(RobotError, match="geometry_msgs/msg/TwistStamped, expected geometry_msgs/msg/Twist"):
         topic.check_key(Topic("/cmd_vel", TWIST_STAMPED).key)
-    with pytest.raises(RobotError, match="another edition"):
+    with pytest.raises(RobotError, match="another version"):
         topic.check_key(topic.key[:-1] + "0")
 
 
 @pytest.mark.parametrize("damage", [lambda data: data[:20], lambda data: data + bytes(20), lambda data: b"\xff" + data])
 def test_a_damaged_message_is_refused(damage: Callable[[bytes], bytes]) -> None:
-    with pytest.raises(RobotError, match=r"/cmd_vel: .* are no geometry_msgs/msg/Twist"):
+    with pytest.raises(RobotError, match=r"/cmd_vel: .* are not a geometry_msgs/msg/Twist"):
         decode(damage(encode(twist_message(Twist(0.1, 0.2), None))), TWIST, "/cmd_vel")
 
 
@@ -290,11 +290,11 @@ def test_what_was_sent_is_what_is_read() -> None:
 def test_numbers_that_cannot_be_are_refused() -> None:
     with pytest.raises(RobotError, match="two finite speeds"):
         read_twist(twist_message(Twist(math.nan, 0.0), None), "/cmd_vel")
-    with pytest.raises(RobotError, match="both must be metres"):
+    with pytest.raises(RobotError, match="both must be finite metres"):
         read_odometry(odometry_message(np.array([math.inf, 0.0, 0.0]), Twist(0.0, 0.0), 1.0), "/odom")
-    with pytest.raises(RobotError, match="says no heading"):
+    with pytest.raises(RobotError, match="heading"):
         read_odometry(odometry_message(np.array([0.0, 0.0, math.nan]), Twist(0.0, 0.0), 1.0), "/odom")
-    with pytest.raises(RobotError, match="are no time"):
+    with pytest.raises(RobotError, match="not a valid time"):
         read_stamp(image_message(np.zeros((2, 2, 3), np.uint8), -5.0), "/image")
 
 
@@ -305,7 +305,7 @@ def test_images_come_back_and_another_encoding_is_refused() -> None:
 
     np.testing.assert_array_equal(decode_colours(message, "/image"), colours)
     np.testing.assert_array_equal(decode_metres(image_message(depth, 1.0), "/depth"), [[1.0, 0.0], [0.0, 2.5]])
-    with pytest.raises(DriveError, match="/depth: the encoding 'rgb8' is none of"):
+    with pytest.raises(DriveError, match="/depth: the encoding 'rgb8' is not one of"):
         decode_metres(message, "/depth")
 
 

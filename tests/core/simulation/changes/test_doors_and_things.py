@@ -267,7 +267,7 @@ def test_what_cannot_be_is_refused_and_changes_nothing(world: World, change: Wor
 
 def test_nothing_is_put_onto_the_robot(world: World, scene: Scene, enter: Enter) -> None:
     robot = enter(world)
-    with pytest.raises(WorldError, match="the robot stands there"):
+    with pytest.raises(WorldError, match="the robot is there"):
         robot.apply(box_at(robot.exact_pose))
     robot.teleport(beside(scene.parts.doors[DOOR], 0.0))
     with pytest.raises(WorldError, match="Drive it away first"):

@@ -83,7 +83,7 @@ def test_velocities_are_no_poses(tmp_path: Path) -> None:
     frames, _ = read(write_dataset(tmp_path / "set", info={"features": features}))
 
     assert all(frame.odometry is None for frame in frames)
-    with pytest.raises(DriveError, match="named x, y and yaw"):
+    with pytest.raises(DriveError, match="called x, y and yaw"):
         read(tmp_path / "set", ReadOptions(odometry=STATE))
 
 

@@ -98,7 +98,7 @@ def test_without_depth_what_there_is_is_named(tmp_path: Path) -> None:
 def test_a_choice_between_cameras_says_which_could_be_depth_and_that_advice_works(tmp_path: Path) -> None:
     path = drive(tmp_path / "drive", "mono16", "/stereo/image", "/mono/image")
 
-    with pytest.raises(DriveError, match="perhaps depth for --depth, are: /stereo/image"):
+    with pytest.raises(DriveError, match="may be depth for --depth: /stereo/image"):
         read(path)
     frames, _ = read(path, ReadOptions(depth="/stereo/image"))
 

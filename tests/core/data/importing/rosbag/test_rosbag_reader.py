@@ -220,7 +220,7 @@ def test_images_without_depth_or_pose_of_their_moment_are_dropped_and_counted(tm
     frames, reader = read(tmp_path / "drive")
 
     assert len(frames) == 6
-    assert reader.dropped == {"no depth image of that moment": 10, "no pose of that moment": 4}
+    assert reader.dropped == {"no depth image at that time": 10, "no pose at that time": 4}
 
 
 def test_stamps_that_go_backwards_are_dropped_and_missing_ones_are_those_of_recording(tmp_path: Path) -> None:

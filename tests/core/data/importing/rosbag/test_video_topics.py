@@ -155,7 +155,7 @@ def test_a_video_begins_with_its_first_key_frame(tmp_path: Path) -> None:
     frames, reader = read(video_bag(tmp_path / "drive", encoded()[2:]))
 
     assert numbers(frames) == list(range(GROUP, 12))
-    assert dict(reader.dropped) == {"no key frame of the video before": GROUP - 2}
+    assert dict(reader.dropped) == {"no key frame of the video before it": GROUP - 2}
 
 
 @pytest.mark.parametrize("damage", [b"junk" * 20, b"", b"\0\0\0\1\x65" + b"\xff" * 40])

@@ -38,6 +38,7 @@ class MotionExecutor:
         self._slips = slips
         self._state = self._mended(robot.state())
         self.steps = 0
+        self._uncounted = 0
         self.collisions = 0
         self.path_m = 0.0
         self.cancelled = False
@@ -74,14 +75,16 @@ class MotionExecutor:
         """Command a velocity for one control step; raise QueryAborted at a limit."""
         if self.cancelled:
             raise QueryAborted(Outcome.CANCELLED)
-        if self.steps >= self._limits.step_limit:
+        if self.steps - self._uncounted >= self._limits.step_limit:
             raise QueryAborted(Outcome.STEP_LIMIT)
         self._robot.drive(twist)
         yield Tick()
         yield from self._update_state()
 
-    def wait_one_step(self) -> Iterator[Event | Tick]:
-        """Stand still for one control step; it counts against the step limit, so that no loop is endless."""
+    def wait_one_step(self, *, is_counted: bool = True) -> Iterator[Event | Tick]:
+        """Stand still for one control step; unless it is not counted, it counts against the step limit, so that no loop
+        is endless."""
+        self._uncounted += not is_counted
         yield from self.move(ZERO_TWIST)
 
     def drive_straight(

@@ -53,7 +53,8 @@ class ActionRunner:
             return ActionState.FAILED
         performer.begin(*edge, action)
         while (state := performer.state()) is ActionState.PENDING:
-            yield from self._motion.wait_one_step(is_counted=False)
+            yield from self._motion.stand_by()
+        yield from self._motion.stand_by()  # So that the robot sees and feels where it is now.
         return state
 
     def _ended(self, edge: EdgeKey, failure: str) -> ActionEnded:

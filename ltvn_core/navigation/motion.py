@@ -81,11 +81,17 @@ class MotionExecutor:
         yield Tick()
         yield from self._update_state()
 
-    def wait_one_step(self, *, is_counted: bool = True) -> Iterator[Event | Tick]:
-        """Stand still for one control step; unless it is not counted, it counts against the step limit, so that no loop
-        is endless."""
-        self._uncounted += not is_counted
+    def wait_one_step(self) -> Iterator[Event | Tick]:
+        """Stand still for one control step; it counts against the step limit, so that no loop is endless."""
         yield from self.move(ZERO_TWIST)
+
+    def stand_by(self) -> Iterator[Event | Tick]:
+        """Let one control step pass while the robot may be carried: it counts neither as a step to the limit nor as way
+        driven."""
+        driven_m = self.path_m
+        self._uncounted += 1
+        yield from self.move(ZERO_TWIST)
+        self.path_m = driven_m
 
     def drive_straight(
         self, length_m: float, speed_m_s: float, *, goes_on: Callable[[], bool] = lambda: True

@@ -1,5 +1,6 @@
 """Where an edge has an action, the robot waits at its source until the action is done, and goes on from its target."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,13 +10,16 @@ from ltvn_core.analysis.manual_edits import connect_by_action
 from ltvn_core.config import ROBUST, Method
 from ltvn_core.evaluation.query_result import QueryResult
 from ltvn_core.graph.connectivity import floors
-from ltvn_core.graph.deltas import Cause, EdgePruned
+from ltvn_core.graph.deltas import Cause, EdgePruned, NodeAdded
+from ltvn_core.graph.keyframes import KeyframeStore
+from ltvn_core.graph.operators import node_from_observation
 from ltvn_core.navigation.action_performer import ActionState
 from ltvn_core.navigation.events import (
     ActionBegun,
     ActionEnded,
     AttemptStarted,
     Event,
+    Localised,
     NavigatorState,
     Outcome,
     QueryEnded,
@@ -23,9 +27,17 @@ from ltvn_core.navigation.events import (
     Tick,
 )
 from ltvn_core.navigation.navigator import Navigator
-from ltvn_core.types import NodeId
-from tests.core.flat_world import FlatWorld
-from tests.core.navigation.mapped_world import PRESETS, MappedWorld, events_of, mapped_corridor, mapped_rooms
+from ltvn_core.types import Features, NodeId, Observation
+from tests.core.flat_world import FlatPredictor, FlatWorld, observation_at, one_room
+from tests.core.navigation.mapped_world import (
+    PRESETS,
+    MappedWorld,
+    events_of,
+    join_nodes,
+    map_world,
+    mapped_corridor,
+    mapped_rooms,
+)
 
 WALL_M = 3.0
 LIFT = "Take the lift to floor 2"
@@ -151,6 +163,38 @@ def test_after_a_failed_action_the_robot_takes_another_way() -> None:
     elevator = Lift(place, works=False)
     assert go(place, 6, elevator)[0].reached
     assert elevator.begun == 1
+
+
+class LookAlikeFloors(FlatPredictor):
+    """Sees floor 2, ten metres beyond floor 1, as floor 1 but for the beginning of its corridor."""
+
+    def encode(self, observations: Sequence[Observation]) -> Features:
+        features = super().encode(observations)
+        features[:, 0] -= 10.0 * (features[:, 0] > 11.5)
+        return features
+
+
+def test_after_a_lift_the_robot_knows_on_which_of_two_floors_that_look_alike_it_is() -> None:
+    images = [observation_at(np.array([x, 1.0, 0.0]), k) for k, x in enumerate([0.6, 1.2, 1.8, 2.4, 3.0])]
+    images += [observation_at(seen.exact_pose + np.array([10.0, 0.0, 0.0]), seen.step + 100) for seen in images]
+    place = map_world(one_room(), images[:1], ROBUST)
+    place.predictor = LookAlikeFloors(place.world)
+    place.keyframes = KeyframeStore(place.predictor)
+    place.keyframes.add(images)
+    place.robot.world = FlatWorld(np.concatenate([place.world.walls, place.world.walls + np.array([10.0, 0.0])]))
+    place.poses = {seen.step: seen.exact_pose for seen in images}
+    for seen in images[1:]:
+        place.graph.apply(NodeAdded(node_from_observation(seen), Cause.BUILD))
+    for k in (0, 1, 2, 3, 100, 101, 102, 103):
+        join_nodes(place, k, k + 1, 0.6)
+        join_nodes(place, k + 1, k, -0.6)
+    for delta in connect_by_action(place.graph, 4, 104, LIFT):
+        place.graph.apply(delta)
+    episode, events = go(place, 102, Lift(place))
+    assert episode.reached
+    taken = next(k for k, event in enumerate(events) if isinstance(event, ActionEnded))
+    seen_at = {event.node for event in events_of(Localised, events[taken:])}
+    assert seen_at <= {None, 100, 101, 102, 103, 104}
 
 
 def test_an_action_is_done_where_its_source_is() -> None:

@@ -181,14 +181,16 @@ class QueryRunner:
     def _act(self, source: NodeId, target: NodeId) -> EventGenerator[None]:
         """Have the action of an edge done; the robot is then at its target, though its wheels did not move."""
         yield from self._enter(NavigatorState.ACTING)
+        edge = (source, target)
         self._reached = None
-        if (yield from self._actions.run((source, target))):
+        succeeded = yield from self._actions.run(edge)
+        if not succeeded or self._memory.count_drive(edge):
+            self._memory.close(edge)
+        if succeeded:
             self._memory.arrive_elsewhere(target)
             self._perception.trail.clear()
             self._know_nothing_by_odometry()
             self._places.begin_at(target, self._perception.trail, self._motion.odometry)
-        else:
-            self._memory.close((source, target))
 
     def _follow(self, localisation: Localisation, path: GraphPath) -> EventGenerator[bool]:
         """Drive to the subgoal; tell whether the robot is at the goal and has nothing left to drive."""

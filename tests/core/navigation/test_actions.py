@@ -175,14 +175,15 @@ class LookAlikeFloors(FlatPredictor):
 
 
 def test_after_a_lift_the_robot_knows_on_which_of_two_floors_that_look_alike_it_is() -> None:
-    images = [observation_at(np.array([x, 1.0, 0.0]), k) for k, x in enumerate([0.6, 1.2, 1.8, 2.4, 3.0])]
-    images += [observation_at(seen.exact_pose + np.array([10.0, 0.0, 0.0]), seen.step + 100) for seen in images]
+    poses = {k: np.array([0.6 + 0.6 * k, 1.0, 0.0]) for k in range(5)}
+    poses |= {100 + k: pose + np.array([10.0, 0.0, 0.0]) for k, pose in poses.items()}
+    images = [observation_at(pose, k) for k, pose in poses.items()]
     place = map_world(one_room(), images[:1], ROBUST)
     place.predictor = LookAlikeFloors(place.world)
     place.keyframes = KeyframeStore(place.predictor)
     place.keyframes.add(images)
     place.robot.world = FlatWorld(np.concatenate([place.world.walls, place.world.walls + np.array([10.0, 0.0])]))
-    place.poses = {seen.step: seen.exact_pose for seen in images}
+    place.poses = poses
     for seen in images[1:]:
         place.graph.apply(NodeAdded(node_from_observation(seen), Cause.BUILD))
     for k in (0, 1, 2, 3, 100, 101, 102, 103):

@@ -170,7 +170,7 @@ class LookAlikeFloors(FlatPredictor):
 
     def encode(self, observations: Sequence[Observation]) -> Features:
         features = super().encode(observations)
-        features[:, 0] -= 10.0 * (features[:, 0] > 11.5)
+        features[:, 0] -= 10.0 * np.greater(features[:, 0], 11.5)
         return features
 
 

@@ -169,8 +169,8 @@ class LookAlikeFloors(FlatPredictor):
     """Sees floor 2, ten metres beyond floor 1, as floor 1 but for the beginning of its corridor."""
 
     def encode(self, observations: Sequence[Observation]) -> Features:
-        features = super().encode(observations)
-        features[:, 0] -= 10.0 * np.greater(features[:, 0], 11.5)
+        features = np.array(super().encode(observations), np.float64)
+        features[:, 0] -= 10.0 * (features[:, 0] > 11.5)
         return features
 
 

@@ -228,6 +228,7 @@ def _take_change(lifetimes: list[_OpenLifetime], change: MapChange) -> None:
         case (
             d.NodeAdded()
             | d.EdgeProtected()
+            | d.EdgeActionSet()
             | d.PresenceObserved()
             | d.NodeNamed()
             | d.FramesReserved()

@@ -3,6 +3,7 @@
 Owns what a person may change and how it is undone. Applies nothing: whoever owns the map does.
 """
 
+import math
 from collections.abc import Sequence
 from typing import assert_never
 
@@ -13,7 +14,7 @@ from ltvn_core.errors import MapError, OptionError
 from ltvn_core.geometry import distance, relative
 from ltvn_core.graph import deltas as d
 from ltvn_core.graph.operators import pose_row
-from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph, presence_deltas
+from ltvn_core.graph.topological_graph import MAX_ACTION_LENGTH, EdgeKey, TopologicalGraph, presence_deltas
 from ltvn_core.types import FrameId, NodeId, Waypoint
 
 MAX_NAME_LENGTH = 60
@@ -64,6 +65,32 @@ def protect_edge(graph: TopologicalGraph, source: NodeId, target: NodeId, *, pro
     return d.EdgeProtected(source, target, protected=protected, cause=d.Cause.HAND)
 
 
+def connect_by_action(
+    graph: TopologicalGraph, source: NodeId, target: NodeId, action: str, mu: float = 10.0
+) -> tuple[d.GraphDelta, ...]:
+    """Return the deltas that join two nodes by an action, such as "Take the lift to floor 2", in this direction only.
+
+    `mu` is what the action costs in a plan, in metres of driving; an edge that is there already keeps its own. Raises
+    MapError where a node is missing, OptionError for an action or a cost that cannot be.
+    """
+    _require_nodes(graph, source, target)
+    wanted = " ".join(action.split())
+    if not wanted or len(wanted) > MAX_ACTION_LENGTH or not wanted.isprintable():
+        raise OptionError(
+            f"{wanted[:MAX_ACTION_LENGTH]!r} cannot be an action: use 1 to {MAX_ACTION_LENGTH} printable characters."
+        )
+    if (source, target) in graph.edges:
+        return protect_edge(graph, source, target), d.EdgeActionSet(source, target, wanted, d.Cause.HAND)
+    if source == target:
+        raise MapError(f"Edge {source} -> {target} cannot be added: {_why_not(source, target)}.")
+    if not 0 <= mu < math.inf:
+        raise OptionError(f"An action cannot cost {mu} m; give 0 or more.")
+    config = BeliefConfig()
+    belief = d.Belief(config.p_cap, mu, config.sigma2)
+    edge = d.Edge(source, target, d.PoseRow(0.0, 0.0, 0.0), belief, protected=True, action=wanted)
+    return (d.EdgeAdded(edge, d.Cause.HAND),)
+
+
 def delete_node(graph: TopologicalGraph, node: NodeId) -> d.NodeDropped:
     """Return the delta that takes a node out with its edges. Its image does not join the reserve, which would bring it
     back. Raises MapError if there is no such node.
@@ -110,6 +137,8 @@ def inverse_deltas(delta: d.GraphDelta, graph_before: TopologicalGraph) -> tuple
         case d.EdgeProtected(source, target):
             held = _edge(graph_before, (source, target)).protected
             return (d.EdgeProtected(source, target, held, d.Cause.HAND),)
+        case d.EdgeActionSet(source, target):
+            return (d.EdgeActionSet(source, target, _edge(graph_before, (source, target)).action, d.Cause.HAND),)
         case d.PresenceObserved(source, target):
             # What was observed cannot be taken back alone, so the edge goes and comes back with what was known before.
             back = _edges_back(graph_before, [(source, target)])

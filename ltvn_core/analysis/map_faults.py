@@ -68,7 +68,7 @@ def contradicted_edges(graph: TopologicalGraph) -> tuple[ContradictedEdge, ...]:
 
     A map of several drives, whose odometries begin anew, has many such edges, and none of them stands out.
     """
-    edges = graph.edges
+    edges = graph.driven_edges
     if not edges:
         return ()
     driven = relative(*(_odometry(graph, ends) for ends in zip(*edges, strict=True)))

@@ -112,7 +112,7 @@ class GraphHistory:
                 pass  # It is there already.
             case d.EdgeProtected() | d.PresenceObserved() | d.NodeNamed() | d.FramesReserved() | d.FramesReleased():
                 pass  # It is not drawn.
-            case d.ViewAdded() | d.ViewUsed() | d.ViewDropped() | d.DriveBegun():
+            case d.EdgeActionSet() | d.ViewAdded() | d.ViewUsed() | d.ViewDropped() | d.DriveBegun():
                 pass
 
     def clear(self) -> None:
@@ -317,7 +317,14 @@ class MapHistory:
                 self._by_node.setdefault(node.id, []).append(change)
             case d.NodeDropped(node=node) | d.ViewAdded(node=node) | d.ViewUsed(node=node) | d.ViewDropped(node=node):
                 self._by_node.setdefault(node, []).append(change)
-            case d.EdgeProtected() | d.NodeNamed() | d.DriveBegun() | d.FramesReserved() | d.FramesReleased():
+            case (
+                d.EdgeProtected()
+                | d.EdgeActionSet()
+                | d.NodeNamed()
+                | d.DriveBegun()
+                | d.FramesReserved()
+                | d.FramesReleased()
+            ):
                 pass  # These are never looked up by edge or node.
 
     def _keep(self, place: int, replay: MapReplay) -> None:

@@ -26,6 +26,8 @@ class NavigationProgress(NamedTuple):
     plan: tuple[NodeId, ...] = ()
     attempt: e.AttemptStarted | None = None
     """The edge being driven."""
+    action: e.ActionBegun | None = None
+    """The action that the robot waits for."""
     localised: e.Localised | None = None
     """The latest comparison with the map."""
     ended: e.QueryEnded | None = None
@@ -65,7 +67,7 @@ def apply_event(progress: NavigationProgress, event: e.Event) -> NavigationProgr
         case e.StateChanged(state):
             return progress._replace(navigator=state)
         case e.QueryStarted(query, goal):
-            fresh = progress._replace(query=query, goal=goal, plan=(), attempt=None, localised=None)
+            fresh = progress._replace(query=query, goal=goal, plan=(), attempt=None, action=None, localised=None)
             fresh = fresh._replace(obstructions=0, obstructed_s=None)
             return fresh._replace(ended=None, judged=None, failures={}, queries=progress.queries + 1)
         case e.Localised():
@@ -76,6 +78,10 @@ def apply_event(progress: NavigationProgress, event: e.Event) -> NavigationProgr
             return progress._replace(attempt=event)
         case e.AttemptEnded():
             return progress._replace(attempt=None, failures=_failures(progress, event))
+        case e.ActionBegun():
+            return progress._replace(action=event)
+        case e.ActionEnded():
+            return progress._replace(action=None)
         case e.Collided():
             return progress._replace(collisions=progress.collisions + 1)
         case e.QueryEnded():
@@ -105,6 +111,7 @@ def _after_end(progress: NavigationProgress, event: e.QueryEnded) -> NavigationP
         query=None,
         plan=(),
         attempt=None,
+        action=None,
         ended=event,
         reached=progress.reached + arrived,
     )

@@ -148,6 +148,6 @@ def _changes(events: Sequence[StampedEvent]) -> list[str]:
                 rows[source, target] = f"assert {now} == pytest.approx({p}, abs=1e-6)"
             case d.EdgeProtected() | d.PresenceObserved() | d.NodeNamed() | d.FramesReserved() | d.FramesReleased():
                 pass  # It neither leads the robot nor tells what it believes.
-            case d.ViewAdded() | d.ViewUsed() | d.ViewDropped() | d.DriveBegun():
+            case d.EdgeActionSet() | d.ViewAdded() | d.ViewUsed() | d.ViewDropped() | d.DriveBegun():
                 pass
     return list(rows.values())

@@ -17,6 +17,8 @@ from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.navigation import events as e
 from ltvn_core.navigation.event_text import describe_event
 from ltvn_core.navigation.events import (
+    ActionBegun,
+    ActionEnded,
     AttemptEnded,
     AttemptStarted,
     Collided,
@@ -81,6 +83,8 @@ def event_mark(event: e.Event, last_plan: tuple[NodeId, ...] | None) -> EventMar
             end is not e.AttemptEnd.CANCELLED
         ):
             return EventMark(MarkKind.FAILURE, (target,) if source is None else (source, target))
+        case e.ActionEnded(source=source, target=target, succeeded=False):
+            return EventMark(MarkKind.FAILURE, (source, target))
         case e.Planned(nodes=nodes) if last_plan is not None and is_other_plan(nodes, last_plan):
             return EventMark(MarkKind.REPLAN, (*nodes[:1], *nodes[-1:]))
         case e.GraphChanged(delta=delta):
@@ -95,6 +99,8 @@ def event_mark(event: e.Event, last_plan: tuple[NodeId, ...] | None) -> EventMar
             | e.Planned()
             | e.AttemptStarted()
             | e.AttemptEnded()
+            | e.ActionBegun()
+            | e.ActionEnded()
             | e.Judged()
             | e.Note()
         ):
@@ -117,6 +123,7 @@ def _mark_of_change(delta: d.GraphDelta) -> EventMark | None:
         case (
             d.BeliefUpdated()
             | d.EdgeProtected()
+            | d.EdgeActionSet()
             | d.NodeNamed()
             | d.ViewAdded()
             | d.ViewUsed()
@@ -220,7 +227,7 @@ class TimelineRows:
                 self._attempt = replace(self._attempt, collisions=self._attempt.collisions + 1)
             case AttemptEnded():
                 self._attempt_ended(instant, event)
-            case Localised() | Collided() | StateChanged() | Note() | WorldChanged():
+            case Localised() | Collided() | StateChanged() | ActionBegun() | ActionEnded() | Note() | WorldChanged():
                 pass  # No row begins or ends with it.
 
     def begin_map(self, index: int, instant: Instant, cause: Cause, epoch: int) -> None:

@@ -249,8 +249,9 @@ def prunable_edges(graph: TopologicalGraph, prune_below: float, config: BeliefCo
 
 
 def _longer(graph: TopologicalGraph, length: float) -> list[EdgeKey]:
-    waypoints = np.array([edge.waypoint for edge in graph.edges.values()]).reshape(-1, 3)
-    return [key for key, long in zip(graph.edges, distance(waypoints) >= length, strict=True) if long]
+    driven = graph.driven_edges
+    waypoints = np.array([edge.waypoint for edge in driven.values()]).reshape(-1, 3)
+    return [key for key, long in zip(driven, distance(waypoints) >= length, strict=True) if long]
 
 
 def _or(value: float | None, old: float) -> float:

@@ -82,8 +82,9 @@ class GroundTruth:
 
     def spurious(self, graph: TopologicalGraph) -> set[EdgeKey]:
         """Return the spurious edges of a map; the result for each edge is cached."""
-        self._judge_edges(graph.edges)
-        return {edge for edge in graph.edges if not self._drivable[edge]}
+        driven = graph.driven_edges  # An action may lead where no floor does.
+        self._judge_edges(driven)
+        return {edge for edge in driven if not self._drivable[edge]}
 
     def is_at(self, robot: Pose, node: NodeId) -> bool:
         """Return whether a localisation of a robot at (3,) at a node is correct.

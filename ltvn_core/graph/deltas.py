@@ -89,6 +89,9 @@ class Edge:
     """Whether a person protects the edge from maintenance."""
     by_odometry: bool = False
     """Whether only odometry joins the two nodes; no predictor recognised one in the image of the other."""
+    action: str = ""
+    """What must be done between the two nodes because the robot cannot drive there, such as taking a lift; empty for an
+    edge that is driven. An edge with an action has no geometry: its waypoint is ignored."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,6 +160,16 @@ class EdgeProtected:
     source: NodeId
     target: NodeId
     protected: bool
+    cause: Cause
+
+
+@dataclass(frozen=True, slots=True)
+class EdgeActionSet:
+    """An edge got this action instead of being driven; an empty one makes it an edge that is driven."""
+
+    source: NodeId
+    target: NodeId
+    action: str
     cause: Cause
 
 
@@ -245,6 +258,7 @@ GraphDelta: TypeAlias = (
     | BeliefUpdated
     | EdgePruned
     | EdgeProtected
+    | EdgeActionSet
     | PresenceObserved
     | NodeNamed
     | ViewAdded

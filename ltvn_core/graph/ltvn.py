@@ -18,6 +18,7 @@ from ltvn_core.graph.deltas import (
     BeliefUpdated,
     Cause,
     DriveBegun,
+    EdgeActionSet,
     EdgeAdded,
     EdgeProtected,
     EdgePruned,
@@ -266,7 +267,7 @@ def _is_kept(delta: GraphDelta, staying: set[NodeId]) -> bool:
             return {delta.edge.source, delta.edge.target} <= staying
         case NodeDropped() | BeliefUpdated() | EdgePruned() | EdgeProtected() | NodeNamed() | FramesReserved():
             return True
-        case PresenceObserved() | ViewAdded() | ViewUsed() | ViewDropped() | DriveBegun():
+        case EdgeActionSet() | PresenceObserved() | ViewAdded() | ViewUsed() | ViewDropped() | DriveBegun():
             return True
     assert_never(delta)
 

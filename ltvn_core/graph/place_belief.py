@@ -43,8 +43,9 @@ def lay_out(graph: TopologicalGraph) -> NodeLayout:
     nodes = tuple(graph.nodes)
     poses = np.array([graph.nodes[node].odometry for node in nodes]).reshape(-1, 3)
     row_of = {node: row for row, node in enumerate(nodes)}
-    edges = np.array([(row_of[source], row_of[target]) for source, target in graph.edges], np.intp).reshape(-1, 2)
-    waypoints = np.array([edge.waypoint for edge in graph.edges.values()]).reshape(-1, 3)
+    driven = graph.driven_edges
+    edges = np.array([(row_of[source], row_of[target]) for source, target in driven], np.intp).reshape(-1, 2)
+    waypoints = np.array([edge.waypoint for edge in driven.values()]).reshape(-1, 3)
     agree = _near(relative(poses[edges[:, 0]], poses[edges[:, 1]]), waypoints)
     part_of = _components(len(nodes), edges[agree])
     between = part_of[edges[:, 0]] != part_of[edges[:, 1]]
@@ -182,6 +183,13 @@ class PlaceBelief:
     def forget(self) -> None:
         """Start over after the belief has proved wrong."""
         self._places = _NO_PLACES
+        self._is_sure = self._is_recognised = False
+
+    def begin_at(self, node: NodeId, odometry: Pose) -> None:
+        """Believe that the robot at an odometry pose (3,) stands at a node, and nowhere else."""
+        self._lay_out()
+        self._odometry = odometry.copy()
+        self._places = _Places(self._layout.poses[[self._row_of[node]]], np.zeros(1))
         self._is_sure = self._is_recognised = False
 
     def nodes_to_ask(self, odometry: Pose) -> tuple[NodeId, ...]:

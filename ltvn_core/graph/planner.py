@@ -16,6 +16,7 @@ from ltvn_core.graph.deltas import (
     Belief,
     BeliefUpdated,
     DriveBegun,
+    EdgeActionSet,
     EdgeAdded,
     EdgeProtected,
     EdgePruned,
@@ -132,6 +133,8 @@ class Planner:
                 pass  # Presence is given with each plan.
             case ViewAdded() | ViewUsed() | ViewDropped():
                 pass  # Views do not change where edges lead.
+            case EdgeActionSet():
+                pass  # An action costs what its edge's belief says.
             case NodeAdded() | NodeDropped():
                 return False  # It moves the rows, so the mirror is rebuilt.
             case EdgeProtected() | NodeNamed() | DriveBegun() | FramesReserved() | FramesReleased():

@@ -19,6 +19,7 @@ from ltvn_core.graph.deltas import (
     Cause,
     DriveBegun,
     Edge,
+    EdgeActionSet,
     EdgeAdded,
     EdgeProtected,
     EdgePruned,
@@ -66,6 +67,8 @@ def require(holds: bool, otherwise: str) -> None:
 EdgeKey: TypeAlias = tuple[NodeId, NodeId]
 """Source and target, which name an edge."""
 
+MAX_ACTION_LENGTH = 200
+"""Characters of an edge's action."""
 MOST_PRESENCE_OBSERVATIONS = 256
 """Number of latest observations of presence kept for an edge."""
 
@@ -97,6 +100,16 @@ class TopologicalGraph:
     def edges(self) -> Mapping[EdgeKey, Edge]:
         """All edges by (source, target), oldest first; read only."""
         return MappingProxyType(self._edges)
+
+    @property
+    def actions(self) -> Mapping[EdgeKey, str]:
+        """Actions of the edges that have one; linear in edges."""
+        return {key: edge.action for key, edge in self._edges.items() if edge.action}
+
+    @property
+    def driven_edges(self) -> Mapping[EdgeKey, Edge]:
+        """The edges without an action, whose waypoints tell where their targets are; linear in edges."""
+        return {key: edge for key, edge in self._edges.items() if not edge.action}
 
     @property
     def presence(self) -> Mapping[EdgeKey, tuple[PresenceObservation, ...]]:
@@ -160,6 +173,8 @@ class TopologicalGraph:
                 self._drop_node(delta)
             case EdgeProtected():
                 self._protect_edge(delta)
+            case EdgeActionSet():
+                self._set_action(delta)
             case PresenceObserved():
                 self._observe_presence(delta)
             case NodeNamed():
@@ -249,6 +264,7 @@ class TopologicalGraph:
         if not all(map(math.isfinite, edge.waypoint)):
             raise MapError(f"{edge_name(edge)} has a waypoint that is not finite.")
         check_edge(edge)
+        _check_action(edge)
         self._edges[edge.source, edge.target] = edge
         self._successors[edge.source][edge.target] = None
         self._predecessors[edge.target][edge.source] = None
@@ -268,6 +284,11 @@ class TopologicalGraph:
     def _protect_edge(self, delta: EdgeProtected) -> None:
         edge = self._existing(delta.source, delta.target)
         self._edges[delta.source, delta.target] = replace(edge, protected=delta.protected)
+
+    def _set_action(self, delta: EdgeActionSet) -> None:
+        changed = replace(self._existing(delta.source, delta.target), action=delta.action)
+        _check_action(changed)
+        self._edges[delta.source, delta.target] = changed
 
     def _observe_presence(self, delta: PresenceObserved) -> None:
         edge = self._existing(delta.source, delta.target)
@@ -326,6 +347,14 @@ class TopologicalGraph:
         if (source, target) not in self._edges:
             raise MapError(f"Edge {source} -> {target} is not in the map.")
         return self._edges[source, target]
+
+
+def _check_action(edge: Edge) -> None:
+    if len(edge.action) > MAX_ACTION_LENGTH or not edge.action.isprintable():
+        raise MapError(
+            f"{edge_name(edge)} cannot have the action {edge.action[:MAX_ACTION_LENGTH]!r}: use one line of at most "
+            f"{MAX_ACTION_LENGTH} printable characters."
+        )
 
 
 def presence_deltas(

@@ -72,7 +72,7 @@ def _opinions(
     """Return the origin of a group's odometry according to each edge to a drive that is placed already."""
     placed = [other for other in drives if other.name in offsets]
     found = []
-    for (source, target), edge in graph.edges.items():
+    for (source, target), edge in graph.driven_edges.items():
         other = next((each for each in placed if each.holds(source)), None)
         if other is not None and any(drive.holds(target) for drive in group):
             there = compose(compose(offsets[other.name], poses[source]), np.array(edge.waypoint))

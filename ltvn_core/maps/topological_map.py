@@ -24,6 +24,7 @@ from ltvn_core.graph.navigation_system import Deltas, NavigationSystem
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.maps.joined_drives import JoinedDrive
 from ltvn_core.maps.joined_map import DriveReport, drive_findings, join_map
+from ltvn_core.navigation.action_performer import ActionPerformer
 from ltvn_core.navigation.bystanders import Bystanders
 from ltvn_core.navigation.navigator import Navigator
 from ltvn_core.predictors.choice import AUTO, ImageSource
@@ -226,6 +227,7 @@ class TopologicalMap(WithDoubts):
         seed: int | np.random.Generator = 0,
         bystanders: Bystanders | None = None,
         world_time: Callable[[], float] | None = None,
+        actions: ActionPerformer | None = None,
     ) -> Navigator:
         """Return a navigator that drives `robot` by the map; driving updates the map.
 
@@ -234,6 +236,7 @@ class TopologicalMap(WithDoubts):
             seed: Draws which images of the reserve are tried where the map has no path; a generator is drawn from.
             bystanders: The people that the robot met before, under another navigator.
             world_time: Tells the time in seconds where the world has another clock than the robot.
+            actions: Performs the actions of edges, such as calling a lift; without it, each action fails.
         """
         return Navigator(
             robot,
@@ -245,6 +248,7 @@ class TopologicalMap(WithDoubts):
             system=self.system,
             bystanders=bystanders,
             world_time=world_time,
+            actions=actions,
         )
 
 

@@ -16,6 +16,7 @@ from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.graph.planner import Planner
 from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.navigation.action_performer import ActionPerformer
 from ltvn_core.navigation.bystanders import Bystanders
 from ltvn_core.navigation.events import GraphChanged
 from ltvn_core.robots.robot_spec import RobotSpec
@@ -39,6 +40,8 @@ class NavigationContext:
     """The people around the robot."""
     world_time: Callable[[], float] | None = None
     """Returns the time of the world in seconds; None if the robot's clock shows the time of the world."""
+    actions: ActionPerformer | None = None
+    """Performs the actions of edges; None if nobody does, so that each action fails."""
     attempt_numbers: Iterator[int] = field(default_factory=lambda: itertools.count(1))
     """Numbers of the next attempts."""
 
@@ -63,6 +66,7 @@ class NavigationContext:
         *,
         bystanders: Bystanders | None = None,
         world_time: Callable[[], float] | None = None,
+        actions: ActionPerformer | None = None,
     ) -> "NavigationContext":
         """Create a context with a matcher and a planner for the map."""
         matcher = Matcher(predictor, keyframes, system.method.matching, views=graph.views, view_config=system.views)
@@ -76,6 +80,7 @@ class NavigationContext:
             spec=spec,
             bystanders=bystanders or Bystanders(),
             world_time=world_time,
+            actions=actions,
             matcher=matcher,
             planner=planner,
         )

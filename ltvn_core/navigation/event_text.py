@@ -57,6 +57,14 @@ def describe_event(event: e.Event) -> EventDescription:
             severity = e.Severity.INFO if event.succeeded else e.Severity.WARN
             text = f"{_attempt(event)} {verdict}" + (f": {event.reason}" if event.reason else "")
             return EventDescription(text, severity, edge=_driven_edge(event))
+        case e.ActionBegun(_, source, target, _, action):
+            ends = (source, target)
+            return EventDescription(f"action of {edge_text(ends)} begun: {action}", edge=ends, node=target)
+        case e.ActionEnded(_, source, target, _, succeeded, reason):
+            ends = (source, target)
+            verdict, severity = ("done", e.Severity.INFO) if succeeded else ("failed", e.Severity.WARN)
+            text = f"action of {edge_text(ends)} {verdict}" + (f": {reason}" if reason else "")
+            return EventDescription(text, severity, edge=ends)
         case e.Collided(query, count):
             return EventDescription(f"collision {count} of query {query}", e.Severity.WARN)
         case e.GraphChanged(delta):
@@ -98,6 +106,10 @@ def describe_delta(delta: d.GraphDelta) -> EventDescription:
         case d.EdgeProtected(source, target, protected, cause):
             ends = (source, target)
             change = "protected" if protected else "no longer protected"
+            return EventDescription(f"{edge_text(ends)} {change} ({cause})", edge=ends)
+        case d.EdgeActionSet(source, target, action, cause):
+            ends = (source, target)
+            change = f"needs the action {action!r}" if action else "is driven, without an action"
             return EventDescription(f"{edge_text(ends)} {change} ({cause})", edge=ends)
         case d.PresenceObserved(source, target, present, _, cause):
             ends = (source, target)

@@ -23,6 +23,8 @@ class NavigatorState(StrEnum):
     PLANNING = "planning"
     DRIVING = "driving"
     JUDGING = "judging"
+    ACTING = "acting"
+    """Standing still until the action of an edge is done."""
     RECOVERING = "recovering"
 
 
@@ -149,6 +151,32 @@ class AttemptEnded:
 
 
 @dataclass(frozen=True, slots=True)
+class ActionBegun:
+    """The robot stands still at the source of an edge until the edge's action is done."""
+
+    query: int
+    source: NodeId
+    target: NodeId
+    frame: FrameId
+    """The image at the source."""
+    action: str
+
+
+@dataclass(frozen=True, slots=True)
+class ActionEnded:
+    """The action of an edge was done, failed, or was given up."""
+
+    query: int
+    source: NodeId
+    target: NodeId
+    frame: FrameId
+    """The image at the end."""
+    succeeded: bool
+    reason: str = ""
+    """Reason of a failure, in words."""
+
+
+@dataclass(frozen=True, slots=True)
 class Collided:
     """The bumper hit something; once per collision."""
 
@@ -225,6 +253,8 @@ Event: TypeAlias = (
     | Planned
     | AttemptStarted
     | AttemptEnded
+    | ActionBegun
+    | ActionEnded
     | Collided
     | GraphChanged
     | QueryEnded

@@ -38,6 +38,7 @@ class MotionExecutor:
         self._slips = slips
         self._state = self._mended(robot.state())
         self.steps = 0
+        self._uncounted = 0
         self.collisions = 0
         self.path_m = 0.0
         self.cancelled = False
@@ -74,7 +75,7 @@ class MotionExecutor:
         """Command a velocity for one control step; raise QueryAborted at a limit."""
         if self.cancelled:
             raise QueryAborted(Outcome.CANCELLED)
-        if self.steps >= self._limits.step_limit:
+        if self.steps - self._uncounted >= self._limits.step_limit:
             raise QueryAborted(Outcome.STEP_LIMIT)
         self._robot.drive(twist)
         yield Tick()
@@ -83,6 +84,14 @@ class MotionExecutor:
     def wait_one_step(self) -> Iterator[Event | Tick]:
         """Stand still for one control step; it counts against the step limit, so that no loop is endless."""
         yield from self.move(ZERO_TWIST)
+
+    def stand_by(self) -> Iterator[Event | Tick]:
+        """Let one control step pass while the robot may be carried: it counts neither as a step to the limit nor as way
+        driven."""
+        driven_m = self.path_m
+        self._uncounted += 1
+        yield from self.move(ZERO_TWIST)
+        self.path_m = driven_m
 
     def drive_straight(
         self, length_m: float, speed_m_s: float, *, goes_on: Callable[[], bool] = lambda: True

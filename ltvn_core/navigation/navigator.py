@@ -16,6 +16,7 @@ from ltvn_core.graph.ltvn import ltvn_system
 from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.graph.wheel_slips import SlipTracker
+from ltvn_core.navigation.action_performer import ActionPerformer
 from ltvn_core.navigation.bystanders import Bystanders
 from ltvn_core.navigation.context import NavigationContext
 from ltvn_core.navigation.events import Event, NavigatorState, QueryEnded, QueryStarted, StateChanged, Tick
@@ -41,12 +42,14 @@ class Navigator:
         system: NavigationSystem | None = None,
         bystanders: Bystanders | None = None,
         world_time: Callable[[], float] | None = None,
+        actions: ActionPerformer | None = None,
     ) -> None:
         """Navigate in `graph`, with its images in `keyframes`; maintenance changes both on the way.
 
         Without a `system`, the paper's system runs with `method`; a given `system` uses its own thresholds.
         `bystanders` are the people that the robot met before, under another navigator.
         `world_time` returns the time of the world in seconds, if the robot's clock does not show it.
+        `actions` performs the actions of edges; without it, each action fails.
         """
         method = system.method if system is not None else method
         self._robot = robot
@@ -60,6 +63,7 @@ class Navigator:
             robot.spec,
             bystanders=bystanders,
             world_time=world_time,
+            actions=actions,
         )
         self._motion: MotionExecutor | None = None
         self.view: Observation | None = None

@@ -24,6 +24,13 @@ class PlaceTracker:
         self._belief = PlaceBelief(graph) if system.follows_places else None
         self._seen = self._beginnings = 0
 
+    def begin_at(self, node: NodeId, trail: ObservationTrail, odometry: Pose) -> None:
+        """Believe that the robot, at an odometry pose (3,), stands at a node, whatever the trail shows so far."""
+        if self._belief is not None:
+            self._belief.begin_at(node, odometry)
+        self._seen = trail.count
+        self._beginnings = trail.beginnings
+
     def place(self, trail: ObservationTrail, odometry: Pose, doubted: Collection[NodeId] = ()) -> BelievedPlace | None:
         """Return the most probable place of a robot at an odometry pose (3,), given the trail; None if unknown."""
         if self._belief is None:

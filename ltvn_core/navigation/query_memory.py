@@ -5,6 +5,7 @@ after an attempt without a step. Beliefs that outlive the query belong to the ma
 """
 
 import itertools
+import math
 from collections import Counter
 from collections.abc import Sequence
 
@@ -75,6 +76,18 @@ class QueryMemory:
         self._failed.add(edge)
         if self._config.failure_penalty:
             self.penalties[edge] = self.penalties.get(edge, 0.0) + self._config.failure_penalty
+
+    def close(self, edge: EdgeKey) -> None:
+        """Plan no way along an edge for the rest of the query."""
+        self._failed.add(edge)
+        self.penalties[edge] = math.inf
+
+    def arrive_elsewhere(self, node: NodeId) -> None:
+        """Remember that the robot was taken to a node, where nothing is known of before."""
+        self.assumed_node = node
+        self.approached = None
+        self.saw_change = False
+        self.doubted.clear()
 
     def record_stop(self, edge: EdgeKey) -> bool:
         """Remember that an obstacle stopped the robot on an edge; tell whether this happened before."""

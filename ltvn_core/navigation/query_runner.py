@@ -14,6 +14,7 @@ from ltvn_core.graph.localiser import LOCAL, Localisation, LocalisationPrior
 from ltvn_core.graph.operators import pose_row
 from ltvn_core.graph.place_belief import LIKELY, SURE, BelievedPlace, is_where_expected
 from ltvn_core.graph.planner import GraphPath
+from ltvn_core.navigation.action_runner import ActionRunner
 from ltvn_core.navigation.attempt_driver import AttemptDriver, AttemptResult
 from ltvn_core.navigation.context import NavigationContext
 from ltvn_core.navigation.dead_reckoning import DeadReckoning
@@ -62,6 +63,19 @@ class QueryRunner:
         self._goal = goal
         self._query = query
         self._memory = QueryMemory(context.method.planning, context.method.localising)
+        self._way_planner = WayPlanner(context, self._memory, goal)
+        self._actions = ActionRunner(context, motion, perception, query)
+        self._reached: NodeId | None = None
+        self._state = NavigatorState.IDLE
+        self._know_nothing_by_odometry()
+
+    def _know_nothing_by_odometry(self) -> None:
+        """Begin with fresh parts, for those that follow the robot by odometry."""
+        context = self._context
+        motion = self._motion
+        perception = self._perception
+        query = self._query
+        goal = self._goal
         self._attempt_driver = AttemptDriver(
             motion, perception, context.method.driving, context.spec, bystanders=context.bystanders
         )
@@ -69,10 +83,8 @@ class QueryRunner:
         self._view_learner = ViewLearner(context, motion, perception, self._reckoning, query)
         self._places = PlaceTracker(context.graph, context.matcher, context.system)
         self._goal_check = GoalCheck(context.method, perception, goal, self._reckoning, self._place)
-        self._way_planner = WayPlanner(context, self._memory, goal)
         self._map_learner = MapLearner(context, motion, perception, self._attempt_driver, self._memory, query, goal)
         self._recovery = Recovery(context, motion, perception, self._attempt_driver, self._memory, query)
-        self._state = NavigatorState.IDLE
 
     def run(self) -> EventGenerator[Outcome]:
         """Localise, plan, drive, judge, update, until the goal is reached or the query is given up."""
@@ -93,7 +105,10 @@ class QueryRunner:
                 yield from self._recover(Outcome.NO_PATH)
                 continue
             self._memory.consecutive_failures = 0
-            if (yield from self._follow(localisation, path)):
+            driven = self._until_action(path)
+            if len(driven.nodes) == 1 < len(path.nodes) and self._stands_at_node(localisation):
+                yield from self._act(path.nodes[0], path.nodes[1])
+            elif (yield from self._follow(localisation, driven)):
                 return Outcome.ARRIVED
 
     def _localise(self) -> EventGenerator[Localisation]:
@@ -148,6 +163,35 @@ class QueryRunner:
         yield Planned(self._query, path.nodes, path.cost)
         return path
 
+    def _until_action(self, path: GraphPath) -> GraphPath:
+        """Return the beginning of a path that can be driven, up to the next edge with an action."""
+        edges = self._context.graph.edges
+        for count, edge in enumerate(itertools.pairwise(path.nodes), 1):
+            if edges[edge].action:
+                return path._replace(nodes=path.nodes[:count])
+        return path
+
+    def _stands_at_node(self, localisation: Localisation) -> bool:
+        """Tell whether the robot needs no approach to the node it is at."""
+        node = localisation.node
+        known = None if node is None else self._known_waypoint(node, SURE)
+        is_there = known is not None and np.hypot(known[0], known[1]) < _AT_TARGET_M
+        return is_there or localisation.distance <= _AT_NODE_DISTANCE or self._reached == node
+
+    def _act(self, source: NodeId, target: NodeId) -> EventGenerator[None]:
+        """Have the action of an edge done; the robot is then at its target, though its wheels did not move."""
+        yield from self._enter(NavigatorState.ACTING)
+        edge = (source, target)
+        self._reached = None
+        succeeded = yield from self._actions.run(edge)
+        if not succeeded or self._memory.count_drive(edge):
+            self._memory.close(edge)
+        if succeeded:
+            self._memory.arrive_elsewhere(target)
+            self._perception.trail.clear()
+            self._know_nothing_by_odometry()
+            self._places.begin_at(target, self._perception.trail, self._motion.odometry)
+
     def _follow(self, localisation: Localisation, path: GraphPath) -> EventGenerator[bool]:
         """Drive to the subgoal; tell whether the robot is at the goal and has nothing left to drive."""
         segment = self._subgoal_segment(path)
@@ -162,6 +206,7 @@ class QueryRunner:
             yield from self._motion.wait_one_step()
             return False
         result = yield from self._drive(segment, node_match)
+        self._reached = target if source is None and result.end is AttemptEnd.REACHED else None
         if result.steps:
             return False
         yield from self._motion.wait_one_step()

@@ -93,7 +93,7 @@ def write_nav2_route(placed: PlacedMap, path: Path) -> None:
             "endid": edge.target,
             "cost": float(edge.belief.mu),
             "overridable": True,
-            "metadata": {"probability": float(edge.belief.p), "attempts": edge.attempts},
+            "metadata": {"probability": float(edge.belief.p), "attempts": edge.attempts, "action": edge.action},
         }
         features.append(_feature("MultiLineString", [line], properties))
     _write(path, features)
@@ -115,7 +115,7 @@ def _odometry(graph: TopologicalGraph, node: NodeId) -> Any:
     return row.x_m, row.y_m, row.yaw_rad
 
 
-def _said_of(edge: Edge) -> dict[str, float | int]:
+def _said_of(edge: Edge) -> dict[str, float | int | str]:
     return {
         "dx_m": float(edge.waypoint.x_m),
         "dy_m": float(edge.waypoint.y_m),
@@ -125,6 +125,7 @@ def _said_of(edge: Edge) -> dict[str, float | int]:
         "sigma2": float(edge.belief.sigma2),
         "attempts": edge.attempts,
         "successes": edge.successes,
+        "action": edge.action,
     }
 
 

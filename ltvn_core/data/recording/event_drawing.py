@@ -114,6 +114,8 @@ def _shapes(event: ev.Event, drawn_poses: DrawnPoses) -> list[DrawnEntity]:
             return [_strip(schema.PRUNED, [source, target], drawn_poses, palette.EDGE_REMOVED)]
         case ev.WorldChanged():
             return draw_world_change(event)
+        case ev.ActionBegun() | ev.ActionEnded():
+            return []
         case ev.GraphChanged() | ev.Collided() | ev.QueryEnded() | ev.Judged() | ev.Note():
             return []
     assert_never(event)

@@ -20,6 +20,8 @@ from ltvn_core.errors import RecordingError
 from ltvn_core.graph.deltas import NodeAdded, ViewAdded
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import (
+    ActionBegun,
+    ActionEnded,
     AttemptEnded,
     AttemptStarted,
     Collided,
@@ -170,6 +172,8 @@ def _named(stamped: StampedEvent) -> Iterator[FrameId]:
         case (
             AttemptStarted(source=source, target=target, frame=frame)
             | AttemptEnded(source=source, target=target, frame=frame)
+            | ActionBegun(source=source, target=target, frame=frame)
+            | ActionEnded(source=source, target=target, frame=frame)
         ):
             yield from (each for each in (source, target, frame) if each is not None)
         case GraphChanged(delta=NodeAdded(node=node)):

@@ -142,9 +142,10 @@ def nearby_poses(graph: TopologicalGraph, node: NodeId, *, without: Collection[E
 
 
 def _edges_at(graph: TopologicalGraph, node: NodeId) -> list[Edge]:
+    """Return the edges from and to a node that are driven; those by an action say nothing about where places are."""
     keys = [(node, other) for other in graph.successors(node)] + [(other, node) for other in graph.predecessors(node)]
     edges = graph.edges
-    return [edges[key] for key in keys]
+    return [edge for key in keys if not (edge := edges[key]).action]
 
 
 def _beyond(pose: Pose, edges: Sequence[Edge], here: NodeId) -> list[list[float]]:

@@ -99,10 +99,33 @@ def test_a_goal_has_a_name_that_survives_saving(tmp_path: Path) -> None:
     assert (read.nodes[1].name, read.nodes[1].goal) == ("kitchen door", False)
 
 
+def test_two_nodes_are_joined_by_an_action_that_survives_saving_and_can_be_taken_back(tmp_path: Path) -> None:
+    graph = corridor()
+    before = graph.copy()
+    made = [
+        *manual_edits.connect_by_action(graph, 0, 1, "Open the door"),
+        *manual_edits.connect_by_action(graph, 2, 0, " Take the lift\n to floor 2", mu=30.0),
+    ]
+    back = undone(made, before)
+    with RecordingWriter(tmp_path / "map.rrd", scene="demo", config={}, fingerprint="") as writer:
+        for delta in (*graph.deltas(), *made):
+            graph.apply(delta) if delta in made else None
+            writer.write_event(StampedEvent(0, 0.0, GraphChanged(delta)))
+    assert graph.actions == {(0, 1): "Open the door", (2, 0): "Take the lift to floor 2"}
+    assert graph.edges[2, 0].belief.mu == 30.0
+    assert all(graph.edges[key].protected for key in graph.actions)
+    assert graph.edges[0, 1].belief == before.edges[0, 1].belief
+    assert Recording.open(tmp_path / "map.rrd").final_graph() == graph
+    for delta in back:
+        graph.apply(delta)
+    assert graph == before
+
+
 def test_a_map_from_before_names_existed_still_opens() -> None:
     graph = Recording.open(ROOT / "tests" / "data" / "golden-schema-1.rrd").final_graph()
     assert graph.nodes
     assert not graph.names
+    assert not graph.actions
 
 
 def test_a_deleted_node_comes_back_with_its_edges_and_its_name() -> None:
@@ -128,6 +151,10 @@ def test_a_deleted_node_comes_back_with_its_edges_and_its_name() -> None:
         (lambda graph: manual_edits.add_edge(graph, 2, 0, BELIEVING, waypoint=np.array([9.0, 0, 0])), "9.0 long"),
         (lambda graph: manual_edits.remove_edge(graph, 1, 0), "Edge 1 -> 0 is not in the map"),
         (lambda graph: manual_edits.protect_edge(graph, 1, 0), "Edge 1 -> 0 is not in the map"),
+        (lambda graph: manual_edits.connect_by_action(graph, 0, 7, "Jump"), "Node 7 is not in the map"),
+        (lambda graph: manual_edits.connect_by_action(graph, 0, 0, "Jump"), "no edge to itself"),
+        (lambda graph: manual_edits.connect_by_action(graph, 0, 2, " "), "cannot be an action"),
+        (lambda graph: manual_edits.connect_by_action(graph, 0, 2, "Jump", mu=-1.0), "cannot cost"),
         (lambda graph: manual_edits.delete_node(graph, 7), "Node 7 is not in the map"),
         (lambda graph: manual_edits.rename_node(graph, 0, "x" * 61), "cannot be a name"),
         (lambda graph: manual_edits.rename_node(graph, 0, "bell \x07"), "cannot be a name"),

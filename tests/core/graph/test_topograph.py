@@ -13,6 +13,7 @@ from ltvn_core.graph.deltas import (
     BeliefUpdated,
     Cause,
     Edge,
+    EdgeActionSet,
     EdgeAdded,
     EdgeProtected,
     EdgePruned,
@@ -65,8 +66,21 @@ def _any_delta(graph: TopologicalGraph, rng: np.random.Generator) -> GraphDelta 
     frame = int(rng.integers(25))
     nodes, edges, reserve = list(graph.nodes), list(graph.edges), list(graph.reserve)
     free = frame not in graph.frames
-    kinds = ["node", "edge", "edge", "belief", "presence", "prune", "drop", "reserve", "release", "protect", "name"]
-    kind = rng.choice([*kinds, "view", "use", "forget"])
+    kinds = [
+        "node",
+        "edge",
+        "edge",
+        "belief",
+        "presence",
+        "prune",
+        "drop",
+        "reserve",
+        "release",
+        "protect",
+        "name",
+        "action",
+    ]
+    kind = rng.choice([*kinds, "action", "view", "use", "forget"])
     views = [(owner, each.frame) for owner, held in graph.views.items() for each in held]
     if kind == "view" and free and nodes:
         return view(int(rng.choice(nodes)), frame)
@@ -90,6 +104,8 @@ def _any_delta(graph: TopologicalGraph, rng: np.random.Generator) -> GraphDelta 
         return EdgePruned(*edges[rng.integers(len(edges))], Cause.HAND)
     if kind == "protect" and edges:
         return EdgeProtected(*edges[rng.integers(len(edges))], bool(rng.random() < 0.5), Cause.HAND)
+    if kind == "action" and edges:
+        return EdgeActionSet(*edges[rng.integers(len(edges))], str(rng.choice(["", "Open the door"])), Cause.HAND)
     if kind == "name" and nodes:
         chosen, name = int(rng.choice(nodes)), str(rng.choice(["", "kitchen", "door"]))
         taken = graph.names.get(name, chosen) != chosen
@@ -147,6 +163,19 @@ def test_a_copy_knows_which_names_are_taken() -> None:
         copy.apply(NodeNamed(2, "sofa", False, Cause.HAND))
 
 
+def test_an_edge_keeps_its_action_until_it_leaves() -> None:
+    graph = TopologicalGraph([node(1), node(2), edge(1, 2), edge(2, 1)])
+    driven = graph.copy()
+    graph.apply(EdgeActionSet(1, 2, "Open the door", Cause.HAND))
+    assert graph != driven
+    assert graph.actions == {(1, 2): "Open the door"}
+    assert set(graph.driven_edges) == {(2, 1)}
+    graph.apply(EdgePruned(1, 2, Cause.HAND))
+    assert not graph.actions
+    graph.apply(edge(1, 2))
+    assert set(graph.driven_edges) == {(2, 1), (1, 2)}
+
+
 def test_a_dropped_node_takes_its_edges_along() -> None:
     graph = TopologicalGraph([node(1), node(2), node(3), edge(1, 2), edge(2, 1), edge(2, 3), edge(3, 1)])
     graph.apply(NodeDropped(2, Cause.HAND))
@@ -170,6 +199,9 @@ def test_a_dropped_node_takes_its_edges_along() -> None:
         (EdgePruned(2, 1, Cause.ATTEMPT), "Edge 2 -> 1 is not in the map"),
         (BeliefUpdated(1, 2, SURE, 1, 2, Cause.ATTEMPT), "counts 2 successes in 1 attempts"),
         (EdgeProtected(2, 1, True, Cause.HAND), "Edge 2 -> 1 is not in the map"),
+        (EdgeActionSet(2, 1, "Open the door", Cause.HAND), "Edge 2 -> 1 is not in the map"),
+        (EdgeActionSet(1, 2, "Open\nthe door", Cause.HAND), "use one line"),
+        (EdgeActionSet(1, 2, "x" * 201, Cause.HAND), "at most 200"),
         (PresenceObserved(2, 1, False, 3.0, Cause.ATTEMPT), "Edge 2 -> 1 is not in the map"),
         (PresenceObserved(1, 2, False, math.inf, Cause.ATTEMPT), "a moment must be finite"),
         (NodeNamed(5, "kitchen", False, Cause.HAND), "Node 5 is not in the map"),

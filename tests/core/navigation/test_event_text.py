@@ -27,6 +27,7 @@ DELTAS: tuple[d.GraphDelta, ...] = (
     d.BeliefUpdated(1, 2, BELIEF, 3, 1, d.Cause.ATTEMPT),
     d.EdgePruned(1, 2, d.Cause.ATTEMPT),
     d.EdgeProtected(1, 2, False, d.Cause.HAND),
+    d.EdgeActionSet(1, 2, "Open the door", d.Cause.HAND),
     d.PresenceObserved(1, 2, False, 3.0, d.Cause.ATTEMPT),
     d.NodeNamed(4, "kitchen", True, d.Cause.HAND),
     d.ViewAdded(4, d.NodeView(30, HERE, 3.0), d.Cause.SIGHT),
@@ -48,6 +49,8 @@ EVENTS: tuple[e.Event, ...] = (
     e.QueryEnded(3, 9, e.Outcome.NO_PATH, 40, 1, 3.2),
     e.Judged(3, False, 2.0, 0.1),
     e.Note("The battery is low.", e.Severity.WARN),
+    e.ActionBegun(3, 4, 7, 25, "Open the door"),
+    e.ActionEnded(3, 4, 7, 60, False, "it could not be done"),
     e.WorldChanged(w.DoorMoved(2, is_open=False), e.ChangedBy.HAND, 36_000.0, w.Outline(1.0, 2.0, 0.0, 0.9, 0.1, 2.0)),
 )
 

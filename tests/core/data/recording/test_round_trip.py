@@ -27,6 +27,7 @@ from ltvn_core.graph.deltas import (
     BeliefUpdated,
     Cause,
     Edge,
+    EdgeActionSet,
     EdgeAdded,
     EdgeProtected,
     EdgePruned,
@@ -69,13 +70,19 @@ causes = st.sampled_from(Cause)
 ids = st.integers(0, 10**9)
 beliefs = st.builds(Belief, numbers, numbers, numbers)
 frames = st.lists(ids, max_size=4).map(tuple)
+edges = st.builds(Edge, ids, ids, poses, beliefs, ids, ids, st.booleans(), action=st.text(max_size=8))
 deltas: st.SearchStrategy[GraphDelta] = st.one_of(
     st.builds(NodeAdded, st.builds(Node, ids, poses, st.text(max_size=8), st.booleans()), causes),
     st.builds(NodeDropped, ids, causes),
-    st.builds(EdgeAdded, st.builds(Edge, ids, ids, poses, beliefs, ids, ids, st.booleans()), causes),
+    st.builds(
+        EdgeAdded,
+        st.builds(Edge, ids, ids, poses, beliefs, ids, ids, st.booleans(), action=st.text(max_size=8)),
+        causes,
+    ),
     st.builds(BeliefUpdated, ids, ids, beliefs, ids, ids, causes),
     st.builds(EdgePruned, ids, ids, causes),
     st.builds(EdgeProtected, ids, ids, st.booleans(), causes),
+    st.builds(EdgeActionSet, ids, ids, st.text(max_size=8), causes),
     st.builds(PresenceObserved, ids, ids, st.booleans(), finite, causes),
     st.builds(NodeNamed, ids, st.text(max_size=8), st.booleans(), causes),
     st.builds(ViewAdded, ids, st.builds(NodeView, ids, poses, finite, ids), causes),

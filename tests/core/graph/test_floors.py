@@ -1,0 +1,37 @@
+"""Floors are the parts of a map that only actions join."""
+
+from ltvn_core.graph.connectivity import floors
+from ltvn_core.graph.deltas import Belief, Cause, Edge, EdgeAdded, Node, NodeAdded, PoseRow
+from ltvn_core.graph.place_belief import lay_out
+from ltvn_core.graph.topological_graph import TopologicalGraph
+
+HERE = PoseRow(0.0, 0.0, 0.0)
+
+
+def house(*edges: tuple[int, int] | tuple[int, int, str], nodes: int) -> TopologicalGraph:
+    graph = TopologicalGraph(NodeAdded(Node(k, HERE), Cause.BUILD) for k in range(nodes))
+    for source, target, *action in edges:
+        edge = Edge(source, target, HERE, Belief(0.9, 1.0, 0.02), action="".join(action))
+        graph.apply(EdgeAdded(edge, Cause.BUILD))
+    return graph
+
+
+def test_actions_alone_separate_floors() -> None:
+    graph = house((0, 1), (2, 3), (4, 3), (1, 2, "Take the lift"), (2, 1, "Take the lift"), nodes=5)
+    assert floors(graph) == (frozenset({2, 3, 4}), frozenset({0, 1}))
+
+
+def test_a_map_without_actions_is_one_floor_even_in_pieces() -> None:
+    assert floors(house((0, 1), (2, 3), nodes=5)) == (frozenset(range(5)),)
+    assert floors(TopologicalGraph()) == ()
+
+
+def test_a_door_with_a_way_around_separates_nothing_and_loose_pieces_count_to_the_largest_floor() -> None:
+    assert floors(house((0, 1), (0, 1 + 1), (1, 2, "Open the door"), nodes=3)) == (frozenset({0, 1, 2}),)
+    graph = house((0, 1), (1, 2), (2, 3, "Take the lift"), (4, 5), nodes=6)
+    assert floors(graph) == (frozenset({0, 1, 2, 4, 5}), frozenset({3}))
+
+
+def test_floors_are_laid_out_far_apart_although_an_action_joins_them() -> None:
+    poses = lay_out(house((0, 1), (2, 3), (1, 2, "Take the lift"), nodes=4)).poses
+    assert abs(poses[0, 0] - poses[2, 0]) > 1000

@@ -177,8 +177,8 @@ class SensorInbox:
             self._other_edges = dict.fromkeys(list(self._other_edges | dict.fromkeys(edges))[:_FRAMES_TOLD])
             told = ", ".join(f"{parent:.40} to {child:.40}" for parent, child in self._other_edges)
             self.odometry.refusal = (
-                f"it has no transform from {wanted[0]} to {wanted[1]}, but {told or 'none at all'}: correct odometry_transform.parent or "
-                "odometry_transform.child in the profile"
+                f"it has no transform from {wanted[0]} to {wanted[1]}, but {told or 'none at all'}: correct "
+                "odometry_transform.parent or odometry_transform.child in the profile"
             )
 
     def take_camera_info(self, received: Received) -> None:

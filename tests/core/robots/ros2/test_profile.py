@@ -102,7 +102,9 @@ def test_a_number_that_no_robot_has_is_refused_with_what_is_allowed(tmp_path: Pa
         (tables.setdefault(table, {}) if table else tables)[key] = wrong
         file.write_text(_toml(tables), encoding="utf-8")
 
-        with pytest.raises(RobotError, match=rf"mine\.toml .*\b{re.escape(f'{name} is {wrong}')}.*; it is from .* to "):
+        with pytest.raises(
+            RobotError, match=rf"mine\.toml .*\b{re.escape(f'{name} is {wrong}')}.*; it must be from .* to "
+        ):
             open_profile(str(file))
 
 

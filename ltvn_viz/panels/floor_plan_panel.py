@@ -6,7 +6,7 @@ import viser
 
 from ltvn_core.data.importing.floor_plan_alignment import LEAST_PAIRS
 from ltvn_viz.panels.html_widgets import ActionButton, HtmlBlock, button_row, copy_button, note, warning
-from ltvn_viz.session.floor_plan_clicks import aligning_hint, is_doubtful
+from ltvn_viz.session.floor_plan_clicks import is_doubtful
 from ltvn_viz.session.snapshot import FloorPlanView, Snapshot
 from ltvn_viz.wishes.wish_table import Action
 
@@ -25,7 +25,7 @@ class FloorPlanPanel:
         if view is None:
             return
         title = '<div class="lt"><h2>Floor plan</h2></div>'
-        self.about.show(title + (_next_click(view) if view.is_aligning else _in_use(view)))
+        self.about.show(title + (_fit(view) if view.is_aligning else _in_use(view)))
         self.buttons.show(button_row(*(_steps(view) if view.is_aligning else (_START,))))
 
 
@@ -40,8 +40,17 @@ def _steps(view: FloorPlanView) -> tuple[ActionButton, ...]:
     )
 
 
-def _next_click(view: FloorPlanView) -> str:
-    return warning(aligning_hint(view)) if is_doubtful(view) and view.node is None else note(aligning_hint(view))
+def _fit(view: FloorPlanView) -> str:
+    """Return how well the pairs fit; the hint of the page says what to click next."""
+    if view.error_m is None:
+        return note(
+            f"Pairs of a node and its place: {view.pairs}. Two are enough, a third shows whether they are right."
+        )
+    if is_doubtful(view):
+        return warning(
+            f"The {view.pairs} pairs disagree by {view.error_m:.2f} m: one is wrong, or odometry drifted far."
+        )
+    return note(f"The {view.pairs} pairs fit to {view.error_m:.2f} m.")
 
 
 def _in_use(view: FloorPlanView) -> str:

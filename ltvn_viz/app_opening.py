@@ -49,6 +49,7 @@ from ltvn_viz.session.backend import Backend, live_robot, open_backend, open_lar
 from ltvn_viz.session.camera_feed import ObservationFeed
 from ltvn_viz.session.changeable_world import ChangeableWorld
 from ltvn_viz.session.fine_tuning import FineTuning
+from ltvn_viz.session.floor_plan_clicks import FloorPlanClicks
 from ltvn_viz.session.goals import Goals, ThumbnailStore
 from ltvn_viz.session.live_map import LiveMap
 from ltvn_viz.session.live_run import LiveRobot, LiveRun
@@ -141,6 +142,7 @@ def open_app_state(
         debugger=Inspector([*all_questions(live.breakpoint_monitor), *(make() for make in options.questions)], worker),
         rerun=RerunViewers(stack).address,
         world=world,
+        alignment=None if options.floor_plan is None else FloorPlanClicks(options.floor_plan),
         link=_link(backend),
         open_loop=open_loop_word(backend.robot),
         build_options=BuildOptions(
@@ -329,7 +331,6 @@ def open_session(options: AppOptions, server: GuardedServer, stack: ExitStack) -
             robot=robot.spec,
             scene_picture=scene_picture,
             added_glb=added_glb,
-            floor_plan=options.floor_plan,
         ),
         Floor(*floor),
     )

@@ -15,13 +15,12 @@ from typing import Protocol
 import viser
 
 from ltvn_core import palette
-from ltvn_core.data.importing.floor_plan import FloorPlan
 from ltvn_core.robots.robot_spec import LOCOBOT, RobotSpec
 from ltvn_core.worlds import WorldState
 from ltvn_viz.layers.close_layers import HeadingsLayer, RobotMarker
 from ltvn_viz.layers.debugger_layer import DebuggerLayer
 from ltvn_viz.layers.first_view import FirstView, Floor
-from ltvn_viz.layers.floor_plan import draw_floor_plan
+from ltvn_viz.layers.floor_plan import FloorPlanLayer
 from ltvn_viz.layers.graph_layers import BlockedEdgesLayer, ChangesLayer, EdgesLayer, NodesLayer
 from ltvn_viz.layers.navigation_layers import GhostLayer, GoalLayer, PlanLayer
 from ltvn_viz.layers.robot_layers import CourseLayer, RobotLayer, TrajectoryLayer
@@ -32,6 +31,7 @@ from ltvn_viz.panels.camera_panel import CameraPanel
 from ltvn_viz.panels.command_palette import CommandPalette
 from ltvn_viz.panels.debugger_panel import DebuggerPanel
 from ltvn_viz.panels.drive_panel import DrivePanel, FineTuningPanel, FollowCamera, PadPanel
+from ltvn_viz.panels.floor_plan_panel import FloorPlanPanel
 from ltvn_viz.panels.html_widgets import grey_for_watchers
 from ltvn_viz.panels.legend_panel import LegendPanel
 from ltvn_viz.panels.navigation_panel import NavigationPanel
@@ -171,8 +171,6 @@ class PageAssets:
     """Draws that scene from above, for pages that draw slowly; None if nobody can. Raises SceneError."""
     added_glb: Callable[[str, WorldState], bytes | None] = lambda _name, _state: None
     """Loads what stands in that scene for now; None if nothing does. Raises SceneError."""
-    floor_plan: FloorPlan | None = None
-    """The floor plan that a person gave."""
 
 
 class Pages(Protocol):
@@ -241,6 +239,7 @@ def _panels(server: viser.ViserServer, pages: Pages, floor: Floor) -> list[PageP
         go = NavigationPanel(gui, pages.send_upload, pages.file_address)
     with tabs.add_tab("World", viser.Icon.DOOR):
         world = WorldPanel(gui)
+        floor_plan = FloorPlanPanel(gui)
     with tabs.add_tab("Replay", viser.Icon.HISTORY):
         replay = ReplayPanel(gui)
     why_tab = tabs.add_tab("Why", viser.Icon.ZOOM_QUESTION)
@@ -265,6 +264,7 @@ def _panels(server: viser.ViserServer, pages: Pages, floor: Floor) -> list[PageP
         learn,
         go,
         world,
+        floor_plan,
         replay,
         own,
         TimelinePanel(pages.tell_moment),
@@ -277,9 +277,8 @@ def _panels(server: viser.ViserServer, pages: Pages, floor: Floor) -> list[PageP
 
 def _layers(scene: viser.SceneApi, pages: Pages, assets: PageAssets) -> list[PagePart]:
     add_lights(scene)
-    if assets.floor_plan is not None:
-        draw_floor_plan(scene, assets.floor_plan)
     return [
+        FloorPlanLayer(scene, on_place=lambda place, client: pages.ask_from(client, Action.POINT_ON_PLAN, place)),
         RobotLayer(scene, assets.robot, assets.robot_glb),
         SceneLayer(scene, assets.scene_glb, load_picture=assets.scene_picture),
         AddedLayer(scene, assets.added_glb),

@@ -44,7 +44,7 @@ from ltvn_core.analysis.edge_history import pole_in_image
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.types import Rgb, Waypoint
 from ltvn_viz.debugger.charts import chart_svg
-from ltvn_viz.panels.html_widgets import REACHED_BY_TAB
+from ltvn_viz.panels.html_widgets import REACHED_BY_TAB, copy_button
 from ltvn_viz.server.glossary import explained
 
 _PICTURE_PX = 288
@@ -145,9 +145,7 @@ def _inline(part: Inline, numbers: Iterator[int]) -> str:
             where = ' target="_blank" rel="noreferrer"' if in_new_tab else ""
             return f'<a href="{escape(url)}"{where} class="lt-link">{escape(label)}</a>'
         case Copyable(label, text):
-            return (
-                f'<button type="button" class="lt-words" data-ltvn-copy-text="{escape(text)}">{escape(label)}</button>'
-            )
+            return copy_button(label, text)
         case Download(label, name, address):
             where = f'data-ltvn-download="{escape(address)}" data-name="{escape(name)}"'
             return f'<button type="button" class="lt-words" {where}>{escape(label)}</button>'

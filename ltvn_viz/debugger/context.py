@@ -14,6 +14,7 @@ from ltvn_core.analysis.timeline_records import Instant
 from ltvn_core.analysis.world_clock import latest_known_time, world_time_at
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.config import Method
+from ltvn_core.data.importing.floor_plan import FloorPlan
 from ltvn_core.graph.presence.persistent import PERSISTENT
 from ltvn_core.graph.presence.presence_filter import PresenceFilter
 from ltvn_core.graph.topological_graph import TopologicalGraph
@@ -86,6 +87,8 @@ class DebugContext:
     """Serves a recording in Rerun's web viewer and returns its address; slow, and raises ServerError."""
     offer_file: Callable[[Path], SavedFile]
     """Offers a new file for download in the page; may be called in any thread."""
+    floor_plan: FloorPlan | None = None
+    """The floor plan under the map, as the page shows it now."""
     viewpoint: Viewpoint | None = None
     """The person's view, for the question that shares it; None for all others, which then need no refresh when it
     changes."""

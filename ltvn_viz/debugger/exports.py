@@ -31,12 +31,14 @@ def save_excerpt(library: RecordingLibrary, name: str, from_s: float, to_s: floa
     return output, test
 
 
-def save_map(library: RecordingLibrary, name: str, at_s: float) -> tuple[Path, Path]:
+def save_map(
+    library: RecordingLibrary, name: str, at_s: float, floor_plan: FloorPlan | None = None
+) -> tuple[Path, Path]:
     """Draw the map at a time of the robot's clock as a page in 3D and as a flat figure. Raises LtvnError."""
     stem = f"map-{Path(name).stem}-{at_s:.0f}s"
     page = library.new_file(stem, ".html")
     figure = library.new_file(stem, ".svg")
-    draw_map(Recording.open(library.path(name)), at_s, html=page, svg=figure)
+    draw_map(Recording.open(library.path(name)), at_s, html=page, svg=figure, floor_plan=floor_plan)
     return page, figure
 
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from ltvn_core.analysis.timeline import Timeline
+from ltvn_core.data.importing.floor_plan import FloorPlan
 from ltvn_core.data.recording.metadata import RecordingMetadata
 from ltvn_core.errors import LtvnError, OptionError, RecordingError
 from ltvn_core.predictors.choice import ImageSource
@@ -42,6 +43,7 @@ def replay_context(
     library: RecordingLibrary,
     rerun: Callable[[Path], str] = rerun_unavailable,
     offer_file: Callable[[Path], SavedFile] | None = None,
+    floor_plan: FloorPlan | None = None,
     viewpoint: Viewpoint | None = None,
 ) -> DebugContext:
     """Return the context of questions at a moment of an open recording, whose images `method` compares."""
@@ -67,6 +69,7 @@ def replay_context(
         library=library,
         rerun=rerun,
         offer_file=offer_file or SavedFiles().offer,
+        floor_plan=floor_plan,
         viewpoint=viewpoint,
     )
 

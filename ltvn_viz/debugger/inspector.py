@@ -96,6 +96,7 @@ class DebugContextBuilder:
             library=state.library,
             rerun=state.rerun,
             offer_file=state.saved_files.offer,
+            floor_plan=None if state.alignment is None else state.alignment.view.plan,
             viewpoint=viewpoint,
         )
 

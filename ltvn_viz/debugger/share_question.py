@@ -130,11 +130,12 @@ def _computation(context: DebugContext, action: ShareAction) -> Callable[[], Any
     stamp = context.moment.stamp
     rerun = context.rerun
     offer = context.offer_file
+    plan = context.floor_plan
     match action:
         case ShareAction.SAVE_EXCERPT:
             return lambda: [*map(offer, save_excerpt(library, name, stamp - _BEFORE_S, stamp + _AFTER_S))]
         case ShareAction.SAVE_MAP:
-            return lambda: [*map(offer, save_map(library, name, stamp))]
+            return lambda: [*map(offer, save_map(library, name, stamp, plan))]
         case ShareAction.OPEN_IN_RERUN:
             return lambda: rerun(library.path(name))
     assert_never(action)

@@ -177,8 +177,9 @@ KEY_PHRASES = (
     ("press R ", "press Record "),
     (" (N)", ""),
     (" (B)", ""),
-    ("click a node", "tap a node"),
     ("Click into the timeline", "Tap the timeline"),
+    ("Click ", "Tap "),
+    ("click ", "tap "),
 )
 """Phrases about keys and the mouse, each with its replacement for touch screens; a longer phrase comes before its
 prefix."""
@@ -193,6 +194,11 @@ def with_keys(text: str) -> str:
 def _by_key_or_touch(keys: re.Match[str]) -> str:
     touch = dict(KEY_PHRASES)[keys[0]]
     return f'<span class="ltvn-by-key">{keys[0]}</span><span class="ltvn-by-touch">{touch}</span>'
+
+
+def copy_button(label: str, text: str) -> str:
+    """Return a button that copies a text."""
+    return f'<button type="button" class="lt-words" data-ltvn-copy-text="{escape(text)}">{escape(label)}</button>'
 
 
 def lines(*texts: str) -> str:

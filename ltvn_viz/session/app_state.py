@@ -22,6 +22,7 @@ from ltvn_viz.session.activities.teleop import Teleop
 from ltvn_viz.session.camera_feed import ImageFeed
 from ltvn_viz.session.changeable_world import ChangeableWorld
 from ltvn_viz.session.fine_tuning import FineTuning
+from ltvn_viz.session.floor_plan_clicks import FloorPlanClicks
 from ltvn_viz.session.goals import Goals, PlaceLookup
 from ltvn_viz.session.inspection import Inspection
 from ltvn_viz.session.live_map import LiveMap
@@ -151,6 +152,8 @@ class AppState:
     """Returns the person's view of the scene; None without a page."""
     world: ChangeableWorld | None = None
     """The simulated world that a person may change; None for a real robot."""
+    alignment: FloorPlanClicks | None = None
+    """The floor plan under the map, and the clicks that align it; None without a plan."""
     link: RobotLink | None = None
     """The link to a real robot that reports its state; None in simulation."""
     open_loop: str = ""

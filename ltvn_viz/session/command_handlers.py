@@ -58,6 +58,8 @@ def _carry_out(state: AppState, command: c.Command) -> None:
         _play(state, command)
     elif isinstance(command, c.TimeCommand):
         go_through_time(state, command)
+    elif isinstance(command, c.FloorPlanCommand):
+        _align(state, command)
     else:
         _carry_out_other(state, command)
 
@@ -108,9 +110,30 @@ def _carry_out_other(state: AppState, command: c.OtherCommand) -> None:
             assert_never(command)
 
 
+def _align(state: AppState, command: c.FloorPlanCommand) -> None:
+    """Run a command about the alignment of the floor plan. Raises OptionError."""
+    alignment = state.alignment
+    if alignment is None:
+        raise OptionError("There is no floor plan. Start the page with --floor-plan map.yaml to see one.")
+    match command:
+        case c.AlignFloorPlan():
+            alignment.toggle()
+        case c.PointOnFloorPlan(place):
+            alignment.take_place(place)
+        case c.UndoPlanClick():
+            alignment.undo()
+        case c.UseAlignment():
+            alignment.use()
+            state.say("The floor plan is aligned. “World” shows the option that gives the same alignment next time.")
+        case _:
+            assert_never(command)
+
+
 def _cancel(state: AppState) -> None:
     if not isinstance(state.activity, Navigation | MapBuilding):
         state.maker.cancel()
+        if state.alignment is not None and state.alignment.is_on:
+            state.alignment.toggle()
     state.cancel("Cancelled.")
 
 

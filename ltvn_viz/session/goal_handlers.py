@@ -16,6 +16,7 @@ from ltvn_viz.session.activities.playback import Playback
 from ltvn_viz.session.app_state import AppState
 from ltvn_viz.session.goals import SIMILAR_NODE_COUNT, FoundPlace, picture_address
 from ltvn_viz.session.snapshot import JobProgress, LikePlace, UploadMatch
+from ltvn_viz.timeline.run_moment import moment_of
 
 NOT_FOUND = "Image not found in the map"
 """Title of the message for a picture that was not found."""
@@ -29,8 +30,10 @@ class _Resembling(NamedTuple):
 
 
 def pick(state: AppState, node: NodeId) -> None:
-    """Handle a click on a node: select it in the debugger, or as the goal."""
-    if state.debugger.is_on:
+    """Handle a click on a node: align the floor plan by it, select it in the debugger, or as the goal."""
+    if state.alignment is not None and state.alignment.is_on:
+        state.alignment.take_node(node, moment_of(state.shown_run).graph)
+    elif state.debugger.is_on:
         state.debugger.point_at(node)
     elif not isinstance(state.activity, Playback):
         choose_goal(state, node)

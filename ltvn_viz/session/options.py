@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ltvn_core.data.importing.floor_plan import FloorPlan
+from ltvn_core.data.importing.floor_plan_alignment import LaidFloorPlan
 from ltvn_core.predictors.choice import AUTO
 from ltvn_core.simulation.body_names import BodyName
 from ltvn_core.systems.registry import DEFAULT_SYSTEM, system_entry
@@ -54,8 +54,8 @@ class AppOptions:
     """Initial time of playback, in seconds after the recording's beginning."""
     replay_question: str = ""
     """Word of the debugger's initial question; empty for none."""
-    floor_plan: FloorPlan | None = None
-    """Floor plan of the building to draw below the map, in the frame of the map."""
+    floor_plan: LaidFloorPlan | None = None
+    """Floor plan of the building to draw below the map."""
     questions: Sequence[Callable[[], Any]] = ()
     """Additional questions for the debugger, as classes whose constructors take no arguments."""
 

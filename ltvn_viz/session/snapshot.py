@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ltvn_core.analysis.recorded_frames import NO_TRAJECTORY
 from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.data.importing.floor_plan import FloorPlan
 from ltvn_core.navigation.events import Severity
 from ltvn_core.robots.link_report import LinkReport
 from ltvn_core.simulation.rooms import Doorway
@@ -77,6 +78,25 @@ class WorldView:
     """Brightness of the light; 1 is the original brightness of the scene."""
     undo: str
     """Description of the change that undo would revert; empty if there is none."""
+
+
+@dataclass(frozen=True, slots=True)
+class FloorPlanView:
+    """The floor plan under the map, and its alignment by clicks."""
+
+    plan: FloorPlan
+    """The plan as it is drawn, in the frame of the map."""
+    align: str = ""
+    """Option of the command line with the alignment in use; empty before a person made one."""
+    is_aligning: bool = False
+    pairs: int = 0
+    """Number of nodes whose place on the plan was clicked."""
+    node: NodeId | None = None
+    """The node whose place on the plan is clicked next; None if a node is clicked next."""
+    error_m: float | None = None
+    """Root mean square distance of the pairs in metres; None with fewer than two pairs."""
+    marks: tuple[tuple[float, float], ...] = ()
+    """Positions of the clicked nodes and of their places on the plan, in metres in the frame of the map."""
 
 
 def doors_of(scene: Scene) -> tuple[DoorView, ...]:
@@ -314,6 +334,8 @@ class Snapshot:
     """Fingerprint of the weights in use."""
     world: WorldView | None = None
     """Possible changes of the simulated world; None in a replay, and for a real robot."""
+    floor_plan: FloorPlanView | None = None
+    """The floor plan under the map; None without one."""
     link: LinkReport | None = None
     """Quality of the link to the robot; None in simulation, and in a replay."""
     story: tuple[str, ...] = ()

@@ -14,6 +14,7 @@ from ltvn_viz.session.activities.navigation import Navigation
 from ltvn_viz.session.activities.playback import Playback
 from ltvn_viz.session.app_state import AppState
 from ltvn_viz.session.command_handlers import drive_name
+from ltvn_viz.session.floor_plan_clicks import aligning_hint
 from ltvn_viz.session.own_views import refresh_next_own_view
 from ltvn_viz.session.snapshot import FineTuningPhase, FineTuningStatus, LoopRates, Snapshot, TimelineStatus, WayNodes
 from ltvn_viz.timeline.run_moment import RunMoment, moment_of
@@ -98,6 +99,7 @@ class SnapshotBuilder:
             keeps_going=state.keeps_going if state.live.robot.clock.is_simulated else None,
             is_open_loop=bool(state.open_loop),
             message=state.message,
+            floor_plan=None if state.alignment is None else state.alignment.view,
             fine_tuning=_learning(state),
             inspection=state.debugger.shown,
             own_inspections={page: view.shown for page, view in state.own_debuggers.items()},
@@ -189,6 +191,8 @@ def _replayed(replay: Playback) -> Snapshot:
 
 def hint(snapshot: Snapshot) -> str:
     """Return a hint about what to do next."""
+    if snapshot.floor_plan is not None and snapshot.floor_plan.is_aligning:
+        return aligning_hint(snapshot.floor_plan)
     if not snapshot.timeline.is_now and not snapshot.timeline.is_replay:
         return (
             "The scene shows the past, the camera shows the present. “Live” below the scene returns to now, and so "

@@ -334,6 +334,29 @@ class WatchItLearn(BaseCommand, modes=DRIVING):
 
 
 @dataclass(frozen=True, eq=False)
+class AlignFloorPlan(BaseCommand, modes=ANYWHERE):
+    """Start to align the floor plan with the map by clicks; asked for again, leave the alignment as it was."""
+
+
+@dataclass(frozen=True, eq=False)
+class PointOnFloorPlan(BaseCommand, modes=ANYWHERE):
+    """Say where on the floor plan the node is that was clicked last."""
+
+    place: tuple[float, float]
+    """x and y in metres, in the frame of the map."""
+
+
+@dataclass(frozen=True, eq=False)
+class UndoPlanClick(BaseCommand, modes=ANYWHERE):
+    """Take the last click of the alignment back."""
+
+
+@dataclass(frozen=True, eq=False)
+class UseAlignment(BaseCommand, modes=ANYWHERE):
+    """Keep the alignment that fits the clicks."""
+
+
+@dataclass(frozen=True, eq=False)
 class ReportError(BaseCommand, modes=ANYWHERE):
     """Show a message in the page; for errors met outside the session, such as a broken upload."""
 
@@ -348,6 +371,8 @@ TimeCommand: TypeAlias = Seek | SeekMark | SeekBy | PlayTime | SetPlaySpeed | Sh
 DebuggerCommand: TypeAlias = ChooseQuestion | PointAt | SubmitText | AskQuestion | FollowLink
 WorldCommand: TypeAlias = ToggleDoor | AimBox | PutBox | TakeBox | SetLight | UndoWorldChange | WatchItLearn
 """Commands that change the simulated world."""
+FloorPlanCommand: TypeAlias = AlignFloorPlan | PointOnFloorPlan | UndoPlanClick | UseAlignment
+"""Commands that align the floor plan with the map."""
 OtherCommand: TypeAlias = (
     StopRobot
     | BuildMap
@@ -368,5 +393,7 @@ OtherCommand: TypeAlias = (
     | EditMap
     | ReportError
 )
-Command: TypeAlias = RecordingCommand | WorldCommand | PlaybackCommand | TimeCommand | DebuggerCommand | OtherCommand
+Command: TypeAlias = (
+    RecordingCommand | WorldCommand | PlaybackCommand | TimeCommand | DebuggerCommand | FloorPlanCommand | OtherCommand
+)
 """All commands to the session; pyright reports each place that must handle a new one."""

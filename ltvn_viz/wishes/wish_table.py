@@ -59,6 +59,10 @@ class Action(StrEnum):
     LIGHT = "light"
     UNDO_CHANGE = "undo_change"
     WATCH_IT_LEARN = "watch_it_learn"
+    ALIGN_PLAN = "align_plan"
+    POINT_ON_PLAN = "point_on_plan"
+    UNDO_PLAN_CLICK = "undo_plan_click"
+    USE_ALIGNMENT = "use_alignment"
     QUESTION = "question"
     TELL = "tell"
     FOLLOW = "follow"
@@ -95,8 +99,9 @@ class Carried(Enum):
     SWITCH = auto()
     """1 for on, 0 for off."""
     TEXT = auto()
-    PLACE_OR_NOTHING = auto()
+    PLACE = auto()
     """x and y in metres."""
+    PLACE_OR_NOTHING = auto()
 
     def fits(self, value: Value) -> bool:
         """Tell whether a value is of this kind, and not too large."""
@@ -111,10 +116,11 @@ class Carried(Enum):
             case str():
                 return self is Carried.TEXT and len(value) <= MAX_TEXT
             case x, y:
-                return self is Carried.PLACE_OR_NOTHING and max(abs(x), abs(y)) <= FARTHEST_M and math.isfinite(x + y)
+                return self in _PLACES and max(abs(x), abs(y)) <= FARTHEST_M and math.isfinite(x + y)
 
 
 _NUMBERS = (Carried.WHOLE, Carried.WHOLE_OR_NOTHING, Carried.SWITCH)
+_PLACES = (Carried.PLACE, Carried.PLACE_OR_NOTHING)
 
 
 @dataclass(frozen=True, slots=True)
@@ -263,6 +269,12 @@ WISHES: Mapping[Action, Wish] = {
         "Watch it learn",
         "watch how the map learns: a door on the robot's path closes, and opens again",
     ),
+    Action.ALIGN_PLAN: Wish(
+        c.AlignFloorPlan, "Align the floor plan by clicks", "lay the floor plan under the map, by clicks on both"
+    ),
+    Action.POINT_ON_PLAN: Wish(c.PointOnFloorPlan, "", "point to the node's place on the plan", carries=Carried.PLACE),
+    Action.UNDO_PLAN_CLICK: Wish(c.UndoPlanClick, "", "take the last click of the alignment back"),
+    Action.USE_ALIGNMENT: Wish(c.UseAlignment, "", "keep the floor plan as it lies now"),
     Action.QUESTION: Wish(
         c.ChooseQuestion, "Ask why", "choose a question", carries=Carried.TEXT, audience=Audience.OWN_VIEW
     ),

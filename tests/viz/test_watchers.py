@@ -13,12 +13,15 @@ import numpy as np
 import pytest
 import viser
 
+from ltvn_viz.layers.floor_plan import FLOOR_PLAN_NAME
 from ltvn_viz.page_layout import OwnParts, PagePart
+from ltvn_viz.session.floor_plan_clicks import FloorPlanClicks
 from ltvn_viz.session.inspection import NO_INSPECTION, NOTHING_SELECTED, Inspection, QuestionName
-from ltvn_viz.session.snapshot import Snapshot
+from ltvn_viz.session.snapshot import FloorPlanView, Snapshot
 from ltvn_viz.wishes.commands import Mode
 from ltvn_viz.wishes.wish_table import Action
 from tests.browser.flat_app import FlatApp, serving, until_shown
+from tests.core.data.importing.plan_files import laid_room
 from tests.viz.hostile_messages import HostileMessages, targets_of
 from tests.viz.page_sockets import PageSockets, open_live_page, open_sockets
 from tests.waiting import until
@@ -135,6 +138,34 @@ def test_a_watcher_who_picks_a_node_is_told_what_to_do_and_the_robot_stays(app: 
         until(lambda: watcher.number not in app.harness.now.own_inspections)
         watcher.say(click_on("/graph/nodes", len(app.harness.now.moment.graph.ids) - 1))
         until_shown(app, lambda now: now.mode is Mode.NAVIGATING)
+
+
+def test_only_the_page_that_drives_aligns_the_floor_plan(app: FlatApp) -> None:
+    app.harness.state.alignment = FloorPlanClicks(laid_room())
+    with open_live_page(app.server) as driver, open_live_page(app.server) as watcher:
+        driver.take_seat()
+        driver.ask(Action.ALIGN_PLAN)
+        until_shown(app, lambda now: now.floor_plan is not None and now.floor_plan.is_aligning)
+        watcher.say(click_on("/graph/nodes", 3))
+        until(lambda: watcher.number in app.harness.now.own_inspections)
+        assert view_of(app).node is None
+        driver.say(click_on("/graph/nodes", 3))
+        until(lambda: view_of(app).node is not None)
+        sheet = f"{FLOOR_PLAN_NAME}-sheet"
+        until(lambda: sheet in app.server.viser.scene._handle_from_node_name)
+        down = {"ray_origin": [1, 1, 3], "ray_direction": [0, 0, -1], "instance_index": None}
+        watcher.say(click_on(sheet, 0) | down)
+        until(lambda: "Take over" in app.harness.now.own_inspections[watcher.number].notice)
+        assert view_of(app).pairs == 0
+        driver.say(click_on(sheet, 0) | down)
+        until(lambda: view_of(app).pairs == 1)
+        assert app.session.mode is Mode.TELEOP
+
+
+def view_of(app: FlatApp) -> FloorPlanView:
+    view = app.harness.now.floor_plan
+    assert view is not None
+    return view
 
 
 def test_a_page_that_leaves_while_its_parts_are_made_leaves_nothing_behind(app: FlatApp) -> None:

@@ -7,12 +7,14 @@ from threading import Event
 
 import pytest
 
+from ltvn_viz.session.floor_plan_clicks import FloorPlanClicks
 from ltvn_viz.session.inspection import QuestionName
 from ltvn_viz.session.snapshot import FineTuningPhase, Snapshot
 from ltvn_viz.wishes import commands as c
 from ltvn_viz.wishes.commands import BaseCommand, Mode
 from ltvn_viz.wishes.wish_table import UNASKED, WISHES, Action, Carried, Value, command_for
 from tests.browser.flat_app import FlatApp, serving, until_shown
+from tests.core.data.importing.plan_files import laid_room
 from tests.viz.page_sockets import PageSockets, open_live_page
 from tests.waiting import until
 
@@ -233,6 +235,18 @@ def tries_world(asking: Asking) -> None:
         asking.hears(Action.PLAY, None, "now")  # The same words again would be no new message.
 
 
+@fulfils(Action.ALIGN_PLAN, Action.POINT_ON_PLAN, Action.UNDO_PLAN_CLICK, Action.USE_ALIGNMENT)
+def tries_the_floor_plan(asking: Asking) -> None:
+    asking.hears(Action.ALIGN_PLAN, None, "no floor plan")
+    asking.app.harness.state.alignment = FloorPlanClicks(laid_room())
+    asking.ask(Action.ALIGN_PLAN, None, lambda now: now.floor_plan and now.floor_plan.is_aligning)
+    asking.hears(Action.USE_ALIGNMENT, None, "at least 2")
+    asking.ask(Action.PICK, asking.far, lambda now: now.floor_plan and now.floor_plan.node == asking.far)
+    asking.ask(Action.POINT_ON_PLAN, (1.0, 1.0), lambda now: now.floor_plan and now.floor_plan.pairs == 1)
+    asking.ask(Action.UNDO_PLAN_CLICK, None, lambda now: now.floor_plan and now.floor_plan.pairs == 0)
+    asking.ask(Action.CANCEL, None, lambda now: now.floor_plan and not now.floor_plan.is_aligning)
+
+
 @fulfils(Action.QUESTION, Action.TELL, Action.FOLLOW)
 def tries_questions(asking: Asking) -> None:
     asking.ask(Action.QUESTION, str(QuestionName.EDGE), lambda now: now.inspection.question == QuestionName.EDGE)
@@ -241,7 +255,7 @@ def tries_questions(asking: Asking) -> None:
     asking.hears(Action.FOLLOW, 10**6, "answer")
 
 
-EXAMPLES: dict[Carried, Value] = {Carried.WHOLE: 1, Carried.SWITCH: 1, Carried.TEXT: "a.rrd"}
+EXAMPLES: dict[Carried, Value] = {Carried.WHOLE: 1, Carried.SWITCH: 1, Carried.TEXT: "a.rrd", Carried.PLACE: (1.0, 2.0)}
 SOMETIMES = [action for action, wish in WISHES.items() if wish.modes != c.ANYWHERE]
 
 

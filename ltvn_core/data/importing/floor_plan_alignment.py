@@ -5,20 +5,34 @@ both in metres.
 """
 
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple, Self
 
 import numpy as np
 
-from ltvn_core.data.importing.floor_plan import MOST_M
+from ltvn_core.data.importing.floor_plan import MOST_M, FloorPlan
 from ltvn_core.errors import OptionError
-from ltvn_core.geometry import RigidFit, rigid_fit
+from ltvn_core.geometry import RigidFit, compose, invert, rigid_fit
 from ltvn_core.types import NodeId, Pose
 
 LEAST_PAIRS = 2
 LEAST_APART_M = 0.5
 """Least extent of the points along x or y, in metres; closer points do not determine the rotation."""
-DOUBTFUL_M = 1.0
+DOUBTFUL_M = 0.5
 """Error in metres above which the pairs are probably wrong, or odometry drifted much."""
 _FORM = "NODE=X,Y, in metres of the plan, such as 17=-1.5,2"
+
+
+class LaidFloorPlan(NamedTuple):
+    """A floor plan aligned with a map."""
+
+    plan: FloorPlan
+    """The plan in the frame of the map."""
+    frame: Pose
+    """Pose (3,) of the plan's own frame in the frame of the map."""
+
+    def moved_to(self, frame: Pose) -> Self:
+        """Return the plan with its own frame at another pose (3,) in the frame of the map."""
+        return self._replace(plan=self.plan.moved(compose(frame, invert(self.frame))), frame=frame)
 
 
 def align_floor_plan(pairs: Sequence[str], poses: Mapping[NodeId, Pose]) -> RigidFit:

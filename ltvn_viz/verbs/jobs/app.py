@@ -8,6 +8,7 @@ from pathlib import Path
 import viser  # noqa: F401  (first, so that an error names the extra of the page)
 
 from ltvn_core.atomic_files import atomic_output
+from ltvn_core.data.importing.floor_plan_alignment import LaidFloorPlan
 from ltvn_core.data.recording.demo_files import demo_file
 from ltvn_core.data.recording.info import read_info
 from ltvn_core.errors import RecordingError
@@ -16,7 +17,7 @@ from ltvn_core.verbs.verb import Summary
 from ltvn_viz.app import AppOptions, run_app
 from ltvn_viz.session.options import DEMO_SCENE
 from ltvn_viz.verbs.app import AppVerb, ReplayVerb
-from ltvn_viz.verbs.jobs.floor_plan import LaidFloorPlan, lay_floor_plan
+from ltvn_viz.verbs.jobs.floor_plan import lay_floor_plan
 
 _LOG = logging.getLogger(__name__)
 
@@ -81,7 +82,7 @@ def _serve(
             replay=replay,
             replay_at_s=at_s,
             replay_question=ask,
-            floor_plan=None if laid is None else laid.plan,
+            floor_plan=laid,
         ),
         say=_LOG.info,
     )

@@ -2,29 +2,18 @@
 
 import logging
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
 from ltvn_core.data.exporting.map_files import placed_map
 from ltvn_core.data.importing.floor_plan import FloorPlan
-from ltvn_core.data.importing.floor_plan_alignment import DOUBTFUL_M, align_floor_plan
+from ltvn_core.data.importing.floor_plan_alignment import DOUBTFUL_M, LaidFloorPlan, align_floor_plan
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.errors import OptionError
 from ltvn_core.geometry import RigidFit
-from ltvn_core.types import Pose
 from ltvn_viz.verbs.floor_plan_options import FloorPlanOptions
 
 _LOG = logging.getLogger(__name__)
-
-
-class LaidFloorPlan(NamedTuple):
-    """A floor plan aligned with a map."""
-
-    plan: FloorPlan
-    """The plan in the frame of the map."""
-    frame: Pose
-    """Pose (3,) of the plan's own frame in the frame of the map."""
 
 
 def lay_floor_plan(options: FloorPlanOptions, map_file: Path | None) -> LaidFloorPlan | None:
@@ -36,16 +25,16 @@ def lay_floor_plan(options: FloorPlanOptions, map_file: Path | None) -> LaidFloo
         if options.align:
             raise OptionError("--align gives the position of a floor plan; name the plan with --floor-plan map.yaml.")
         return None
-    plan = FloorPlan.open(options.floor_plan)
+    laid = LaidFloorPlan(FloorPlan.open(options.floor_plan), np.zeros(3))
     if not options.align:
-        return LaidFloorPlan(plan, np.zeros(3))
+        return laid
     if map_file is None:
         raise OptionError("--align refers to nodes of a map; give the map with --map.")
     poses = placed_map(Recording.open(map_file)).poses
     alignment = align_floor_plan(options.align, poses)
-    laid = plan.moved(alignment.pose)
-    _tell(alignment, laid.cells_at([pose[:2] for pose in poses.values()]))
-    return LaidFloorPlan(laid, alignment.pose)
+    laid = laid.moved_to(alignment.pose)
+    _tell(alignment, laid.plan.cells_at([pose[:2] for pose in poses.values()]))
+    return laid
 
 
 def _tell(alignment: RigidFit, under_nodes: np.ndarray) -> None:

@@ -18,11 +18,13 @@ from ltvn_viz.debugger.comparison_question import BEFORE_FIRST_QUERY
 from ltvn_viz.debugger.ground_truth_question import GroundTruthQuestion
 from ltvn_viz.debugger.share_question import ShareAction
 from ltvn_viz.session.activities.playback import open_replay
+from ltvn_viz.session.floor_plan_clicks import FloorPlanClicks
 from ltvn_viz.session.inspection import NOTHING_SELECTED, QuestionName
 from ltvn_viz.session.share_links import commands_from_link
 from ltvn_viz.session.snapshot import Snapshot
 from ltvn_viz.wishes import commands as c
 from ltvn_viz.wishes.commands import Mode
+from tests.core.data.importing.plan_files import laid_room
 from tests.repository import DEMO_MAP, RECORDINGS
 from tests.viz.debugger import answer_links
 from tests.viz.debugger.answer_links import words
@@ -173,12 +175,14 @@ def test_a_moment_is_saved_twice_under_two_names_with_a_test_that_compiles(demo:
 
 
 def test_the_map_is_written_as_a_page_and_a_figure_that_ask_nothing_of_others(demo: SessionHarness) -> None:
+    demo.state.alignment = FloorPlanClicks(laid_room())
     demo.do(c.ChooseQuestion(QuestionName.SHARE))
     shown = follow(demo, ShareAction.SAVE_MAP)
     page, figure = (
         next(demo.library.folder.glob(f"map-*{end}")).read_text(encoding="utf-8") for end in (".html", ".svg")
     )
     assert figure.startswith("<svg")
+    assert '<image width="80" height="60"' in figure, "the floor plan lies under the map"
     assert not re.search(r"(src|href)=[\"']?https?:", page + figure)
     numbers = [int(re.sub(r"\D", "", each.address)) for each in pieces(shown) if isinstance(each, Download)]
     assert [demo.state.saved_files.read(number) for number in numbers] == [page.encode(), figure.encode()]

@@ -14,6 +14,7 @@ from ltvn_core.navigation.events import Outcome, QueryEnded, Severity
 from ltvn_viz.page_layout import Painter
 from ltvn_viz.panels.camera_panel import CameraPanel
 from ltvn_viz.panels.drive_panel import DrivePanel, FineTuningPanel, PadPanel
+from ltvn_viz.panels.floor_plan_panel import FloorPlanPanel
 from ltvn_viz.panels.html_widgets import with_keys
 from ltvn_viz.panels.legend_panel import LegendPanel
 from ltvn_viz.panels.navigation_panel import NavigationPanel
@@ -24,6 +25,7 @@ from ltvn_viz.session.goals import LIMIT, ThumbnailStore, farthest_points
 from ltvn_viz.session.inspection import Inspection, Overlay, QuestionAnswer, QuestionName
 from ltvn_viz.session.snapshot import (
     DoorView,
+    FloorPlanView,
     FloorView,
     JobProgress,
     LikePlace,
@@ -38,6 +40,7 @@ from ltvn_viz.session.snapshot import (
 from ltvn_viz.session.snapshot_builder import hint
 from ltvn_viz.wishes.commands import Mode
 from ltvn_viz.wishes.wish_table import Action
+from tests.core.data.importing.plan_files import laid_room
 from tests.viz.panels.panel_contents import controls, is_enabled, nothing
 
 
@@ -365,3 +368,24 @@ def test_while_a_story_goes_on_nobody_is_told_to_pick_a_goal_or_can_begin_anothe
     over = replace(told, story_goes_on=False, story_query=4, moment=replace(snapshot.moment, progress=progress))
     assert "story is over" in hint(over)
     assert "story" not in hint(replace(over, story_query=3))
+
+
+def test_the_floor_plan_offers_the_next_step_and_afterwards_the_option_to_copy(
+    server: viser.ViserServer, snapshot: Snapshot
+) -> None:
+    panel = FloorPlanPanel(server.gui)
+    panel.show(snapshot)
+    assert not panel.buttons.content, "there is no floor plan"
+    view = FloorPlanView(laid_room().plan)
+    panel.show(replace(snapshot, floor_plan=view))
+    assert is_enabled(panel.buttons.content, Action.ALIGN_PLAN)
+    one = replace(view, is_aligning=True, pairs=1, marks=((0.0, 0.0), (1.0, 0.0)))
+    panel.show(replace(snapshot, floor_plan=one))
+    assert is_enabled(panel.buttons.content, Action.UNDO_PLAN_CLICK)
+    assert not is_enabled(panel.buttons.content, Action.USE_ALIGNMENT)
+    panel.show(replace(snapshot, floor_plan=replace(one, pairs=2, error_m=0.7)))
+    assert is_enabled(panel.buttons.content, Action.USE_ALIGNMENT)
+    assert "0.70 m" in panel.about.content
+    assert "WARN" in panel.about.content
+    panel.show(replace(snapshot, floor_plan=replace(view, align="--align 1=0,0 2=3,0")))
+    assert 'data-ltvn-copy-text="--align 1=0,0 2=3,0"' in panel.about.content

@@ -6,6 +6,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ltvn_core.data.importing.floor_plan import FloorPlan
+from ltvn_core.data.importing.floor_plan_alignment import LaidFloorPlan
+
 FREE, GREY, WALL = 254, 205, 0
 SAID = """\
 image: map.pgm
@@ -34,6 +37,13 @@ def write_plan(folder: Path, said: str = SAID, *, grey: NDArray[np.uint8] | None
     path = folder / "map.yaml"
     path.write_text(said, encoding="utf-8")
     return path
+
+
+def laid_room() -> LaidFloorPlan:
+    """Return a free floor of 8 m x 6 m with a wall around it, whose frame is that of the map."""
+    cells = np.zeros((60, 80), np.int8)
+    cells[[0, -1]] = cells[:, [0, -1]] = 100
+    return LaidFloorPlan(FloorPlan(cells, 0.1, np.array([-1.0, -1.0, 0.0])), np.zeros(3))
 
 
 def write_png(folder: Path) -> None:

@@ -63,7 +63,7 @@ def test_a_press_that_the_app_never_hears_is_said(door: DrivePage) -> None:
     page = open_page(door)
     door.server.close()
     expect(page.locator(".ltvn-status")).to_contain_text("No connection")
-    page.locator(RECORD).click()
+    page.locator(RECORD).press("Enter")
     expect(page.get_by_role("alert").filter(has_text="Record")).to_contain_text("not heard")
 
 

@@ -1,14 +1,39 @@
 // Clicks on our own HTML in viser's panels: <img data-ltvn-action="select" data-id="17">, and data-text where an
-// action is about a name. Enter clicks as well.
+// action is about a name. Enter clicks as well. They stay alive while viser's socket is lost.
 
+let pressedControl = null; // Our control where the pointer went down.
 let focusedControl = null; // Selector of our control that has the focus, which viser may draw anew.
 
+function controlOf(target) {
+  return target instanceof Element ? target.closest("[data-ltvn-action]") : null;
+}
+
 function onClick(event) {
-  const clicked = event.target instanceof Element ? event.target.closest("[data-ltvn-action]") : null;
-  if (clicked === null) return;
+  const clicked = controlOf(event.target);
+  if (clicked === null) return sayIfDead(event);
   const { ltvnAction, id, text } = clicked.dataset;
   const value = text ?? (id === undefined ? null : Number(id));
   if (typeof value !== "number" || Number.isSafeInteger(value)) ask(ltvnAction, value);
+}
+
+// A panel may be drawn anew between press and release; the browser then reports no click.
+function onPress({ target, button }) {
+  pressedControl = button === 0 ? controlOf(target) : null;
+}
+
+function onRelease({ clientX, clientY }) {
+  if (pressedControl === null || pressedControl.isConnected) return;
+  const control = controlOf(document.elementFromPoint(clientX, clientY));
+  if (control !== null && isSameControl(control, pressedControl)) control.click();
+}
+
+function isSameControl(one, other) {
+  return ["ltvnAction", "id", "text"].every((name) => one.dataset[name] === other.dataset[name]);
+}
+
+// viser greys its own controls while its socket is lost, and hides them from the pointer.
+function sayIfDead(event) {
+  if (!isViserOpen && event.isTrusted && viserPanel()?.contains(event.target)) sayUnheard("The press");
 }
 
 function onEnter(event) {
@@ -31,6 +56,8 @@ function restoreFocus() {
 
 function listenToClicks() {
   document.addEventListener("click", onClick, true);
+  document.addEventListener("pointerdown", onPress, true);
+  document.addEventListener("pointerup", onRelease, true);
   document.addEventListener("keydown", onEnter, true);
   document.addEventListener("focusin", rememberFocus);
   document.addEventListener("pointerdown", () => (focusedControl = null), true);

@@ -84,7 +84,7 @@ function pressAction(event, action) {
   event.preventDefault();
   lastKey = event.code;
   if (action === "help") toggleHelp();
-  else ask(action);
+  else ask(action, null, true);
   changed();
 }
 

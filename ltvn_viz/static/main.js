@@ -23,5 +23,5 @@ document.addEventListener("DOMContentLoaded", () => {
   showRights();
   watchForSilence();
   watchDrawing();
-  appIsThere.then(connect);
+  connect();
 });

@@ -14,6 +14,8 @@ const UNAUTHORIZED = 401;
 const TOKEN_REFUSED = "token refused"; // As in `requests.py`.
 const VISER_MESSAGES = ["zstd_wasm", "set_server"]; // The first that viser's page says to the worker of its socket.
 
+let isViserOpen = false; // Whether viser's socket is connected; without it, viser's own controls take no press.
+
 // The page is served before the app is loaded, so that the browser unpacks viser meanwhile.
 const appIsThere = new Promise((resolve) => askWhetherThere(resolve, ASK_IN_VAIN));
 
@@ -48,6 +50,7 @@ function letViserIn() {
     if (VISER_MESSAGES.includes(message?.type) && !known.has(this)) {
       known.add(this);
       this.addEventListener("message", ({ data }) => {
+        if (["connected", "closed"].includes(data?.type)) isViserOpen = data.type === "connected";
         if (data?.type === "connected") post.call(this, { type: "send", message: proof() });
         else if (data?.type === "closed" && data.closeReason === TOKEN_REFUSED) askForToken();
       });

@@ -9,7 +9,7 @@ function isFree(control) {
 }
 
 function explain(event) {
-  const control = event.target instanceof Element ? event.target.closest("[data-ltvn-action]") : null;
+  const control = controlOf(event.target);
   if (control === null || isFree(control)) return;
   control.dataset.ltvnHint ??= control.title;
   control.title = isWatching() ? whyNot() : control.dataset.ltvnHint;

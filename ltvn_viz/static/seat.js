@@ -1,10 +1,9 @@
 // The connection to the server, and what the server tells of the driver's seat and the robot.
 
-const seat = { isOpen: false, isSilent: false, you: null, driver: null, epoch: 0, armed: false, reason: null, stoppedBy: null };
+const seat = { isOpen: false, isSilent: false, you: null, driver: null, epoch: 0, armed: false, reason: null, stoppedBy: null, unheard: null };
 const activity = { mode: "driving", goal: null, story: false }; // What is under way, and the node that the robot drives to by itself.
 const watchers = []; // Functions without arguments, called whenever something to be shown has changed.
-let socket = null; // A worker that holds the connection.
-let early = []; // Actions asked for before the first connection stands, which are sent once it does; null afterwards.
+let socket = null; // A worker that holds the connection, from the moment when the page's elements are there.
 let refusedBy = null; // Who drives, when an action was refused for that reason.
 
 function changed() {
@@ -15,21 +14,15 @@ function send(message) {
   if (seat.isOpen) socket.postMessage({ type: "send", text: JSON.stringify(message) });
 }
 
-// Later, while the connection is lost, nothing waits: the world may be another when it is back.
-function sendEarly() {
-  early?.forEach(send);
-  early = null;
-}
-
 function tellHeld(message) {
   if (seat.isOpen) socket.postMessage({ type: "hold", message });
 }
 
-function ask(action, value = null) {
+// The worker keeps a press for a moment while the connection is lost; a press of a key, only before the first connection.
+function ask(action, value = null, isKey = false) {
   refusedBy = null;
-  const message = { type: "action", action, value };
-  if (early === null) send(message);
-  else early.push(message);
+  seat.unheard = null;
+  socket.postMessage({ type: "ask", message: { type: "action", action, value }, isKey });
 }
 
 function connect() {
@@ -40,12 +33,15 @@ function connect() {
     else if (data.type === "lost") lose();
     else if (data.type === "silence") hearSilence(data.isSilent);
     else if (data.type === "refused") askForToken();
+    else if (data.type === "unheard") sayUnheard(`“${KEYMAP.labels[data.action]}”`);
     else socket.postMessage({ type: "answer" });
   };
   for (const name of ["freeze", "resume"]) {
     document.addEventListener(name, () => socket.postMessage({ type: "freeze", frozen: name === "freeze" }));
   }
-  socket.postMessage({ type: "connect", address: socketAddress("/drive"), proof: JSON.stringify(proof()) });
+  appIsThere.then(() => {
+    socket.postMessage({ type: "connect", address: socketAddress("/drive"), proof: JSON.stringify(proof()) });
+  });
 }
 
 function lose() {
@@ -69,7 +65,6 @@ function hear({ type, ...fields }) {
     // Tell the truth about what is held; only "nothing" arms this page in the new epoch.
     if (isNewEpoch) report();
     openLink();
-    sendEarly();
   } else if (type === "moment") {
     return hearMoment(fields);
   } else if (type === "activity") {

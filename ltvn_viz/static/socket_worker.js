@@ -4,9 +4,13 @@
 //
 // What is held is repeated here, so that no key is lost while the page draws. Each time it says how long ago the page
 // itself last knew it; the server lets an old hand drive slowly, and soon not at all.
+//
+// A press on a button while the connection is lost is kept and sent once when the connection is back. After KEPT_MS the
+// page says instead that the press was not heard: an old press must not start a robot. Held keys are never kept.
 
 const HERE_MS = 50;
 const RECONNECT_MS = 500;
+const KEPT_MS = 2000;
 const ASK_MS = 1000;
 const HUNG_MS = 10000;
 const SILENT_MS = 1000; // The server says something every quarter of a second; without that, what the page shows is old.
@@ -16,6 +20,8 @@ const TOKEN_REFUSED = 4401; // As in `requests.py`.
 let socket = null;
 let isFrozen = false;
 let heardAt = null; // When the server last said something; null before it first did.
+let isAccepted = false; // Whether the server has said something on this connection.
+const kept = new Map(); // Action -> its message and until when it may be sent; a later press replaces an earlier one.
 let isSilent = false;
 let answered = performance.now();
 let held = null; // What the page holds, as it last said, and when it did.
@@ -28,12 +34,14 @@ function connect(address, proof) {
   socket.onopen = () => send(proof);
   socket.onmessage = ({ data }) => {
     heardAt = performance.now();
+    if (!isAccepted) sendKept();
     if (data === BEAT) return;
     if (data instanceof ArrayBuffer) postMessage({ type: "picture", jpeg: data }, [data]);
     else postMessage({ type: "heard", text: data });
   };
   socket.onclose = ({ code }) => {
     held = null;
+    isAccepted = false;
     postMessage({ type: "lost" });
     if (code === TOKEN_REFUSED) postMessage({ type: "refused" });
     else setTimeout(connect, RECONNECT_MS, address, proof);
@@ -42,6 +50,32 @@ function connect(address, proof) {
 
 function send(text) {
   if (socket !== null && socket.readyState === WebSocket.OPEN) socket.send(text);
+}
+
+function sendKept() {
+  isAccepted = true;
+  for (const [action, { message, until }] of kept) {
+    // The computer may have slept meanwhile, and timers with it.
+    if (Date.now() <= until) send(JSON.stringify(message));
+    else postMessage({ type: "unheard", action });
+  }
+  kept.clear();
+}
+
+// Before the first connection nothing has been seen of the robot that could have changed, so everything is kept.
+function ask(message, isKey) {
+  const { action } = message;
+  if (isAccepted && socket.readyState === WebSocket.OPEN) return send(JSON.stringify(message));
+  if (heardAt !== null && isKey && action !== "stop") return postMessage({ type: "unheard", action });
+  const press = { message, until: heardAt === null ? Infinity : Date.now() + KEPT_MS };
+  kept.set(action, press);
+  if (heardAt !== null) setTimeout(forget, KEPT_MS, action, press);
+}
+
+function forget(action, press) {
+  if (kept.get(action) !== press) return;
+  kept.delete(action);
+  postMessage({ type: "unheard", action });
 }
 
 function hold(message) {
@@ -79,6 +113,7 @@ onmessage = ({ data }) => {
   answered = performance.now();
   if (data.type === "connect") connect(data.address, data.proof);
   else if (data.type === "hold") hold(data.message);
+  else if (data.type === "ask") ask(data.message, data.isKey);
   else if (data.type === "send") send(data.text);
   else if (data.type === "freeze") isFrozen = data.frozen;
 };

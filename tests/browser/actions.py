@@ -24,9 +24,6 @@ HOLDS = 5
 EXCHANGED_MS = 10_000
 """An image that cannot be clicked for so long was probably exchanged for another."""
 
-PRESSED_S = 30.0
-"""An action that has no effect for this long is repeated, in seconds."""
-
 
 class _Served(Protocol):
     @property
@@ -103,18 +100,6 @@ def hold_key(app: App, page: Page, key: str, holds: Callable[[], bool]) -> None:
 
 
 def press(page: Page, name: str, took_effect: Callable[[], bool]) -> None:
-    """Press a button until the press takes effect; see `act`."""
-    button = page.get_by_role("button", name=re.compile(f"^{name}"))
-    act(lambda: button.click(timeout=EXCHANGED_MS), took_effect)
-
-
-def act(once: Callable[[], None], took_effect: Callable[[], bool]) -> None:
-    """Do something until it takes effect, because a page that stalled for longer than the lease may lose it."""
-
-    def again() -> None:
-        with suppress(PlaywrightTimeoutError):
-            once()
-        with suppress(AssertionError):
-            until(took_effect, patience_s=PRESSED_S)
-
-    until(took_effect, meanwhile=again)
+    """Press a button and wait until the press takes effect."""
+    page.get_by_role("button", name=re.compile(f"^{name}")).click()
+    until(took_effect)

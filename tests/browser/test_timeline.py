@@ -7,7 +7,6 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from ltvn_core.navigation import events as e
-from tests.browser.actions import act
 from tests.browser.flat_app import FlatApp, serving, until_shown
 from tests.browser.pages import open_page
 
@@ -52,8 +51,8 @@ def test_a_click_into_the_strip_looks_back_and_live_returns(app: FlatApp, page: 
     expect(page.get_by_role("button", name="back to now")).to_be_disabled()
     expect(page.get_by_role("button", name="play", exact=True)).to_be_disabled()
 
-    act(lambda: click_strip(page, 0.5), lambda: not app.harness.now.timeline.is_now)
-    past = app.harness.now.timeline
+    click_strip(page, 0.5)
+    past = until_shown(app, lambda now: not now.timeline.is_now).timeline
     assert 0.2 < past.time_s / past.length_s < 0.8
     expect(page.locator(".ltvn-time-clock")).to_contain_text("ago")
 

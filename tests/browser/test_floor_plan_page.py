@@ -13,10 +13,11 @@ from ltvn_viz.layers import NODE_Z
 from ltvn_viz.session.floor_plan_clicks import FloorPlanClicks
 from ltvn_viz.session.snapshot import FloorPlanView
 from ltvn_viz.wishes.commands import Mode
-from tests.browser.actions import act, press, wait_for_rest
+from tests.browser.actions import press, wait_for_rest
 from tests.browser.flat_app import FlatApp, serving
 from tests.browser.pages import is_bare_scene, on_screen, open_page
 from tests.core.data.importing.plan_files import laid_room
+from tests.waiting import until
 
 pytestmark = pytest.mark.browser
 
@@ -52,13 +53,15 @@ def frame_of(app: FlatApp) -> Pose:
 
 
 def point_out(app: FlatApp, page: Page, row: int, *, pairs: int) -> None:
-    """Click a node and its place on the plan as it is drawn now."""
+    """Click a node, and its place on the plan as it is drawn now."""
     graph = app.harness.now.moment.graph
-    node, pose = int(graph.ids[row]), graph.poses[row]
-    act(lambda: click(app, page, pose, NODE_Z), lambda: view_of(app).node == node)
+    click(app, page, graph.poses[row], NODE_Z)
+    until(lambda: view_of(app).node is not None)
+    node = view_of(app).node  # Several nodes stand at one place and look in different directions.
     expect(page.get_by_text(f"place of node {node}").first).to_be_visible()
-    place = compose(frame_of(app), relative(TRUE_FRAME, pose))
-    act(lambda: click(app, page, place, 0.0), lambda: view_of(app).pairs == pairs)
+    pose = graph.poses[int(np.flatnonzero(graph.ids == node)[0])]
+    click(app, page, compose(frame_of(app), relative(TRUE_FRAME, pose)), 0.0)
+    until(lambda: view_of(app).pairs == pairs)
 
 
 def click(app: FlatApp, page: Page, pose: Pose, height_m: float) -> None:

@@ -102,7 +102,7 @@ def _moments(events: Sequence[Event]) -> Iterator[tuple[int, str]]:
     yield faded, "Edges fade"
     turned = (k for k in plans if k >= faded and not ever_absent & set(itertools.pairwise(events[k].nodes)))  # type: ignore[union-attr]
     if (first := next(turned, None)) is not None:
-        yield _after(plans, first, len(events)), "The plan turns"
+        yield _after(plans, first, len(events)), "The plan changes"
     if any(_presence(event) for event in events[faded:]):
         yield len(events) - 1, "Edges return"
 

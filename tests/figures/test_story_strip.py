@@ -67,7 +67,7 @@ def test_each_moment_of_a_story_is_drawn(tmp_path: Path) -> None:
             writer.write_event(StampedEvent(step, step / 10, event))
     summary = StoryStripVerb(recording=path, output=tmp_path / "strip.png").run()
     assert isinstance(summary, StoryStripSummary)
-    assert summary.moments == ("One way is known", "Nodes appear", "Edges fade", "The plan turns", "Edges return")
+    assert summary.moments == ("One way is known", "Nodes appear", "Edges fade", "The plan changes", "Edges return")
     drawn = cv2.imread(str(summary.picture))
     assert drawn is not None
     ink = 255 * np.array(palette.EDGE_REMOVED.on_white)

@@ -70,6 +70,8 @@ def _carry_out_other(state: AppState, command: c.OtherCommand) -> None:
             _stop(state)
         case c.Cancel():
             _cancel(state)
+        case c.EndAction(succeeded):
+            state.actions.answer(succeeded=succeeded)
         case c.TakeOver():
             state.cancel("You took over; the query was cancelled.")
         case c.KeepGoing(is_on):

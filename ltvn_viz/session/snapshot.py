@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ltvn_core.analysis.recorded_frames import NO_TRAJECTORY
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.data.importing.floor_plan import FloorPlan
-from ltvn_core.navigation.events import Severity
+from ltvn_core.navigation.events import ActionBegun, Severity
 from ltvn_core.robots.link_report import LinkReport
 from ltvn_core.simulation.rooms import Doorway
 from ltvn_core.simulation.scene import Scene, door_names
@@ -352,3 +352,9 @@ class Snapshot:
     """The debugger's state on watching pages that have their own question."""
     hint: str = ""
     """Hint about the next thing to do."""
+
+    @property
+    def waiting(self) -> ActionBegun | None:
+        """Return the action that the robot waits for now; None if it waits for none, or a person looks at the past."""
+        is_now = self.mode is Mode.NAVIGATING and self.timeline.is_now
+        return self.moment.progress.action if is_now else None

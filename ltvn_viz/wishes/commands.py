@@ -61,6 +61,13 @@ class Cancel(BaseCommand, modes=ANYWHERE):
 
 
 @dataclass(frozen=True, eq=False)
+class EndAction(BaseCommand, modes=UNDER_WAY):
+    """Tell whether the action that the robot waits for is done."""
+
+    succeeded: bool
+
+
+@dataclass(frozen=True, eq=False)
 class Pause(BaseCommand, modes=UNDER_WAY | {Mode.REPLAY}):
     """Pause the query or the replay, or continue it."""
 
@@ -389,6 +396,7 @@ OtherCommand: TypeAlias = (
     | KeepGoing
     | ShowLarger
     | Cancel
+    | EndAction
     | TakeOver
     | EditMap
     | ReportError

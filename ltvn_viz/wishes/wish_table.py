@@ -35,6 +35,7 @@ class Action(StrEnum):
     SELECT = "select"
     PICK = "pick"
     CANCEL = "cancel"
+    END_ACTION = "end_action"
     PAUSE = "pause"
     STEP = "step"
     KEEP_GOING = "keep_going"
@@ -193,6 +194,13 @@ WISHES: Mapping[Action, Wish] = {
         c.PickNode, "", "go to a node of the scene, or ask about it", carries=Carried.WHOLE, audience=Audience.OWN_VIEW
     ),
     Action.CANCEL: Wish(c.Cancel, "Cancel", "cancel the current activity", keys=("Escape",)),
+    Action.END_ACTION: Wish(
+        c.EndAction,
+        "End the action",
+        "tell the robot whether the action is done that it waits for",
+        carries=Carried.SWITCH,
+        make=lambda number: c.EndAction(succeeded=number == 1),
+    ),
     Action.PAUSE: Wish(c.Pause, "Pause", "pause, or continue", keys=("KeyP",)),
     Action.STEP: Wish(c.StepOnce, "Step", "one control step, then pause", keys=("Period",)),
     Action.KEEP_GOING: Wish(

@@ -33,6 +33,7 @@ from ltvn_viz.session.recording_maker import RecordingMaker
 from ltvn_viz.session.robot_link import RobotLink
 from ltvn_viz.session.saved_files import SavedFiles
 from ltvn_viz.session.share_links import Viewpoint
+from ltvn_viz.session.shown_floor import ShownFloor
 from ltvn_viz.session.snapshot import JobProgress, Message
 from ltvn_viz.session.story_teller import StoryTeller
 from ltvn_viz.session.worker import PatientWorker, Worker
@@ -143,6 +144,8 @@ class AppState:
     """Renders a larger picture for people; None if it cannot be rendered."""
     shows_larger: bool = False
     """Whether the page shows the larger picture."""
+    floor: ShownFloor = field(default_factory=ShownFloor)
+    """The floor of the map that the page shows."""
     actions: AskedActions = field(default_factory=AskedActions)
     """The actions of edges, which the person does."""
     keeps_going: bool = False

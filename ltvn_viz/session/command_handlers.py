@@ -78,6 +78,8 @@ def _carry_out_other(state: AppState, command: c.OtherCommand) -> None:
             _keep_going(state, is_on=is_on)
         case c.ShowLarger(is_on):
             state.shows_larger = is_on
+        case c.ShowFloor(floor):
+            state.floor.chosen = floor
         case c.BuildMap():
             _build_map(state)
         case c.UndoBuild():

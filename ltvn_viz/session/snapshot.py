@@ -99,6 +99,17 @@ class FloorPlanView:
     """Positions of the clicked nodes and of their places on the plan, in metres in the frame of the map."""
 
 
+class FloorChoice(NamedTuple):
+    """The floor on show, of a map with several."""
+
+    floor: int
+    """Number of the floor, from 0; 0 is the largest."""
+    floors: int
+    """Number of floors."""
+    follows_robot: bool
+    """Whether the floor is the robot's, and not one that a person chose."""
+
+
 def doors_of(scene: Scene) -> tuple[DoorView, ...]:
     """Return the doors of a scene, all open."""
     named = zip(door_names(scene), scene.parts.doors, strict=True)
@@ -336,6 +347,8 @@ class Snapshot:
     """Possible changes of the simulated world; None in a replay, and for a real robot."""
     floor_plan: FloorPlanView | None = None
     """The floor plan under the map; None without one."""
+    floor: FloorChoice | None = None
+    """The floor on show, to which the map of `moment` is limited; None if the map has one floor."""
     link: LinkReport | None = None
     """Quality of the link to the robot; None in simulation, and in a replay."""
     story: tuple[str, ...] = ()

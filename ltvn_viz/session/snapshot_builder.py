@@ -107,7 +107,7 @@ class SnapshotBuilder:
             can_undo_build=state.live_map.can_undo_rebuild,
             work=activity.work if isinstance(activity, MapBuilding) else state.work or making,
         )
-        return replace(snapshot, hint=hint(snapshot))
+        return state.floor.of(replace(snapshot, hint=hint(snapshot)))
 
     def _recordings(self, state: AppState) -> Mapping[str, str]:
         if self._clock() - self._listed_at >= LIST_EVERY_S:

@@ -341,6 +341,14 @@ class WatchItLearn(BaseCommand, modes=DRIVING):
 
 
 @dataclass(frozen=True, eq=False)
+class ShowFloor(BaseCommand, modes=ANYWHERE):
+    """Show one floor of a map with several."""
+
+    floor: int | None = None
+    """Number of the floor from 0; None shows the robot's floor."""
+
+
+@dataclass(frozen=True, eq=False)
 class AlignFloorPlan(BaseCommand, modes=ANYWHERE):
     """Start to align the floor plan with the map by clicks; asked for again, leave the alignment as it was."""
 
@@ -395,6 +403,7 @@ OtherCommand: TypeAlias = (
     | NavigateToImage
     | KeepGoing
     | ShowLarger
+    | ShowFloor
     | Cancel
     | EndAction
     | TakeOver

@@ -60,6 +60,7 @@ class Action(StrEnum):
     LIGHT = "light"
     UNDO_CHANGE = "undo_change"
     WATCH_IT_LEARN = "watch_it_learn"
+    SHOW_FLOOR = "show_floor"
     ALIGN_PLAN = "align_plan"
     POINT_ON_PLAN = "point_on_plan"
     UNDO_PLAN_CLICK = "undo_plan_click"
@@ -276,6 +277,12 @@ WISHES: Mapping[Action, Wish] = {
         c.WatchItLearn,
         "Watch it learn",
         "watch how the map learns: a door on the robot's path closes, and opens again",
+    ),
+    Action.SHOW_FLOOR: Wish(
+        c.ShowFloor,
+        "Show the robot's floor",
+        "show one floor of a map with several",
+        carries=Carried.WHOLE_OR_NOTHING,
     ),
     Action.ALIGN_PLAN: Wish(
         c.AlignFloorPlan, "Align the floor plan by clicks", "lay the floor plan under the map, by clicks on both"

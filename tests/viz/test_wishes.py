@@ -173,6 +173,15 @@ def tries_an_action(asking: Asking) -> None:
     asking.ask(Action.END_ACTION, 0, lambda now: not now.waiting)
 
 
+@fulfils(Action.SHOW_FLOOR)
+def tries_floors(asking: Asking) -> None:
+    asking.app.session.send(split_rooms(asking.app.harness))
+    asking.app.session.send(add_lift(asking.app.harness))
+    asking.until(lambda now: now.floor)
+    asking.ask(Action.SHOW_FLOOR, 1, lambda now: now.floor and now.floor.floor == 1)
+    asking.ask(Action.SHOW_FLOOR, None, lambda now: now.floor and now.floor.follows_robot)
+
+
 @fulfils(Action.SELECT, Action.PICK)
 def tries_goals(asking: Asking) -> None:
     for action in (Action.SELECT, Action.PICK):

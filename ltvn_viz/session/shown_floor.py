@@ -1,6 +1,6 @@
 """The floor of the map that the page shows.
 
-Owns the choice of a floor, and what of the map belongs to it. What a floor is, `ltvn_core.graph.connectivity` tells.
+Owns the choice of a floor, and what of the map belongs to it. What a floor is, `ltvn_core.graph.floors` tells.
 """
 
 from dataclasses import replace
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.analysis.map_history import EMPTY_GRAPH, GraphArrays
-from ltvn_core.graph.connectivity import number_floors
+from ltvn_core.graph.floors import number_floors
 from ltvn_viz.session.snapshot import FloorChoice, Snapshot
 
 

@@ -44,6 +44,10 @@ class GraphArrays:
     """(E,) probability that the edge can be driven."""
     attempts: NDArray[np.int64]
     """(E,) how often it was driven."""
+    acts: NDArray[np.bool_]
+    """(E,) whether it needs an action."""
+    exits: NDArray[np.bool_]
+    """(N,) whether an edge with an action begins there."""
 
     def poses_of(self, nodes: tuple[NodeId, ...]) -> NDArray[np.float64]:
         """Return (K, 3) poses of those of `nodes` that are in the map, in their order."""
@@ -66,7 +70,13 @@ class FadingEdges:
 
 
 EMPTY_GRAPH = GraphArrays(
-    np.empty(0, np.int64), np.empty((0, 3)), np.empty((0, 2), np.int64), np.empty(0), np.empty(0, np.int64)
+    ids=np.empty(0, np.int64),
+    poses=np.empty((0, 3)),
+    edges=np.empty((0, 2), np.int64),
+    p=np.empty(0),
+    attempts=np.empty(0, np.int64),
+    acts=np.empty(0, np.bool_),
+    exits=np.empty(0, np.bool_),
 )
 
 NO_FADING_EDGES = FadingEdges(np.empty((0, 2, 2)), np.empty(0))
@@ -83,6 +93,7 @@ class GraphHistory:
         edge = {"source": int, "target": int, "born": int, "died": int, "came_s": float, "went_s": float}
         self._edges = GrowingTable(edge)
         self._beliefs = GrowingTable({"edge": int, "at": int, "p": float, "attempts": int})
+        self._actions = GrowingTable({"edge": int, "at": int, "acts": int})
         self._node_rows: dict[NodeId, int] = {}
         self._edge_rows: dict[EdgeKey, int] = {}
         self._touching: defaultdict[NodeId, list[EdgeKey]] = defaultdict(list)
@@ -108,11 +119,13 @@ class GraphHistory:
                 self._believe(self._edge_rows.get((source, target)), belief.p, attempts)
             case d.EdgePruned(source, target, cause):
                 self._cut((source, target), cause, stamp)
+            case d.EdgeActionSet(source, target, action):
+                self._set_action(self._edge_rows.get((source, target)), action)
             case d.NodeAdded():
                 pass  # It is there already.
             case d.EdgeProtected() | d.PresenceObserved() | d.NodeNamed() | d.FramesReserved() | d.FramesReleased():
                 pass  # It is not drawn.
-            case d.EdgeActionSet() | d.ViewAdded() | d.ViewUsed() | d.ViewDropped() | d.DriveBegun():
+            case d.ViewAdded() | d.ViewUsed() | d.ViewDropped() | d.DriveBegun():
                 pass
 
     def clear(self) -> None:
@@ -151,10 +164,16 @@ class GraphHistory:
         for node in (edge.source, edge.target):
             self._touching[node].append((edge.source, edge.target))
         self._believe(row, edge.belief.p, edge.attempts)
+        if edge.action:
+            self._set_action(row, edge.action)
 
     def _believe(self, row: int | None, p: float, attempts: int) -> None:
         if row is not None:
             self._beliefs.append(edge=row, at=self.version, p=p, attempts=attempts)
+
+    def _set_action(self, row: int | None, action: str) -> None:
+        if row is not None:
+            self._actions.append(edge=row, at=self.version, acts=int(bool(action)))
 
     def _cut(self, pair: tuple[NodeId, NodeId], cause: d.Cause, stamp: float) -> None:
         row = self._edge_rows.pop(pair, None)
@@ -184,8 +203,22 @@ class GraphHistory:
         # Where an index repeats, numpy keeps the last value, which is the latest belief.
         p[self._beliefs["edge"][:b]] = self._beliefs["p"][:b]
         attempts[self._beliefs["edge"][:b]] = self._beliefs["attempts"][:b]
-        poses = np.stack([self._nodes[axis][alive] for axis in ("x", "y", "yaw")], axis=1)
-        return GraphArrays(self._nodes["id"][alive], poses, renumbered[ends], p[kept], attempts[kept])
+        acts = np.zeros(e, np.bool_)
+        a = int(np.searchsorted(self._actions["at"], version, "right"))
+        acts[self._actions["edge"][:a]] = self._actions["acts"][:a]
+        ids = self._nodes["id"][alive]
+        rows = renumbered[ends]
+        exits = np.zeros(len(ids), np.bool_)
+        exits[rows[acts[kept], 0]] = True
+        return GraphArrays(
+            ids=ids,
+            poses=np.stack([self._nodes[axis][alive] for axis in ("x", "y", "yaw")], axis=1),
+            edges=rows,
+            p=p[kept],
+            attempts=attempts[kept],
+            acts=acts[kept],
+            exits=exits,
+        )
 
     def _fading(self, stamps: NDArray, candidate: NDArray, stamp: float, within_s: float) -> FadingEdges:
         rows = np.flatnonzero(candidate & (stamps > stamp - within_s) & (stamps <= stamp))

@@ -56,23 +56,6 @@ def strongly_connected_components(graph: TopologicalGraph) -> tuple[tuple[NodeId
     return tuple(sorted(parts, key=lambda part: (-len(part), part)))
 
 
-def floors(graph: TopologicalGraph) -> tuple[frozenset[NodeId], ...]:
-    """Return the floors of a map, the largest first: parts that only edges with an action join with each other.
-
-    A map without such edges is one floor. Pieces that no edge at all joins with the rest count to the largest floor.
-    Linear in nodes and edges.
-    """
-    mirror, _ = mirrored(graph, graph.driven_edges)
-    pieces = [frozenset(mirror[k] for k in piece) for piece in rustworkx.weakly_connected_components(mirror)]
-    piece_of = {node: piece for piece in pieces for node in piece}
-    between = [edge for edge in graph.actions if piece_of[edge[0]] is not piece_of[edge[1]]]
-    joined = {piece_of[end] for edge in between for end in edge} or set(pieces[:1])
-    if not joined:
-        return ()
-    others = sorted(joined, key=lambda piece: (-len(piece), min(piece)))[1:]
-    return frozenset(graph.nodes).difference(*others), *others
-
-
 def count_strongly_connected_components(graph: TopologicalGraph) -> int:
     """Return the number of strongly connected components of a map; 1 is ideal."""
     return len(strongly_connected_components(graph))

@@ -130,29 +130,45 @@ def _edges_of(context: DebugContext, node: NodeId, builder: AnswerBuilder) -> No
     builder.add_line(f"Node {node}. Choose one of its edges:")
     rows = []
     for target in sorted(context.graph.successors(node)) if node in context.graph.nodes else ():
-        belief = context.graph.edges[node, target].belief
-        rows.append((edge_link(node, target), f"{belief.p:.2f}", f"{belief.mu:.2f}"))
-    builder.add_table(("edge", "p", "length (mu)"), rows)
+        edge = context.graph.edges[node, target]
+        rows.append((edge_link(node, target), f"{edge.belief.p:.2f}", edge.action or f"{edge.belief.mu:.2f}"))
+    builder.add_table(("edge", "p", "length (mu), or action"), rows)
 
 
 def _add_prediction(context: DebugContext, story: EdgeHistory, builder: AnswerBuilder) -> None:
     life = story.lifetimes[-1]
-    waypoint = np.array(life.waypoint)
+    action = _action(context, story)
+    waypoint = None if action else np.array(life.waypoint)
     builder.add_pictures(
         Picture(context.observation(story.source), f"from {story.source}", context.camera, waypoint),
         Picture(context.observation(story.target), f"to {story.target}", context.camera),
     )
+    if waypoint is None:
+        cost_m = life.beliefs[-1].belief.mu
+        builder.add_line(
+            "The robot does not drive it. It waits for the action ",
+            Strong(action),
+            f", which counts as {cost_m:.1f} m of driving in a plan.",
+        )
+        return
     foretold = _number(life.initial_reachability)
     builder.add_line(f"Predicted: {_where(waypoint)}; ", Term("r"), f"\u00a0{foretold}.")
+
+
+def _action(context: DebugContext, story: EdgeHistory) -> str:
+    """Return the action that the edge needs now; empty if it is driven, or not in the map."""
+    edge = context.graph.edges.get((story.source, story.target))
+    return "" if edge is None else edge.action
 
 
 def _add_beliefs(context: DebugContext, story: EdgeHistory, builder: AnswerBuilder) -> None:
     beliefs = [each for life in story.lifetimes for each in life.beliefs]
     now = beliefs[-1].belief
+    length = (Term("length (mu)"), " ", Strong(f"{now.mu:.2f}"), f" ± {now.sigma2**0.5:.2f} · ")
     added_at = story.lifetimes[-1].added_at
     builder.add_line(
         *(Term("p"), " ", Strong(f"{now.p:.2f}"), " · "),
-        *(Term("length (mu)"), " ", Strong(f"{now.mu:.2f}"), f" ± {now.sigma2**0.5:.2f} · "),
+        *(() if _action(context, story) else length),
         *("in the map since " if story.alive else "came at ", time_link(context.seconds(added_at)), " · "),
         f"in {count_text(len(story.planned_at), 'plan')}",
     )
@@ -203,7 +219,8 @@ def _overlay(context: DebugContext, story: EdgeHistory, decided: tuple[Stroke, .
     end = context.pose(story.target)
     if start is None or end is None:
         return Overlay(decided, ends)
-    ghost = tuple(compose(start, np.array(story.lifetimes[-1].waypoint)).tolist()) if story.lifetimes else None
+    is_driven = story.lifetimes and not _action(context, story)
+    ghost = tuple(compose(start, np.array(story.lifetimes[-1].waypoint)).tolist()) if is_driven else None
     return Overlay(
         strokes=decided or (stroke(start, end, palette.TARGET),),
         nodes=ends,

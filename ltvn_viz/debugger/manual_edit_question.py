@@ -1,13 +1,15 @@
-"""Manual edits: edges pruned, protected and added, nodes deleted and named, each with its undo."""
+"""Manual edits: edges pruned, protected, added and given an action, nodes deleted and named, each with its undo."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from itertools import groupby
-from typing import NamedTuple, Never
+from typing import NamedTuple
 
 from ltvn_core import palette
 from ltvn_core.analysis.answer import Inline, Link, joined
 from ltvn_core.analysis.manual_edits import (
     add_edge,
+    connect_by_action,
     delete_node,
     inverse_deltas,
     mark_goal,
@@ -20,11 +22,11 @@ from ltvn_core.analysis.timeline_records import Instant, MapChange
 from ltvn_core.config import BeliefConfig
 from ltvn_core.errors import LtvnError, OptionError
 from ltvn_core.graph import deltas as d
-from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.navigation.event_text import describe_delta
 from ltvn_core.types import NodeId
 from ltvn_viz.debugger.context import DebugContext
-from ltvn_viz.debugger.question import AnswerBuilder, Question, time_link
+from ltvn_viz.debugger.question import AnswerBuilder, Question, request_link, time_link
 from ltvn_viz.session.inspection import (
     NOTHING_SELECTED,
     Label,
@@ -34,7 +36,7 @@ from ltvn_viz.session.inspection import (
     Selection,
     stroke,
 )
-from ltvn_viz.wishes.commands import CloseRecording, Command, EditMap, Seek
+from ltvn_viz.wishes.commands import CloseRecording, Command, EditMap, QuestionRequest, Seek
 
 _ROWS = 10
 _NAME = "name"
@@ -49,17 +51,27 @@ class ManualEdit(NamedTuple):
     back: tuple[d.GraphDelta, ...]
 
 
-class ManualEditQuestion(Question[Never]):
+@dataclass(frozen=True)
+class ConnectByAction(QuestionRequest):
+    """Ask for the action by which the robot gets from one node to another."""
+
+    edge: EdgeKey
+    both_ways: bool = False
+    """Whether the same action leads back."""
+
+
+class ManualEditQuestion(Question[ConnectByAction]):
     """Changes the live map; each change can be undone."""
 
     name = QuestionName.HAND
     word = QuestionName.HAND.word
-    verb = "Name it"
+    verb = "Change the map"
     about = "Change the live map while you drive. Click a node, or two nodes to join or separate them."
 
     def __init__(self) -> None:
         """Start without a selection."""
         self._selection = NOTHING_SELECTED
+        self._connecting: ConnectByAction | None = None
         self._done: tuple[tuple[Timeline, int] | None, tuple[ManualEdit, ...]] = (None, ())
 
     def is_offered(self, context: DebugContext) -> bool:
@@ -68,7 +80,9 @@ class ManualEditQuestion(Question[Never]):
 
     def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
         """Offer the edits of the selection, and the undo of earlier ones."""
-        self._selection = selection
+        if selection != self._selection:
+            self._selection = selection
+            self._connecting = None
         builder = AnswerBuilder()
         input_hint = ""
         if not context.is_live:
@@ -76,13 +90,21 @@ class ManualEditQuestion(Question[Never]):
             builder.add_line("A recording cannot be changed; ", back, " to change the map.")
         elif not _is_now(context):
             builder.add_line("This is the past. ", Link("Go to now", Seek(_NOW_S)), " to change the map.")
+        elif self._connecting is not None:
+            input_hint = _ask_for_action(self._connecting, builder)
         else:
             input_hint = self._offers(context, selection, builder)
         self._list(context, builder, undoable=context.is_live)
         return builder.build(_overlay(context, selection), input_hint)
 
     def handle_text(self, context: DebugContext, text: str) -> Command | None:
-        """Name the selected node. Raises OptionError, MapError."""
+        """Connect two nodes by the action that was asked for, else name the selected node.
+
+        Raises OptionError, MapError.
+        """
+        if context.is_live and self._connecting is not None:
+            connecting, self._connecting = self._connecting, None
+            return EditMap(_connection(context.graph, connecting, text))
         node = self._selection.node
         words = text.split()
         if not context.is_live or not words or words[0].lower() != _NAME:
@@ -90,6 +112,10 @@ class ManualEditQuestion(Question[Never]):
         if node is None:
             raise OptionError("First click the node that shall have this name.")
         return EditMap((rename_node(context.graph, node, " ".join(words[1:])),))
+
+    def handle_request(self, context: DebugContext, request: ConnectByAction) -> None:
+        """Ask for an action."""
+        self._connecting = request
 
     @staticmethod
     def _offers(context: DebugContext, selection: Selection, builder: AnswerBuilder) -> str:
@@ -139,6 +165,26 @@ def _about_pair(
             yield Link(f"add {name}", EditMap((add_edge(graph, *pair, believing),)))
         except OptionError as error:
             builder.add_line(str(error))
+    yield request_link(f"connect {name} by an action", ConnectByAction(pair))
+
+
+def _ask_for_action(connecting: ConnectByAction, builder: AnswerBuilder) -> str:
+    """Explain what to write, and return the hint in the text field."""
+    source, target = connecting.edge
+    both = connecting.both_ways
+    builder.add_line(
+        f"What must somebody do to bring the robot from node {source} to node {target}? ",
+        "For instance: Take the lift to floor 2. The robot waits until it is done.",
+    )
+    label = f"{'☑' if both else '☐'} both ways"
+    builder.add_line(request_link(label, ConnectByAction(connecting.edge, both_ways=not both)))
+    return f"Action from {source} to {target}"
+
+
+def _connection(graph: TopologicalGraph, connecting: ConnectByAction, action: str) -> tuple[d.GraphDelta, ...]:
+    source, target = connecting.edge
+    there = connect_by_action(graph, source, target, action)
+    return (*there, *connect_by_action(graph, target, source, action)) if connecting.both_ways else there
 
 
 def _about_node(graph: TopologicalGraph, node: NodeId) -> Iterator[Link]:

@@ -13,6 +13,7 @@ import numpy as np
 import viser
 from numpy.typing import ArrayLike, NDArray
 
+from ltvn_core.types import Pose
 from ltvn_viz.layers.scene_assets import CUT_HEIGHT_M
 from ltvn_viz.session.snapshot import Snapshot
 
@@ -27,6 +28,8 @@ UP = np.cross(BACK, RIGHT)
 _SAME_PLACE_M = 1e-3
 _REMEMBERED = 32
 _STORY_MARGIN_M = 1.8
+_MAP_MARGIN_M = 1.0
+"""Margin of floor around the nodes of one floor, in metres."""
 """Margin of floor around the robot and the door of a story, in metres."""
 
 Corner = ArrayLike
@@ -86,12 +89,13 @@ class FirstView:
         """Floor on which the running story happens."""
 
     def show(self, snapshot: Snapshot) -> None:
-        """Fit the view: to the place of a running story, else to all of the floor."""
+        """Fit the view: to the place of a running story, else to the floor on show."""
         camera = self._camera
         if snapshot.story_goes_on and self._story is None:
             self._ours.append(np.asarray(camera.position))  # Who began a story wants to see it.
         self._story = _story_floor(snapshot, self._story) if snapshot.story_goes_on else None
-        view = (self._story or self._floor).view(camera.aspect, camera.fov)
+        floor = self._floor if snapshot.floor is None else _around(snapshot.moment.graph.poses)
+        view = (self._story or floor).view(camera.aspect, camera.fov)
         if _is_at(camera, [view.position]) or not _is_at(camera, self._ours):
             return
         camera.position, camera.look_at = view
@@ -112,6 +116,11 @@ def _story_floor(snapshot: Snapshot, before: Floor | None) -> Floor | None:
     if before is not None and np.all(low > before.low) and np.all(high < before.high):
         return before
     return Floor(low - _STORY_MARGIN_M, high + _STORY_MARGIN_M)
+
+
+def _around(poses: Pose) -> Floor:
+    """Return the floor around nodes (N, 3)."""
+    return Floor(poses[:, :2].min(axis=0) - _MAP_MARGIN_M, poses[:, :2].max(axis=0) + _MAP_MARGIN_M)
 
 
 def _is_at(camera: viser.CameraHandle, places: Sequence[NDArray[np.float64]]) -> bool:

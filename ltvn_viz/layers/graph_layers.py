@@ -62,17 +62,19 @@ class NodesLayer:
     @staticmethod
     def _colours(graph: GraphArrays, goal: NodeId | None, here: NodeId | None) -> NDArray[np.uint8]:
         colours = np.full((len(graph.ids), 3), palette.NODE, np.uint8)
+        colours[graph.exits] = palette.ACTION
         colours[graph.ids == here] = palette.LOCALISED
         colours[graph.ids == goal] = palette.GOAL
         return colours
 
 
 class EdgesLayer:
-    """All edges, likely ones as thicker lines."""
+    """All edges, likely ones as thicker lines, and those with an action as dashed ones."""
 
     def __init__(self, scene: viser.SceneApi, clock: Callable[[], float] = time.monotonic) -> None:
         """Add the empty lines."""
         self.lines = EdgeLines(scene, "/graph/edges")
+        self.actions = LineSegments(scene, "/graph/actions", thickness_px=3.5, outlined=True)
         self._clock = clock
         self._drawn: GraphArrays | None = None
         self._when = -np.inf
@@ -85,7 +87,9 @@ class EdgesLayer:
         self._drawn = graph
         self._when = self._clock()
         segments = offset_right(graph.poses[:, :2][graph.edges])
-        self.lines.draw(points(segments, EDGE_Z), graph.p)
+        self.lines.draw(points(segments[~graph.acts], EDGE_Z), graph.p[~graph.acts])
+        dashes = dashed(segments[graph.acts])
+        self.actions.draw(points(dashes, EDGE_Z), np.tile(np.array(palette.ACTION, np.uint8), (len(dashes), 1)))
 
 
 class BlockedEdgesLayer:
@@ -115,6 +119,17 @@ def offset_right(segments: NDArray[np.float64]) -> NDArray[np.float64]:
     length = np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-9)
     right = np.stack([along[:, 1], -along[:, 0]], axis=1) / length
     return segments + LANE_OFFSET_M * right[:, None]
+
+
+_DASHES = 4
+"""Number of dashes of an edge."""
+
+
+def dashed(segments: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the dashes (N * 4, 2, 2) of segments (N, 2, 2)."""
+    shares = np.linspace(0, 1, 2 * _DASHES).reshape(1, _DASHES, 2, 1)
+    starts = segments[:, None, :1]
+    return (starts + shares * (segments[:, None, 1:] - starts)).reshape(-1, 2, 2)
 
 
 RISE_M = 0.35

@@ -1,4 +1,4 @@
-"""The floor plan's part of the “World” tab: align it with the map by clicks, and take the alignment along."""
+"""The floors' part of the “World” tab: choose one, and align the floor plan with the map by clicks."""
 
 from html import escape
 
@@ -7,26 +7,38 @@ import viser
 from ltvn_core.data.importing.floor_plan_alignment import LEAST_PAIRS
 from ltvn_viz.panels.html_widgets import ActionButton, HtmlBlock, button_row, copy_button, note, warning
 from ltvn_viz.session.floor_plan_clicks import is_doubtful
-from ltvn_viz.session.snapshot import FloorPlanView, Snapshot
+from ltvn_viz.session.snapshot import FloorChoice, FloorPlanView, Snapshot
 from ltvn_viz.wishes.wish_table import Action
 
 
 class FloorPlanPanel:
-    """Controls to align the floor plan; nothing without a plan."""
+    """Controls to choose a floor, if there are several, and to align the floor plan, if there is one."""
 
     def __init__(self, gui: viser.GuiApi) -> None:
         """Add the controls to the tab that is open."""
+        self.floors = HtmlBlock(gui)
         self.about = HtmlBlock(gui)
         self.buttons = HtmlBlock(gui)
 
     def show(self, snapshot: Snapshot) -> None:
         """Show what can be done with the plan now."""
+        self.floors.show("" if snapshot.floor is None else _floors(snapshot.floor))
         view = snapshot.floor_plan
         if view is None:
             return
         title = '<div class="lt"><h2>Floor plan</h2></div>'
         self.about.show(title + (_fit(view) if view.is_aligning else _in_use(view)))
         self.buttons.show(button_row(*(_steps(view) if view.is_aligning else (_START,))))
+
+
+def _floors(shown: FloorChoice) -> str:
+    title = f'<div class="lt"><h2>Floor {shown.floor + 1} of {shown.floors}</h2></div>'
+    each = (
+        ActionButton(Action.SHOW_FLOOR, f"Floor {floor + 1}", is_enabled=floor != shown.floor, target=floor)
+        for floor in range(shown.floors)
+    )
+    robots = ActionButton(Action.SHOW_FLOOR, "Follow the robot", is_enabled=not shown.follows_robot)
+    return title + button_row(*each, robots)
 
 
 _START = ActionButton(Action.ALIGN_PLAN, "Align by clicks")

@@ -43,6 +43,7 @@ def _colours(snapshot: Snapshot) -> Iterator[tuple[Rgb8, str, bool]]:
     is_going = bool(len(moment.removed_edges.ages_s)) or bool(progress.blocked)
     yield palette.ROBOT, "robot", moment.robot is not None
     yield palette.NODE, "node", bool(len(moment.graph.ids))
+    yield palette.ACTION, "needs an action", bool(moment.graph.exits.any())
     yield palette.PLAN, "plan, and where the robot thinks it is", bool(progress.plan) or progress.localised is not None
     yield palette.GOAL, "goal", snapshot.selected is not None
     yield palette.TRAJECTORY, "driven", len(moment.trajectory) > 1

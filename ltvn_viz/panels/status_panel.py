@@ -118,6 +118,11 @@ _GO_ON = button_row(
     ActionButton(Action.PAUSE, "Go on", hint="let the robot drive on to its goal", is_main=True),
     ActionButton(Action.CANCEL, "Cancel the query"),
 )
+_END_ACTION = button_row(
+    ActionButton(Action.END_ACTION, "Done", hint="the robot stands where the action ends", is_main=True, target=1),
+    ActionButton(Action.END_ACTION, "It failed", hint="let the robot plan another way", target=0),
+    ActionButton(Action.CANCEL, "Cancel the query"),
+)
 SLOW_HZ, TROUBLE_HZ = 20.0, 5.0
 """Loop rates in Hz below which the app counts as slow, or as in trouble; the normal rate is 30 Hz."""
 OLD_MS, TOO_OLD_MS = 400.0, 2000.0
@@ -133,7 +138,7 @@ class StatusPanel:
         gui.add_html(_WATCHING)
         self.line = HtmlBlock(gui)
         self.hint = HtmlBlock(gui)
-        self.pause = HtmlBlock(gui)
+        self.reply = HtmlBlock(gui)
         self.message = HtmlBlock(gui)
         self._clock = clock
         self._shown: tuple[object, ...] = ()
@@ -152,7 +157,7 @@ class StatusPanel:
             f'<div class="lt lt-hint"{first_tab(snapshot)}><div class="lt-card"><strong>Next:</strong> '
             f'<span data-ltvn-copy="hint">{with_keys(snapshot.hint)}</span></div></div>'
         )
-        self.pause.show(_GO_ON if snapshot.pause_notice else "")
+        self.reply.show(_GO_ON if snapshot.pause_notice else _END_ACTION if snapshot.waiting is not None else "")
         self.message.show(_work(snapshot.work) if snapshot.work is not None else self._unread(snapshot.message))
 
     def _unread(self, message: Message | None) -> str:

@@ -19,6 +19,7 @@ from ltvn_viz.session.activities.map_building import MapBuilding
 from ltvn_viz.session.activities.navigation import Navigation
 from ltvn_viz.session.activities.playback import Playback
 from ltvn_viz.session.activities.teleop import Teleop
+from ltvn_viz.session.asked_actions import AskedActions
 from ltvn_viz.session.camera_feed import ImageFeed
 from ltvn_viz.session.changeable_world import ChangeableWorld
 from ltvn_viz.session.fine_tuning import FineTuning
@@ -32,6 +33,7 @@ from ltvn_viz.session.recording_maker import RecordingMaker
 from ltvn_viz.session.robot_link import RobotLink
 from ltvn_viz.session.saved_files import SavedFiles
 from ltvn_viz.session.share_links import Viewpoint
+from ltvn_viz.session.shown_floor import ShownFloor
 from ltvn_viz.session.snapshot import JobProgress, Message
 from ltvn_viz.session.story_teller import StoryTeller
 from ltvn_viz.session.worker import PatientWorker, Worker
@@ -142,6 +144,10 @@ class AppState:
     """Renders a larger picture for people; None if it cannot be rendered."""
     shows_larger: bool = False
     """Whether the page shows the larger picture."""
+    floor: ShownFloor = field(default_factory=ShownFloor)
+    """The floor of the map that the page shows."""
+    actions: AskedActions = field(default_factory=AskedActions)
+    """The actions of edges, which the person does."""
     keeps_going: bool = False
     """Whether a query continues when the last page closes."""
     rerun: Callable[[Path], str] = rerun_unavailable

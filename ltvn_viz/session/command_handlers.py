@@ -70,12 +70,16 @@ def _carry_out_other(state: AppState, command: c.OtherCommand) -> None:
             _stop(state)
         case c.Cancel():
             _cancel(state)
+        case c.EndAction(succeeded):
+            state.actions.answer(succeeded=succeeded)
         case c.TakeOver():
             state.cancel("You took over; the query was cancelled.")
         case c.KeepGoing(is_on):
             _keep_going(state, is_on=is_on)
         case c.ShowLarger(is_on):
             state.shows_larger = is_on
+        case c.ShowFloor(floor):
+            state.floor.chosen = floor
         case c.BuildMap():
             _build_map(state)
         case c.UndoBuild():

@@ -6,7 +6,7 @@ A goal that the map may not hold is reported before the robot drives. Runs in th
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from ltvn_core.errors import LtvnError, OptionError
+from ltvn_core.errors import LtvnError, OptionError, SceneError
 from ltvn_core.graph.image_similarity import LIKELY_HELD
 from ltvn_core.graph.map_coverage import GoalReport
 from ltvn_core.navigation.events import Severity
@@ -58,8 +58,31 @@ def navigate(state: AppState, node: NodeId | None) -> None:
     state.goals.selected = goal
     _tell_goal(state, goal)
     state.queries += 1
-    query = state.live_map.query(state.live.robot, goal, state.queries)
-    state.activity = Navigation(state.live, state.worker, goal, query, state.live_map.cancel)
+    query = state.live_map.query(state.live.robot, goal, state.queries, state.actions)
+    state.activity = Navigation(
+        state.live,
+        state.worker,
+        goal,
+        query,
+        cancel=state.live_map.cancel,
+        prepare=lambda: state.actions.settle(lambda node: _put_at(state, node)),
+    )
+
+
+def _put_at(state: AppState, node: NodeId) -> None:
+    """Put a simulated robot at a node, because it cannot take a lift; elsewhere the person did that.
+
+    If the node is not in this scene, the robot stays where it is.
+    """
+    pose = state.live_map.keyframes.observation(node).exact_pose
+    if state.world is None or pose is None:
+        return
+    try:
+        state.world.carry(pose)
+    except SceneError as error:
+        state.say(
+            f"The simulated robot stays where it is, because it cannot stand at node {node}: {error}", Severity.WARN
+        )
 
 
 def _tell_goal(state: AppState, goal: NodeId) -> None:

@@ -20,6 +20,7 @@ from ltvn_core.graph.map_coverage import GoalReport, map_coverage
 from ltvn_core.graph.navigation_system import NavigationSystem, OnlineStrategy
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.maps.topological_map import TopologicalMap
+from ltvn_core.navigation.action_performer import ActionPerformer
 from ltvn_core.navigation.events import Event, Judged, Tick
 from ltvn_core.navigation.navigator import Navigator
 from ltvn_core.predictors.request import predictor_card
@@ -201,10 +202,13 @@ class LiveMap:
         )
         return diagnose(drive, map_coverage(seen, self.graph, self.keyframes, self.predictor, self.system))
 
-    def query(self, robot: LiveRobot, goal: NodeId, query: int) -> Iterator[Event | Tick]:
-        """Start a navigation task; its last event is the verdict. Raises MapError if the goal is not in the map."""
+    def query(self, robot: LiveRobot, goal: NodeId, query: int, actions: ActionPerformer) -> Iterator[Event | Tick]:
+        """Start a navigation task; its last event is the verdict. Raises MapError if the goal is not in the map.
+
+        The robot and who performs its `actions` stay the same until the map is replaced.
+        """
         if self._navigator is None:
-            self._navigator = self._map.navigator(robot, seed=self._rng, world_time=self._world_time)
+            self._navigator = self._map.navigator(robot, seed=self._rng, world_time=self._world_time, actions=actions)
         run = QueryRun(self._navigator, goal, query, verdict=lambda: self._verdict(robot, goal, query))
         return run.events()
 

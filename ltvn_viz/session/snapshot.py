@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ltvn_core.analysis.recorded_frames import NO_TRAJECTORY
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.data.importing.floor_plan import FloorPlan
-from ltvn_core.navigation.events import Severity
+from ltvn_core.navigation.events import ActionBegun, Severity
 from ltvn_core.robots.link_report import LinkReport
 from ltvn_core.simulation.rooms import Doorway
 from ltvn_core.simulation.scene import Scene, door_names
@@ -97,6 +97,17 @@ class FloorPlanView:
     """Root mean square distance of the pairs in metres; None with fewer than two pairs."""
     marks: tuple[tuple[float, float], ...] = ()
     """Positions of the clicked nodes and of their places on the plan, in metres in the frame of the map."""
+
+
+class FloorChoice(NamedTuple):
+    """The floor on show, of a map with several."""
+
+    floor: int
+    """Number of the floor, from 0; 0 is the largest."""
+    floors: int
+    """Number of floors."""
+    follows_robot: bool
+    """Whether the floor is the robot's, and not one that a person chose."""
 
 
 def doors_of(scene: Scene) -> tuple[DoorView, ...]:
@@ -336,6 +347,8 @@ class Snapshot:
     """Possible changes of the simulated world; None in a replay, and for a real robot."""
     floor_plan: FloorPlanView | None = None
     """The floor plan under the map; None without one."""
+    floor: FloorChoice | None = None
+    """The floor on show, to which the map of `moment` is limited; None if the map has one floor."""
     link: LinkReport | None = None
     """Quality of the link to the robot; None in simulation, and in a replay."""
     story: tuple[str, ...] = ()
@@ -352,3 +365,9 @@ class Snapshot:
     """The debugger's state on watching pages that have their own question."""
     hint: str = ""
     """Hint about the next thing to do."""
+
+    @property
+    def waiting(self) -> ActionBegun | None:
+        """Return the action that the robot waits for now; None if it waits for none, or a person looks at the past."""
+        is_now = self.mode is Mode.NAVIGATING and self.timeline.is_now
+        return self.moment.progress.action if is_now else None

@@ -107,7 +107,7 @@ class SnapshotBuilder:
             can_undo_build=state.live_map.can_undo_rebuild,
             work=activity.work if isinstance(activity, MapBuilding) else state.work or making,
         )
-        return replace(snapshot, hint=hint(snapshot))
+        return state.floor.of(replace(snapshot, hint=hint(snapshot)))
 
     def _recordings(self, state: AppState) -> Mapping[str, str]:
         if self._clock() - self._listed_at >= LIST_EVERY_S:
@@ -203,6 +203,8 @@ def hint(snapshot: Snapshot) -> str:
     match snapshot.mode:
         case Mode.BUILDING:
             return "The map is being built from all images so far. You can cancel; the old map stays until then."
+        case Mode.NAVIGATING if (waiting := snapshot.waiting) is not None:
+            return f"The robot waits at node {waiting.source}: {waiting.action.rstrip('.')}. Then press “Done”."
         case Mode.NAVIGATING:
             return "Watch: yellow is the plan. Take the robot over with W A S D, stop it with Space, or pause."
         case Mode.PAUSED:

@@ -61,6 +61,13 @@ class Cancel(BaseCommand, modes=ANYWHERE):
 
 
 @dataclass(frozen=True, eq=False)
+class EndAction(BaseCommand, modes=UNDER_WAY):
+    """Tell whether the action that the robot waits for is done."""
+
+    succeeded: bool
+
+
+@dataclass(frozen=True, eq=False)
 class Pause(BaseCommand, modes=UNDER_WAY | {Mode.REPLAY}):
     """Pause the query or the replay, or continue it."""
 
@@ -334,6 +341,14 @@ class WatchItLearn(BaseCommand, modes=DRIVING):
 
 
 @dataclass(frozen=True, eq=False)
+class ShowFloor(BaseCommand, modes=ANYWHERE):
+    """Show one floor of a map with several."""
+
+    floor: int | None = None
+    """Number of the floor from 0; None shows the robot's floor."""
+
+
+@dataclass(frozen=True, eq=False)
 class AlignFloorPlan(BaseCommand, modes=ANYWHERE):
     """Start to align the floor plan with the map by clicks; asked for again, leave the alignment as it was."""
 
@@ -388,7 +403,9 @@ OtherCommand: TypeAlias = (
     | NavigateToImage
     | KeepGoing
     | ShowLarger
+    | ShowFloor
     | Cancel
+    | EndAction
     | TakeOver
     | EditMap
     | ReportError

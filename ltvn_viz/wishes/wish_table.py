@@ -35,6 +35,7 @@ class Action(StrEnum):
     SELECT = "select"
     PICK = "pick"
     CANCEL = "cancel"
+    END_ACTION = "end_action"
     PAUSE = "pause"
     STEP = "step"
     KEEP_GOING = "keep_going"
@@ -59,6 +60,7 @@ class Action(StrEnum):
     LIGHT = "light"
     UNDO_CHANGE = "undo_change"
     WATCH_IT_LEARN = "watch_it_learn"
+    SHOW_FLOOR = "show_floor"
     ALIGN_PLAN = "align_plan"
     POINT_ON_PLAN = "point_on_plan"
     UNDO_PLAN_CLICK = "undo_plan_click"
@@ -193,6 +195,13 @@ WISHES: Mapping[Action, Wish] = {
         c.PickNode, "", "go to a node of the scene, or ask about it", carries=Carried.WHOLE, audience=Audience.OWN_VIEW
     ),
     Action.CANCEL: Wish(c.Cancel, "Cancel", "cancel the current activity", keys=("Escape",)),
+    Action.END_ACTION: Wish(
+        c.EndAction,
+        "End the action",
+        "tell the robot whether the action is done that it waits for",
+        carries=Carried.SWITCH,
+        make=lambda number: c.EndAction(succeeded=number == 1),
+    ),
     Action.PAUSE: Wish(c.Pause, "Pause", "pause, or continue", keys=("KeyP",)),
     Action.STEP: Wish(c.StepOnce, "Step", "one control step, then pause", keys=("Period",)),
     Action.KEEP_GOING: Wish(
@@ -268,6 +277,12 @@ WISHES: Mapping[Action, Wish] = {
         c.WatchItLearn,
         "Watch it learn",
         "watch how the map learns: a door on the robot's path closes, and opens again",
+    ),
+    Action.SHOW_FLOOR: Wish(
+        c.ShowFloor,
+        "Show the robot's floor",
+        "show one floor of a map with several",
+        carries=Carried.WHOLE_OR_NOTHING,
     ),
     Action.ALIGN_PLAN: Wish(
         c.AlignFloorPlan, "Align the floor plan by clicks", "lay the floor plan under the map, by clicks on both"

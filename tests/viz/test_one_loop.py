@@ -23,6 +23,7 @@ from ltvn_core.verbs.build import BuildVerb
 from ltvn_core.verbs.jobs.headless_runner import HeadlessRunner
 from ltvn_core.verbs.jobs.robot_queries import RobotQueries
 from ltvn_viz.session.activities.navigation import Navigation
+from ltvn_viz.session.asked_actions import AskedActions
 from ltvn_viz.session.live_map import LiveMap
 from ltvn_viz.session.live_run import LiveRobot, LiveRun
 from ltvn_viz.session.recorder import Recorder
@@ -126,9 +127,9 @@ def page(errand: Errand) -> list[Event]:
     robot = LiveRobot(errand.simulation(known).robot)
     recorder = Recorder(RecordingLibrary(errand.folder), lambda path: errand.writer(known, path.stem))
     live = LiveRun(robot, recorder, Timeline())
-    query = live_map.query(robot, errand.goal, 0)
+    query = live_map.query(robot, errand.goal, 0, AskedActions())
     worker = Worker(InlineExecutor())
-    navigation = Navigation(live, worker, errand.goal, query, live_map.cancel)
+    navigation = Navigation(live, worker, errand.goal, query, cancel=live_map.cancel)
     while not navigation.over:
         navigation.tick()
         worker.collect()

@@ -7,6 +7,7 @@ from threading import Event
 
 import pytest
 
+from ltvn_core.navigation.action_performer import ActionState
 from ltvn_viz.session.floor_plan_clicks import FloorPlanClicks
 from ltvn_viz.session.inspection import QuestionName
 from ltvn_viz.session.snapshot import FineTuningPhase, Snapshot
@@ -16,6 +17,7 @@ from ltvn_viz.wishes.wish_table import UNASKED, WISHES, Action, Carried, Value, 
 from tests.browser.flat_app import FlatApp, serving, until_shown
 from tests.core.data.importing.plan_files import laid_room
 from tests.viz.page_sockets import PageSockets, open_live_page
+from tests.viz.two_floors import add_lift, split_rooms
 from tests.waiting import until
 
 
@@ -159,6 +161,25 @@ def tries_query(asking: Asking) -> None:
     asking.ask(Action.CANCEL, None, lambda now: now.mode is Mode.TELEOP)
     asking.ask(Action.QUERY_BEFORE, None, looks_back)
     asking.ask(Action.QUERY_AFTER, None, lambda now: not looks_back(now))
+
+
+@fulfils(Action.END_ACTION)
+def tries_an_action(asking: Asking) -> None:
+    harness = asking.app.harness
+    asking.app.session.send(split_rooms(harness))
+    asking.app.session.send(add_lift(harness))
+    asking.enter(Mode.NAVIGATING)
+    asking.until(lambda now: now.waiting and harness.state.actions.state() is ActionState.PENDING)
+    asking.ask(Action.END_ACTION, 0, lambda now: not now.waiting)
+
+
+@fulfils(Action.SHOW_FLOOR)
+def tries_floors(asking: Asking) -> None:
+    asking.app.session.send(split_rooms(asking.app.harness))
+    asking.app.session.send(add_lift(asking.app.harness))
+    asking.until(lambda now: now.floor)
+    asking.ask(Action.SHOW_FLOOR, 1, lambda now: now.floor and now.floor.floor == 1)
+    asking.ask(Action.SHOW_FLOOR, None, lambda now: now.floor and now.floor.follows_robot)
 
 
 @fulfils(Action.SELECT, Action.PICK)

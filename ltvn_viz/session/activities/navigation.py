@@ -21,14 +21,26 @@ class Navigation:
     """One query."""
 
     def __init__(
-        self, live: LiveRun, worker: Worker, goal: NodeId, query: Iterator[Event | Tick], cancel: Callable[[], None]
+        self,
+        live: LiveRun,
+        worker: Worker,
+        goal: NodeId,
+        query: Iterator[Event | Tick],
+        *,
+        cancel: Callable[[], None],
+        prepare: Callable[[], None] = lambda: None,
     ) -> None:
-        """Run the generator `query`. `cancel` ends it, with its last events, at the next pull; thread-safe."""
+        """Run the generator `query`.
+
+        `cancel` ends it, with its last events, at the next pull; thread-safe. `prepare` is called at the end of each
+        control step, before the image for the navigator is taken, and may move the robot.
+        """
         self._live = live
         self._worker = worker
         self.goal = goal
         self._query = query
         self._cancel = cancel
+        self._prepare = prepare
         self._events: SimpleQueue[Event] = SimpleQueue()
         self._thinking = False
         self._owed_s = 0.0
@@ -110,8 +122,10 @@ class Navigation:
     def _think(self) -> None:
         if self.is_stopping:
             self._cancel()
-        elif self._steps_left:
-            self._steps_left -= 1
+        else:
+            self._prepare()
+            if self._steps_left:
+                self._steps_left -= 1
         with suppress(RobotError) if self.is_stopping else nullcontext():  # A query can end without the robot.
             self._live.capture()  # Events name images by their step, so the image comes first.
         self._thinking = True

@@ -1,7 +1,7 @@
 """Floors are the parts of a map that only actions join."""
 
-from ltvn_core.graph.connectivity import floors
 from ltvn_core.graph.deltas import Belief, Cause, Edge, EdgeAdded, Node, NodeAdded, PoseRow
+from ltvn_core.graph.floors import floors
 from ltvn_core.graph.place_belief import lay_out
 from ltvn_core.graph.topological_graph import TopologicalGraph
 

@@ -9,8 +9,8 @@ import pytest
 from ltvn_core.analysis.manual_edits import connect_by_action
 from ltvn_core.config import ROBUST, Method
 from ltvn_core.evaluation.query_result import QueryResult
-from ltvn_core.graph.connectivity import floors
 from ltvn_core.graph.deltas import Cause, EdgePruned, NodeAdded
+from ltvn_core.graph.floors import floors
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.operators import node_from_observation
 from ltvn_core.navigation.action_performer import ActionState

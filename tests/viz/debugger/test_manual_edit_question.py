@@ -57,6 +57,25 @@ def test_two_clicked_nodes_are_joined(harness: SessionHarness) -> None:
     assert (source, target) in harness.state.live_map.graph.edges
 
 
+def test_two_nodes_are_connected_by_an_action_in_both_directions_and_the_edge_tells_it(harness: SessionHarness) -> None:
+    before = harness.state.live_map.graph.copy()
+    pair = next(pair for pair in itertools.combinations(sorted(before.nodes), 2) if pair not in before.edges)
+    harness.do(c.PickNode(pair[0]))
+
+    asked = follow(harness, harness.do(c.PickNode(pair[1])), "by an action")
+    follow(harness, asked, "both ways")
+    harness.do(c.SubmitText("Open the red door"), ticks=3)
+
+    assert asked.inspection.answer.input_hint
+    assert harness.state.live_map.graph.actions == dict.fromkeys([pair, pair[::-1]], "Open the red door")
+    told = harness.do(c.ChooseQuestion(QuestionName.EDGE), c.PointAt(*pair), ticks=3)
+    assert ("Open the red door" in words(told), "Predicted" in words(told)) == (True, False)
+    assert not told.inspection.answer.overlay.ghosts
+    done = harness.do(c.ChooseQuestion(QuestionName.HAND), ticks=3)
+    follow(harness, done, "undo")
+    assert harness.state.live_map.graph == before
+
+
 def test_a_protected_edge_can_be_let_go_again(harness: SessionHarness) -> None:
     edge = an_edge(harness)
 

@@ -24,6 +24,8 @@ GRAPH = GraphArrays(
     edges=np.array([[0, 1], [1, 2]]),
     p=np.array([0.95, 0.1]),
     attempts=np.zeros(2, np.int64),
+    acts=np.zeros(2, np.bool_),
+    exits=np.zeros(3, np.bool_),
 )
 
 

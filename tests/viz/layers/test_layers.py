@@ -80,6 +80,8 @@ def big_graph(nodes: int, edges: int, seed: int = 0) -> GraphArrays:
         rng.integers(0, nodes, (edges, 2)),
         rng.random(edges),
         np.zeros(edges, np.int64),
+        acts=np.zeros(edges, np.bool_),
+        exits=np.zeros(nodes, np.bool_),
     )
 
 

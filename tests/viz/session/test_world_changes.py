@@ -3,16 +3,21 @@
 import json
 from collections.abc import Iterator
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from ltvn_core.analysis.manual_edits import connect_by_action
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.errors import WorldError
 from ltvn_core.evaluation.door_story.story import NO_STORY
+from ltvn_core.graph.deltas import Cause, NodeAdded, NodeDropped
+from ltvn_core.graph.operators import node_from_observation
+from ltvn_core.navigation.action_performer import ActionState
 from ltvn_core.navigation.events import ChangedBy, WorldChanged
+from ltvn_core.types import NodeId, Pose
 from ltvn_core.worlds import DoorMoved
 from ltvn_viz.app_opening import open_app_state
 from ltvn_viz.session.goals import ThumbnailStore
@@ -195,3 +200,38 @@ def test_a_script_that_is_none_is_refused_before_the_page_opens(tmp_path: Path) 
     options = AppOptions(predictor="oracle", recordings=tmp_path, world="sometimes")
     with ExitStack() as stack, pytest.raises(WorldError, match="sometimes"):
         open_app_state(options, stack, ThumbnailStore())
+
+
+@pytest.mark.parametrize("away_m", [0.0, 1e3], ids=["in the scene", "outside of it"])
+def test_a_simulated_robot_is_put_where_an_action_ends_if_it_can_stand_there(
+    apartment: ApartmentSession, away_m: float
+) -> None:
+    state, world = apartment.session.state, apartment.session.state.world
+    assert world is not None
+    start, end = world.world.scene.clearance.sample_poses(np.random.default_rng(0), 2, min_clearance_m=0.4)
+    nodes = [add_node(apartment, end, away_m), add_node(apartment, start, 0.0)]
+    apartment.do(c.EditMap(connect_by_action(state.live_map.graph, nodes[1], nodes[0], "Take the lift")))
+    until(lambda: state.live_map.graph.edges, meanwhile=apartment.session.tick)
+    apartment.do(c.NavigateTo(nodes[0]))
+    until(lambda: state.actions.state() is ActionState.PENDING, meanwhile=apartment.session.tick)
+    apartment.do(c.EndAction(succeeded=True))
+    until(lambda: apartment.shown[-1].waiting is None, meanwhile=apartment.session.tick)
+
+    stands = end if not away_m else start
+    np.testing.assert_allclose(state.live.robot.drawn_pose[:2], stands[:2], atol=0.3)
+    message = apartment.shown[-1].message
+    assert (message is not None and "stays" in message.text) == bool(away_m)
+    apartment.do(c.Cancel())
+    until(lambda: apartment.session.mode is c.Mode.TELEOP, meanwhile=apartment.session.tick)
+    apartment.do(c.EditMap(tuple(NodeDropped(node, Cause.HAND) for node in nodes)))
+
+
+def add_node(apartment: ApartmentSession, pose: Pose, away_m: float) -> NodeId:
+    """Put the robot at a pose (3,) and add its image to the map, as if it was taken `away_m` metres away."""
+    state = apartment.session.state
+    assert state.world is not None
+    state.world.carry(pose)
+    seen = replace(state.live.capture(), exact_pose=pose + np.array([away_m, 0.0, 0.0]))
+    state.live_map.keyframes.add([seen])
+    state.live_map.change([NodeAdded(node_from_observation(seen), Cause.HAND)])
+    return seen.step

@@ -1,0 +1,46 @@
+"""Floors of a map: the parts that only edges with an action join with each other."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.types import NodeId
+
+
+def floors(graph: TopologicalGraph) -> tuple[frozenset[NodeId], ...]:
+    """Return the floors of a map, the largest first: parts that only edges with an action join with each other.
+
+    A map without such edges is one floor. Pieces that no edge at all joins with the rest count to the largest floor.
+    Linear in nodes and edges.
+    """
+    nodes = np.array(list(graph.nodes), np.int64)
+    row_of = {node: row for row, node in enumerate(graph.nodes)}
+    edges = np.array([(row_of[source], row_of[target]) for source, target in graph.edges], np.int64).reshape(-1, 2)
+    acts = np.array([bool(edge.action) for edge in graph.edges.values()], np.bool_)
+    numbers = number_floors(nodes, edges, acts)
+    return tuple(frozenset(nodes[numbers == floor].tolist()) for floor in range(numbers.max(initial=-1) + 1))
+
+
+def number_floors(nodes: NDArray[np.int64], edges: NDArray[np.int64], acts: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """Return the floor (N,) of each of N nodes, as `floors` orders them from 0.
+
+    Args:
+        nodes: Ids of the nodes (N,).
+        edges: Rows of source and target in `nodes` (E, 2).
+        acts: Whether each edge needs an action (E,).
+    """
+    count = len(nodes)
+    if not acts.any():
+        return np.zeros(count, np.intp)
+    driven = edges[~acts]
+    joined = coo_array((np.ones(len(driven), np.bool_), (driven[:, 0], driven[:, 1])), shape=(count, count))
+    _, piece_of = connected_components(joined, directed=False)
+    between = piece_of[edges[acts]]
+    pieces = np.unique(between[between[:, 0] != between[:, 1]])
+    sizes = np.bincount(piece_of)[pieces]
+    first = np.array([nodes[piece_of == piece].min() for piece in pieces])
+    number_of = np.zeros(piece_of.max() + 1, np.intp)
+    number_of[pieces[np.lexsort((first, -sizes))]] = np.arange(len(pieces))
+    return number_of[piece_of]

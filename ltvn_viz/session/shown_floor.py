@@ -1,0 +1,64 @@
+"""The floor of the map that the page shows.
+
+Owns the choice of a floor, and what of the map belongs to it. What a floor is, `ltvn_core.graph.floors` tells.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ltvn_core.analysis.map_history import EMPTY_GRAPH, GraphArrays
+from ltvn_core.graph.floors import number_floors
+from ltvn_viz.session.snapshot import FloorChoice, Snapshot
+
+
+class ShownFloor:
+    """Leaves one floor of a map in a snapshot; computes only when the map or the floor changed."""
+
+    def __init__(self) -> None:
+        """Start without a map."""
+        self.chosen: int | None = None
+        """The floor that a person chose, from 0; None follows the robot."""
+        self._graph = EMPTY_GRAPH
+        self._floors: NDArray[np.intp] = np.empty(0, np.intp)
+        self._shown = 0
+        self._part = EMPTY_GRAPH
+
+    def of(self, snapshot: Snapshot) -> Snapshot:
+        """Return a snapshot with the chosen floor, else the robot's; the same snapshot if the map has one floor."""
+        graph = snapshot.moment.graph
+        if graph is not self._graph:
+            self._graph = graph
+            self._floors = number_floors(graph.ids, graph.edges, graph.acts)
+            self._part = EMPTY_GRAPH
+        count = int(self._floors.max(initial=0)) + 1
+        if count == 1:
+            return snapshot
+        wanted = self._robots_floor(snapshot) if self.chosen is None else self.chosen
+        floor = min(wanted, count - 1)
+        if floor != self._shown or self._part is EMPTY_GRAPH:
+            self._shown = floor
+            self._part = _part(graph, self._floors == floor)
+        choice = FloorChoice(floor, count, follows_robot=self.chosen is None)
+        return replace(snapshot, moment=replace(snapshot.moment, graph=self._part), floor=choice)
+
+    def _robots_floor(self, snapshot: Snapshot) -> int:
+        """Return the floor of the node where the robot was localised last, else the one on show."""
+        localised = snapshot.moment.progress.localised
+        here = self._graph.ids == (None if localised is None else localised.node)
+        return int(self._floors[here][0]) if here.any() else self._shown
+
+
+def _part(graph: GraphArrays, nodes: NDArray[np.bool_]) -> GraphArrays:
+    """Return some nodes (N,) of a map, and the edges between them."""
+    edges = nodes[graph.edges].all(axis=1)
+    return GraphArrays(
+        ids=graph.ids[nodes],
+        poses=graph.poses[nodes],
+        edges=(np.cumsum(nodes) - 1)[graph.edges[edges]],
+        p=graph.p[edges],
+        attempts=graph.attempts[edges],
+        acts=graph.acts[edges],
+        exits=graph.exits[nodes],
+    )

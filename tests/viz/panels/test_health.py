@@ -1,6 +1,7 @@
 """One word says how well the app keeps up; the numbers behind it and the meaning of symbols are for whoever asks."""
 
 from dataclasses import replace
+from html import escape
 
 import pytest
 
@@ -25,7 +26,7 @@ from ltvn_viz.session.snapshot_builder import RateMeter
 def test_what_a_person_would_notice_is_slow_and_nothing_else(rates: LoopRates, health: Health) -> None:
     report = health_of(Snapshot(rates=rates))
     assert report.health is health
-    assert report.reason in health_button(Snapshot(rates=rates))
+    assert escape(report.reason) in health_button(Snapshot(rates=rates))
 
 
 def test_an_error_is_trouble_and_its_words_are_the_reason() -> None:

@@ -4,23 +4,13 @@ import json
 import subprocess
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import pytest
 
-from ltvn_core.cli import main
+from tests.program import Answered, ltvn_here
 from tests.repository import DEMO_FAULT, DEMO_MAP, ROOT
-
-
-@dataclass(frozen=True)
-class Answered:
-    """What the program printed, and its exit code."""
-
-    code: int
-    stdout: str
-    stderr: str
-
 
 Why = Callable[..., Answered]
 
@@ -28,13 +18,7 @@ Why = Callable[..., Answered]
 @pytest.fixture
 def why(capsys: pytest.CaptureFixture[str]) -> Why:
     """Ask in this process."""
-
-    def ask(file: Path, *arguments: str) -> Answered:
-        code = main(["why", str(file), *arguments])
-        printed = capsys.readouterr()
-        return Answered(code, printed.out, printed.err)
-
-    return ask
+    return partial(ltvn_here, capsys, "why")
 
 
 def answered(why: Why, file: Path, *arguments: str) -> dict:

@@ -22,10 +22,10 @@ KEYS = {"frames", "nodes", "edges", "queries", "reached", "collisions", "pruned"
 
 
 def test_the_demo_reaches_its_goals_and_its_recording_tells_all(tmp_path: Path) -> None:
-    summary = demonstrate(tmp_path, queries=3)
+    summary = demonstrate(tmp_path, queries=2)
     assert summary.keys() >= KEYS
-    assert summary["queries"] == 3
-    assert summary["reached"] >= 2
+    assert summary["queries"] == 2
+    assert summary["reached"] >= 1
     verify(tmp_path / "drive.rrd")
     recording = Recording.open(tmp_path / "drive.rrd")
     assert recording.final_graph() == load_map(tmp_path / "map.rrd").graph

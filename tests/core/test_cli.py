@@ -165,21 +165,23 @@ def test_a_repaired_recording_is_accepted(drive: Path, tmp_path: Path, capsys: p
     assert ltvn_here(capsys, "verify", tmp_path / "new.rrd").code == 0
 
 
-def test_collect_build_navigate_in_one_go_each(tmp_path: Path) -> None:
+def test_collect_build_navigate_in_one_go_each(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     tour, built, trip = (tmp_path / name for name in ("tour.rrd", "map.rrd", "trip.rrd"))
     collected = json.loads(
         ltvn("collect", "--scene", "train-23", "--loops", "1", "--output", tour, "--json", "-").stdout
     )
     assert collected["frames"] == len(Recording.open(tour).frames)
-    summary = json.loads(ltvn("build", tour, "--output", built, "--predictor", "oracle", "--json", "-").stdout)
+    summary = json.loads(
+        ltvn_here(capsys, "build", tour, "--output", built, "--predictor", "oracle", "--json", "-").stdout
+    )
     assert summary["nodes"] > 20
     assert summary["edges"] > summary["nodes"]
     learned = tmp_path / "learned.rrd"
     options = "--queries", "2", "--output", learned, "--predictor", "oracle", "--json", "-"
-    run = ltvn("navigate", built, "--recording", trip, *options)
+    run = ltvn_here(capsys, "navigate", built, "--recording", trip, *options)
     assert json.loads(run.stdout)["outcome"]["reached"] == 2, run.stderr
     verify(trip)
     assert any(edge.attempts for edge in load_map(learned).graph.edges.values())
-    other = ltvn("navigate", built, "--recording", tmp_path / "again.rrd", "--predictor", "network")
-    assert other.returncode == 1
+    other = ltvn_here(capsys, "navigate", built, "--recording", tmp_path / "again.rrd", "--predictor", "network")
+    assert other.code == 1
     assert "weights" in other.stderr

@@ -171,9 +171,8 @@ def test_collect_build_navigate_in_one_go_each(tmp_path: Path, capsys: pytest.Ca
         ltvn("collect", "--scene", "train-23", "--loops", "1", "--output", tour, "--json", "-").stdout
     )
     assert collected["frames"] == len(Recording.open(tour).frames)
-    summary = json.loads(
-        ltvn_here(capsys, "build", tour, "--output", built, "--predictor", "oracle", "--json", "-").stdout
-    )
+    options = "--output", built, "--predictor", "oracle", "--json", "-"
+    summary = json.loads(ltvn_here(capsys, "build", tour, *options).stdout)
     assert summary["nodes"] > 20
     assert summary["edges"] > summary["nodes"]
     learned = tmp_path / "learned.rrd"

@@ -40,7 +40,7 @@ def test_data_training_fine_tuning_and_measuring_follow_each_other(
 
     tuned = ltvn(
         "finetune", "drive.rrd", "--weights", "first.safetensors", "--data", "data", "--output", "second.safetensors",
-        "--minutes", 0.01, summary=summary,
+        "--minutes", 0.01, "--part", "1/3", summary=summary,
     )  # fmt: skip
     assert tuned["parent"] == trained["figures"]["fingerprint"] != tuned["fingerprint"]
 

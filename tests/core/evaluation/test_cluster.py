@@ -26,13 +26,13 @@ from tests.waiting import until
 
 pytestmark = needs_posix
 
-EPISODES, SEEDS = 1, (0, 1)
+EPISODES, SEEDS = 1, (0, 1, 2, 3)
 
 
 def run(
     house: Path, folder: Path, *, cluster: str | None = None, part: Part = WHOLE, on_work: object = None
 ) -> list[TrialResult]:
-    protocol = EvaluationProtocol(loops=1, goals=2, episodes=EPISODES, step_limit=40)
+    protocol = EvaluationProtocol(loops=1, goals=4, episodes=EPISODES, step_limit=100)
     plans = [TrialPlan(scene=str(house), seed=seed, predictor="oracle", protocol=protocol) for seed in SEEDS]
     progress = EvaluationProgress(lambda _: None, on_work or (lambda _: None))  # type: ignore[arg-type]
     with workers(1, cluster, folder) as parallel:

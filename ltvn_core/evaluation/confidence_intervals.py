@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from ltvn_core.network.metrics import SuccessRate
 
@@ -52,7 +52,7 @@ class _Spread(NamedTuple):
     """(Q,) degrees of freedom; 0 if the variance is unknown."""
 
     def half_width(self) -> NDArray[np.float64]:
-        quantile = student.ppf((1 + CONFIDENCE_LEVEL) / 2, np.maximum(self.freedom, 1))
+        quantile = stdtrit(np.maximum(self.freedom, 1), (1 + CONFIDENCE_LEVEL) / 2)
         return np.where(self.freedom > 0, quantile * np.sqrt(self.variance), 0.0)
 
     def plus(self, other: "_Spread") -> "_Spread":

@@ -1,12 +1,13 @@
 """Metrics of predictions: pairs, drives, bins of calibration and error, and success rates. No torch."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from statistics import NormalDist
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import binomtest, rankdata
 
 from ltvn_core.geometry import distance, wrap_angle
 from ltvn_core.types import Waypoint
@@ -96,9 +97,12 @@ def auc(scores: NDArray[np.float64], positive: NDArray[np.bool_]) -> float:
     """Return the probability that a positive scores above a negative; nan if one kind is missing."""
     positives = int(positive.sum())
     negatives = int((~positive).sum())
-    if positives == 0 or negatives == 0:
+    if positives == 0 or negatives == 0 or np.isnan(scores).any():
         return float("nan")
-    return float((rankdata(scores)[positive].sum() - positives * (positives + 1) / 2) / (positives * negatives))
+    others = np.sort(scores[~positive])
+    # Twice the pairs in order, where a tie counts half.
+    ordered = sum(np.searchsorted(others, scores[positive], side=side).sum() for side in ("left", "right"))
+    return float(ordered / (2 * positives * negatives))
 
 
 def calibration_error(probability: NDArray[np.float64], positive: NDArray[np.bool_]) -> float:
@@ -211,8 +215,11 @@ class SuccessRate:
             raise ValueError(f"Successes lie between 0 and the {trials} trials, got {successes}.")
         if trials == 0:
             return cls(0, 0, 0.5, 0.0, 1.0)
-        interval = binomtest(successes, trials).proportion_ci(method="wilson")
-        return cls(successes, trials, successes / trials, float(interval.low), float(interval.high))
+        rate, z = successes / trials, NormalDist().inv_cdf(0.975)
+        middle = (successes + z**2 / 2) / (trials + z**2)
+        half = z / (trials + z**2) * math.sqrt(trials * rate * (1 - rate) + z**2 / 4)
+        low = 0.0 if successes == 0 else middle - half
+        return cls(successes, trials, rate, low, 1.0 if successes == trials else middle + half)
 
     @property
     def shrunk(self) -> float:

@@ -1,7 +1,6 @@
 """The command line as a user meets it: real processes, real files, clear errors."""
 
 import json
-import re
 import subprocess
 import sys
 from pathlib import Path
@@ -15,6 +14,7 @@ from ltvn_core.data.recording.map_file import load_map
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.verbs.verb import to_text
 from tests.core.data.recording import example_recording
+from tests.program import ltvn_here, skip_without_library
 from tests.repository import DEMO_MAP
 
 pytestmark = pytest.mark.slow
@@ -29,8 +29,7 @@ def ltvn(*arguments: str | Path, cwd: Path | None = None) -> "subprocess.Complet
         cwd=cwd,
         timeout=280,
     )
-    if missing := re.search(r"This needs (\w+), which is not installed", run.stderr):
-        pytest.importorskip(missing[1])
+    skip_without_library(run.stderr)
     return run
 
 
@@ -74,23 +73,27 @@ def test_the_shell_completes_the_options_of_verbs() -> None:
         (("app", "--port", "99999"), "--port must be from 1 to 65535"),
     ],
 )
-def test_a_slip_of_the_fingers_is_said_with_what_was_meant(typed: tuple[str, ...], meant: str) -> None:
-    run = ltvn(*typed)
-    assert run.returncode in {1, 2}
+def test_a_slip_of_the_fingers_is_said_with_what_was_meant(
+    typed: tuple[str, ...], meant: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = ltvn_here(capsys, *typed)
+    assert run.code in {1, 2}
     assert meant in run.stderr
 
 
-def test_an_unknown_verb_or_option_is_wrong_usage() -> None:
+def test_an_unknown_verb_or_option_is_wrong_usage(capsys: pytest.CaptureFixture[str]) -> None:
     assert ltvn("fly").returncode == 2
-    assert ltvn("demo", "--headles").returncode == 2
-    assert ltvn("demo", "--preset", "bold").returncode == 2
+    assert ltvn_here(capsys, "demo", "--headles").code == 2
+    assert ltvn_here(capsys, "demo", "--preset", "bold").code == 2
 
 
-def test_a_summary_is_text_for_a_person_and_json_for_a_program(drive: Path, tmp_path: Path) -> None:
-    assert "frames" in ltvn("verify", drive).stdout
+def test_a_summary_is_text_for_a_person_and_json_for_a_program(
+    drive: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert "frames" in ltvn_here(capsys, "verify", drive).stdout
     summary = json.loads(ltvn("info", drive, "--json", "-").stdout)
     assert (summary["frames"], summary["nodes"]) == (10, 3)
-    assert ltvn("info", drive, "--json", tmp_path / "info.json").returncode == 0
+    assert ltvn_here(capsys, "info", drive, "--json", tmp_path / "info.json").code == 0
     assert json.loads((tmp_path / "info.json").read_text(encoding="utf-8")) == summary
 
 
@@ -116,58 +119,68 @@ def test_rows_of_a_summary_get_a_line_each() -> None:
         (("build", "drive.rrd", "--output", "map.rrd", "--weights", "drive.rrd"), "drive.rrd"),
     ],
 )
-def test_a_mistake_ends_with_one_clear_line(arguments: tuple[str, ...], says: str, drive: Path) -> None:
-    run = ltvn(*arguments, cwd=drive.parent)
+def test_a_mistake_ends_with_one_clear_line(
+    arguments: tuple[str, ...],
+    says: str,
+    drive: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(drive.parent)
+    run = ltvn_here(capsys, *arguments)
     last = run.stderr.strip().splitlines()[-1]
-    assert run.returncode == 1
+    assert run.code == 1
     assert last.startswith("ltvn: ")
     assert says in last
     assert "Traceback" not in run.stderr
 
 
-def test_an_existing_output_is_never_overwritten(drive: Path) -> None:
+def test_an_existing_output_is_never_overwritten(drive: Path, capsys: pytest.CaptureFixture[str]) -> None:
     before = drive.read_bytes()
-    run = ltvn("collect", "--loops", "1", "--output", drive)
-    assert run.returncode == 1
+    run = ltvn_here(capsys, "collect", "--loops", "1", "--output", drive)
+    assert run.code == 1
     assert "exists" in run.stderr
     assert drive.read_bytes() == before
 
 
-def test_what_cannot_end_well_is_said_before_anything_is_written(tmp_path: Path) -> None:
+def test_what_cannot_end_well_is_said_before_anything_is_written(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     taken, trip = tmp_path / "taken.rrd", tmp_path / "trip.rrd"
     taken.touch()
-    strange = ltvn("navigate", DEMO_MAP, "--recording", trip, "--goal", "5")
+    strange = ltvn_here(capsys, "navigate", DEMO_MAP, "--recording", trip, "--goal", "5")
     assert "has no node 5" in strange.stderr
-    assert "exists already" in ltvn("navigate", DEMO_MAP, "--recording", trip, "--output", taken).stderr
-    assert "exists already" in ltvn("build", DEMO_MAP, "--output", taken).stderr
+    assert "exists already" in ltvn_here(capsys, "navigate", DEMO_MAP, "--recording", trip, "--output", taken).stderr
+    assert "exists already" in ltvn_here(capsys, "build", DEMO_MAP, "--output", taken).stderr
     assert [*tmp_path.iterdir()] == [taken]
-    assert "no folder" in ltvn("export", DEMO_MAP, "--svg", taken / "map.svg").stderr
+    assert "not a folder" in ltvn_here(capsys, "export", DEMO_MAP, "--svg", taken / "map.svg").stderr
 
 
-def test_a_repaired_recording_is_accepted(drive: Path, tmp_path: Path) -> None:
+def test_a_repaired_recording_is_accepted(drive: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     drive.write_bytes(drive.read_bytes()[:-100])
-    refused = ltvn("verify", drive)
-    assert refused.returncode == 1
+    refused = ltvn_here(capsys, "verify", drive)
+    assert refused.code == 1
     assert "ltvn repair" in refused.stderr
-    assert ltvn("repair", drive, "--output", tmp_path / "new.rrd").returncode == 0
-    assert ltvn("verify", tmp_path / "new.rrd").returncode == 0
+    assert ltvn_here(capsys, "repair", drive, "--output", tmp_path / "new.rrd").code == 0
+    assert ltvn_here(capsys, "verify", tmp_path / "new.rrd").code == 0
 
 
-def test_collect_build_navigate_in_one_go_each(tmp_path: Path) -> None:
+def test_collect_build_navigate_in_one_go_each(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     tour, built, trip = (tmp_path / name for name in ("tour.rrd", "map.rrd", "trip.rrd"))
     collected = json.loads(
         ltvn("collect", "--scene", "train-23", "--loops", "1", "--output", tour, "--json", "-").stdout
     )
     assert collected["frames"] == len(Recording.open(tour).frames)
-    summary = json.loads(ltvn("build", tour, "--output", built, "--predictor", "oracle", "--json", "-").stdout)
+    options = "--output", built, "--predictor", "oracle", "--json", "-"
+    summary = json.loads(ltvn_here(capsys, "build", tour, *options).stdout)
     assert summary["nodes"] > 20
     assert summary["edges"] > summary["nodes"]
     learned = tmp_path / "learned.rrd"
     options = "--queries", "2", "--output", learned, "--predictor", "oracle", "--json", "-"
-    run = ltvn("navigate", built, "--recording", trip, *options)
+    run = ltvn_here(capsys, "navigate", built, "--recording", trip, *options)
     assert json.loads(run.stdout)["outcome"]["reached"] == 2, run.stderr
     verify(trip)
     assert any(edge.attempts for edge in load_map(learned).graph.edges.values())
-    other = ltvn("navigate", built, "--recording", tmp_path / "again.rrd", "--predictor", "network")
-    assert other.returncode == 1
+    other = ltvn_here(capsys, "navigate", built, "--recording", tmp_path / "again.rrd", "--predictor", "network")
+    assert other.code == 1
     assert "weights" in other.stderr

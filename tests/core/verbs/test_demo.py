@@ -34,9 +34,9 @@ def test_the_demo_reaches_its_goals_and_its_recording_tells_all(tmp_path: Path) 
 
 
 def demonstrate(folder: Path, *, queries: int) -> dict[str, Any]:
-    """Run the README's command with a shorter tour, and return what it says."""
+    """Run the README's command with a shorter tour in a smaller apartment, and return what it says."""
     options = ["--headless", "--queries", str(queries), "--loops", "1", "--seed", "7", "--json", "-"]
-    files = ["--recording", str(folder / "drive.rrd"), "--map", str(folder / "map.rrd")]
+    files = ["--scene", "apartment-57", "--recording", str(folder / "drive.rrd"), "--map", str(folder / "map.rrd")]
     run = subprocess.run(
         [sys.executable, "-m", "ltvn_core.cli", "demo", *options, *files], capture_output=True, text=True, check=True
     )

@@ -5,7 +5,7 @@ from random import Random
 
 from tests.viz.agent.called_tools import harmless_agent, judge_call
 
-CALLS = 200
+CALLS = 100
 SEED = 38
 
 

@@ -143,7 +143,7 @@ def verify(path: Path) -> dict[str, float]:
 
 def _largest_memory_mb() -> float:
     # Not of `getrusage`: there a process begins with the number of the one that started it.
-    status = Path("/proc/self/status").read_text()
+    status = Path("/proc/self/status").read_text(encoding="utf-8")
     return int(status.split("VmHWM:")[1].split()[0]) / 1e3
 
 

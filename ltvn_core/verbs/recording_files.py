@@ -10,7 +10,7 @@ from ltvn_core.verbs.verb import Verb
 
 @dataclass(frozen=True, kw_only=True)
 class InfoVerb(Verb):
-    """Say what a recording or a map holds."""
+    """Describe a recording or a map."""
 
     job = "ltvn_core.verbs.jobs.recording_files:tell_info"
 

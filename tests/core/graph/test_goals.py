@@ -87,7 +87,7 @@ def test_without_tying_it_is_told_and_the_node_most_like_it_named() -> None:
     # Beside it on the drive, whatever else may look like it.
     assert report.nearest is not None
     assert abs(report.nearest - goal) <= 50
-    assert f"does not hold goal {goal}" in str(report.finding)
+    assert f"does not contain goal {goal}" in str(report.finding)
     assert f"node {report.nearest}" in str(report.finding)
 
 

@@ -61,7 +61,7 @@ def test_a_goal_is_told_of_when_the_map_is_built_and_before_it_is_driven_to(driv
     assert isinstance(summary, BuildSummary)
     assert summary.goals == (GoalReport(goal, Standing.HELD),)
     reserve = min(load_map(built).graph.reserve)
-    with pytest.raises(MapError, match=rf"does not hold goal {reserve}.*Nearest to it is node \d+, r = "):
+    with pytest.raises(MapError, match=rf"does not contain goal {reserve}.*Nearest to it is node \d+, r = "):
         NavigateVerb(map=built, recording=trip, predictor="oracle", goal=reserve).run()
     assert not trip.exists()
 

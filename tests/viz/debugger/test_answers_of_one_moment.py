@@ -359,7 +359,7 @@ def test_what_was_seen_and_tried_is_told_as_of_the_moment(tmp_path: Path) -> Non
         last = [look for each in before if isinstance(look := _delta(each.event), PresenceObserved)]
         assert progress.blocked == ({edge} if last and not last[-1].present else set())
         assert progress.seen_blocked == sum(not each.present for each in last)
-        named = {int(number) for number in re.findall(r"Why did it .*? Query (\d+)", words(shown))}
+        named = {int(number) for number in re.findall(r"Why did the robot .*? Query (\d+)", words(shown))}
         assert named <= begun
         assert not named or looks
         seen.add((looks, bool(named)))

@@ -230,7 +230,7 @@ def test_a_dip_of_success_leads_to_its_queries_and_to_the_edges_it_touched(past:
     told = words(past.do(c.ChooseQuestion(QuestionName.FAILURES), ticks=2))
 
     assert "Dip: success fell by 100 % from query 14 to query 24" in told
-    assert "1 edges went" in told
+    assert "1 edges were removed" in told
     assert f"{past.kept[0]} → {past.kept[1]} pruned" in told
 
 

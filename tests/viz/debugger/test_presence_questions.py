@@ -111,7 +111,7 @@ def test_why_it_went_around_is_told_for_a_plan_over_an_edge_that_was_seen_blocke
     shown = harness.do(c.ChooseQuestion(QuestionName.EDGE), ticks=3)
 
     assert "was open with p = 0." in words(shown)
-    assert "Why did it" in words(shown)
+    assert "Why did the robot" in words(shown)
     assert palette.EDGE_REMOVED in {stroke.colour for stroke in shown.inspection.answer.overlay.strokes}
 
 

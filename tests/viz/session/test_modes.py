@@ -222,7 +222,7 @@ def test_a_goal_without_a_way_is_told_of_before_the_robot_drives(harness: Sessio
     harness.session.state.live_map.change([EdgePruned(*key, Cause.HAND) for key in edges])
     shown = harness.do(c.NavigateTo(goal), ticks=1)
     assert shown.message is not None
-    assert f"does not hold goal {goal}" in shown.message.text
+    assert f"does not contain goal {goal}" in shown.message.text
     assert "Nearest to it is node" in shown.message.text
 
 

@@ -24,6 +24,9 @@ HOLDS = 5
 EXCHANGED_MS = 10_000
 """An image that cannot be clicked for so long was probably exchanged for another."""
 
+PRESSED_S = 30.0
+"""A press that has no effect for this long is repeated, in seconds."""
+
 
 class _Served(Protocol):
     @property
@@ -100,6 +103,13 @@ def hold_key(app: App, page: Page, key: str, holds: Callable[[], bool]) -> None:
 
 
 def press(page: Page, name: str, took_effect: Callable[[], bool]) -> None:
-    """Press a button and wait until the press takes effect."""
-    page.get_by_role("button", name=re.compile(f"^{name}")).click()
-    until(took_effect)
+    """Press a button until the press takes effect, because a page that stalls on a busy machine may lose one."""
+    button = page.get_by_role("button", name=re.compile(f"^{name}"))
+
+    def again() -> None:
+        with suppress(PlaywrightTimeoutError):
+            button.click(timeout=EXCHANGED_MS)
+        with suppress(AssertionError):
+            until(took_effect, patience_s=PRESSED_S)
+
+    until(took_effect, meanwhile=again)

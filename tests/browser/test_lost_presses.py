@@ -46,7 +46,7 @@ def open_page(door: DrivePage) -> Page:
 def cut_drive_sockets(server: GuardedServer) -> None:
     loop = server._drive._loop
     assert loop is not None
-    for page in server._drive._pages.values():
+    for page in list(server._drive._pages.values()):
         loop.call_soon_threadsafe(page.connection.transport.abort)
 
 

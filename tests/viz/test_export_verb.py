@@ -65,7 +65,7 @@ def test_a_floor_plan_lies_under_the_figure_and_gives_the_route_its_frame(tmp_pa
     [
         ({"to": "nav2-route"}, "needs --output"),
         ({"to": "mp3", "output": Path("x")}, "--to takes a format"),
-        ({"to": "vint", "output": Path("x.rrd")}, "no recording"),
+        ({"to": "vint", "output": Path("x.rrd")}, "not write a recording"),
         ({"to": "vint", "output": Path("x"), "svg": Path("y")}, "only one output"),
         ({"to": "graphml", "output": Path("x"), "from_s": 3}, "map at the end"),
         ({"to": "3", "until": 4.0, "output": Path("x")}, "already gives seconds"),

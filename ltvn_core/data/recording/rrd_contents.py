@@ -28,7 +28,7 @@ from ltvn_core.errors import RecordingError
 ROW_ID = "rerun.controls.RowId"
 DESCRIPTION = f"/__properties/{schema.PROPERTIES}"
 _READ = frozenset(f"/{entity}" for entity in schema.READ_BACK)
-_IMAGES = frozenset(f"/{entity}" for entity in (schema.RGB, schema.DEPTH, schema.ORIGINAL))
+_LONG = frozenset(f"/{entity}" for entity in (schema.RGB, schema.DEPTH, schema.ORIGINAL, schema.EVENTS))
 
 
 def joined_rows(batches: Sequence[pa.RecordBatch], needed: Set[str]) -> Sequence[pa.RecordBatch]:
@@ -230,12 +230,13 @@ def _read_batches(path: Path, named: Path) -> _StoreBatches:
         # Reading from here on touches every message, so damage inside one shows as an exception of any kind.
         chunks = reader.stream(store=stores[0]) if stores else ()
         rows: dict[str, list[pa.RecordBatch]] = defaultdict(list)
-        images = MappedBatches()
+        long = MappedBatches()
         for chunk in chunks:
-            if chunk.entity_path in _IMAGES:
-                images.append(rows[chunk.entity_path], chunk.to_record_batch())
+            if chunk.entity_path in _LONG:
+                long.append(chunk.entity_path, chunk.to_record_batch())
             elif _is_read(chunk.entity_path):
                 rows[chunk.entity_path].append(chunk.to_record_batch())
+        rows |= long.take()
     except Exception as error:
         raise _damaged_inside(named, str(error)) from error
     if not stores:

@@ -71,7 +71,7 @@ def test_a_dataset_folder_that_holds_nothing_is_named(recording: Path, tmp_path:
 def test_an_output_of_another_run_stays(recording: Path, tmp_path: Path) -> None:
     output = tmp_path / "tuned.safetensors"
     output.write_bytes(b"precious")
-    with pytest.raises(WeightsError, match="nothing is overwritten"):
+    with pytest.raises(WeightsError, match="not overwritten"):
         FinetuneVerb(recording=recording, output=output).run()
     assert output.read_bytes() == b"precious"
 

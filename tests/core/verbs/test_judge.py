@@ -128,7 +128,7 @@ def test_a_recording_of_one_image_cannot_be_judged(tmp_path: Path) -> None:
         (JudgeVerb(recording=Path("a.rrd"), left_out=1.0), "--left-out must lie between 0 and 1"),
         (JudgeVerb(recording=Path("a.rrd"), pairs=0), "--pairs must be 1 or more"),
         (JudgeVerb(recording=Path("a.rrd"), report=Path("a.pdf")), "must end in .html"),
-        (JudgeVerb(recording=Path("a.rrd"), perturb=("fog",)), "does not know fog"),
+        (JudgeVerb(recording=Path("a.rrd"), perturb=("fog",)), "no perturbation fog"),
     ],
 )
 def test_options_that_cannot_be_are_refused_first(verb: JudgeVerb, message: str) -> None:

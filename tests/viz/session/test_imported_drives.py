@@ -147,7 +147,7 @@ def test_a_picture_is_found_in_a_map_and_one_of_elsewhere_is_not(page: Page) -> 
     taken = playback.observation(node)
     assert taken is not None
     page.do(look_for(taken.rgb))
-    now = page.until(lambda now: now.message is not None and "The picture" in now.message.text)
+    now = page.until(lambda now: now.message is not None and "taken" in now.message.text)
     assert now.message is not None
     assert now.message.text.startswith(f"The image was taken at node {node}")
     assert now.selected == node

@@ -61,7 +61,7 @@ def test_nothing_is_known_across_a_jump_of_odometry() -> None:
 
 
 def test_a_drive_without_poses_or_with_few_images_is_refused() -> None:
-    with pytest.raises(RecordingError, match="neither"):
+    with pytest.raises(RecordingError, match="odometry"):
         drive_path(images(LINE * 0), "drive", CAMERA)
     with pytest.raises(RecordingError, match="5 images are too few"):
         drive_path(images(LINE[:5]), "drive", CAMERA)

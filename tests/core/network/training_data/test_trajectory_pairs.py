@@ -112,7 +112,7 @@ def test_a_drive_that_cannot_teach_is_refused_with_a_reason() -> None:
         drive(still)
     with pytest.raises(RecordingError, match="holds 5 images; fine-tuning needs 20"):
         drive(TOUR[:5])
-    with pytest.raises(RecordingError, match="from odometry, and it is the same for all"):
+    with pytest.raises(RecordingError, match="from odometry, and it does not change"):
         drive(TOUR, np.zeros_like(TOUR))
     missing = TOUR.copy()
     missing[3] = np.nan

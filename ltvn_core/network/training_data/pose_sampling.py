@@ -17,40 +17,17 @@ same kind of images and may be used instead.
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import radians
-from typing import Protocol, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.geometry import compose, lengths_along, points_along, relative, wrap_angle
+from ltvn_core.network.training_data.free_space import FreeSpace
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.types import Pose, Renderer, Waypoint
-
-
-class FreeSpace(Protocol):
-    """Free space of a scene: distances to obstacles and paths between them, for the centre of the robot."""
-
-    def at(self, xy: ArrayLike) -> NDArray[np.float64]:
-        """Return the distances (...) in metres from points (..., 2) to the nearest obstacle."""
-        ...
-
-    def along(self, starts: ArrayLike, ends: ArrayLike) -> NDArray[np.float64]:
-        """Return the smallest clearance (N,) on straight lines from starts (N, 2) to ends (N, 2)."""
-        ...
-
-    def sample_poses(self, rng: np.random.Generator, count: int, *, min_clearance_m: float = ...) -> Pose:
-        """Draw free poses (count, 3)."""
-        ...
-
-    def path(self, start: ArrayLike, goal: ArrayLike) -> NDArray[np.float64] | None:
-        """Return a path (M, 2) from start (2,) to goal (2,), or None if there is none."""
-        ...
-
-    def path_lengths(self, start: ArrayLike, goals: ArrayLike, *, limit_m: float = ...) -> NDArray[np.float64]:
-        """Return the lengths (N,) in metres of the shortest paths from start (2,) to goals (N, 2); inf if none."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.geometry import compose
-from ltvn_core.network.training_data.pose_sampling import CameraVariation, DatasetScene, FreeSpace, cluster_pairs
+from ltvn_core.network.training_data.free_space import FreeSpace
+from ltvn_core.network.training_data.pose_sampling import CameraVariation, DatasetScene, cluster_pairs
 from ltvn_core.network.training_data.shards import Shard, render_poses
 from ltvn_core.network.training_data.temporal_rules import TemporalLabelRule
 from ltvn_core.network.training_data.trajectory_pairs import UNKNOWN, UNREACHABLE

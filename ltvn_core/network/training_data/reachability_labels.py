@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.geometry import relative
-from ltvn_core.network.training_data.pose_sampling import FreeSpace
+from ltvn_core.network.training_data.free_space import FreeSpace
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.types import Pose, Waypoint
 

@@ -96,7 +96,7 @@ def _write(path: Path, steps: int) -> None:
             for stamped in happened:
                 writer.write_event(stamped._replace(step=step, stamp=stamp))
             if step % _FLUSH_EVERY == 0:
-                writer.flush()
+                writer._stream.flush()
     unfinished.rename(path)
 
 

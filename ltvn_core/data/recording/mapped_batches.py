@@ -8,7 +8,7 @@ import itertools
 import mmap
 import tempfile
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 
 import pyarrow as pa
 
@@ -32,7 +32,7 @@ class MappedBatches:
         if self._part_bytes >= PART_BYTES:
             self._close_part(move=True)
 
-    def take(self) -> Mapping[str, Sequence[pa.RecordBatch]]:
+    def take(self) -> dict[str, list[pa.RecordBatch]]:
         """Return all rows of each entity in their order, in fewer batches."""
         self._close_part(move=False)
         return self._rows

@@ -236,7 +236,7 @@ def _read_batches(path: Path, named: Path) -> _StoreBatches:
                 long.append(chunk.entity_path, chunk.to_record_batch())
             elif _is_read(chunk.entity_path):
                 rows[chunk.entity_path].append(chunk.to_record_batch())
-        rows |= long.take()
+        rows.update(long.take())
     except Exception as error:
         raise _damaged_inside(named, str(error)) from error
     if not stores:

@@ -163,7 +163,7 @@ def test_the_drawing_of_the_map_lies_beside_the_result(trial: TrialResult, folde
 def test_a_broken_result_is_named(tmp_path: Path) -> None:
     (tmp_path / "a.trial.json").write_text('{"scene": 3}', encoding="utf-8")
 
-    with pytest.raises(OptionError, match=r"a\.trial\.json holds no TrialResult"):
+    with pytest.raises(OptionError, match=r"a\.trial\.json is not a TrialResult"):
         load_results(tmp_path / "a.trial.json", TrialResult)
 
 

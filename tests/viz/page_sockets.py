@@ -3,6 +3,7 @@
 import json
 import secrets
 import threading
+import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
@@ -108,8 +109,13 @@ class PageSockets:
     def settle(self) -> None:
         """Wait until everything that was said to viser before has been judged and carried out."""
         mark = secrets.randbelow(10**6) / 1000
-        self.say(CAMERA | {"position": [mark, 0.0, 3.0]})
-        until(lambda: self.client.camera.position[0] == mark)
+
+        def look() -> None:
+            # The app may turn the camera to the map at the same moment, so the page says again where it looks from.
+            self.say(CAMERA | {"position": [mark, 0.0, 3.0]})
+            time.sleep(0.02)
+
+        until(lambda: self.client.camera.position[0] == mark, meanwhile=look)
 
 
 @contextmanager

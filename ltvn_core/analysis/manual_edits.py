@@ -14,7 +14,13 @@ from ltvn_core.errors import MapError, OptionError
 from ltvn_core.geometry import distance, relative
 from ltvn_core.graph import deltas as d
 from ltvn_core.graph.operators import pose_row
-from ltvn_core.graph.topological_graph import MAX_ACTION_LENGTH, EdgeKey, TopologicalGraph, presence_deltas
+from ltvn_core.graph.topological_graph import (
+    MAX_ACTION_LENGTH,
+    EdgeKey,
+    TopologicalGraph,
+    is_action,
+    presence_deltas,
+)
 from ltvn_core.types import FrameId, NodeId, Waypoint
 
 MAX_NAME_LENGTH = 60
@@ -75,7 +81,7 @@ def connect_by_action(
     """
     _require_nodes(graph, source, target)
     wanted = " ".join(action.split())
-    if not wanted or len(wanted) > MAX_ACTION_LENGTH or not wanted.isprintable():
+    if not wanted or not is_action(wanted):
         raise OptionError(
             f"{wanted[:MAX_ACTION_LENGTH]!r} cannot be an action: use 1 to {MAX_ACTION_LENGTH} printable characters."
         )

@@ -349,8 +349,13 @@ class TopologicalGraph:
         return self._edges[source, target]
 
 
+def is_action(text: str) -> bool:
+    """Tell whether a text can be an edge's action, or stand for none."""
+    return len(text) <= MAX_ACTION_LENGTH and text.isprintable()
+
+
 def _check_action(edge: Edge) -> None:
-    if len(edge.action) > MAX_ACTION_LENGTH or not edge.action.isprintable():
+    if not is_action(edge.action):
         raise MapError(
             f"{edge_name(edge)} cannot have the action {edge.action[:MAX_ACTION_LENGTH]!r}: use one line of at most "
             f"{MAX_ACTION_LENGTH} printable characters."

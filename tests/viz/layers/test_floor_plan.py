@@ -1,6 +1,7 @@
 """A floor plan under the map, on a real viser server without a browser: every pixel and click is where it belongs."""
 
 import asyncio
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, cast
 
@@ -49,8 +50,10 @@ def test_the_plan_moves_and_takes_clicks_only_while_a_place_on_it_is_expected() 
         assert layer.sheet is not None
         np.testing.assert_allclose(layer.sheet.position[:2], moved.middle[:2])
         assert layer.marks.handle.visible
-        asyncio.run(layer._clicked(_ray((1.0, 0.0, 5.005), (0.2, 0.4, -1.0))))
-        asyncio.run(layer._clicked(_ray((1.0, 0.0, 5.005), (0.2, 0.4, 1.0))))
+        # In a thread of its own: after a browser test, pytest's thread already runs Playwright's event loop.
+        with ThreadPoolExecutor(1) as thread:
+            for up in (-1.0, 1.0):
+                thread.submit(asyncio.run, layer._clicked(_ray((1.0, 0.0, 5.005), (0.2, 0.4, up)))).result()
         layer.show(Snapshot(floor_plan=FloorPlanView(moved)))
         assert layer.sheet is None
     finally:

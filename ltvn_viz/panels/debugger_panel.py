@@ -1,5 +1,6 @@
 """The “Why” tab: one tool of the debugger at a time."""
 
+import time
 from collections.abc import Callable
 from html import escape
 
@@ -10,11 +11,16 @@ from ltvn_viz.session.inspection import QuestionName
 from ltvn_viz.session.snapshot import Snapshot
 from ltvn_viz.wishes.wish_table import Action, Value
 
+ANSWERED_WITHIN_S = 1.0
+"""Time in seconds for which a person's choice is shown, before the session's question replaces it."""
+
 
 class DebuggerPanel:
     """A list of questions, the answer, and a text field for questions that need input."""
 
-    def __init__(self, gui: viser.GuiApi, ask: Callable[[Action, Value], None]) -> None:
+    def __init__(
+        self, gui: viser.GuiApi, ask: Callable[[Action, Value], None], clock: Callable[[], float] = time.time
+    ) -> None:
         """Add the controls to the open tab; `ask` takes actions and returns at once."""
         HtmlBlock(
             gui, note("Ask about the map and the run. While a question is chosen, a click on a node asks about it.")
@@ -25,6 +31,8 @@ class DebuggerPanel:
         self._field = gui.add_text("What to ask", "", visible=False)
         self._tell = gui.add_button("Ask", visible=False)
         self._offered: tuple[str, ...] = ()
+        self._shown = self._tools.value
+        self._clock = clock
         self._bind(ask)
 
     def show(self, snapshot: Snapshot) -> None:
@@ -33,8 +41,8 @@ class DebuggerPanel:
         if inspection.offered != self._offered:
             self._offered = inspection.offered
             self._tools.options = [str(question) for question in inspection.offered]
-        if self._tools.value != inspection.question:
-            self._tools.value = str(inspection.question)
+        if self._tools.value != inspection.question and not self._is_choice_pending():
+            self._tools.value = self._shown = str(inspection.question)
         self._about.show(_about(inspection.about))
         self._view.show(inspection.html)
         input_hint = inspection.answer.input_hint
@@ -42,6 +50,11 @@ class DebuggerPanel:
         if input_hint:
             self._field.label = input_hint
             self._tell.label = inspection.verb
+
+    def _is_choice_pending(self) -> bool:
+        # A snapshot may be older than a person's choice; the choice must not be lost to it.
+        is_own = self._tools.value != self._shown
+        return is_own and self._clock() - self._tools.update_timestamp <= ANSWERED_WITHIN_S
 
     def _bind(self, ask: Callable[[Action, Value], None]) -> None:
         @self._tools.on_update

@@ -13,7 +13,7 @@ import trimesh
 from ltvn_core.simulation.locobot_model import locobot_glb
 from ltvn_viz.layers.first_view import Floor
 from ltvn_viz.page_layout import PageAssets, Painter, build_layout
-from ltvn_viz.server.driver_seat import IDLE_S, DriverSeat
+from ltvn_viz.server.driver_seat import IDLE_S, LEASE_S, DriverSeat
 from ltvn_viz.server.guarded_server import GuardedServer
 from ltvn_viz.session.fine_tuning import FineTuning
 from ltvn_viz.session.saved_files import SAVED_ENDING, SAVED_PREFIX
@@ -50,7 +50,7 @@ def serving(folder: Path, *, lease_s: float | None = 5.0, idle_s: float = IDLE_S
     executor = ThreadPoolExecutor(1)
     fine_tuning = FineTuning(TUNER, tiny_weights(folder), executor)
     harness = SessionHarness(folder, world=two_rooms(), way=WAY, executor=executor, fine_tuning=fine_tuning)
-    seat = None if lease_s is None else DriverSeat(lease_s=lease_s, idle_s=idle_s)
+    seat = DriverSeat(lease_s=LEASE_S if lease_s is None else lease_s, idle_s=idle_s)
     with GuardedServer(seat=seat, pace=ANY_PACE) as server:
         server.add_route("/thumb/", harness.thumbnails.get)
         server.add_route("/marks/", harness.state.strips.rows_from, ending="json")

@@ -21,6 +21,7 @@ from ltvn_core.navigation.navigator import Navigator
 from ltvn_core.simulation.opening import Simulation
 from ltvn_core.simulation.scripted_tour import LED_M_S, TourSettings, drive_along, drive_tour
 from ltvn_core.types import CONTROL_STEP_S, NodeId, Observation, Pose
+from ltvn_core.verbs.jobs.edge_actions import SimulatedActions
 from ltvn_core.verbs.jobs.robot_queries import DrawnRun, QueriesSummary
 
 
@@ -95,7 +96,8 @@ class HeadlessRunner:
     def navigator(self, rng: np.random.Generator) -> Navigator:
         """Return what drives by the map and maintains it."""
         robot = RecordedRobot(self.robot, self.writer)
-        return self.map.navigator(robot, seed=rng, world_time=lambda: self.world.time_s)
+        actions = SimulatedActions(lambda node: self.robot.teleport(self._exact_pose(node)))
+        return self.map.navigator(robot, seed=rng, world_time=lambda: self.world.time_s, actions=actions)
 
     def random_goals(self, count: int, rng: np.random.Generator) -> Sequence[NodeId]:
         """Draw nodes to go to; raises MapError on an empty map."""

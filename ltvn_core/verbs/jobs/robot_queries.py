@@ -5,6 +5,7 @@ same way.
 """
 
 import logging
+import sys
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -25,6 +26,7 @@ from ltvn_core.navigation.events import Event, GraphChanged, StampedEvent
 from ltvn_core.robots.robot import Robot, require_drivable
 from ltvn_core.robots.robot_view import ContinuedRobot, fit_camera
 from ltvn_core.types import CONTROL_STEP_S, NodeId
+from ltvn_core.verbs.jobs.edge_actions import TerminalActions
 
 _LOG = logging.getLogger(__name__)
 
@@ -116,7 +118,8 @@ class RobotQueries:
         self._clock = robot.clock
         self._path = writer.path
         self._drawn = DrawnRun(robot, writer, known.graph)
-        self._navigator = known.navigator(RecordedRobot(robot, writer), seed=rng)
+        actions = TerminalActions() if sys.stdin.isatty() else None
+        self._navigator = known.navigator(RecordedRobot(robot, writer), seed=rng, actions=actions)
 
     def drive_to(self, goal: NodeId, query: int) -> QueryResult:
         """Run a query in real time and record it. Raises RobotError where the robot is lost; it stands then."""

@@ -38,7 +38,10 @@ def _floors(shown: FloorChoice) -> str:
         for floor in range(shown.floors)
     )
     robots = ActionButton(Action.SHOW_FLOOR, "Follow the robot", is_enabled=not shown.follows_robot)
-    return title + button_row(*each, robots)
+    buttons = title + button_row(*each, robots)
+    if shown.robots is None or shown.robots == shown.floor:
+        return buttons
+    return buttons + note(f"The robot is on floor {shown.robots + 1}.")
 
 
 _START = ActionButton(Action.ALIGN_PLAN, "Align by clicks")

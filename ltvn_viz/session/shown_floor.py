@@ -26,7 +26,10 @@ class ShownFloor:
         self._part = EMPTY_GRAPH
 
     def of(self, snapshot: Snapshot) -> Snapshot:
-        """Return a snapshot with the chosen floor, else the robot's; the same snapshot if the map has one floor."""
+        """Return a snapshot with the chosen floor, else the robot's; the same snapshot if the map has one floor.
+
+        The robot is left out while another floor is shown.
+        """
         graph = snapshot.moment.graph
         if graph is not self._graph:
             self._graph = graph
@@ -35,19 +38,23 @@ class ShownFloor:
         count = int(self._floors.max(initial=0)) + 1
         if count == 1:
             return snapshot
-        wanted = self._robots_floor(snapshot) if self.chosen is None else self.chosen
+        robots = self._robots_floor(snapshot)
+        wanted = self.chosen if self.chosen is not None else self._shown if robots is None else robots
         floor = min(wanted, count - 1)
         if floor != self._shown or self._part is EMPTY_GRAPH:
             self._shown = floor
             self._part = _part(graph, self._floors == floor)
-        choice = FloorChoice(floor, count, follows_robot=self.chosen is None)
-        return replace(snapshot, moment=replace(snapshot.moment, graph=self._part), floor=choice)
+        choice = FloorChoice(floor, count, follows_robot=self.chosen is None, robots=robots)
+        moment = replace(snapshot.moment, graph=self._part)
+        if robots is not None and robots != floor:
+            moment = replace(moment, robot=None, predicted_subgoal=None)
+        return replace(snapshot, moment=moment, floor=choice)
 
-    def _robots_floor(self, snapshot: Snapshot) -> int:
-        """Return the floor of the node where the robot was localised last, else the one on show."""
+    def _robots_floor(self, snapshot: Snapshot) -> int | None:
+        """Return the floor of the node where the robot was localised last; None before that."""
         localised = snapshot.moment.progress.localised
         here = self._graph.ids == (None if localised is None else localised.node)
-        return int(self._floors[here][0]) if here.any() else self._shown
+        return int(self._floors[here][0]) if here.any() else None
 
 
 def _part(graph: GraphArrays, nodes: NDArray[np.bool_]) -> GraphArrays:

@@ -108,6 +108,8 @@ class FloorChoice(NamedTuple):
     """Number of floors."""
     follows_robot: bool
     """Whether the floor is the robot's, and not one that a person chose."""
+    robots: int | None
+    """Number of the robot's floor; None before it was localised."""
 
 
 def doors_of(scene: Scene) -> tuple[DoorView, ...]:

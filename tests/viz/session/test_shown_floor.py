@@ -46,7 +46,10 @@ def test_a_person_chooses_a_floor_and_goes_back_to_the_robots(harness: SessionHa
     other = harness.do(c.ShowFloor(1 - harness.now.floor.floor))
     assert rooms(harness, other) == {False}
     assert harness.wait().moment.graph is other.moment.graph
-    assert rooms(harness, harness.do(c.ShowFloor())) == {True}
+    assert other.moment.robot is None
+    back = harness.do(c.ShowFloor())
+    assert rooms(harness, back) == {True}
+    assert back.moment.robot is not None
 
 
 def test_a_map_of_one_floor_is_shown_whole(tmp_path: Path) -> None:

@@ -1,7 +1,10 @@
 // Clicks on our own HTML in viser's panels: <img data-ltvn-action="select" data-id="17">, and data-text where an
 // action is about a name. Enter clicks as well. They stay alive while viser's socket is lost.
 
+const DRAG_PX = 4; // A pointer that moved farther between press and release turned the view.
+
 let pressedControl = null; // Our control where the pointer went down.
+let pressedAt = { x: 0, y: 0 }; // Where the pointer went down, in pixels.
 let focusedControl = null; // Selector of our control that has the focus, which viser may draw anew.
 
 function controlOf(target) {
@@ -17,7 +20,8 @@ function onClick(event) {
 }
 
 // A panel may be drawn anew between press and release; the browser then reports no click.
-function onPress({ target, button }) {
+function onPress({ target, button, clientX, clientY }) {
+  pressedAt = { x: clientX, y: clientY };
   pressedControl = button === 0 ? controlOf(target) : null;
 }
 
@@ -31,9 +35,15 @@ function isSameControl(one, other) {
   return ["ltvnAction", "id", "text"].every((name) => one.dataset[name] === other.dataset[name]);
 }
 
-// viser greys its own controls while its socket is lost, and hides them from the pointer.
+// viser greys its own controls while its socket is lost, and hides them from the pointer; the scene looks as before.
 function sayIfDead(event) {
-  if (!isViserOpen && event.isTrusted && viserPanel()?.contains(event.target)) sayUnheard("The press");
+  if (isViserOpen || !event.isTrusted) return;
+  if (viserPanel()?.contains(event.target)) sayUnheard("The press");
+  else if (event.target.matches("canvas[data-engine]") && !isDrag(event)) sayUnheard("The click");
+}
+
+function isDrag({ clientX, clientY }) {
+  return Math.hypot(clientX - pressedAt.x, clientY - pressedAt.y) > DRAG_PX;
 }
 
 function onEnter(event) {

@@ -1,8 +1,9 @@
 """Plays a recorded drive as a robot: images arrive at the recorded pace, regardless of commands (open loop).
 
 Any format that can be imported can be played. A drive is named by its path, or by PROFILE@PATH, where a profile gives
-the robot's topics, its size and the camera's mounting. Owns these names, the pace, opening a robot or a drive by its name, and the check of a drive's beginning, which corresponds to the check of a robot before driving. Readers
-read the files, and `frame_preparation` fits the camera.
+the robot's topics, its size and the camera's mounting. Owns these names, the pace, opening a robot or a drive by its
+name, and the check of a drive's beginning, which corresponds to the check of a robot before driving. Readers read the
+files, and `frame_preparation` fits the camera.
 """
 
 import logging

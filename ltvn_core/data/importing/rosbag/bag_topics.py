@@ -221,7 +221,7 @@ def _poses(files: BagFiles, found: BagSurvey, options: ReadOptions) -> tuple[str
     if (asked := _asked(files, options.odometry, "--odometry", [*poses, FROM_TREE, NOTHING])) is not None:
         return asked, truth
     candidates = [name for name in _named(files, ODOMETRY) if name not in truths]
-    if not candidates and not found.tree.motions:  # Foxglove has no odometry type; a PoseInFrame is the pose of the robot or of a goal.
+    if not candidates and not found.tree.motions:  # Foxglove has no odometry type, only poses.
         candidates = [name for name in poses if files.topics[name].written.foxglove == POSE_IN_FRAME]
         candidates = [name for name in candidates if name not in truths]
     best = [name for name in candidates if name.endswith("/odom")] or candidates

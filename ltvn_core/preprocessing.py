@@ -188,7 +188,7 @@ def preprocess_image(
 
 
 def _matching_camera(image: Rgb, camera: CameraModel | None, target: CameraModel, source: str) -> CameraModel:
-    """Return the camera of an image; if it is unknown, assume one with the view of `target`, centred in the image."""
+    """Return the camera of an image; if it is unknown, assume one whose image contains the view of `target`."""
     height, width = image.shape[:2]
     if camera is None:
         return _assumed_camera(width, height, target)

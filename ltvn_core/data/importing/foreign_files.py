@@ -25,12 +25,12 @@ def read_foreign(path: Path, *, most_bytes: int, what: str) -> bytes:
 
     Args:
         path: The file.
-        most_bytes: The longest that is read.
-        what: What messages call something that is never longer, as "image".
+        most_bytes: Largest size in bytes that is read.
+        what: Kind of file in messages, such as "image".
 
     Raises:
-        DriveError: It is too long, no plain file, or only a pointer of Git LFS.
-        OSError: It cannot be read.
+        DriveError: The file is too large, not a plain file, or only a Git LFS pointer.
+        OSError: The file cannot be read.
     """
     require_plain(path)
     if path.stat().st_size > most_bytes:

@@ -112,12 +112,12 @@ def read_poses(path: Path, *, scalar_first: bool = False, unit_s: float | None =
     """Read lines of a stamp, a position and a quaternion; of several lines with the same stamp, the first counts.
 
     Args:
-        path: The file, as `stamped_lines` reads it; further columns are passed over.
-        scalar_first: Whether w is the first of the quaternion's columns, and not the last.
-        unit_s: Seconds that a stamp counts; found out by its size without.
+        path: The file, as `stamped_lines` reads it; further columns are ignored.
+        scalar_first: Whether w is the first column of the quaternion; otherwise it is the last.
+        unit_s: Unit of the stamps in seconds; None detects it by their size.
 
     Raises:
-        DriveError: The file holds no poses, or one that cannot be right, which is named.
+        DriveError: The file holds no poses, or an invalid pose, which the message names.
     """
     columns = f"stamp tx ty tz {'qw qx qy qz' if scalar_first else 'qx qy qz qw'}"
     lines, doubt = stamped_lines(path, least_columns=_COLUMNS, unit_s=unit_s)

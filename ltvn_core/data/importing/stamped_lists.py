@@ -38,10 +38,10 @@ def _read_list(path: Path, what: str) -> str:
 
     Args:
         path: The file, in UTF-8 or UTF-16.
-        what: What messages call it, as "list of poses".
+        what: Kind of file in messages, such as "list of poses".
 
     Raises:
-        DriveError: It cannot be read as text, or is longer than any such list.
+        DriveError: The file cannot be read as text, or is too long for such a list.
     """
     try:
         blob = read_foreign(path, most_bytes=_MOST_BYTES, what=what)

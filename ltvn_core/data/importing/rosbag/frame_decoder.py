@@ -87,8 +87,8 @@ def lens_doubt(lens: CameraModel, info: Any, topic: str) -> str | None:
 
     Args:
         lens: The lens at the size of the images, after cropping and binning.
-        info: The CameraInfo that says so.
-        topic: Where it came from.
+        info: The CameraInfo with this lens.
+        topic: Topic of the CameraInfo.
     """
     middle_x = (lens.width - 1) / 2
     middle_y = (lens.height - 1) / 2
@@ -125,10 +125,10 @@ class FrameDecoder:
         Args:
             topics: The topics in use.
             samples: The first message of each topic.
-            tree: Where the frames of colours and depth are.
-            rig: How the camera is mounted.
-            options: What a person says of the camera and of the unit of depth; wins over the bag's.
-            doubt: Called with what is doubtful.
+            tree: Transform tree with the frames of colours and depth.
+            rig: Mounting and motion of the camera.
+            options: The user's camera and unit of depth, which override those of the bag.
+            doubt: Called with each doubt.
         """
         self._topics = topics
         self._samples = samples

@@ -40,8 +40,8 @@ class StampMatcher:
         """Begin with empty queues.
 
         Args:
-            needs_depth: There is a depth topic.
-            tolerance_s: Stamps that differ by no more are of one moment.
+            needs_depth: Whether there is a depth topic.
+            tolerance_s: Largest difference of stamps in seconds that counts as the same moment.
             is_known: Tells whether the pose at a time has arrived.
         """
         self._needs_depth = needs_depth

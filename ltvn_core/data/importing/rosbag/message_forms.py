@@ -134,13 +134,13 @@ def read_message(data: bytes, encoding: str, name: str) -> SimpleNamespace:
     """Return the fields of a message by their names in ROS; missing fields are 0 or empty.
 
     Args:
-        data: The message as it lies in the file.
+        data: The encoded message.
         encoding: `PROTOBUF` or `JSON`.
         name: A key of `SCHEMAS`.
 
     Raises:
-        ValueError: It is not such a message.
-        TypeError: A field of JSON is of another type.
+        ValueError: The data is not a message of this schema.
+        TypeError: A JSON field has the wrong type.
     """
     if encoding == PROTOBUF:
         return _ProtobufReader().read(data, SCHEMAS[name])

@@ -79,12 +79,12 @@ class VideoStream:
         """Open a decoder.
 
         Args:
-            topic: What messages call the video.
+            topic: Name of the video in messages.
             form: The format of its messages.
-            drop: Called with the reason for each packet of which no picture is used.
+            drop: Called with the reason for each packet whose picture is not used.
 
         Raises:
-            DriveError: The video is of a kind that is not read.
+            DriveError: The codec is not supported.
             MissingLibraryError: PyAV is not installed.
         """
         codec = video_codec(form)

@@ -42,7 +42,7 @@ class Losses(NamedTuple):
     events_written: int
     lost_bytes: int
     only_behind: FrameId | None
-    """Last frame of a recording that was only cut off: no frame before it is lost. None for other damage, or without frames."""
+    """Last frame of a recording that was only cut off, so no earlier frame is lost; None otherwise."""
 
     @property
     def frame_count(self) -> int:

@@ -76,10 +76,10 @@ _HOMES = {
     "preprocess_observation": "preprocessing",
     "preset": "config",
 }
-"""Where each public name lives, below this package."""
+"""Module of each public name, relative to this package."""
 
 _OTHER_NAMES = {"System": "NavigationSystem"}
-"""Names of public objects in their own modules, where they differ from the public name."""
+"""Names of public objects in their own modules, if they differ from the public name."""
 
 __all__ = [
     "PAPER",
@@ -116,7 +116,7 @@ __all__ = [
 
 try:
     __version__ = version("ltvn")
-except PackageNotFoundError:  # Run from a folder that nobody installed.
+except PackageNotFoundError:  # The package runs from a folder, without being installed.
     __version__ = "0+unknown"
 
 

@@ -1,6 +1,6 @@
 """Atomic files: a file appears under its name only when it is complete. Some replace an old file, new ones never do.
 
-Owns that guarantee for recordings, maps, weights, checkpoints, shards and texts, and who may read them. Data is first
+Owns that guarantee for recordings, maps, weights, checkpoints, shards and texts, and their access rights. Data is first
 written to a temporary file in the same folder, which is then renamed; if writing fails, the temporary file is removed.
 """
 
@@ -18,10 +18,10 @@ _FOR_NOBODY_ELSE = 0o077
 
 @contextmanager
 def owner_only() -> Iterator[None]:
-    """Let every file and folder that is made in the block be for its owner alone (0600 and 0700), whoever makes it.
+    """Make all files and folders that are created in the block accessible to their owner only (0600 and 0700).
 
-    Exports, reports and maps show the inside of somebody's rooms as recordings do. This holds for the whole process
-    and the processes that it starts, so it is for programs of our own and never for a part of somebody else's.
+    Exports, reports and maps show private rooms, as recordings do. This changes the umask of the whole process and of
+    the processes that it starts, so use it only in our own programs, never in a library function that others call.
     """
     before = os.umask(_FOR_NOBODY_ELSE)
     os.umask(before | _FOR_NOBODY_ELSE)
@@ -33,9 +33,9 @@ def owner_only() -> Iterator[None]:
 
 @contextmanager
 def file_aside(path: Path) -> Iterator[Path]:
-    """Yield a free name beside `path`, whose folder is made, and remove what still lies there at the end.
+    """Yield an unused name beside `path`, whose folder is created; a file left under that name is removed at the end.
 
-    Two processes that write the same file at once get two names. Raises OSError.
+    Two processes that write the same file at the same time get two names. Raises OSError.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     part = path.with_name(f".{path.name}.{uuid4().hex[:8]}.part")
@@ -47,7 +47,7 @@ def file_aside(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def atomic_replacement(path: Path) -> Iterator[Path]:
-    """Yield a name to write to; it takes the place of `path` when the block ends well, until then the old file stays.
+    """Yield a name to write to; after the block, that file replaces `path`. If the block fails, the old file stays.
 
     Raises OSError.
     """
@@ -58,9 +58,9 @@ def atomic_replacement(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def atomic_output(path: Path) -> Iterator[Path]:
-    """Yield a name to write to; it becomes the new file `path` when the block ends well.
+    """Yield a name to write to; after the block, it becomes the new file `path`, unless the block fails.
 
-    Makes its folder. Raises RecordingError when `path` exists already or cannot be written.
+    Creates the folder of `path`. Raises RecordingError if `path` exists already or cannot be written.
     """
     require_new_path(path)
     _make_folder(path)
@@ -75,9 +75,11 @@ def atomic_output(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def new_folder(path: Path, *, leave: str = "") -> Iterator[Path]:
-    """Yield an empty folder to fill; it becomes the new folder `path` when the block ends well, else it vanishes.
+    """Yield an empty folder to fill; after the block, it becomes the new folder `path`. If the block fails, it is
+    removed.
 
-    With `leave` only what has that name within it becomes `path`. Raises RecordingError as `atomic_output` does.
+    With `leave`, only the entry of that name in the folder becomes `path`. Raises RecordingError as `atomic_output`
+    does.
     """
     require_new_path(path)
     _make_folder(path)
@@ -94,13 +96,13 @@ def new_folder(path: Path, *, leave: str = "") -> Iterator[Path]:
 
 
 def write_text_atomically(path: Path, text: str) -> None:
-    """Write a text to a new file, whole or not at all. Raises RecordingError as `atomic_output` does."""
+    """Write a text to a new file, either completely or not at all. Raises RecordingError as `atomic_output` does."""
     with atomic_output(path) as part:
         part.write_text(text, encoding="utf-8")
 
 
 def create_new_file(path: Path) -> None:
-    """Create the folder and an empty file that did not exist. Raises RecordingError."""
+    """Create a new, empty file, and its folder if necessary. Raises RecordingError, also if the file exists."""
     require_usable_name(path)
     _make_folder(path)
     try:
@@ -112,13 +114,13 @@ def create_new_file(path: Path) -> None:
 
 
 def open_new_file(path: Path) -> int:
-    """Create a file that did not exist and that only its owner may read, and return it open for appending.
+    """Create a new file that only its owner may read, and return its file descriptor, open for appending.
 
-    Its folder is made too. Raises RecordingError.
+    Creates its folder if necessary. Raises RecordingError, also if the file exists.
     """
     require_usable_name(path)
     _make_folder(path)
-    # Windows has no O_CLOEXEC, and would change line ends without O_BINARY, which no other system has.
+    # Windows has no O_CLOEXEC; only Windows has O_BINARY, without which it would change line ends.
     flags = getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
     try:
         return os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND | flags, 0o600)
@@ -129,7 +131,7 @@ def open_new_file(path: Path) -> int:
 
 
 def require_usable_name(path: Path) -> None:
-    """Raise RecordingError for a name that no file can have, or that the libraries for recordings cannot open."""
+    """Raise RecordingError for an invalid file name, or one that the libraries for recordings cannot open."""
     shown = str(path).encode("utf-8", "backslashreplace").decode()
     if "\0" in shown:
         raise RecordingError(f"{shown!r} holds a NUL character, which no file name can; name another file.")
@@ -147,7 +149,7 @@ def require_usable_name(path: Path) -> None:
 
 
 def require_new_path(path: Path) -> None:
-    """Raise RecordingError for an unusable name, or where there is a file of this name; ask it before long work."""
+    """Raise RecordingError for an unusable name, or if a file of this name exists; call it before long work."""
     require_usable_name(path)
     if path.exists():
         raise _exists(path)

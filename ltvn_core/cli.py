@@ -1,9 +1,9 @@
-"""`ltvn`: one program, one verb per job.
+"""`ltvn`: one program, with one verb for each job.
 
 Parses, runs, prints, and turns every failure that is not a programming error into one clear line and a non-zero exit
-code; `--debug`, or the variable LTVN_DEBUG, shows the traceback too. Owns no job of its own: verbs are classes in the
-entry-point group `ltvn.verbs` (`ltvn_core.verbs.discovery`). Imports almost nothing before `main`, so that Ctrl-C is
-met there too.
+code; `--debug`, or the variable LTVN_DEBUG, also shows the traceback. Owns no job of its own: verbs are classes in the
+entry-point group `ltvn.verbs` (`ltvn_core.verbs.discovery`). Imports almost nothing before `main`, so that Ctrl-C
+during the imports is handled as well.
 """
 
 import errno
@@ -28,11 +28,11 @@ if TYPE_CHECKING:
 FAILED = 1
 WRONG_USAGE = 2
 INTERRUPTED = 130
-"""Exit code of shells after SIGINT: 128 plus its number."""
+"""Exit code of shells after SIGINT: 128 plus the number of the signal."""
 CLOSED_PIPE = 141
-"""128 and the number of SIGPIPE: who read the output, such as `head`, had enough."""
+"""Exit code of shells after SIGPIPE: the reader of the output, such as `head`, closed it early."""
 TERMINATED = 143
-"""128 and the number of SIGTERM."""
+"""Exit code of shells after SIGTERM: 128 plus the number of the signal."""
 
 _ADVICE = {
     errno.ENOSPC: "free some space, or name another place (TMPDIR names the folder of temporary files)",
@@ -43,13 +43,14 @@ _ADVICE = {
     errno.ENAMETOOLONG: "give it a shorter name",
     errno.EMFILE: "close other programs, or raise the limit of open files (ulimit -n)",
 }
-"""Remedy for each error number of the operating system."""
+"""Advice for each error number of the operating system."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one verb and return the exit code.
 
-    0 done, 1 an error, 2 wrong usage, 130 interrupted, 141 the output was closed, 143 terminated.
+    The code is 0 for success, 1 for an error, 2 for wrong usage, 130 after an interruption, 141 if the output was
+    closed, and 143 after SIGTERM.
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
     return _exit_code(lambda: _main(given), debug="--debug" in given)
@@ -117,7 +118,7 @@ def _main(given: Sequence[str]) -> int:
 
 
 def _show_all(verbs: "Mapping[str, Plugin]") -> None:
-    """Show all verbs, and name those that are broken."""
+    """Print all verbs, and name those that cannot be loaded."""
     from ltvn_core.plugins import load_plugins
     from ltvn_core.terminal_text import shown_plainly
     from ltvn_core.verbs.discovery import load_verb, overview
@@ -129,7 +130,7 @@ def _show_all(verbs: "Mapping[str, Plugin]") -> None:
 
 
 def _print_completion(verbs: "Mapping[str, Plugin]", given: Sequence[str]) -> NoReturn:
-    """Let tyro print what completes the verbs and options in a shell, and exit."""
+    """Let tyro print the shell completion for verbs and options, and exit."""
     import tyro
 
     from ltvn_core.plugins import load_plugins
@@ -170,16 +171,17 @@ class _Terminated(KeyboardInterrupt):
 
 @contextmanager
 def _unwinding_at_sigterm() -> Iterator[None]:
-    """Let SIGTERM end the block as Ctrl-C does, so that files are finished; a second one ends the process at once."""
+    """Make SIGTERM end the block as Ctrl-C does, so that files are finished; a second SIGTERM ends the process at
+    once."""
     if threading.current_thread() is not threading.main_thread():
-        yield  # Python allows no one else to say what a signal does.
+        yield  # Python allows only the main thread to set a handler.
         return
     process = os.getpid()
 
     def end(number: int, _frame: "FrameType | None") -> None:
         signal.signal(number, signal.SIG_DFL)
         if os.getpid() != process:
-            os.kill(os.getpid(), number)  # A child that was forked from here ends as it would have.
+            os.kill(os.getpid(), number)  # A forked child process ends as it would have without this handler.
         raise _Terminated
 
     before = signal.signal(signal.SIGTERM, end)
@@ -190,14 +192,14 @@ def _unwinding_at_sigterm() -> Iterator[None]:
 
 
 def _exit_code(job: Callable[[], int], *, debug: bool) -> int:
-    """Do a job and return its exit code; the one place where a failure of any verb is met."""
+    """Do a job and return its exit code; the failures of all verbs are handled here."""
     _allow_any_file_name()
     _honour_no_color()
     try:
         try:
             code = job()
         finally:
-            sys.stdout.flush()  # A closed pipe is met here, and not when Python ends.
+            sys.stdout.flush()  # A closed pipe raises here, not when Python exits.
         return code
     except _Terminated as terminated:
         return _say("terminated", terminated, TERMINATED, debug=debug)
@@ -225,7 +227,7 @@ def _exit_code(job: Callable[[], int], *, debug: bool) -> int:
 
 
 def _system_failure(error: OSError) -> str:
-    """Return what the operating system refused, where, and what to do next."""
+    """Return which operation the system refused, for which file, and what to do next."""
     names = " and ".join(str(name) for name in (error.filename, error.filename2) if name is not None)
     what = error.strerror or str(error) or type(error).__name__
     advice = _ADVICE.get(error.errno or 0, "check that it is there and that you may use it")
@@ -235,7 +237,7 @@ def _system_failure(error: OSError) -> str:
 
 
 def _say(text: str, error: BaseException, code: int, *, debug: bool) -> int:
-    """Print a failure as one line, after its traceback where somebody wants that; return the code."""
+    """Print a failure as one line, after its traceback if the user asked for that; return the code."""
     from ltvn_core.terminal_text import shown_plainly
 
     if debug or os.environ.get("LTVN_DEBUG"):
@@ -248,32 +250,32 @@ def _say(text: str, error: BaseException, code: int, *, debug: bool) -> int:
 
 
 def _allow_any_file_name() -> None:
-    """Let a name that is not UTF-8 be printed with its odd bytes escaped, instead of ending the program."""
+    """Print file names that are not valid UTF-8 with escaped bytes, instead of raising an exception."""
     reconfigure = getattr(sys.stdout, "reconfigure", None)
     if reconfigure is not None:
         reconfigure(errors="backslashreplace")
 
 
 def _honour_no_color() -> None:
-    """Print help without colours where NO_COLOR is set (https://no-color.org); tyro looks at TERM alone."""
+    """Print help without colours if NO_COLOR is set (https://no-color.org), because tyro reads only TERM."""
     if os.environ.get("NO_COLOR"):
         os.environ["TERM"] = "dumb"
 
 
 def _is_output_closed() -> bool:
     """Tell whether the output was closed; if so, discard the rest of it."""
-    with suppress(OSError, ValueError, AttributeError):  # A stream without a file, or a system without poll.
+    with suppress(OSError, ValueError, AttributeError):  # For a stream without a file, or a system without poll.
         pipe = select.poll()
         pipe.register(sys.stdout.fileno(), 0)
         if any(what & select.POLLERR for _, what in pipe.poll(0)):
-            # Python flushes once more at its end, and would complain.
+            # Python flushes once more when it exits, which would fail.
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             return True
     return False
 
 
 def _write_summary(path: "Path", summary: "Summary") -> None:
-    """Write a summary; where the file cannot be written, print it, so that nothing of a long run is lost."""
+    """Write a summary; if the file cannot be written, print it, so that the result of a long run is not lost."""
     from ltvn_core.verbs.verb import to_json
 
     try:

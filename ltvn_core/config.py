@@ -1,10 +1,10 @@
 """Every threshold of the method, in one frozen dataclass, with two presets.
 
-`PAPER` is the literal method: every departure is off. `ROBUST`, the default, switches on the departures that
-measurement showed to be needed; each is one named field. The authors published no values, so every number is ours. In a
-docstring, "paper" means that the quantity is theirs, "ours" that it is a departure or fills a gap in the paper.
+`PAPER` is the literal method, without any of our departures. `ROBUST`, the default, switches on the departures that are
+needed according to measurements; each is one named field. The authors published no values, so every number is ours. In
+a docstring, "paper" means that the quantity is theirs, "ours" that it is a departure or fills a gap in the paper.
 
-Distances d are Eq. 2, which mixes metres with sqrt(2) per radian. Owns no behaviour.
+Distances d are Eq. 2, which mixes metres with sqrt(2) per radian. Contains no behaviour.
 """
 
 import math
@@ -19,8 +19,9 @@ class MatchingConfig:
     """Comparison of two images."""
 
     both_directions: bool = True
-    """Predict a pair in both directions and keep the more reachable result, with an inverted waypoint if needed; our
-    reading of the paper's "only targets in front are positive, the way back is driven in reverse", in both presets."""
+    """Predict a pair in both directions and keep the more reachable result, with an inverted waypoint if needed. This
+    is our reading of the paper's "only targets in front are positive, the way back is driven in reverse", in both
+    presets."""
     reverse_within: float = 1.5
     """Greatest predicted d of a pair that is also predicted in the other direction; must exceed D_c and D_l (ours)."""
     temporal_support: bool = True
@@ -54,18 +55,18 @@ class BuildingConfig:
     second_pass_edges: int = 2
     """Maximum number of edges of a left-over image, the most reachable ones first (ours)."""
     bridges: bool = True
-    """Connect images left over after the second pass to merged images, which then become nodes, or, without any, to the
-    next image of the drive by odometry (ours)."""
+    """Connect images left over after the second pass to merged images, which then become nodes. If there are none,
+    connect them to the next image of the drive by odometry (ours)."""
     tie_goals: bool = True
-    """Join goals that are still left over by odometry along the drive, or, without odometry, to the most reachable node
-    by an edge with a low belief (ours)."""
+    """Connect goals that are still left over by odometry along the drive; without odometry, connect them to the most
+    reachable node by an edge with a low belief (ours)."""
     odometry_drift: float = 0.04
     """Drift of odometry in metres per metre driven; an edge that contradicts odometry by more is rejected; 0 = off
     (ours)."""
     close_loops: bool = True
     """Correct the drive's odometry by loop closures before the map is built (ours)."""
     floor_edges: bool = True
-    """Add edges over free floor between nodes that no image joins, if they make a way much shorter (ours)."""
+    """Add edges over free floor between nodes that no image joins, if they make a path much shorter (ours)."""
     keep_merged: bool = True
     """Keep merged images in the reserve T', which Algorithm 1 would otherwise leave nearly empty (ours)."""
     largest_piece: bool = True
@@ -83,7 +84,7 @@ class LocalisingConfig:
     reachability_weight: float = 1.5
     """The score is d - weight * ln r; 0 is the paper's nearest node (ours)."""
     follow_places: bool = True
-    """Track all places that match the images, until later images decide between them; once the place is certain, no
+    """Track all places that match the images, until later images decide between them. Once the place is certain, no
     perceptual alias is accepted as a node, a target or the goal (ours)."""
     doubt_after_failures: int = 3
     """Number of failed attempts from a node in one query after which localisation excludes it; 0 = never (ours)."""
@@ -103,7 +104,7 @@ class PlanningConfig:
 
 @dataclass(frozen=True, slots=True)
 class DrivingConfig:
-    """The position-based controller, and the conditions that stop it."""
+    """The position-based controller, and the conditions for stopping it."""
 
     speed_m_s: float = 0.5
     """Maximum forward speed (paper: position-based feedback; the value is ours)."""
@@ -126,17 +127,17 @@ class DrivingConfig:
     depth_veto: bool = True
     """Refuse commands that would hit an obstacle in recent depth images (ours)."""
     swerve: bool = True
-    """Bend such a command around the obstacle before refusing it (ours)."""
+    """Steer around the obstacle before such a command is refused (ours)."""
     back_up_clearance_m: float = 0.28
-    """Least clearance of a way for backing up; on a narrower way the robot turns round; 0 = never (ours)."""
+    """Least clearance in metres of a way for backing up; on a narrower way the robot turns round; 0 = never (ours)."""
     bends: int = 3
-    """Maximum number of detours in one attempt if bending a command does not help; 0 = never (ours)."""
+    """Maximum number of detours in one attempt if steering around an obstacle does not help; 0 = never (ours)."""
     veto_margin_m: float = 0.04
-    """Clearance on each side of the robot (ours)."""
+    """Clearance on each side of the robot, in metres (ours)."""
     patience_s: float = 4.0
-    """Maximum time that one attempt waits while something moves close ahead; 0 = never (ours)."""
+    """Maximum time in seconds that one attempt waits while something moves close ahead; 0 = never (ours)."""
     back_off_m: float = 0.25
-    """Distance to back off after a collision (ours; the paper does not specify it)."""
+    """Distance in metres to back off after a collision (ours; the paper does not specify it)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,8 +145,8 @@ class JudgingConfig:
     """Conditions for the success of an attempt and for arrival at the goal."""
 
     success_distance: float = 0.7
-    """Greatest d of the target after a successful attempt; less than D_c, so that an attempt at a blocked short edge
-    fails (ours); 0 = isConnectable, within D_c (paper)."""
+    """Greatest d of the target after a successful attempt. It is less than D_c, so that an attempt at a blocked short
+    edge fails (ours); 0 = isConnectable, within D_c (paper)."""
     success_reachability: float = 0.5
     """Least r for a success (ours)."""
     arrive_distance: float = 0.45
@@ -172,8 +173,8 @@ class Likelihoods:
 class BeliefConfig:
     """Eq. 3, Eq. 4 and pruning.
 
-    The first two and `sigma2` are defaults for a predictor without measured values; `predictors.opening.open_method`
-    replaces them by measured ones.
+    `p_success_if_reachable`, `p_success_if_not` and `sigma2` are defaults for a predictor without measured values;
+    `predictors.opening.open_method` replaces them by measured ones.
     """
 
     p_success_if_reachable: float = 0.85
@@ -189,9 +190,10 @@ class BeliefConfig:
     one_failure_per_query: bool = True
     """Count all failures of an edge in one query as one (ours)."""
     hindered_weight: float = 0.15
-    """Weight of a failure with an obstacle in the way, or of a robot that drove in circles; 1 is the paper's (ours)."""
+    """Weight of a failure with an obstacle in the way, or after driving in circles; 1 is the paper's (ours)."""
     hindered_prune_below: float = 0.05
-    """R_p of failures with an obstacle in the way, low so that many are needed; `prune_below` is the paper's (ours)."""
+    """R_p of failures with an obstacle in the way, low so that many of them are needed; `prune_below` is the paper's
+    (ours)."""
     prune_after_failures: int = 3
     """Least number of failures, in different queries, before an edge is pruned; 1 is the paper's (ours)."""
     failures_per_success: int = 2
@@ -215,7 +217,7 @@ class ExpansionConfig:
     sample_limit: int = 60
     """Maximum number of left-over images in one search, those near the gap in time first; 0 = all, at random (ours)."""
     neighbour_limit: int = 24
-    """Maximum number of nodes that a left-over image is compared with, nearest in time first; 0 = all (ours)."""
+    """Maximum number of nodes with which a left-over image is compared, nearest in time first; 0 = all (ours)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -223,11 +225,11 @@ class RecoveryConfig:
     """Behaviour of a robot that is lost or has no path, and limits of a query."""
 
     turn_rad: float = 0.52
-    """Angle of the turn on the spot between two observations (paper: it turns; the value is ours)."""
+    """Angle in radians of the turn on the spot between two observations (paper: it turns; the value is ours)."""
     looks_per_turn: int = 12
     """Number of observations in a full turn (ours)."""
     wander_m: float = 0.3
-    """Distance to drive ahead after a full turn without success; 0 = never (ours)."""
+    """Distance in metres to drive ahead after a full turn without success; 0 = never (ours)."""
     give_up_after_looks: int = 48
     """Number of consecutive observations without a node or a path that ends a query (ours)."""
     step_limit: int = 2000
@@ -263,7 +265,7 @@ class Method:
 
 
 ROBUST = Method()
-"""The default: the paper's method with the departures that measurement showed to be needed."""
+"""The default: the paper's method with the departures that are needed according to measurements."""
 
 PAPER = Method(
     matching=MatchingConfig(reverse_within=2.5, temporal_support=False, mend_slips=False, closure_reach=0),
@@ -304,7 +306,7 @@ PAPER = Method(
     expanding=ExpansionConfig(novel_after_looks=1, strict=False, sample_limit=0, neighbour_limit=0),
     recovering=RecoveryConfig(wander_m=0.0),
 )
-"""The literal method: every departure is off."""
+"""The literal method, without any departure."""
 
 PRESETS: dict[str, Method] = {"robust": ROBUST, "paper": PAPER}
 """Presets by their names on the command line."""

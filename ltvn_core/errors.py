@@ -1,7 +1,7 @@
-"""The one family of errors a user can meet.
+"""All errors that a user can meet, in one family.
 
-Every message says what was wrong, where, what would be valid, and what to do next. The command line prints the
-message and exits non-zero; the page shows it as a notification. Programming mistakes stay ordinary exceptions.
+Every message says what was wrong, where, what would be valid, and what to do next. The command line prints the message
+and exits with a non-zero code; the page shows it as a notification. Programming mistakes stay ordinary exceptions.
 """
 
 
@@ -10,19 +10,19 @@ class LtvnError(Exception):
 
 
 class ImageError(LtvnError):
-    """An image or a depth map is not what the method can look at."""
+    """An image or a depth map is not valid input for the method."""
 
 
 class CameraError(LtvnError):
-    """A camera's size, lens or mounting cannot be right."""
+    """The size, lens or mounting of a camera is impossible."""
 
 
 class RecordingError(LtvnError):
-    """A recording is missing, foreign, cut, of another schema, or cannot be written."""
+    """A recording is missing, foreign, truncated, of another schema, or cannot be written."""
 
 
 class DriveError(LtvnError):
-    """A drive of another format is missing, foreign, cut, or lacks what a map needs."""
+    """A drive of another format is missing, foreign, truncated, or lacks what a map needs."""
 
 
 class MapError(LtvnError):
@@ -38,19 +38,19 @@ class WorldError(LtvnError):
 
 
 class DatasetError(LtvnError):
-    """Training data are missing, cut, of another format, or cannot be written."""
+    """Training data are missing, truncated, of another format, or cannot be written."""
 
 
 class WeightsError(LtvnError):
-    """Weights are missing, cut, or of another architecture."""
+    """Weights are missing, truncated, or of another architecture."""
 
 
 class OptionError(LtvnError):
-    """An option of the command line or of the page has no such value."""
+    """An option of the command line or of the page has an invalid value."""
 
 
 class EngineError(LtvnError):
-    """A worker of a cluster is not like the machine that gives it work."""
+    """A worker of a cluster differs from the machine that gives it work."""
 
 
 class ServerError(LtvnError):
@@ -66,4 +66,4 @@ class MissingLibraryError(LtvnError):
 
 
 class RobotError(LtvnError):
-    """A robot cannot be reached, says what cannot be right, or is not described well enough to be driven."""
+    """A robot cannot be reached, reports impossible values, or is not described well enough to be driven."""

@@ -1,7 +1,7 @@
 """Libraries that only some jobs need, and the extra of the package that installs each of them.
 
-A plain installation records, replays in the page, rebuilds maps and analyses in Python. Owns the table, and the
-sentence that says what to install, or that a library cannot be installed on this platform.
+A plain installation can record, replay in the page, rebuild maps and analyse in Python. Owns the table, and the message
+that says what to install, or that a library cannot be installed on this platform.
 """
 
 import platform
@@ -30,7 +30,7 @@ EXTRAS = {
     "mcp": "agent",
     "onnxruntime": "onnx",
 }
-"""Top-level module -> extra."""
+"""Extra that installs each top-level module."""
 
 _ARM_MACHINES = ("aarch64", "ARM64")
 """Values of `platform.machine()` for which embreex has no wheel: Linux and Windows on ARM. On a Mac it is `arm64`,
@@ -56,7 +56,7 @@ def naming_the_extra() -> Iterator[None]:
 def require_libraries(*libraries: str) -> None:
     """Raise MissingLibraryError unless all these top-level modules are installed; nothing is imported.
 
-    A library that cannot be installed on this platform is reported alone, because the others would not help.
+    A library that cannot be installed on this platform is reported alone, because installing the others would not help.
     """
     missing = [each for each in libraries if not is_installed(each)]
     if not missing:
@@ -75,12 +75,13 @@ def is_installed(library: str) -> bool:
     """Tell whether a top-level module can be imported; nothing is imported."""
     try:
         return find_spec(library) is not None
-    except ModuleNotFoundError:  # What tests refuse.
+    except ModuleNotFoundError:  # Tests block imports in this way.
         return False
 
 
 def missing_text(library: str) -> str:
-    """Return what is missing and how to install it, or what works without it where it cannot be installed."""
+    """Return which library is missing and how to install it; if it cannot be installed, return what works without
+    it."""
     if not _has_wheel(library):
         return _NO_EMBREE
     extra = EXTRAS.get(library)

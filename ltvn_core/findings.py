@@ -1,6 +1,6 @@
 """Findings: doubts about a drive, a map, a robot, a goal or a judgement, in one record type.
 
-Owns the record and how it is written as sentences. The checks are where their subject is.
+Owns the record and its form as sentences. The checks are in the packages of their subjects.
 """
 
 from collections.abc import Iterable
@@ -9,7 +9,7 @@ from enum import StrEnum
 
 
 class Severity(StrEnum):
-    """How loud a note or a finding is."""
+    """Severity of a note or a finding."""
 
     INFO = "INFO"
     WARN = "WARN"
@@ -18,7 +18,7 @@ class Severity(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One thing that a person should know; it refuses and changes nothing."""
+    """One thing that the user should know; a finding does not reject or change anything."""
 
     text: str
     """The finding and its likely cause, in whole sentences."""
@@ -26,14 +26,15 @@ class Finding:
     remedy: str = ""
     """The remedy, in whole sentences; empty if `text` asks a question or if there is no remedy."""
     where: str = ""
-    """Name of the drive, file, topic or goal that the finding is about; empty if it is about the whole."""
+    """Name of the drive, file, topic or goal that the finding is about; empty if it is about everything that was
+    checked."""
 
     def __str__(self) -> str:
         """Write text and remedy as one paragraph."""
         return f"{self.text} {self.remedy}".rstrip()
 
     def of(self, name: str) -> "Finding":
-        """Return this finding as one about `name`, which its text then begins with."""
+        """Return this finding about `name`, with `name` at the beginning of its text."""
         return replace(self, text=f"{name}: {self.text}", where=name)
 
 
@@ -50,5 +51,5 @@ class WithDoubts:
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """The findings, a paragraph each."""
+        """The findings, one paragraph each."""
         return tuple(map(str, self.findings))

@@ -22,7 +22,7 @@ def compose(pose: Pose, waypoint: Waypoint) -> Pose:
 
 
 def invert(waypoint: Waypoint) -> Waypoint:
-    """Return the source in the frame of the target, (..., 3)."""
+    """Return the pose of the source in the frame of the target, (..., 3)."""
     ahead, left, turn = _coordinates(waypoint)
     cos = np.cos(turn)
     sin = np.sin(turn)
@@ -30,7 +30,7 @@ def invert(waypoint: Waypoint) -> Waypoint:
 
 
 def relative(source: Pose, target: Pose) -> Waypoint:
-    """Return `target` (..., 3) in the frame of `source` (..., 3)."""
+    """Return the pose of `target` (..., 3) in the frame of `source` (..., 3)."""
     return compose(invert(source), target)
 
 
@@ -48,9 +48,9 @@ def distance(waypoint: Waypoint) -> NDArray[np.float64]:
 
 
 def tilt_distance(first: ArrayLike, second: ArrayLike) -> NDArray[np.float64]:
-    """Return the d between two cameras at one pose with tilts (..., 2), pitch and roll in rad.
+    """Return the d between two cameras at the same pose with tilts (..., 2), pitch and roll in radians.
 
-    A camera that looks up by a radian loses as much from view as one that turns aside by it.
+    Looking up by an angle removes as much from view as turning aside by the same angle, so both count equally.
     """
     gap = wrap_angle(np.asarray(second, np.float64) - np.asarray(first, np.float64))
     return np.sqrt(2) * np.linalg.norm(gap, axis=-1)
@@ -64,16 +64,16 @@ def rotation(yaw_rad: float) -> NDArray[np.float64]:
 
 
 class RigidFit(NamedTuple):
-    """How points lie on others."""
+    """Rigid alignment of points with other points."""
 
     pose: Pose
-    """(3,) of the points' frame in the frame of the others."""
+    """Pose (3,) of the points' frame in the frame of the other points."""
     error_m: float
-    """Root mean square distance that is left."""
+    """Root mean square distance in metres after the alignment."""
 
 
 def rigid_fit(points: ArrayLike, onto: ArrayLike) -> RigidFit:
-    """Return the motion that brings points (N, 2) nearest to others (N, 2) by least squares (Umeyama, 1991)."""
+    """Return the rigid motion that fits points (N, 2) to other points (N, 2) by least squares (Umeyama, 1991)."""
     points, onto = np.asarray(points, np.float64), np.asarray(onto, np.float64)
     middle, to_middle = points.mean(axis=0), onto.mean(axis=0)
     left, right = points - middle, onto - to_middle
@@ -85,24 +85,24 @@ def rigid_fit(points: ArrayLike, onto: ArrayLike) -> RigidFit:
 
 
 def lengths_along(path: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the length (M,) of a path (M, 2) from its start to each of its points."""
+    """Return the length (M,) along a path (M, 2) from its start to each of its points."""
     return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
 
 
 def points_along(path: NDArray[np.float64], marks_m: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the points (N, 2) of a path (M, 2) at these lengths (N,) from its start; those past an end are the end."""
+    """Return the points (N, 2) of a path (M, 2) at lengths (N,) from its start, limited to the ends of the path."""
     lengths_m = lengths_along(path)
     return np.column_stack([np.interp(marks_m, lengths_m, path[:, axis]) for axis in (0, 1)])
 
 
 def _coordinates(pose: Pose) -> Any:
-    """Return x, y and yaw: numbers (...), or plain floats of one pose, with which Python is several times as fast."""
+    """Return x, y and yaw: arrays (...), or floats for a single pose, with which Python is several times as fast."""
     pose = np.asarray(pose, np.float64)
     return pose.tolist() if pose.ndim == 1 else (pose[..., 0], pose[..., 1], pose[..., 2])
 
 
 def _together(x: Any, y: Any, yaw: Any) -> Pose:
-    """Return poses (..., 3) of coordinates (...)."""
+    """Return poses (..., 3) from coordinates (...)."""
     return np.stack([x, y, yaw], axis=-1) if np.ndim(x) else np.array([x, y, yaw], np.float64)
 
 

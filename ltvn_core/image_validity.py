@@ -1,6 +1,6 @@
 """Checks of images: types, shapes, units and limits of colour, depth, odometry, stamp and step.
 
-Owns these rules and the messages of violations. Changes the size of nothing (`ltvn_core.preprocessing`).
+Owns these rules and the messages about violations. Does not resize images; `ltvn_core.preprocessing` does.
 """
 
 import operator
@@ -14,16 +14,17 @@ from ltvn_core.errors import ImageError
 from ltvn_core.types import Depth, FrameId, Observation, OriginalImage, Pose, Rgb, Tilt
 
 MAX_MEDIAN_DEPTH_M = 100.0
-"""No depth camera sees so far (the best reach 30 m), but 0.1 m in millimetres is 100: half of the pixels of an image
-that are farther mean another unit."""
+"""Largest median depth in metres. The best depth cameras reach 30 m, but 0.1 m in millimetres is the number 100, so a
+larger median means another unit."""
 _EVERY_PIXEL = 4
-"""Step in pixels between the samples for the median."""
+"""Step in pixels between the samples for the median depth."""
 MAX_STAMP_S = 4e9
-"""Seconds; the year 2096 on a clock that counts from 1970. Nanoseconds of the same clock are 10^18."""
+"""Largest stamp in seconds, the year 2096 on a clock that starts in 1970. Nanoseconds of the same clock are about
+10^18."""
 MAX_STEP = 2**53
-"""The largest whole number that every part of a recording keeps exactly."""
+"""Largest step, because every part of a recording stores integers up to this value exactly."""
 MAX_ODOMETRY_M = 1e6
-"""A thousand kilometres from where odometry began."""
+"""Largest distance in metres from the origin of the odometry: a thousand kilometres."""
 
 
 def check_observation(
@@ -39,7 +40,7 @@ def check_observation(
     tilt: Tilt | None = None,
     source: str = "camera",
 ) -> Observation:
-    """Return an observation of the size it came in. Raises ImageError as `preprocess_observation` does."""
+    """Return an observation, without resizing its images. Raises ImageError as `preprocess_observation` does."""
     image = check_rgb(rgb, source)
     pose, seconds, number = check_instant(odometry, stamp=stamp, step=step, source=source)
     metres = None if depth is None else _checked_depth(depth, depth_scale, source)
@@ -63,7 +64,7 @@ def check_observation(
 def check_instant(
     odometry: ArrayLike, *, stamp: SupportsFloat, step: SupportsIndex, source: str
 ) -> tuple[Pose, float, FrameId]:
-    """Return where and when an image was taken: the pose (3,), seconds and the step. Raises ImageError."""
+    """Return the pose (3,), the time in seconds and the step of an image after checking them. Raises ImageError."""
     try:
         pose = np.asarray(odometry, np.float64)
     except (ValueError, TypeError, OverflowError):
@@ -95,7 +96,7 @@ def check_instant(
 
 
 def check_rgb(rgb: ArrayLike, source: str) -> Rgb:
-    """Return a picture (H, W, 3) of uint8. Raises ImageError."""
+    """Return an image (H, W, 3) of uint8 after checking it. Raises ImageError."""
     image = _as_array(rgb, source)
     if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3 or 0 in image.shape:
         raise ImageError(
@@ -116,7 +117,7 @@ def _checked_tilt(tilt: Tilt, source: str) -> Tilt:
 def _as_array(value: ArrayLike, source: str) -> np.ndarray:
     try:
         return np.asarray(value)
-    except (ValueError, TypeError, OverflowError) as error:  # Rows of different lengths.
+    except (ValueError, TypeError, OverflowError) as error:  # Rows differ in length.
         raise ImageError(
             f"{source}: this is not an image, because its rows differ in length ({error!s:.80})."
         ) from error
@@ -132,9 +133,9 @@ def _checked_depth(depth: ArrayLike, scale: float, source: str) -> Depth:
             f"{metres.dtype}; divide millimetres by 1000, or give a camera whose depth_scale is {MILLIMETRES}."
         )
     if np.isnan(metres).all():
-        return np.zeros(metres.shape, np.float32)  # Some cameras say so where they saw nothing at all.
+        return np.zeros(metres.shape, np.float32)  # Some cameras return only NaN if nothing is in range.
     with np.errstate(over="ignore"):
-        metres = metres.astype(np.float32, copy=False)  # First, because what is too large becomes infinite here.
+        metres = metres.astype(np.float32, copy=False)  # First, because values that are too large become infinite here.
     if not np.all(np.isfinite(metres)) or metres.min() < 0:
         raise ImageError(f"{source}: depth holds NaN, infinite or negative values; mark pixels without a return as 0.")
     sparse = metres[::_EVERY_PIXEL, ::_EVERY_PIXEL]

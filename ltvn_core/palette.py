@@ -1,9 +1,9 @@
-"""The colours of map and run, and what each means: one set for the page, the Rerun viewer, reports and exported maps.
+"""The colours of map and run, and their meanings: one set for the page, the Rerun viewer, reports and exported maps.
 
-Owns every colour that stands for something. The probability of an edge runs from orange over pale to blue, green is
-what is new or open, magenta what is gone, blocked or wrong: all keep apart for every common kind of colour blindness,
-and wherever an edge came or went its width or height says so too. Nothing is told from a floor by its colour alone:
-nodes and edges have a dark outline. Plain numpy, so that any package can read it.
+Owns every colour with a meaning. The probability of an edge runs from orange through pale yellow to blue; green means
+new or open, magenta means removed, blocked or wrong. These colours differ for all common kinds of colour blindness. In
+addition, the width or height of an edge shows whether it was added or removed, and nodes and edges have a dark outline,
+which separates them from any floor. Uses only numpy, so that any package can import it.
 """
 
 from typing import NamedTuple
@@ -14,22 +14,21 @@ from numpy.typing import ArrayLike, NDArray
 PROBABILITY_RAMP = np.array(
     [[235, 90, 10], [250, 170, 70], [235, 226, 196], [95, 175, 250], [25, 115, 250]], np.float64
 )
-"""Colours (5, 3) of p = 0 to 1 in equal steps, as sRGB in [0, 255], on a dark ground."""
+"""Colours (5, 3) of p from 0 to 1 in equal steps, as sRGB in [0, 255], for a dark background."""
 
 PROBABILITY_RAMP_ON_WHITE = np.stack([PROBABILITY_RAMP[0], np.array([153, 153, 158.0]), PROBABILITY_RAMP[-1]])
-"""Colours (3, 3) of p = 0, 0.5 and 1 on paper: the same ends, and grey between them, where pale would not be seen."""
+"""Colours (3, 3) of p = 0, 0.5 and 1 on paper: the same ends with grey between them, because pale colours are invisible
+on white."""
 
 SCORE_RAMP = np.array([[68, 1, 84], [59, 82, 139], [33, 145, 140], [94, 201, 98], [253, 231, 37]], np.float64)
-"""Colours (5, 3) of scores from far to near in equal steps (viridis): the similarity of two images is not a
-probability.
-"""
+"""Colours (5, 3) of scores from far to near in equal steps (viridis), which differ from those of probabilities."""
 
 _INK = 0.82
-"""Colours are made for a dark page; on white they need this share of their light."""
+"""Factor for the brightness of a colour on white, because the colours are made for a dark page."""
 
 
 class Rgb8(NamedTuple):
-    """A colour of the screen, each part in [0, 255]."""
+    """A colour in sRGB, each channel in [0, 255]."""
 
     red: int
     green: int
@@ -37,12 +36,12 @@ class Rgb8(NamedTuple):
 
     @property
     def css(self) -> str:
-        """The colour as a style sheet writes it."""
+        """The colour in CSS."""
         return f"rgb({self.red},{self.green},{self.blue})"
 
     @property
     def on_white(self) -> tuple[float, float, float]:
-        """The colour as dark as ink must be on white, each part in [0, 1]."""
+        """The colour for white paper, darkened, each channel in [0, 1]."""
         return _INK * self.red / 255, _INK * self.green / 255, _INK * self.blue / 255
 
 
@@ -68,12 +67,12 @@ ACCENT = Rgb8(56, 139, 253)
 
 
 def probability_colours(p: ArrayLike) -> NDArray[np.uint8]:
-    """Colour probabilities (N,) in [0, 1] as (N, 3)."""
+    """Return the colours (N, 3) of probabilities (N,) in [0, 1]."""
     return _along(PROBABILITY_RAMP, p)
 
 
 def score_colours(nearness: ArrayLike) -> NDArray[np.uint8]:
-    """Colour how near nodes look (N,), from 0 for not at all to 1 for the same image, as (N, 3)."""
+    """Return the colours (N, 3) of similarities (N,), from 0 for different images to 1 for the same image."""
     return _along(SCORE_RAMP, nearness)
 
 
@@ -87,12 +86,12 @@ def _along(ramp: NDArray[np.float64], shares: ArrayLike) -> NDArray[np.uint8]:
 
 
 def gradient_css(ramp: NDArray[np.float64]) -> str:
-    """Return the colours of a ramp (N, 3) as a style sheet lists the stops of a gradient."""
+    """Return the colours of a ramp (N, 3) as the stops of a CSS gradient."""
     return ", ".join(Rgb8(*(int(part) for part in stop)).css for stop in ramp)
 
 
 def srgb_to_linear(colours: ArrayLike) -> NDArray[np.uint8]:
-    """Turn colours of the screen (..., 3) into amounts of light, which is what lines and batched meshes are given."""
+    """Convert sRGB colours (..., 3) to linear light, which viewers expect for lines and batched meshes."""
     return _LIGHT[np.asarray(colours, np.uint8)]
 
 
@@ -100,7 +99,7 @@ _LIGHT = np.rint(255 * (np.arange(256) / 255) ** 2.2).astype(np.uint8)
 
 
 def faded(colour: Rgb8, ages_s: NDArray[np.float64], over_s: float) -> NDArray[np.uint8]:
-    """Fade a colour into the background over `over_s` seconds; returns (N, 3) for ages (N,)."""
+    """Return colours (N, 3) that fade into the background with the ages (N,), over `over_s` seconds."""
     share = np.clip(1 - ages_s / over_s, 0, 1)[:, None]
     mixed = share * np.array(colour) + (1 - share) * np.array(BACKGROUND)
     return mixed.round().astype(np.uint8)

@@ -1,7 +1,7 @@
-"""Plug-ins: what packages add to the toolkit by the entry points in their `pyproject.toml`, ours like other people's.
+"""Plug-ins: additions to the toolkit by entry points in the `pyproject.toml` of packages, including our own.
 
-Owns the groups, which package wins a name, and how a plug-in is imported: only when it is asked for, with a message
-that names its package when that fails. What a plug-in must be is checked by whoever uses it.
+Owns the groups, the package that wins if two offer the same name, and the import of a plug-in: it is imported only when
+it is requested, and a failure names its package. The code that uses a plug-in checks it.
 """
 
 import logging
@@ -26,7 +26,7 @@ class PluginGroup(NamedTuple):
     """A kind of plug-in."""
 
     name: str
-    """Its entry-point group, as in `[project.entry-points."ltvn.verbs"]`."""
+    """Entry-point group, as in `[project.entry-points."ltvn.verbs"]`."""
     noun: str
     """Noun for one plug-in in messages."""
 
@@ -44,29 +44,29 @@ GROUPS = (VERBS, PREDICTORS, SYSTEMS, ROBOTS, READERS, SCENES, QUESTIONS)
 
 @dataclass(frozen=True, slots=True)
 class Plugin:
-    """One name that a package offers in a group; nothing of it is imported yet."""
+    """One name that a package offers in a group; the object is not imported yet."""
 
     group: PluginGroup
     entry: EntryPoint
 
     @property
     def name(self) -> str:
-        """Name that a person types."""
+        """Name that the user types."""
         return self.entry.name
 
     @property
     def place(self) -> str:
-        """Where the object is, `package.module:object`."""
+        """Location of the object, as `package.module:object`."""
         return self.entry.value
 
     @property
     def package(self) -> str:
-        """The package that offers it; `unknown` if its metadata is missing."""
+        """Name of the package; `unknown` if its metadata is missing."""
         return _package_of(self.entry)
 
     @property
     def version(self) -> str:
-        """The version of that package; `unknown` if its metadata is missing."""
+        """Version of the package; `unknown` if its metadata is missing."""
         return (self.entry.dist and self.entry.dist.version) or "unknown"
 
     @property
@@ -87,13 +87,14 @@ class Plugin:
                 return self.entry.load()
         except MissingLibraryError:
             raise
-        except (Exception, SystemExit) as error:  # Another package's module may raise anything while it is imported.
+        except (Exception, SystemExit) as error:  # A module of another package may raise anything during its import.
             raise PluginError(
                 f"{self.title} cannot be loaded ({type(error).__name__}: {error}); {self.remedy}."
             ) from error
 
     def refusal(self, reason: str) -> PluginError:
-        """Return the error that says why what was loaded cannot be used; `reason` follows the place in the sentence."""
+        """Return the error for an object that was loaded but cannot be used; `reason` completes the sentence after its
+        location."""
         return PluginError(f"{self.title} is {self.place}, which {reason}; {self.remedy}.")
 
     @property
@@ -106,11 +107,11 @@ class Plugin:
 
 @dataclass(frozen=True, slots=True)
 class LoadedPlugins(Generic[Loaded]):
-    """The plug-ins of a group that can be used, and what is wrong with the others."""
+    """The usable plug-ins of a group, and the errors of the others."""
 
     by_name: Mapping[str, Loaded]
     broken: Sequence[str]
-    """One clear line for each plug-in that could not be loaded."""
+    """One message for each plug-in that could not be loaded."""
 
 
 def find_plugins(
@@ -118,7 +119,8 @@ def find_plugins(
 ) -> dict[str, Plugin]:
     """Return the plug-ins of a group by name. Nothing is imported.
 
-    Where two packages offer one name, the toolkit's own stands, else that of the package that comes first by name.
+    If several packages offer the same name, the toolkit's own plug-in wins, otherwise that of the package whose name
+    comes first.
 
     Args:
         group: Which kind.
@@ -135,7 +137,8 @@ def find_plugins(
 
 
 def require_own(group: PluginGroup, name: str, own: Sequence[str]) -> None:
-    """Raise PluginError where one of the toolkit's own plug-ins was not found, though its code is here."""
+    """Raise PluginError if `name` is one of the toolkit's own plug-ins whose code exists, but which is not
+    installed."""
     if name in own:
         raise PluginError(
             f"The {group.noun} {name} of the toolkit itself is not installed: its code is newer than its installation. "
@@ -144,7 +147,8 @@ def require_own(group: PluginGroup, name: str, own: Sequence[str]) -> None:
 
 
 def load_plugins(plugins: Mapping[str, Plugin], load: Callable[[Plugin], Loaded]) -> LoadedPlugins[Loaded]:
-    """Load plug-ins by a function that raises LtvnError; one that fails is named and does not keep the others away."""
+    """Load plug-ins by a function that raises LtvnError; a failing plug-in is reported, and the others are still
+    loaded."""
     by_name: dict[str, Loaded] = {}
     broken: list[str] = []
     for name, plugin in plugins.items():
@@ -157,14 +161,14 @@ def load_plugins(plugins: Mapping[str, Plugin], load: Callable[[Plugin], Loaded]
 
 @lru_cache(maxsize=8)
 def _installed(_path: tuple[str, ...]) -> Sequence[EntryPoint]:
-    """Return the entry points of all groups among the packages on the import path, ours first.
+    """Return the entry points of all groups from the packages on the import path, ours first.
 
-    That takes some 80 ms, half of it for the packages' names, each of which is in a file of its own.
+    This takes some 80 ms, half of it for the names of the packages, each of which is in a separate file.
     """
     try:
         found = entry_points()
         return _own_first(entry for group in GROUPS for entry in found.select(group=group.name))
-    except Exception:  # The list of one package is broken.
+    except Exception:  # The entry points of one package are invalid.
         names = {group.name for group in GROUPS}
         return _own_first(entry for entry in _readable_entries() if entry.group in names)
 
@@ -184,7 +188,7 @@ def _own_first(entries: Iterable[EntryPoint]) -> Sequence[EntryPoint]:
 
 
 def _readable_entries() -> Iterator[EntryPoint]:
-    """Yield the entry points of each package that has a valid list of them, and name the other packages in the log."""
+    """Yield the entry points of each package whose list is valid, and log the names of the other packages."""
     seen: set[str] = set()
     for package in distributions():
         name = "a package without a name"

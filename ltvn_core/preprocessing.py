@@ -1,8 +1,8 @@
-"""Entry of all images: checks what a camera, a file or an upload delivers, and rectifies it.
+"""Entry of all images: checks the input from a camera, a file or an upload, and rectifies it.
 
-Every image leaves it with the size and lens that a predictor asks for (`Predictor.camera`). What a valid image is says
-`ltvn_core.image_validity`, and `ltvn_core.cameras.rectification` does the geometry. Does not know where an image came
-from; the caller says so in `source`.
+Every resulting image has the size and lens that a predictor needs (`Predictor.camera`). `ltvn_core.image_validity`
+defines valid images, and `ltvn_core.cameras.rectification` does the geometry. The origin of an image is unknown here;
+the caller gives it as `source`.
 """
 
 from dataclasses import replace
@@ -18,7 +18,7 @@ from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.types import FrameId, Observation, Pose, Rgb, Tilt
 
 ORIGINAL_SIZE = OriginalSize()
-"""Originals are kept as JPEGs of at most 320 x 240."""
+"""Largest size of original images, which are kept as JPEG: 320 x 240 pixels."""
 
 
 def preprocess_observation(
@@ -37,22 +37,31 @@ def preprocess_observation(
 ) -> Observation:
     """Check an image with its depth and odometry, and rectify both to the camera that a predictor asks for.
 
-    Args: rgb: (H, W, 3) uint8. depth: (H, W) metres as floating-point numbers, 0 = no return, or whole units of
-    `camera.depth_scale`; None where the robot has no depth camera. Zero or NaN everywhere is an image without depth: it
-    is accepted, marked by `Observation.has_depth`. odometry: (3,) x, y, yaw. stamp: Seconds on the robot's clock. step:
-    Names the image. camera: The camera that took it. None stands for a centred lens that shows as much as `target`,
-    level, with square pixels: what of the picture is too wide or too high is cut off. target: The camera of the result:
-    `Predictor.camera`. original_size: Keep the picture itself too, as a JPEG of at most this size, where it is another
-    than the result. exact_pose: (3,) the true pose, in simulation only. tilt: How the camera was tilted then, where
-    that changes; in place of what `camera` says. source: Where the image came from, for messages.
+    Args:
+        rgb: Colours (H, W, 3) uint8.
+        depth: Depth (H, W) in metres as floating-point numbers, 0 = no return, or in whole units of
+            `camera.depth_scale`; None if the robot has no depth camera. An image with only zeros or only NaN counts as
+            one without depth: it is accepted, and marked by `Observation.has_depth`.
+        odometry: Pose (3,): x, y, yaw.
+        stamp: Time in seconds on the robot's clock.
+        step: Id of the image.
+        camera: Camera that took the image. None assumes a level camera with square pixels and a centred lens, whose
+            image contains the view of `target`; parts of the image outside of that view are cut off.
+        target: Camera of the result: `Predictor.camera`.
+        original_size: If given, the original image is kept too, as a JPEG of at most this size, unless it equals the
+            result.
+        exact_pose: True pose (3,), in simulation only.
+        tilt: Tilt of the camera at this image, if it changes; replaces the tilt of `camera`.
+        source: Origin of the image, for messages.
 
     Returns:
         The observation at the size of `target`. Pixels that the camera does not see are black and have depth 0; so a
-        black pixel with depth tells that something black stands there.
+        black pixel with depth shows a black object.
 
-    Raises: ImageError: A wrong type or shape, a size other than the camera's, depth with some pixels that are NaN,
-    infinite or negative, depth in another unit, a pose that is not finite, a stamp that is not a time in seconds, or a
-    step that is not a whole number.
+    Raises:
+        ImageError: A wrong type or shape, a size other than the camera's, depth with some NaN, infinite or negative
+            pixels, depth in another unit, a pose that is not finite, a stamp that is not a time in seconds, or a step
+            that is not a whole number.
     """
     image = check_rgb(rgb, source)
     camera = _matching_camera(image, camera, target, source)
@@ -78,7 +87,7 @@ def admit_observation(
     original_size: OriginalSize | None = None,
     source: str = "camera",
 ) -> Observation:
-    """Check and rectify an observation as a robot with that camera takes it; see `preprocess_observation`."""
+    """Check and rectify an observation that was taken by `camera`; see `preprocess_observation`."""
     return preprocess_observation(
         observation.rgb,
         observation.depth,
@@ -97,7 +106,7 @@ def admit_observation(
 def continued_observation(
     observation: Observation, *, steps: int, seconds: float, source: str = "camera"
 ) -> Observation:
-    """Check an observation whose step and stamp go on from those of a map: these many steps and seconds are added."""
+    """Check an observation that continues a map; `steps` and `seconds` are added to its step and stamp."""
     return check_observation(
         observation.rgb,
         observation.depth,
@@ -118,11 +127,11 @@ def rectify_observation(
     *,
     original_size: OriginalSize | None = None,
 ) -> Observation:
-    """Return an observation of `camera` as `target` would have taken it; the very same where the two agree.
+    """Return an observation of `camera` as `target` would have taken it; the same object if no change is needed.
 
-    An image with its own tilt is turned from that tilt to the target's, and has none then; where the two cameras
-    have the same lens it is left as it was taken, for then neither's mounting says how it was held. With an
-    `original_size` the picture itself is kept too, see `Observation.original`.
+    An image with its own tilt is rotated to the target's tilt, and then has no tilt of its own. If the two cameras have
+    the same lens, such an image stays unchanged. With an `original_size`, the original image is kept too, see
+    `Observation.original`.
     """
     if have_same_rays(camera, target) or (observation.tilt is not None and have_same_lens(camera, target)):
         return observation
@@ -131,7 +140,7 @@ def rectify_observation(
     if original is None and original_size is not None:
         original = compress_original(observation.rgb, camera, original_size)
         if have_same_rays(original.camera, target):
-            original = None  # The result is that picture.
+            original = None  # The result already is the original image.
     return replace(
         observation,
         rgb=way.rectify_rgb(observation.rgb),
@@ -142,10 +151,10 @@ def rectify_observation(
 
 
 def recorded_observation(observation: Observation, camera: CameraModel, target: CameraModel) -> Observation:
-    """Return a recorded observation for a predictor with another camera than the one it was recorded for.
+    """Return a recorded observation for a predictor with another camera than that of the recording.
 
-    Colours come from the original picture where it was kept, so that a predictor may take larger images than the method
-    used then; depth comes from what the method used.
+    Colours come from the original image if it was kept, so that the predictor may use larger images than the method
+    used then; depth comes from the recorded image.
 
     Args:
         observation: As `Recording.observation` returns it.
@@ -165,21 +174,21 @@ def recorded_observation(observation: Observation, camera: CameraModel, target: 
 def _way_of(camera: CameraModel, tilt: Tilt | None, target: CameraModel) -> Rectification:
     if tilt is None:
         return rectification(camera, target)
-    # Not by the function that remembers: each image has a tilt of its own, and would push out what is used again.
+    # Not cached: each image has its own tilt, and would displace rectifications that are used again.
     return Rectification(replace(camera, pitch_rad=tilt.pitch_rad, roll_rad=tilt.roll_rad), target)
 
 
 def preprocess_image(
     rgb: ArrayLike, source: str, *, camera: CameraModel | None = None, target: CameraModel = LOCOBOT.camera
 ) -> Rgb:
-    """Check an image without depth (H, W, 3) uint8, such as an upload, and rectify it, see `preprocess_observation`."""
+    """Check an image (H, W, 3) uint8 without depth, such as an upload, and rectify it; see `preprocess_observation`."""
     image = check_rgb(rgb, source)
     camera = _matching_camera(image, camera, target, source)
     return image if have_same_rays(camera, target) else rectification(camera, target).rectify_rgb(image)
 
 
 def _matching_camera(image: Rgb, camera: CameraModel | None, target: CameraModel, source: str) -> CameraModel:
-    """Return the camera of an image; if it is unknown, one that shows at least as much as `target`."""
+    """Return the camera of an image; if it is unknown, assume one whose image contains the view of `target`."""
     height, width = image.shape[:2]
     if camera is None:
         return _assumed_camera(width, height, target)

@@ -1,4 +1,5 @@
-"""The few things that recordings and bags need of protobuf: fields of numbers and of bytes. Owns no message."""
+"""The small part of protobuf that recordings and bags need: fields of numbers and of bytes. Does not know any message
+type."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -9,11 +10,11 @@ _BYTES = 2
 _FOUR_BYTES = 5
 _FIXED_BYTES = {_EIGHT_BYTES: 8, _FOUR_BYTES: 4}
 _MOST_BITS = 64
-"""Largest number of bits of a number; reading longer ones takes quadratic time."""
+"""Largest number of bits of a number; reading a longer number would take quadratic time."""
 
 
 class Field(NamedTuple):
-    """One field of a message."""
+    """A field of a message."""
 
     number: int
     value: int | bytes
@@ -25,17 +26,17 @@ def number_field(number: int, value: int) -> bytes:
 
 
 def bytes_field(number: int, value: bytes) -> bytes:
-    """Encode a field that holds bytes: a text, or another message."""
+    """Encode a field that holds bytes: a text or another message."""
     return bytes_field_start(number, len(value)) + value
 
 
 def bytes_field_start(number: int, length: int) -> bytes:
-    """Encode what stands before the bytes of a field."""
+    """Encode the key and the length of a field that holds bytes."""
     return varint(number << 3 | _BYTES) + varint(length)
 
 
 def varint(number: int) -> bytes:
-    """Encode an unsigned number, seven bits a byte."""
+    """Encode an unsigned number, with seven bits in each byte."""
     parts = bytearray()
     while number > 0x7F:
         parts.append(number & 0x7F | 0x80)
@@ -44,7 +45,7 @@ def varint(number: int) -> bytes:
 
 
 def read_fields(message: bytes) -> Iterator[Field]:
-    """Yield the fields of a message in order. Raises ValueError when it is none."""
+    """Yield the fields of a message in order. Raises ValueError if it is not a message."""
     place = 0
     while place < len(message):
         key, place = _read_varint(message, place)
@@ -66,12 +67,13 @@ def read_fields(message: bytes) -> Iterator[Field]:
 
 
 def bytes_fields(message: bytes) -> dict[int, bytes]:
-    """Return the fields of a message that hold bytes, by number; of a repeated one the last. Raises ValueError."""
+    """Return the fields of a message that hold bytes, by number; the last of repeated fields counts. Raises
+    ValueError."""
     return {field.number: field.value for field in read_fields(message) if isinstance(field.value, bytes)}
 
 
 def _read_varint(message: bytes, place: int) -> tuple[int, int]:
-    """Return a number and the place behind it."""
+    """Return a number and the position after it."""
     number = shift = 0
     while place < len(message):
         byte = message[place]

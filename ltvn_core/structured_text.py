@@ -1,7 +1,7 @@
-"""JSON and TOML that others may have written: the one place where such a text becomes values.
+"""Parsing of untrusted JSON and TOML; the whole package parses such texts here.
 
-The parsers of the standard library call themselves for every level, and so does nearly everything that walks what came
-out. A text of a few kilobytes can have more levels than there is room for, so the levels are bounded here.
+The parsers of the standard library are recursive, and so is most code that processes their results. A text of a few
+kilobytes can be nested more deeply than the stack allows, so the nesting depth is limited here.
 """
 
 import json
@@ -10,13 +10,13 @@ from collections.abc import Iterable
 from typing import Any
 
 MOST_LEVELS = 100
-"""No file that the toolkit reads has more than a dozen."""
+"""Largest nesting depth; no file that the toolkit reads has more than a dozen levels."""
 _MOST_TOML = 1_000_000
-"""Characters. Tables of TOML are written by hand, and its parser is slow."""
+"""Largest number of characters of a TOML text; these files are written by hand, and the parser is slow."""
 
 
 def parse_json(text: str | bytes) -> Any:
-    """Return the value in a JSON text.
+    """Return the value of a JSON text.
 
     Raises:
         ValueError: It is no JSON, is not in UTF-8, or lists and objects are nested too deeply.
@@ -25,7 +25,7 @@ def parse_json(text: str | bytes) -> Any:
         value = json.loads(text)
     except RecursionError:
         raise _too_deep() from None
-    # A recording has hundreds of thousands of short texts, and counting brackets takes a tenth of walking levels.
+    # A recording has hundreds of thousands of short texts, and counting brackets takes a tenth of the time.
     if _brackets(text) > MOST_LEVELS:
         _require_levels(value)
     return value
@@ -48,14 +48,16 @@ def parse_toml(text: str) -> dict[str, Any]:
 
 
 def _brackets(text: str | bytes) -> int:
-    """Return how many lists and objects a text opens at most; in UTF-8 no other character has their bytes."""
+    """Return an upper limit for the number of lists and objects in a text; no other UTF-8 character contains these
+    bytes."""
     if isinstance(text, bytes):
         return text.count(b"[") + text.count(b"{")
     return text.count("[") + text.count("{")
 
 
 def _require_levels(value: Any) -> None:
-    """Raise ValueError for too many levels; goes level by level, because recursion would overflow."""
+    """Raise ValueError if a value is nested too deeply; iterates over the levels, because recursion would overflow the
+    stack."""
     level = _within([value])
     for _ in range(MOST_LEVELS):
         if not level:

@@ -1,7 +1,7 @@
 """Text from and to a terminal: unknown names, numbers, and printed text without control characters.
 
-Texts of recordings and names of files may hold control characters. An escape sequence can rename the window, write to
-the clipboard, or hide the text before it.
+Texts of recordings and names of files may contain control characters. An escape sequence can rename the window, write
+to the clipboard, or hide the text before it.
 """
 
 import logging
@@ -14,7 +14,7 @@ from ltvn_core.errors import OptionError
 
 
 def which_name(typed: str, names: Iterable[str]) -> str:
-    """Return `Did you mean demo? Choose one of: …`, or only the latter where nothing is close to what was typed."""
+    """Return `Did you mean demo? Choose one of: …`; without a similar name, only the second sentence."""
     known = [*names]
     close = get_close_matches(typed.lower(), known, n=1)
     guess = f"Did you mean {close[0]}? " if close else ""
@@ -33,20 +33,20 @@ def parse_number(word: str, text: str, what: str) -> float:
 
 
 _UNSAFE = re.compile(
-    "[\x00-\x08\x0b-\x1f\x7f-\x9f"  # Control characters but tabs and line ends.
-    "\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069"  # What turns the direction of writing.
+    "[\x00-\x08\x0b-\x1f\x7f-\x9f"  # Control characters except tabs and line ends.
+    "\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069"  # Characters that change the direction of writing.
     "\u2028\u2029]"
 )
 
 
 def shown_plainly(text: str) -> str:
-    r"""Return a text with each character that steers a terminal written as Python writes it, such as \x1b."""
+    r"""Return a text in which each control character is written as a Python escape, such as \x1b."""
     return _UNSAFE.sub(lambda found: found.group().encode("unicode_escape").decode("ascii"), text)
 
 
 class PlainFormatter(logging.Formatter):
-    """Formats records of a log as lines that do not steer a terminal."""
+    """Formats log records as lines without control characters."""
 
     def format(self, record: logging.LogRecord) -> str:
-        """Return the line of a record."""
+        """Return the line of a log record."""
         return shown_plainly(super().format(record))

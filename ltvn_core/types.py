@@ -1,7 +1,7 @@
 """Data types that modules share: observations, commands and predictions of a robot.
 
-Also owns two Protocols: `Predictor`, the interface between network and method, and `Renderer`, that of a simulator.
-The interface of robots is `ltvn_core.robots.robot.Robot`. Owns no behaviour beyond checking its own fields.
+Also owns two Protocols: `Predictor`, the interface between network and method, and `Renderer`, that of a simulator. The
+interface of robots is `ltvn_core.robots.robot.Robot`. Contains no behaviour except the checks of its own fields.
 
 Conventions: metres, radians, seconds; x forward, y left, yaw counter-clockwise in (-pi, pi].
 """
@@ -35,24 +35,24 @@ FrameId: TypeAlias = int
 """The step at which an image was taken; unique within a recording and within a map."""
 
 NodeId: TypeAlias = FrameId
-"""The id of a node is that of the frame that is its image."""
+"""Id of a node, which equals the id of the frame that is its image."""
 
 CONTROL_STEP_S = 0.1
 """Time between two control steps, in seconds of the robot's clock."""
 
 
 class Tilt(NamedTuple):
-    """Tilt of a camera against the ground, with the conventions of `CameraModel`."""
+    """Tilt of a camera relative to the ground, with the conventions of `CameraModel`."""
 
     pitch_rad: float
-    """Tilt of the optical axis, upwards positive."""
+    """Tilt of the optical axis in radians, upwards positive."""
     roll_rad: float
-    """Turn about the optical axis; positive lowers the camera's right side."""
+    """Roll about the optical axis in radians; positive lowers the camera's right side."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OriginalImage:
-    """An image as the robot's camera delivered it, before it was rectified for a predictor."""
+    """An image in the original form from the robot's camera, before it was rectified for a predictor."""
 
     jpeg: bytes
     """Compressed colours; may be smaller than the camera's image, with the same aspect ratio."""
@@ -65,19 +65,19 @@ class Observation:
     """One image with depth and odometry. Create it from external data with `preprocessing.preprocess_observation`."""
 
     rgb: Rgb
-    """(H, W, 3) colours; after preprocessing in the size that the predictor needs."""
+    """Colours (H, W, 3); after preprocessing they have the size that the predictor needs."""
     depth: Depth | None
-    """(H, W), metres along the optical axis, 0 = no return; None if the robot has no depth camera. An image with zeros
-    only counts as one without depth as well: the camera is close to a wall, or nothing is in its range."""
+    """Depth (H, W) in metres along the optical axis, 0 = no return; None if the robot has no depth camera. An image
+    with only zeros also counts as one without depth: the camera is close to a wall, or nothing is in its range."""
     odometry: Pose
-    """(3,) in the odometry frame; drifts."""
+    """Pose (3,) in the odometry frame; drifts."""
     stamp: float
-    """Seconds on the robot's clock."""
+    """Time in seconds on the robot's clock."""
     step: FrameId
-    """Number of the control step; the id of the image."""
+    """Number of the control step, which is the id of the image."""
     exact_pose: Pose | None = None
-    """(3,) in the world frame, in simulation only. Only the oracle, the evaluation, the recording and the page's
-    drawing may read it; the method never does (a test checks)."""
+    """True pose (3,) in the world frame, in simulation only. Only the oracle, the evaluation, the recording and the
+    page's drawing may read it; the method never does (a test checks this)."""
     original: OriginalImage | None = None
     """The camera's original image, if it was kept and differs from `rgb`."""
     tilt: Tilt | None = None
@@ -103,9 +103,9 @@ class Twist(NamedTuple):
     """A velocity command."""
 
     linear_m_s: float
-    """Forward speed; negative is backwards."""
+    """Forward speed in m/s; negative is backwards."""
     angular_rad_s: float
-    """Turning rate, counter-clockwise."""
+    """Turning rate in rad/s, counter-clockwise."""
 
 
 ZERO_TWIST = Twist(0.0, 0.0)
@@ -115,9 +115,9 @@ class RobotState(NamedTuple):
     """State of a robot without an image: odometry, time and bumper."""
 
     odometry: Pose
-    """(3,) in the odometry frame."""
+    """Pose (3,) in the odometry frame."""
     stamp: float
-    """Seconds on the robot's clock."""
+    """Time in seconds on the robot's clock."""
     step: FrameId
     """Number of control steps so far."""
     bumper_pressed: bool
@@ -128,20 +128,20 @@ class Prediction(NamedTuple):
     """Predictions for N (source, target) pairs."""
 
     reachability: NDArray[np.float64]
-    """(N,) r in [0, 1]."""
+    """Reachability r (N,) in [0, 1]."""
     waypoints: Waypoint
-    """(N, 3) pose of the target in the source's frame."""
+    """Poses (N, 3) of the targets in the frames of the sources."""
 
 
 class HeldFeatures(NamedTuple):
-    """Features of N of the M images of a map, for a predictor that reads few of them in full."""
+    """Features of N of the M images of a map, for a predictor that reads only few of them in full."""
 
     features: Features
-    """(M, F)."""
+    """Features (M, F) of all M images."""
     keys: Features
-    """(M, K) short keys by which the predictor selects the images to read."""
+    """Short keys (M, K), by which the predictor selects the images to read."""
     rows: NDArray[np.intp]
-    """(N,) indices of the N images among the M."""
+    """Indices (N,) of the N images among the M."""
 
 
 class Renderer(Protocol):

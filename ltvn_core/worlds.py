@@ -1,7 +1,7 @@
 """Changes of a world, and its state after some changes: only data, without a simulator.
 
-A change holds from its time on. `WorldState.after` is a pure function, so that a replay knows the world of any
-moment. `simulation.changes` carries changes out; recordings store them as events.
+A change holds from its time on. `WorldState.after` is a pure function, so that a replay can compute the world at any
+time. `simulation.changes` applies changes to a simulation; recordings store them as events.
 """
 
 from dataclasses import dataclass, replace
@@ -14,11 +14,11 @@ SizeRow: TypeAlias = tuple[float, float, float]
 """Width, depth and height in metres: along x, y and z of the thing's own frame."""
 
 OWN_PREFIX = "own/"
-"""Names of the furniture that belongs to a scene begin with this, as in `own/sofa-0`; no other thing's name does."""
+"""Prefix of the names of the furniture that belongs to a scene, as in `own/sofa-0`; no other names have it."""
 
 
 class ThingKind(StrEnum):
-    """Kind of a thing, which decides how it looks."""
+    """Kind of a thing, which determines its appearance."""
 
     BOX = "box"
     """A cardboard box."""
@@ -26,7 +26,7 @@ class ThingKind(StrEnum):
     """A round basket."""
     CHAIR = "chair"
     FURNITURE = "furniture"
-    """A piece of the scene's own furniture, which was moved."""
+    """A piece of the scene's own furniture that was moved."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,16 +34,16 @@ class DoorMoved:
     """A door was closed or opened."""
 
     door: int
-    """Its number among the scene's doors."""
+    """Number of the door in the scene."""
     is_open: bool
 
 
 @dataclass(frozen=True, slots=True)
 class ThingPlaced:
-    """A thing was put down; one that stood elsewhere was moved."""
+    """A thing was put down; if it was elsewhere before, it was moved."""
 
     thing: str
-    """Its name."""
+    """Name of the thing."""
     kind: ThingKind
     pose: PlaceRow
     size: SizeRow
@@ -58,14 +58,14 @@ class ThingRemoved:
 
 @dataclass(frozen=True, slots=True)
 class ThingReturned:
-    """A piece of the scene's own furniture stands where it stood at first."""
+    """A piece of the scene's own furniture is back at its original place."""
 
     thing: str
 
 
 @dataclass(frozen=True, slots=True)
 class LightChanged:
-    """The light became brighter or darker, warmer or colder."""
+    """The light became brighter, darker, warmer or colder."""
 
     level: float
     """Brightness as a factor; 1 is the scene as it was made."""
@@ -75,7 +75,7 @@ class LightChanged:
 
 @dataclass(frozen=True, slots=True)
 class PicturesExchanged:
-    """Other pictures hang on the walls and other rugs lie on the floors."""
+    """The pictures on the walls and the rugs on the floors were replaced."""
 
     seed: int | None
     """Seed of the new pictures and rugs; None restores the original ones."""
@@ -83,7 +83,7 @@ class PicturesExchanged:
 
 @dataclass(frozen=True, slots=True)
 class PersonMoved:
-    """A person came into the world, or walked on; written down a few times a second."""
+    """A person entered the world or walked on; recorded a few times a second."""
 
     person: str
     pose: PlaceRow
@@ -100,7 +100,7 @@ class PersonLeft:
 
 @dataclass(frozen=True, slots=True)
 class TimePassed:
-    """Time went by in which the robot's clock stood still."""
+    """Time passed while the robot's clock stood still."""
 
     duration_s: float
 
@@ -120,7 +120,7 @@ WorldChange: TypeAlias = (
 
 @dataclass(frozen=True, slots=True)
 class Outline:
-    """Where something solid stands: an upright box, in metres and radians."""
+    """Position and size of a solid object: an upright box, in metres and radians."""
 
     x: float
     y: float
@@ -134,7 +134,7 @@ class Outline:
 
 
 def change_text(change: WorldChange) -> str:
-    """Return what changed in a few words, beginning with a small letter."""
+    """Return a change in a few words, beginning with a small letter."""
     match change:
         case DoorMoved(door, is_open):
             return f"door {door} {'opened' if is_open else 'closed'}"
@@ -159,12 +159,12 @@ def change_text(change: WorldChange) -> str:
 
 
 def _plain_name(thing: str) -> str:
-    """Return the name of a thing as a person says it: a scene's own furniture is named by what it is."""
+    """Return the everyday name of a thing; for a scene's own furniture, this is its type and number."""
     return thing.removeprefix(OWN_PREFIX).replace("-", " ") if thing.startswith(OWN_PREFIX) else thing
 
 
 def subject(change: WorldChange) -> str:
-    """Return what a change is about; a later one about the same replaces it."""
+    """Return the subject of a change; a later change with the same subject replaces it."""
     match change:
         case DoorMoved(door):
             return f"door {door}"
@@ -181,21 +181,22 @@ PLAIN_LIGHT = LightChanged(level=1.0)
 
 @dataclass(frozen=True, slots=True)
 class WorldState:
-    """A world at one moment; equal states look and feel the same. The default is the scene as it was made."""
+    """A world at one moment; equal states look the same and have the same obstacles. The default is the original
+    scene."""
 
     closed_doors: frozenset[int] = frozenset()
     things: tuple[ThingPlaced, ...] = ()
-    """Things that were put down or moved and not removed, by name."""
+    """Things that were put down or moved, and not removed, sorted by name."""
     missing: frozenset[str] = frozenset()
     """The scene's own furniture that was taken away."""
     light: LightChanged = PLAIN_LIGHT
     pictures: int | None = None
-    """Seed of the pictures and rugs; None for those of the scene as it was made."""
+    """Seed of the pictures and rugs; None for those of the original scene."""
     people: tuple[PersonMoved, ...] = ()
-    """People who are there, by name."""
+    """People who are present, sorted by name."""
 
     def after(self, change: WorldChange) -> Self:
-        """Return what the world is like after a change."""
+        """Return the state of the world after a change."""
         match change:
             case DoorMoved(door, is_open):
                 doors = self.closed_doors - {door} if is_open else self.closed_doors | {door}
@@ -222,11 +223,11 @@ class WorldState:
         assert_never(change)
 
     def thing(self, name: str) -> ThingPlaced | None:
-        """Return what was put down or moved under a name, if it stands there."""
+        """Return the thing of this name that was put down or moved; None if there is none."""
         return next((each for each in self.things if each.thing == name), None)
 
     def changes_to(self, other: "WorldState") -> tuple[WorldChange, ...]:
-        """Return the changes that make this world into another, such as the one before, to undo."""
+        """Return the changes that convert this world to another, for instance to undo changes."""
         changes: list[WorldChange] = [
             *(DoorMoved(door, is_open=True) for door in sorted(self.closed_doors - other.closed_doors)),
             *(DoorMoved(door, is_open=False) for door in sorted(other.closed_doors - self.closed_doors)),
@@ -249,11 +250,11 @@ class WorldState:
 
 
 AS_MADE = WorldState()
-"""The world in which nothing was changed yet."""
+"""The world before any change."""
 
 
 def _thing_changes(now: WorldState, then: WorldState) -> list[WorldChange]:
-    """Return what must be put back, taken away, or put down."""
+    """Return the changes of things: those to restore, to remove, and to put down."""
     moved_now = {each.thing for each in now.things}
     moved_then = {each.thing for each in then.things}
     changes: list[WorldChange] = []

@@ -5,8 +5,8 @@ the origin on the floor below the camera. Pixel coordinates are as in OpenCV and
 is (0, 0). `ltvn_core.cameras.rectification` converts images of one camera to those of another.
 
 The distortion models are those of OpenCV and ROS: Brown-Conrady for ordinary lenses and Kannala-Brandt for fisheyes.
-They map between ideal and distorted points (right, down) in metres on the plane one metre in front of the lens. Owns
-the valid range of a lens: beyond it the polynomial folds back, which OpenCV does not check.
+They convert between ideal and distorted points (right, down) in metres on the plane one metre in front of the lens.
+Owns the valid range of a lens, which OpenCV does not check: outside of it the polynomial is no longer monotonic.
 """
 
 import math
@@ -25,11 +25,11 @@ from ltvn_core.errors import CameraError
 Points: TypeAlias = NDArray[np.float64]
 """(..., 2) points: right and down, at one metre of depth."""
 PLUMB_BOB_COUNTS = (0, 4, 5, 8)
-"""Possible numbers of coefficients of an ordinary lens: none; k1 k2 p1 p2; also k3; also k4 k5 k6."""
+"""Possible numbers of coefficients of an ordinary lens: none; k1 k2 p1 p2; with k3; with k3 k4 k5 k6."""
 FISHEYE_COUNT = 4
 """Number of coefficients of a fisheye: k1 k2 k3 k4."""
 _WIDEST_RADIUS = 10.0
-"""Radius (84 degrees off the axis) up to which an ordinary lens is checked for folding back."""
+"""Largest radius up to which the valid range of an ordinary lens is checked, 84 degrees off the axis."""
 _TOLERANCE = 1e-8
 _CRITERIA = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-12)
 _NO_CAMERA = np.eye(3)
@@ -64,7 +64,7 @@ def undistort(points: Points, coefficients: tuple[float, ...]) -> Points:
         return points
     known = np.array(coefficients)
     ideal = _for_all(points, lambda flat: cv2.undistortPoints(flat, _NO_CAMERA, known, criteria=_CRITERIA))
-    # Outside the lens's valid range the search returns an arbitrary point, which only distorting it again reveals.
+    # Outside the lens's valid range, the search returns an arbitrary point; distorting it again detects this.
     missed = ~(np.abs(distort(ideal, coefficients) - points).max(axis=-1) < _TOLERANCE)
     return np.where(missed[..., None], np.nan, ideal)
 
@@ -75,7 +75,7 @@ def distort_fisheye(points: Points, coefficients: tuple[float, ...]) -> Points:
 
 
 def undistort_fisheye(points: Points, coefficients: tuple[float, ...]) -> Points:
-    """Return the ideal points (..., 2) of distorted points for a fisheye; NaN where it looks sideways or back."""
+    """Return the ideal points (..., 2) of distorted points for a fisheye; NaN if there is none in front of the lens."""
     known = np.array(coefficients)
     ideal = _for_all(points, lambda flat: cv2.fisheye.undistortPoints(flat, _NO_CAMERA, known, criteria=_CRITERIA))
     missed = ~(np.abs(distort_fisheye(ideal, coefficients) - points).max(axis=-1) < _TOLERANCE)
@@ -83,7 +83,7 @@ def undistort_fisheye(points: Points, coefficients: tuple[float, ...]) -> Points
 
 
 def _for_all(points: Points, function: Callable[[Points], MatLike]) -> Points:
-    """Apply an OpenCV function of (N, 1, 2) to points (..., 2); it is not called with an empty array."""
+    """Apply an OpenCV function for points (N, 1, 2) to points (..., 2); an empty array is returned unchanged."""
     if not points.size:
         return points
     found = function(np.ascontiguousarray(points.reshape(-1, 1, 2)))
@@ -92,7 +92,7 @@ def _for_all(points: Points, function: Callable[[Points], MatLike]) -> Points:
 
 @lru_cache(maxsize=32)
 def _largest_radius(coefficients: tuple[float, ...]) -> float:
-    """Return the radius of a lens's valid range, beyond which its polynomial folds back into the image."""
+    """Return the radius of a lens's valid range, beyond which its polynomial is no longer monotonic."""
     radii = np.linspace(0, _WIDEST_RADIUS, 4001)
     seen = _plumb_bob(
         np.stack([radii, np.zeros_like(radii)], axis=-1), (*coefficients[:2], 0.0, 0.0, *coefficients[4:])
@@ -167,7 +167,7 @@ class CameraModel:
 
     @classmethod
     def from_json(cls, fields: Mapping[str, Any]) -> Self:
-        """Read the output of `to_json`, or the five keys of recordings from before cameras had a lens model.
+        """Read the output of `to_json`, or the five keys of older recordings, in which cameras had no lens model.
 
         Raises TypeError, KeyError or CameraError for anything else.
         """
@@ -194,7 +194,7 @@ class CameraModel:
         return float(np.arctan((self.cy + 0.5) / self.fy) + np.arctan((self.height - 0.5 - self.cy) / self.fy))
 
     def _angle_between(self, *pixels: tuple[float, float]) -> float:
-        """Return the angle between two borders of the image, at most 90 degrees to each side."""
+        """Return the angle in radians between two border pixels, at most 90 degrees to each side."""
         away = np.linalg.norm(self.pixels_to_rays(np.array(pixels)), axis=1)
         return float(np.arctan(np.nan_to_num(away, nan=np.inf)).sum())
 
@@ -225,7 +225,7 @@ class CameraModel:
     def project(self, points: ArrayLike) -> NDArray[np.float64]:
         """Return columns and rows (..., 2) of points (..., 3) in the robot's frame; NaN for points behind the lens.
 
-        A point outside the field of view has a pixel outside the image.
+        A point outside the field of view has coordinates outside the image.
         """
         points = np.asarray(points, np.float64)
         ray = (points - np.array([0.0, 0.0, self.height_m])) @ self.rotation
@@ -250,21 +250,21 @@ class CameraModel:
         return self.unproject(np.stack([columns, rows], axis=-1), depth_m[rows, columns])
 
     def pixels_to_rays(self, pixels: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the rays (..., 2) of pixels (..., 2): right and down of the axis, at one metre of depth."""
+        """Return the rays (..., 2) of pixels (..., 2): right and down from the axis, at one metre of depth."""
         plane = (pixels - np.array([self.cx, self.cy])) / np.array([self.fx, self.fy])
         return (undistort_fisheye if self.fisheye else undistort)(plane, self.distortion)
 
     def rays_to_pixels(self, rays: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the pixels (..., 2) of rays (..., 2); the inverse of `pixels_to_rays`.
 
-        NaN for rays farther off the axis than an ordinary lens with this distortion can see.
+        NaN for rays outside the valid range of an ordinary lens.
         """
         plane = (distort_fisheye if self.fisheye else distort)(rays, self.distortion)
         return plane * np.array([self.fx, self.fy]) + np.array([self.cx, self.cy])
 
     @property
     def rotation(self) -> NDArray[np.float64]:
-        """(3, 3) rotation from the axes of the camera's images (forward, left, up) to the robot's frame."""
+        """Rotation (3, 3) from the axes of the camera's images (forward, left, up) to the robot's frame."""
         sin, cos = _sin_cos(self.pitch_rad)
         pitch = np.array([[cos, 0.0, -sin], [0.0, 1.0, 0.0], [sin, 0.0, cos]])
         sin, cos = _sin_cos(self.roll_rad)
@@ -313,7 +313,7 @@ def _is_side(pixels: object) -> bool:
 def _finite(*values: float) -> bool:
     try:
         return all(math.isfinite(value) for value in values)
-    except (TypeError, OverflowError):  # Not a number, or one that is too large to convert.
+    except (TypeError, OverflowError):  # NaN, or a number that is too large to convert.
         return False
 
 

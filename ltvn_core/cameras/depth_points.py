@@ -1,7 +1,7 @@
 """Obstacle points on the floor from a depth image.
 
-Owns the heights at which points are obstacles, the sampling of an image, and a cache for images of a map. Obstacles
-seen while driving are stored in `navigation.obstacle_memory`.
+Owns the range of heights at which points are obstacles, the sampling of an image, and a cache for images of a map.
+Obstacles seen while driving are stored in `navigation.obstacle_memory`.
 """
 
 from weakref import WeakKeyDictionary
@@ -45,7 +45,7 @@ def obstacle_points(
 ) -> NDArray[np.float64]:
     """Return the obstacle points (M, 2), x forward and y left, for a robot of `height_m`, from every second pixel.
 
-    Without depth there are none: then only the bumper detects obstacles.
+    Without depth there are none; then only the bumper detects obstacles.
     """
     if depth is None:
         return np.empty((0, 2))

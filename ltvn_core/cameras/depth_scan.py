@@ -1,4 +1,4 @@
-"""A planar range scan from a depth image, like that of a lidar: the nearest obstacle in each bearing.
+"""A planar range scan from a depth image, like that of a lidar: the nearest obstacle at each bearing.
 
 Owns the bins of bearings, and the margins at both sides of an image.
 """
@@ -20,7 +20,7 @@ EDGE_RAD = math.radians(3.0)
 """Width of the margin at each side of an image in which a scan is unknown, in radians."""
 _BEARING_STEP_RAD = math.radians(1.5)
 FREE_BEYOND_M = 0.3
-"""Distance behind a place, in metres, up to which a scan must be free to show free floor at the place."""
+"""Distance in metres that a scan must reach beyond a place to show that its floor is free."""
 
 
 class DepthScan(NamedTuple):
@@ -28,17 +28,18 @@ class DepthScan(NamedTuple):
 
     stamp: float
     pose: Pose
-    """(3,) odometry pose of the image."""
+    """Odometry pose (3,) of the image."""
     half_rad: float
-    """Half the camera's horizontal field of view."""
+    """Half the camera's horizontal field of view, in radians."""
     ranges_m: NDArray[np.float64]
-    """(B,) ranges to the nearest obstacle per bearing, from right to left; `RANGE_M` without obstacle, 0 if unknown."""
+    """Ranges (B,) in metres to the nearest obstacle at each bearing, from right to left; `RANGE_M` without obstacle, 0
+    if unknown."""
 
     @classmethod
     def of(
         cls, camera: CameraModel, stamp: float, pose: Pose, seen: NDArray[np.float64], solid: NDArray[np.bool_]
     ) -> "DepthScan":
-        """Return the scan of an image, from its points (M, 3) in the robot's frame, and which of them are obstacles."""
+        """Return the scan of an image from its points (M, 3) in the robot's frame; `solid` (M,) marks the obstacles."""
         half_rad = camera.horizontal_fov_rad / 2
         ranges_m = np.zeros(int(2 * half_rad / _BEARING_STEP_RAD) + 1)
         place = np.clip(bearing_bins(np.arctan2(seen[:, 1], seen[:, 0]), half_rad), 0, len(ranges_m) - 1)
@@ -62,7 +63,7 @@ class DepthScan(NamedTuple):
         return np.hypot(ahead, left), np.arctan2(left, ahead)
 
     def looks_past(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Return which points (M, 2) of the odometry frame are free, because the image shows surfaces behind them."""
+        """Return which points (M, 2) in the odometry frame are free, because the image shows surfaces behind them."""
         away_m, bearing = self.polar(points)
         return self.inside(bearing) & reach_past(self.beside(bearing), away_m + FREE_BEYOND_M)
 
@@ -96,9 +97,10 @@ class DepthScan(NamedTuple):
 
 
 def reach_past(beside: NDArray[np.float64], away_m: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return whether (...) the ranges beside bearings (3, ...) are all larger than a distance (...).
+    """Return whether (...) the ranges (3, ...) at and beside bearings are all larger than a distance (...).
 
-    One of the three bins may be unknown, because a bin can lie between two columns of pixels; then the others decide.
+    One of the three bins may be unknown, because a bin can lie between two columns of pixels; then only the others
+    count.
     """
     unknown = beside == 0
     is_past = (unknown | (beside > away_m)).all(axis=0)
@@ -106,5 +108,5 @@ def reach_past(beside: NDArray[np.float64], away_m: NDArray[np.float64]) -> NDAr
 
 
 def bearing_bins(bearing: NDArray[np.float64], half_rad: float) -> NDArray[np.intp]:
-    """Return the bins of a scan for bearings (...)."""
+    """Return the bin of a scan for each bearing (...)."""
     return np.floor((bearing + half_rad) / _BEARING_STEP_RAD).astype(np.intp)

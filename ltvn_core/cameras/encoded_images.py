@@ -2,8 +2,8 @@
 
 Images in HEIC, the format of many phones, are read if pillow_heif is installed. RTAB-Map and ROS compress depth by RVL
 (A. Wilson, *Fast Lossless Depth Image Compression*, ISS 2017): runs of pixels without depth alternate with runs of
-pixels with depth, and depth is stored as the difference from the previous pixel. Each number is a sequence of nibbles
-with three bits of data and one bit that tells whether another nibble follows.
+pixels with depth, and depth is stored as the difference from the previous pixel. Each number is a sequence of nibbles:
+three bits of data, and one bit for whether another nibble follows.
 """
 
 import io
@@ -27,16 +27,16 @@ _BRANDS = (b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"mif1", b"msf1
 _SHIFTS = np.arange(28, -4, -4)
 """Bit shifts of the eight nibbles in a word of 32 bits, the first in its highest bits."""
 _LONGEST = 11
-"""Number of nibbles for a number of 32 bits."""
+"""Largest number of nibbles that a 32-bit number needs."""
 MAX_PIXELS = 64_000_000
 """Largest number of pixels of an image; no robot's camera has more, so a file with more is a decompression bomb."""
 NO_RETURN = 65535
-"""Value for missing depth that some cameras use instead of 0, in 16 bits."""
+"""Value for missing depth in 16-bit images of some cameras, instead of 0."""
 _FORMATS = ("JPEG", "PNG", "WEBP", "BMP", "PPM", "TIFF")
 
 
 def is_heif(blob: bytes) -> bool:
-    """Return whether the bytes start like a HEIC image."""
+    """Return whether the bytes begin like a HEIC image."""
     return blob[4:8] == b"ftyp" and blob[8:12] in _BRANDS
 
 
@@ -47,16 +47,16 @@ def heif_size(blob: bytes, source: str) -> tuple[int, int]:
 
 
 def heif_colours(blob: bytes, source: str) -> Rgb:
-    """Return the colours (H, W, 3), upright. Raises DriveError for a damaged image, or without the library."""
+    """Return the colours (H, W, 3), upright. Raises DriveError for a damaged image, and if the library is missing."""
     opened = _opened(blob, source)
     try:
         return np.array(opened.to_pillow().convert("RGB"), np.uint8)
-    except Exception as error:  # The library raises many kinds for damaged images.
+    except Exception as error:  # The library raises many kinds of errors for damaged images.
         raise DriveError(_damaged(blob, source)) from error
 
 
 def heif_exif(blob: bytes) -> Image.Exif:
-    """Return the EXIF data of an image; empty if there are none."""
+    """Return the EXIF data of an image; empty if it has none."""
     exif = Image.Exif()
     exif.load(_opened(blob, "the picture").info.get("exif") or b"")
     return exif
@@ -99,7 +99,7 @@ def _numbers(data: bytes, source: str) -> NDArray[np.int64]:
 
 
 def _runs(numbers: NDArray[np.int64], pixels: int, source: str) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the pixels (N,) that have depth, and their encoded differences (N,)."""
+    """Return the indices (N,) of the pixels that have depth, and their encoded differences (N,)."""
     places = []
     steps = []
     read = 0
@@ -121,7 +121,7 @@ def _runs(numbers: NDArray[np.int64], pixels: int, source: str) -> tuple[NDArray
 
 
 def encoded_size(blob: bytes, source: str) -> tuple[int, int]:
-    """Return width and height of a compressed image, which is not decoded. Raises DriveError like `decode_colour`."""
+    """Return width and height of a compressed image without decoding it. Raises DriveError like `decode_colour`."""
     with _libraries_silent():
         return _check_container(blob, source)
 
@@ -175,7 +175,7 @@ def _decoded(blob: bytes, mode: int, source: str) -> NDArray:
 
 @contextmanager
 def _libraries_silent() -> Iterator[None]:
-    """Suppress the messages of OpenCV and Pillow about a damaged image, because our error reports it."""
+    """Suppress the messages of OpenCV and Pillow about a damaged image, because our own error reports it."""
     level = cv2_logging.setLogLevel(cv2_logging.LOG_LEVEL_SILENT)
     try:
         with warnings.catch_warnings():
@@ -198,7 +198,7 @@ def _check_container(blob: bytes, source: str) -> tuple[int, int]:
         raise _too_large(source) from error
     except DriveError:
         raise
-    except Exception as error:  # Pillow's readers raise many kinds for damaged headers.
+    except Exception as error:  # Pillow's readers raise many kinds of errors for damaged headers.
         kinds = ", ".join(_FORMATS)
         raise DriveError(f"{source} is not an image of a supported format ({kinds}): {len(blob):,} bytes.") from error
     if width * height > MAX_PIXELS:
@@ -207,7 +207,7 @@ def _check_container(blob: bytes, source: str) -> tuple[int, int]:
 
 
 def _check_chunks(header: Image.Image, blob: bytes, source: str) -> None:
-    """Verify the checksums of a PNG, because libpng would print its own message about a damaged one."""
+    """Verify the checksums of a PNG, because libpng would print its own message about a damaged image."""
     try:
         header.verify()
     except Exception as error:  # As above.

@@ -1,6 +1,6 @@
-"""Original images: the image of a robot's own camera, stored at a small size beside the rectified image.
+"""Original images: the images of a robot's own camera, stored at a small size beside the rectified images.
 
-They allow other predictors, with another image size and lens, to use old recordings. Owns the size and the compression.
+With them, predictors with another image size and lens can use old recordings. Owns the size and the compression.
 """
 
 from typing import NamedTuple

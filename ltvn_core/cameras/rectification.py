@@ -28,7 +28,8 @@ def rectified_camera(source: CameraModel, target: CameraModel) -> CameraModel:
 
 
 def have_same_rays(source: CameraModel, target: CameraModel) -> bool:
-    """Return whether images of `source` need no rectification for `target`, because all pixels have the same rays."""
+    """Return whether images of `source` need no rectification for `target`, because both have the same rays at all
+    pixels."""
     return replace(source, height_m=0.0, depth_scale=1.0) == replace(target, height_m=0.0, depth_scale=1.0)
 
 
@@ -46,12 +47,12 @@ class Rectification:
         self.source = source
         self.target = target
         places, self.seen, self._depth_ratio = _source_pixels(source, target, 1)
-        """(H, W) mask of the target's pixels that the source sees; all others are black and have depth 0."""
+        """Mask (H, W) of the target's pixels that the source sees; all other pixels are black and have depth 0."""
         self._columns = np.clip(np.rint(places[..., 0]), 0, source.width - 1).astype(np.intp)
         self._rows = np.clip(np.rint(places[..., 1]), 0, source.height - 1).astype(np.intp)
         self._samples = _samples_per_axis(source, target)
         fine, fine_seen, _ = _source_pixels(source, target, self._samples)
-        # At the border a part of a visible pixel may be out of view; that part gets the colour of the pixel's centre.
+        # At the border, a part of a visible pixel may be out of view; that part gets the colour of the pixel's centre.
         middles = places.repeat(self._samples, axis=0).repeat(self._samples, axis=1)
         fine = np.where(fine_seen[..., None], fine, middles)
         border = np.array([source.width - 1, source.height - 1])
@@ -59,7 +60,7 @@ class Rectification:
 
     def rectify_rgb(self, rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """Return colours (H, W, 3) of the target from those of the source; black where the source sees nothing."""
-        import cv2  # Importing takes 0.1 s, so only cameras that need rectification pay for it.
+        import cv2  # Importing takes 0.1 s, so it is done only for cameras that need rectification.
 
         n = self._samples
         fine = cv2.remap(np.ascontiguousarray(rgb), self._fine[..., 0], self._fine[..., 1], cv2.INTER_LINEAR)
@@ -69,9 +70,9 @@ class Rectification:
         return image
 
     def rectify_depth(self, depth_m: NDArray[np.floating]) -> NDArray[np.float32]:
-        """Return depth (H, W) along the target's axis from depth along the source's, in metres; 0 where out of view.
+        """Return depth (H, W) along the target's axis from depth along the source's axis, in metres; 0 if out of view.
 
-        The nearest pixel is used, because a mean over a depth edge would be a point in free space.
+        The nearest pixel is used, because a mean across a depth edge would be a point in free space.
         """
         depth = depth_m[self._rows, self._columns] * self._depth_ratio
         return np.where(self.seen, depth, 0).astype(np.float32)
@@ -88,8 +89,8 @@ def _source_pixels(
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.float32]]:
     """Map the pixels of the target along their rays to the source.
 
-    Returns the source's pixels (H * samples, W * samples, 2), whether it sees them, and its depth along the target's
-    axis per metre along its own.
+    Returns their positions in the source's image (H * samples, W * samples, 2), whether the source sees them, and the
+    depth along the target's axis for each metre along the source's axis.
     """
     inner = (np.arange(samples) + 0.5) / samples - 0.5
     columns = (np.arange(target.width)[:, None] + inner).ravel()
@@ -112,6 +113,7 @@ def _middle(camera: CameraModel) -> NDArray[Any]:
 
 
 def _samples_per_axis(source: CameraModel, target: CameraModel) -> int:
-    """Return the number of samples along each axis that covers all source pixels within one target pixel."""
+    """Return the number of samples along each axis that is needed to cover all source pixels within one target
+    pixel."""
     pixels = max(source.fx, source.fy) / min(target.fx, target.fy)
     return min(max(math.ceil(pixels - 1e-6), 1), _MAX_SAMPLES)

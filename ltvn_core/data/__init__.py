@@ -1,1 +1,1 @@
-"""Recordings, and drives and maps in the formats of other programs."""
+"""Recordings, and readers and writers for drives and maps in the formats of other programs."""

@@ -36,7 +36,7 @@ from ltvn_core.training.drive_path import LIMITS, DrivePath, drive_path
 from ltvn_core.types import Observation
 
 MOST_CLOSE = 1000
-"""Largest number of near pairs that are compared."""
+"""Largest number of close pairs that are compared."""
 MOST_LOOKING = 200
 """Largest number of images for which far images are searched and compared."""
 CLOSE_M = 2.0
@@ -45,15 +45,15 @@ CLOSE_RAD = np.deg2rad(60)
 _SAME_WAY_RAD = np.deg2rad(25)
 _SAME_TURN_RAD = np.deg2rad(8)
 _LEAST_SHIFT_M = 0.08
-"""Least distance, in metres, of a pair that measures the scale of guessed distances."""
+"""Least distance in metres of a pair that is used to measure the scale of guessed distances."""
 _FEWEST_SHIFTS = 15
-"""Least number of pairs that determine the scale of guessed distances."""
+"""Least number of pairs needed to determine the scale of guessed distances."""
 _ROOM_DEPTHS_M = (0.3, 20.0)
 
 
 @dataclass(frozen=True, slots=True)
 class FoundPose:
-    """A pose between two images with its evidence, without a certainty."""
+    """A pose between two images with its evidence, but without a certainty."""
 
     evidence: Evidence
     pose: SurePose
@@ -73,12 +73,12 @@ class DrivePairs:
     target: NDArray[np.intp]
     """(P,) rows of the target images."""
     found: Sequence[FoundPose | None]
-    """P poses; without depth, their distances are guessed by `epipolar_motion`."""
+    """Poses (P) found for the pairs, None without a pose; without depth, `epipolar_motion` guesses their distance."""
     far_pairs: int
-    """Number of all far pairs of the images for which far images were searched."""
+    """Number of all far pairs of those images for which far images were searched."""
 
     def labelled(self, room_depth_m: float) -> OwnPairs:
-        """Return the pairs with labels for a fit, with distances guessed from a room depth."""
+        """Return the pairs with labels for a fit; distances without depth are guessed with the room depth."""
         truth = self.path.waypoints(self.source, self.target)
         far = self.path.far(self.source, self.target)
         known = self.path.known(self.source, self.target)
@@ -88,7 +88,7 @@ class DrivePairs:
             if pose is not None:
                 share[k] = self._drivable_share(k, pose)
                 right[k] = known[k] and is_right(pose.waypoint, truth[k], measured=self._depths(k) > 0)
-                # A pose that says near is certainly wrong for a far pair, in spite of drift.
+                # In spite of drift, a pose that puts the target near is certainly wrong for a far pair.
                 known[k] |= far[k] and not _is_far(pose)
         return OwnPairs(
             source=self.source,
@@ -106,7 +106,8 @@ class DrivePairs:
         )
 
     def rescaled(self) -> Rescaled | None:
-        """Return the pairs with the room depth that fits the drive; None if too few pairs without depth measure it."""
+        """Return the pairs with the room depth that fits the drive; None if too few pairs without depth can measure
+        it."""
         truth = self.path.waypoints(self.source, self.target)
         known = self.path.known(self.source, self.target)
         ratios = [
@@ -123,7 +124,7 @@ class DrivePairs:
         return self.features[self.source[k]].has_depth + self.features[self.target[k]].has_depth
 
     def _seen_with(self, room_depth_m: float) -> Sequence[SurePose | None]:
-        """Return the P poses, those without depth scaled by a room depth."""
+        """Return the P poses, with poses without depth scaled to a room depth."""
         return [
             found and (found.pose if self._depths(k) else found.pose.scaled(room_depth_m / ROOM_DEPTH_M))
             for k, found in enumerate(self.found)
@@ -155,9 +156,9 @@ def compare_drive(
     rng: np.random.Generator,
     progress: Callable[[int, int], object],
 ) -> DrivePairs:
-    """Compare pairs of a drive in full: close ones, and the far ones on the shortlist.
+    """Compare pairs of a drive in full: the close ones, and the far ones on the shortlist.
 
-    `progress` is called with the number of pairs done and the number of all pairs.
+    `progress` is called with the number of compared pairs and the number of all pairs.
     """
     close = _close_pairs(path, rng)
     far, far_pairs = _far_pairs(path, features, predictor, rng)
@@ -180,7 +181,7 @@ def compare_drive(
 
 
 def _close_pairs(path: DrivePath, rng: np.random.Generator) -> NDArray[np.intp]:
-    """Return pairs (P, 2) in both directions that are not far apart, half of them near, up to `MOST_CLOSE`."""
+    """Return up to `MOST_CLOSE` pairs (P, 2) in both directions that are not far apart, about half of them near."""
     count = len(path.poses)
     source, target = (rows.ravel() for rows in np.indices((count, count)))
     gap = path.waypoints(source, target)
@@ -226,7 +227,7 @@ def _found_pose(
 
 
 MOST_IMAGES = 400
-"""Largest number of images of a drive; of a longer drive, evenly spaced images are used."""
+"""Largest number of images of a drive that are used; in a longer drive, they are evenly spaced."""
 
 StepProgress = Callable[[str, int, int], object]
 """Called with the current activity, the amount done and the total."""
@@ -234,13 +235,13 @@ StepProgress = Callable[[str, int, int], object]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TunedCalibration:
-    """A calibration fitted to a drive, with metrics before and after."""
+    """A calibration fitted to a drive, with its metrics before and after."""
 
     weights: Path
     """File of the calibration, for --weights."""
     fingerprint: str
     parent: str
-    """Fingerprint of the calibration it started from."""
+    """Fingerprint of the calibration from which tuning started."""
     changed: bool
     """Whether it differs from the parent; False if no candidate was better."""
     poses: str
@@ -251,13 +252,14 @@ class TunedCalibration:
     near_pairs: int
     """Number of near pairs among the compared ones."""
     far_pairs: int
-    """Number of all far pairs of the images for which far images were searched."""
+    """Number of all far pairs of those images for which far images were searched."""
     room_depth_m: float
-    """Room depth in metres, the scale of guessed distances without depth."""
+    """Room depth in metres, which sets the scale of distances that are guessed without depth."""
     before: dict[str, float]
-    """Shares accepted by the parent: near pairs and far pairs of the drive, and wrong poses of the package's pairs."""
+    """Shares of accepted poses with the parent: near and far pairs of the drive, and wrong poses of the package's
+    pairs."""
     after: dict[str, float]
-    """Shares accepted by the adapted calibration, from cross-validation on sections of the drive."""
+    """Shares of accepted poses with the adapted calibration, by cross-validation on sections of the drive."""
 
 
 def tune_calibration(
@@ -315,7 +317,7 @@ def tune_calibration(
 def _observations(
     recording: Recording, predictor: GeometricPredictor, part: DrivePart, on_progress: StepProgress
 ) -> list[Observation]:
-    """Read the images of a part for the predictor; if some have a true pose, only those."""
+    """Read the images of a part for the predictor; if some have a true pose, read only those."""
     frames = part.take(recording.frames)
     rows = np.linspace(0, len(frames) - 1, min(len(frames), MOST_IMAGES)).astype(int)
     seen = []
@@ -347,7 +349,7 @@ def _summary(adaptation: Adaptation, pairs: DrivePairs, path: DrivePath, output:
 def _card(
     tuned: TunedCalibration, adaptation: Adaptation, *, command: str, part: DrivePart, seed: int
 ) -> dict[str, Any]:
-    """Return the file's description of its origin, as JSON values."""
+    """Return the card, which describes the origin of the file, as JSON values."""
     told = {name: value for name, value in asdict(tuned).items() if name not in ("weights", "room_depth_m")}
     return told | {
         "command": command,

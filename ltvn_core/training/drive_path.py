@@ -1,4 +1,4 @@
-"""Poses of the images of a drive, from ground truth or odometry, and near and far pairs by these poses.
+"""Poses of the images of a drive, from ground truth or odometry, and the near and far pairs by these poses.
 
 Obstacles between two images are ignored. Owns the limits of near and far pairs, and the drift up to which odometry is
 trusted.
@@ -32,12 +32,12 @@ class TruthLimits:
     near_rad: float = radians(20)
     """Largest difference of heading of a near pair, in radians."""
     far_m: float = 1.5
-    """Distance in metres above which a pair is far, whatever its headings."""
+    """Distance in metres above which a pair is far, whatever its difference of heading is."""
     far_rad: float = radians(60)
-    """Difference of heading in radians above which a pair is far, whatever its distance."""
+    """Difference of heading in radians above which a pair is far, whatever its distance is."""
 
     def near(self, moves: Waypoint) -> NDArray[np.bool_]:
-        """Return which true moves (..., 3), see `TrueViews.moves_to`, lead to a near target."""
+        """Return which true moves (..., 3), as from `TrueViews.moves_to`, lead to a near target."""
         near = np.hypot(moves[..., 0], moves[..., 1]) < self.near_m
         return near & (np.abs(moves[..., 2]) < self.near_rad) & (moves[..., 0] > 0)
 
@@ -55,9 +55,10 @@ class TrueViews:
     """True poses of N images, and the orientations of their cameras."""
 
     poses: Pose
-    """(N, 3)."""
+    """Poses (N, 3)."""
     rotations: NDArray[np.float64]
-    """(N, 3, 3) rotations from the camera's axes (forward, left, up) to the world's, with its tilt."""
+    """Rotations (N, 3, 3) from the axes of each camera (forward, left, up), including its tilt, to those of the
+    world."""
 
     def __len__(self) -> int:
         return len(self.poses)
@@ -90,7 +91,7 @@ def true_views(observations: Sequence[Observation], cameras: Sequence[CameraMode
 
 
 def camera_rotations(poses: Pose, cameras: Sequence[CameraModel]) -> NDArray[np.float64]:
-    """Return the orientations (N, 3, 3) of cameras in the world, with their tilt, on robots at poses (N, 3)."""
+    """Return the orientations (N, 3, 3) of cameras in the world, including their tilt, on robots at poses (N, 3)."""
     cos = np.cos(poses[:, 2])
     sin = np.sin(poses[:, 2])
     turned = np.zeros((len(poses), 3, 3))
@@ -110,7 +111,7 @@ def tilted_camera(seen: Observation, camera: CameraModel) -> CameraModel:
 
 FEWEST_IMAGES = 20
 _EXACT_M, _EXACT_RAD = 0.06, radians(4)
-"""Limits of possible drift, in metres and radians, within which odometry tells whether a pose is right."""
+"""Largest possible drift, in metres and radians, up to which odometry can tell whether a pose is right."""
 _RULE = OdometryLabelRule()
 _SELECTION = KeyframeSelection()
 
@@ -120,20 +121,21 @@ class DrivePath:
     """Poses of N images of a drive, in order."""
 
     poses: Pose
-    """(N, 3)"""
+    """Poses (N, 3)."""
     is_exact: bool
     """Whether the poses are ground truth; otherwise they are odometry, which drifts."""
     piece: NDArray[np.intp]
-    """(N,) number of the piece between jumps of the odometry."""
+    """Number (N,) of each image's piece; jumps of the odometry separate the pieces."""
     travelled_m: NDArray[np.float64]
-    """(N,) metres driven so far."""
+    """Distance (N,) driven so far, in metres."""
     turned_rad: NDArray[np.float64]
-    """(N,) radians turned so far, to either side."""
+    """Rotation (N,) in either direction so far, in radians."""
     rotations: NDArray[np.float64]
-    """(N, 3, 3) rotations from the camera's axes (forward, left, up) to the world's, with its tilt."""
+    """Rotations (N, 3, 3) from the axes of each camera (forward, left, up), including its tilt, to those of the
+    world."""
 
     def waypoints(self, source: NDArray[np.intp], target: NDArray[np.intp]) -> Waypoint:
-        """Return the waypoints (P, 3) from sources (P,) to targets (P,), with drift."""
+        """Return the waypoints (P, 3) from sources (P,) to targets (P,); with odometry they include its drift."""
         return relative(self.poses[source], self.poses[target])
 
     def known(self, source: NDArray[np.intp], target: NDArray[np.intp]) -> NDArray[np.bool_]:
@@ -161,7 +163,8 @@ class DrivePath:
     def _drift(
         self, source: NDArray[np.intp], target: NDArray[np.intp]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the possible drift of odometry in between, in metres (P,) and radians (P,)."""
+        """Return the largest possible drift of odometry between sources and targets, in metres (P,) and radians
+        (P,)."""
         if self.is_exact:
             return np.zeros(len(source)), np.zeros(len(source))
         driven = np.abs(self.travelled_m[target] - self.travelled_m[source])
@@ -170,7 +173,7 @@ class DrivePath:
 
 
 def drive_path(observations: Sequence[Observation], name: str, camera: CameraModel) -> DrivePath:
-    """Return the poses of images: true poses if all images have one, else odometry.
+    """Return the poses of images: true poses if all images have one, otherwise odometry.
 
     Raises RecordingError if there are too few images or no poses.
     """

@@ -47,12 +47,12 @@ class FineTuningReporter(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FineTuningProvenance:
-    """Facts for the card of fine-tuned weights that the run itself does not know."""
+    """Facts for the card of fine-tuned weights that the training itself does not know."""
 
     recording: str
     """Name of the drive."""
     system: str
-    """Name of the navigation system whose labels are learned, see `ltvn_core.systems.registry`."""
+    """Name of the navigation system whose labels are learned; see `ltvn_core.systems.registry`."""
     command: str | None = None
     """Command line that reproduces these weights; None if there is none."""
 
@@ -62,22 +62,22 @@ class FineTuningCard:
     """The model card of fine-tuned weights; it contains the card of their parent."""
 
     parent: str
-    """Fingerprint of the weights that fine-tuning started from."""
+    """Fingerprint of the weights from which fine-tuning started."""
     parent_card: Mapping[str, Any]
     """Card of the parent weights."""
     recording: str
     """Name of the recording of the drive."""
     run: Mapping[str, Any]
-    """The settings that identify this run; an equal run is not repeated."""
+    """Settings that identify this run; a run with the same settings is not repeated."""
     command: str | None
-    """Command line that reproduces these weights, up to differences in training time; None if there is none."""
+    """Command line that reproduces these weights, except for the training time; None if there is none."""
     seed: int
     images: int
     """Number of images of the drive that were used."""
     pieces: int
-    """Number of pieces between jumps of the drive's odometry."""
+    """Number of pieces of the drive; jumps of its odometry separate them."""
     simulated_scenes: tuple[str, ...]
-    """Simulated training scenes, which prevent forgetting."""
+    """Simulated training scenes for rehearsal, which prevent forgetting."""
     validation_scenes: tuple[str, ...]
     """Simulated scenes for the metrics and the calibration."""
     plan: "FineTuningPlan"
@@ -96,15 +96,16 @@ class FineTunedWeights:
     weights: Path
     fingerprint: str
     parent: str
-    """Fingerprint of the weights that fine-tuning started from."""
+    """Fingerprint of the weights from which fine-tuning started."""
     images: int
     """Number of images of the drive that were used."""
     pieces: int
-    """Number of pieces of the drive between jumps of its odometry; 1 is ideal."""
+    """Number of pieces of the drive; jumps of its odometry separate them, so 1 is ideal."""
     steps: int
     minutes: float
     before: dict[str, float]
-    """Metrics before fine-tuning, on the robot's own drive by odometry and in simulated validation scenes."""
+    """Metrics before fine-tuning, on the robot's own drive (labelled by odometry) and in simulated validation
+    scenes."""
     after: dict[str, float]
 
 
@@ -166,7 +167,7 @@ class _CancelledError(Exception):
 
 
 class _Progress:
-    """Progress over all steps; a report after cancelling stops the work."""
+    """Progress over all steps; the first report after cancelling stops the work."""
 
     def __init__(self, on_progress: FineTuningReporter, cancelled: Event) -> None:
         self.cancelled = cancelled
@@ -193,9 +194,10 @@ def _report_to_nobody(share: float, doing: str, progress: "FineTuningProgress | 
 
 @contextmanager
 def _work_folder(folder: Path | None, output: Path) -> Iterator[Path]:
-    """Yield a folder for checkpoints, deleted when the work is done or cancelled; a named one survives errors."""
+    """Yield a folder for checkpoints, which is deleted when the work is done or cancelled; a named folder survives
+    errors."""
     if folder is None:
-        # Created beside the output, so that a folder without write permission fails before minutes of learning.
+        # Created beside the output, so that a missing write permission shows before minutes of learning.
         with TemporaryDirectory(prefix=".learning-", dir=output.parent, ignore_cleanup_errors=True) as temporary:
             yield Path(temporary)
         return
@@ -232,13 +234,14 @@ def _run_identity(
 
 
 def _finished_earlier(output: Path, run: Mapping[str, Any]) -> FineTunedWeights | None:
-    """Return the existing output of the same run; None if there is no output. Raises WeightsError for another run's."""
+    """Return the existing output of the same run; None if there is no output. Raises WeightsError for the output of
+    another run."""
     from ltvn_core.network.weights_file import matching_card
 
     if not output.exists():
         return None
     made_by = matching_card(output).get("run", {})
-    # Earlier versions wrote fewer keys, so only the keys that both have must agree.
+    # Earlier versions wrote fewer keys, so only the keys of both need to agree.
     if (
         not isinstance(made_by, dict)
         or "plan" not in made_by
@@ -290,7 +293,7 @@ def _save(result: "FineTuningResult", output: Path, card: Mapping[str, Any]) -> 
 
 
 def _summary(weights: Path) -> FineTunedWeights:
-    """Return the summary from the card of weights."""
+    """Return the summary of fine-tuned weights, from their card."""
     from ltvn_core.network.weights_file import read_card
 
     card = read_card(weights)
@@ -314,7 +317,7 @@ def _summary(weights: Path) -> FineTunedWeights:
 
 
 def _flat_metrics(metrics: Mapping[str, Any] | None) -> dict[str, float]:
-    """Return the most important metrics of a `FineTuningMetrics` in a card, by name; empty for None."""
+    """Return the most important metrics of the `FineTuningMetrics` in a card, by name; empty for None."""
     if metrics is None:
         return {}
     own = metrics["own"]

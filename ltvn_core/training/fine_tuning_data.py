@@ -26,11 +26,12 @@ ProgressReporter: TypeAlias = Callable[[float, str], None]
 """Called with the share done in [0, 1], and the current activity as text."""
 
 REHEARSAL_SCENES = ("train-00", "train-07", "train-14", "train-21")
-"""Scenes for rehearsal if no dataset is named."""
+"""Scenes for rehearsal if no data set is given."""
 CALIBRATION_SCENES = ("tune-0", "tune-1")
 """Validation scenes, which measure forgetting and fit the calibration."""
 _MOST_SCENES = 8
-"""Largest number of scenes of a dataset; more would fill the memory and are not needed for a few minutes."""
+"""Largest number of scenes from a data set; more would fill the memory, and a few minutes of training do not need
+them."""
 
 
 def ignore_progress(share: float, doing: str) -> None:
@@ -56,7 +57,7 @@ def read_labelled_drive(path: Path, rule: "LabelRule", part: DrivePart = WHOLE_D
 def label_drive(
     observations: "Sequence[Observation]", name: str, *, camera: "CameraModel", rule: "LabelRule"
 ) -> "TrajectoryPairs":
-    """Label the pairs of images in memory by a rule. Raises RecordingError if they are not a usable drive."""
+    """Label the pairs of images in memory by a rule. Raises RecordingError if the images are not a usable drive."""
     import numpy as np
 
     from ltvn_core.network.training_data.trajectory_pairs import label_trajectory, select_keyframes
@@ -87,18 +88,19 @@ class RehearsalData(Protocol):
     ) -> "FineTuningData":
         """Return these data together with a drive. Raises DatasetError.
 
-        An exception in `on_progress` stops the work and keeps the files made until then. Drives through simulated rooms
-        are only for evaluation; `with_validation_drives` includes them.
+        An exception in `on_progress` stops the work, but the files made until then are kept. `with_validation_drives`
+        includes drives through simulated rooms, which are only for evaluation.
         """
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class SimulatedPairs:
-    """Pairs of simulated images, labelled by exact poses: from a dataset, or from a few scenes rendered once."""
+    """Pairs of simulated images, labelled by exact poses: from a data set, or from a few scenes that are rendered
+    once."""
 
     folder: Path | None = None
-    """Folder of `ltvn dataset`; None renders into the user's cache at the first use."""
+    """Folder written by `ltvn dataset`; None renders scenes into the user's cache at the first use."""
 
     @property
     def name(self) -> str:
@@ -116,7 +118,7 @@ class SimulatedPairs:
         return [shard_scene(path) for path in learned]
 
     def prepare(self, on_progress: ProgressReporter = ignore_progress) -> None:
-        """Render scenes that are missing in the cache; a dataset needs none. Raises DatasetError."""
+        """Render scenes that are missing in the cache; a data set needs no rendering. Raises DatasetError."""
         if self.folder is None:
             _render_scenes(on_progress)
 
@@ -142,7 +144,7 @@ class SimulatedPairs:
 
 @dataclass(frozen=True, slots=True)
 class LabelledWalks:
-    """Random walks through simulated rooms, labelled by time alone like the drive."""
+    """Random walks through simulated rooms, labelled by time alone, like the drive."""
 
     rule: "TemporalLabelRule"
     folder: Path | None = None
@@ -193,7 +195,8 @@ def _simulated_drive(name: str) -> "LabelledDrive":
 
 
 def _render_scenes(on_progress: ProgressReporter) -> tuple[list[Path], list[Path]]:
-    """Return training and validation shards of a few scenes in the user's cache, rendered at the first call."""
+    """Return training and validation shards of a few scenes in the user's cache; they are rendered at the first
+    call."""
     from platformdirs import user_cache_path
 
     from ltvn_core.network.training_data.shards import DatasetRecipe, generate_shards
@@ -210,7 +213,7 @@ def _render_scenes(on_progress: ProgressReporter) -> tuple[list[Path], list[Path
 
 
 def _count_scenes(on_progress: ProgressReporter) -> Callable[[int, int], None]:
-    """Return a callback that reports the number of finished scenes, in the first four fifths of the progress."""
+    """Return a callback that reports the number of finished scenes as the first four fifths of the progress."""
 
     def report(count: int, total: int) -> None:
         doing = f"rendering simulated rooms (only once): {count} of {total}"
@@ -220,7 +223,8 @@ def _count_scenes(on_progress: ProgressReporter) -> Callable[[int, int], None]:
 
 
 def _select_shards(folder: Path) -> tuple[list[Path], list[Path]]:
-    """Return some training and validation shards of a dataset, evenly spread. Raises DatasetError without either."""
+    """Return some training and validation shards of a data set, evenly spread. Raises DatasetError if either kind is
+    missing."""
     from ltvn_core.errors import DatasetError
     from ltvn_core.network.training_data.shards import dataset_shards, shard_scene
 
@@ -252,14 +256,14 @@ class DriveSource:
 
 
 class SystemTraining(Protocol):
-    """The kind of learning of a system's network: labels, rehearsal data and plan."""
+    """Kind of learning for the network of a navigation system: labels, rehearsal data and plan."""
 
     def label_rule(self) -> "LabelRule":
         """Return the rule that labels the pairs of a drive."""
         ...
 
     def rehearsal(self, folder: Path | None = None) -> RehearsalData:
-        """Return the rehearsal data; `folder` names existing ones, otherwise they are made once and kept."""
+        """Return the rehearsal data; `folder` names existing data, otherwise they are made once and kept."""
         ...
 
     def adapt_plan(self, plan: "FineTuningPlan") -> "FineTuningPlan":
@@ -269,7 +273,8 @@ class SystemTraining(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class OdometryTraining:
-    """Learning of reachability: odometry and depth label the drive, and exact poses the simulated rehearsal pairs."""
+    """Learning of reachability: odometry and depth label the drive, and exact poses label the simulated rehearsal
+    pairs."""
 
     def label_rule(self) -> "LabelRule":
         """Return the rule that labels by odometry."""
@@ -288,7 +293,8 @@ class OdometryTraining:
 
 @dataclass(frozen=True, slots=True)
 class TemporalTraining:
-    """Learning from time alone: the number of steps labels the pairs of drive and random walks, without poses."""
+    """Learning from time alone: the number of steps labels the pairs of the drive and of random walks, without
+    poses."""
 
     learning: "TemporalLearning"
 

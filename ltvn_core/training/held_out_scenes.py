@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from ltvn_core.network.training_data.shards import Shard
 
 VALIDATION_SCENES = ("tune-0", "tune-1", "tune-2")
-"""Validation scenes, which choose the best weights."""
+"""Validation scenes, on which the best weights are selected."""
 
 TEST_SCENES = ("tune-3", "tune-4", "tune-5", "tune-6", "tune-7", "tune-8")
 """Test scenes, on which the metrics of the model card are measured."""
@@ -29,7 +29,7 @@ IMAGES_PER_DRIVE = 300
 """Number of images of the drive through each held-out scene; six drives have half a million ordered pairs."""
 
 SUBSAMPLING_STEP = 2
-"""Step between the images of drives for networks that process each pair from pixels, which is slow."""
+"""Step between the used images of a drive, for networks that process each pair from pixels, which is slow."""
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,7 @@ def measure_network(
 
 
 def figures(weights: Path, measured: "HeldOutMetrics") -> NetworkMetrics:
-    """Return the most important metrics. Raises WeightsError."""
+    """Return the most important metrics of `measured`. Raises WeightsError."""
     from ltvn_core.network.weights_file import load_weights, weights_fingerprint
 
     pairs = measured.pairs

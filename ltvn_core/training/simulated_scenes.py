@@ -1,6 +1,6 @@
 """Simulated scenes for data generation, and random walks through them with the labels of SPTM or ViNG.
 
-Owns the opening of a scene by name, and the folder and the seed of the walks.
+Owns opening a scene by name, and the folder and the seed of the walks.
 """
 
 import zlib
@@ -32,7 +32,7 @@ def make_walks(
     processes: int = 1,
     on_progress: Callable[[int, int], None] | None = None,
 ) -> list[Path]:
-    """Return the files of random walks through scenes; missing files are made.
+    """Return the files of random walks through scenes, and make the missing ones.
 
     Raises DatasetError and SceneError.
     """

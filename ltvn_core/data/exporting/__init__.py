@@ -1,1 +1,1 @@
-"""Exporting: recordings and maps in the formats of other programs. One module a format."""
+"""Exporting: recordings and maps in the formats of other programs. Each format has a module of its own."""

@@ -1,7 +1,7 @@
 """A drive for export: the frames of a recording with their data, still compressed.
 
 Owns the choice of frames and the camera's pose in space, in the conventions of other programs. Images are copied from
-the recording unchanged, because each compression loses a little.
+the recording unchanged, because every compression loses some quality.
 """
 
 import json
@@ -33,7 +33,7 @@ class CameraPlace(NamedTuple):
     position: NDArray[np.float64]
     """(3,) metres."""
     rotation: Rotation
-    """Takes right, down, forward to the frame."""
+    """Rotation from the optical frame (right, down, forward) to that frame."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -41,15 +41,15 @@ class ExportedFrame:
     """One frame of a drive."""
 
     stamp: float
-    """Seconds on the robot's clock, from 0 on."""
+    """Time on the robot's clock in seconds, starting at 0."""
     jpeg: bytes
     """Colour image as JPEG."""
     depth_png: bytes | None
     """Depth in whole millimetres; None without a depth camera."""
     odometry: Pose
-    """(3,)."""
+    """Pose (3,) by odometry."""
     truth: Pose | None
-    """(3,) in simulation, or where the drive was imported with it."""
+    """True pose (3,) from simulation or an import; None if it is unknown."""
     tilt: Tilt
     """Tilt of the camera at that moment."""
 
@@ -102,14 +102,14 @@ class ExportedDrive:
 
     @cached_property
     def rate_hz(self) -> float:
-        """The usual number of frames a second."""
+        """Median frame rate, in frames per second."""
         poses = self._recording.poses
         gaps = np.diff(poses.stamps[np.isin(poses.steps, self._steps)])
         return float(1 / np.median(gaps)) if len(gaps) and np.median(gaps) > 0 else 1.0
 
     @cached_property
     def turns_camera(self) -> bool:
-        """Whether the camera was not always tilted as it is mounted."""
+        """Whether any frame has a tilt of its own that differs from the camera's mounting."""
         return any(self._recording.stored_frame(step).frame.tilt is not None for step in self._steps)
 
     def frames(self) -> Iterator[ExportedFrame]:
@@ -127,14 +127,14 @@ class ExportedDrive:
             )
 
     def on_robot(self, tilt: Tilt) -> CameraPlace:
-        """Return where the camera was on the robot, whose origin is on the floor below it."""
+        """Return the camera's place in the robot's frame, whose origin is on the floor below the camera."""
         body = Rotation.from_euler("ZYX", [0.0, -tilt.pitch_rad, tilt.roll_rad])
         quarter = Rotation.from_euler("x", -self.camera.quarter_turns * np.pi / 2)
         turn = body * quarter * Rotation.from_matrix(BODY_FROM_OPTICAL)
         return CameraPlace(np.array([0.0, 0.0, self.camera.height_m]), turn)
 
     def in_world(self, pose: Pose, tilt: Tilt) -> CameraPlace:
-        """Return where the camera was in the frame of a pose (3,)."""
+        """Return the camera's place in the frame in which a robot's pose (3,) is given."""
         x, y, yaw = pose
         position, turn = self.on_robot(tilt)
         return CameraPlace(np.array([x, y, position[2]]), Rotation.from_euler("z", yaw) * turn)

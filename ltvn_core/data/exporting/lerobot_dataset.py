@@ -1,7 +1,7 @@
 """Writes a drive as a LeRobotDataset of version 3 with one episode: images beside the rows, x, y, yaw, and speeds.
 
-LeRobot counts rows at one rate, so `timestamp` is the row's number over the rate; the robot's own clock is in
-`observation.time`. `camera.json` describes the lens for our own reader.
+LeRobot assumes a constant rate, so `timestamp` is the row's number divided by the rate; the time of the robot's clock
+is in `observation.time`. `camera.json` describes the lens for our own reader.
 """
 
 import json
@@ -24,13 +24,13 @@ TIME = "observation.time"
 TASK = "drive"
 
 _ROWS = 64
-"""Rows that are in memory together."""
+"""Number of rows in memory at a time."""
 _PLACE = "chunk-000/file-000.parquet"
 _IMAGE = pa.struct([("bytes", pa.binary()), ("path", pa.string())])
 
 
 def write_lerobot_dataset(drive: ExportedDrive, folder: Path) -> None:
-    """Fill a folder, which exists and is empty. Raises OSError."""
+    """Fill a folder, which must exist and be empty. Raises OSError."""
     rate = max(round(drive.rate_hz), 1)
     poses = np.array([frame.odometry for frame in drive.frames()])
     stamps = np.array([frame.stamp for frame in drive.frames()])
@@ -141,7 +141,7 @@ def _write_episode(path: Path, rows: int) -> None:
 
 
 def _write_tasks(path: Path) -> None:
-    """Write the tasks as LeRobot's data frame has them: the words are its index."""
+    """Write the table of tasks in LeRobot's layout, in which the text of a task is the index."""
     index = "__index_level_0__"
     columns = [
         {"name": "task_index", "field_name": "task_index", "pandas_type": "int64", "numpy_type": "int64"},
@@ -153,7 +153,8 @@ def _write_tasks(path: Path) -> None:
 
 
 def _speeds(poses: NDArray[np.float64], stamps: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the speed ahead and of turning (N, 2) from each row to the next; zero in the last."""
+    """Return the forward speed and the turning rate (N, 2) between each row and the next, in m/s and rad/s; zero in the
+    last."""
     speeds = np.zeros((len(poses), 2))
     if len(poses) > 1:
         seconds = np.maximum(np.diff(stamps), 1e-6)

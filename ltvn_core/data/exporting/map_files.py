@@ -1,7 +1,7 @@
 """Writes a map for other programs: GraphML, GeoJSON, and the graph of Nav2's Route Server.
 
-Nodes are at their true poses if these are known, else at those of odometry, which drifts; or in another frame, such as
-that of a floor plan. All lengths are metres in a plane, not degrees on the globe.
+Nodes are at their true poses if these are known, otherwise at their odometry poses, which drift. They can also be
+written in another frame, such as that of a floor plan. All lengths are metres in a plane, not degrees on the globe.
 """
 
 import json
@@ -22,14 +22,14 @@ _GRAPHML_KINDS = {bool: "boolean", int: "long", float: "double", str: "string"}
 
 
 class PlacedMap(NamedTuple):
-    """A map and where its nodes are."""
+    """A map and the poses of its nodes."""
 
     graph: TopologicalGraph
     poses: dict[NodeId, Pose]
     """(3,) of each node."""
 
     def seen_from(self, frame: Pose) -> Self:
-        """Return the same map in a frame whose pose (3,) in the map's is known."""
+        """Return the map in another frame, whose pose (3,) in the map's frame is given."""
         return self._replace(poses={node: relative(frame, pose) for node, pose in self.poses.items()})
 
 
@@ -46,7 +46,7 @@ def placed_map(recording: Recording) -> PlacedMap:
 
 def write_graphml(placed: PlacedMap, path: Path) -> None:
     """Write a directed graph with x, y, yaw of each node, and waypoint and belief of each edge."""
-    # Not by rustworkx, whose writer mixes up the kinds of attributes.
+    # rustworkx is not used here, because its writer mixes up the types of attributes.
     root = ElementTree.Element("graphml", xmlns="http://graphml.graphdrawing.org/xmlns")
     graph = ElementTree.Element("graph", edgedefault="directed")
     for node, pose in placed.poses.items():
@@ -62,7 +62,7 @@ def write_graphml(placed: PlacedMap, path: Path) -> None:
 
 
 def write_geojson(placed: PlacedMap, path: Path) -> None:
-    """Write nodes as points and edges as lines, with all that is believed of them."""
+    """Write nodes as points and edges as lines, with the waypoint, belief and attempts of each edge."""
     features = [
         _feature("Point", _point(pose), {"id": node, "yaw_rad": float(pose[2]), "name": placed.graph.nodes[node].name})
         for node, pose in placed.poses.items()
@@ -75,7 +75,8 @@ def write_geojson(placed: PlacedMap, path: Path) -> None:
 
 
 def write_nav2_route(placed: PlacedMap, path: Path) -> None:
-    """Write the GeoJSON that Nav2's Route Server loads: ids of nodes and of directed edges are unique whole numbers.
+    """Write GeoJSON for Nav2's Route Server, in which every node and every directed edge has a unique integer as its
+    id.
 
     Raises MapError for a map without edges, which the server refuses.
     """

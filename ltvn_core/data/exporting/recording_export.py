@@ -1,9 +1,9 @@
-"""One recording in another format: which formats there are, and that a file or folder appears only when it is whole.
+"""Exports a recording to another format; an output file or folder appears only when it is complete.
 
-Owns the two formats that need no library. The layout of the TUM RGB-D benchmark, which many SLAM programs read, has
-`rgb.txt`, `depth.txt`, `odometry.txt` and `groundtruth.txt` with stamps; poses are of the camera's optical frame, and
-depth has 5000 units a metre. GNM, ViNT and NoMaD are trained from `0.jpg`, `1.jpg`, ... and `traj_data.pkl`. Of both,
-`camera.json` says what the lens is, as our own reader takes it.
+Owns the list of formats, and the two formats that need no library. The layout of the TUM RGB-D benchmark, which many
+SLAM programs read, has `rgb.txt`, `depth.txt`, `odometry.txt` and `groundtruth.txt` with stamps; poses are those of the
+camera's optical frame, and depth has 5000 units per metre. The layout of GNM, ViNT and NoMaD has `0.jpg`, `1.jpg`, ...
+and `traj_data.pkl`. Both contain a `camera.json`, which describes the lens for our own reader.
 """
 
 import pickle
@@ -28,7 +28,7 @@ _POSE_HEAD = "# stamp tx ty tz qx qy qz qw of the camera: x right, y down, z for
 
 
 def write_tum_folder(drive: ExportedDrive, folder: Path) -> None:
-    """Fill a folder, which exists and is empty. Depth beyond 13.1 m becomes no return. Raises OSError."""
+    """Fill a folder, which must exist and be empty. Depth beyond 13.1 m is written as no return. Raises OSError."""
     (folder / "rgb").mkdir()
     (folder / "depth").mkdir()
     lists: dict[str, list[str]] = {"rgb": [], "depth": [], "odometry": [], "groundtruth": []}
@@ -57,9 +57,9 @@ def _pose_line(stamp: str, place: CameraPlace) -> str:
 
 
 def write_vint_folder(drive: ExportedDrive, folder: Path) -> None:
-    """Fill a folder, which exists and is empty, with images and odometry; depth and stamps have no place there.
+    """Fill a folder, which must exist and be empty, with images and odometry.
 
-    Raises OSError.
+    Depth and stamps are left out, because the format has no place for them. Raises OSError.
     """
     poses = []
     for number, frame in enumerate(drive.frames()):
@@ -71,7 +71,7 @@ def write_vint_folder(drive: ExportedDrive, folder: Path) -> None:
 
 
 class ExportFormat(Enum):
-    """Formats of an export: the first four for a drive, the others for a map."""
+    """Formats of an export: the first four hold a drive, the others a map."""
 
     MCAP = "mcap"
     TUM = "tum"
@@ -83,7 +83,7 @@ class ExportFormat(Enum):
 
     @property
     def is_map(self) -> bool:
-        """Whether the map is written and not the drive."""
+        """Whether the format holds a map; otherwise it holds a drive."""
         return self in _MAPS
 
 
@@ -113,9 +113,9 @@ def export_recording(
     to_s: float | None = None,
     frame: Pose | None = None,
 ) -> Exported:
-    """Write a new file for a map, a new folder for a drive; an output that ends in .mcap is one file.
+    """Write a map to a new file, or a drive to a new folder; an output whose name ends in .mcap is one file.
 
-    A map is written in `frame`, a pose (3,) in the map's own, which is also the default.
+    A map is written in the frame whose pose (3,) in the map's own frame is `frame`; the default is the map's own frame.
 
     Raises RecordingError where `output` exists or cannot be written, MapError if there is no map, and
     MissingLibraryError where a library is missing.
@@ -138,7 +138,7 @@ def export_recording(
 
 
 def _write_bag(drive: ExportedDrive, output: Path, write: Callable[[ExportedDrive, Path], None]) -> None:
-    """Write a folder with a bag, or the bag's only file; the library names the file after its folder."""
+    """Write a folder with a bag, or only the file of the bag; the library names that file after its folder."""
     with new_folder(output, leave=f"{output.stem}/{output.name}" if output.suffix == ".mcap" else output.name) as part:
         write(drive, part / output.stem if output.suffix == ".mcap" else part / output.name)
 

@@ -1,4 +1,4 @@
-"""Writes a drive as a bag of ROS 2 in MCAP, as a robot with a depth camera records it.
+"""Writes a drive as a ROS 2 bag in MCAP, like the recording of a robot with a depth camera.
 
 Owns the names of topics and frames: the robot is `base_footprint`, the camera `camera_color_optical_frame`.
 """
@@ -33,7 +33,8 @@ _TRUE_WORLD = "map"
 _CAMERA = "camera_color_optical_frame"
 _STATIC = "/tf_static"
 _BAG_VERSION = 8
-"""The newest that ROS 2 Humble reads; from 9 on the profiles of QoS are lists, which it cannot parse."""
+"""Newest version of bag metadata that ROS 2 Humble reads; from version 9 on, QoS profiles are lists, which it cannot
+parse."""
 _UNLIMITED = QosTime(0, 0)
 _LATCHED = Qos(
     history=QosHistory.KEEP_LAST,
@@ -46,14 +47,14 @@ _LATCHED = Qos(
     liveliness_lease_duration=_UNLIMITED,
     avoid_ros_namespace_conventions=False,
 )
-"""How ROS publishes `/tf_static`: listeners that ask for transient local get nothing from a volatile publisher."""
+"""QoS with which ROS publishes `/tf_static`; a subscriber that asks for "transient local" gets nothing without it."""
 
 
 def write_ros_bag(drive: ExportedDrive, folder: Path) -> None:
     """Write a new folder with the bag. Raises OSError."""
     store = get_typestore(Stores.ROS2_HUMBLE)
     writer = Writer(folder, version=_BAG_VERSION, storage_plugin=StoragePlugin.MCAP)
-    writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)  # Depth shrinks to a third.
+    writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)  # zstd shrinks depth to a third.
     with writer:
         messages = _Messages(writer, store)
         is_first = True
@@ -83,7 +84,7 @@ def _planar(pose: Pose) -> CameraPlace:
 
 @dataclass
 class _Messages:
-    """Writes messages, each on its topic."""
+    """Writes each message to its topic."""
 
     writer: Writer
     store: Typestore

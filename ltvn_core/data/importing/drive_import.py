@@ -1,7 +1,8 @@
 """Imports a drive: raw frames are checked, selected, prepared and written as a recording, with a summary.
 
-Owns the order of these steps, the count of left-out images, and the selection: a map needs images that differ, so one
-is kept whenever the robot has moved on, by its odometry or by its images. Independent of the format.
+Owns the order of these steps, the count of left-out images, and the selection. A map needs images that differ, so an
+image is kept when the robot has moved far enough, according to its odometry or, without odometry, to the images.
+Independent of the format.
 """
 
 from collections import Counter
@@ -32,41 +33,42 @@ from ltvn_core.robots.robot_check import ObservationCheck
 from ltvn_core.types import Depth, Observation, Pose, Rgb, Tilt
 
 MOVED_SHARE = 0.04
-"""Motion that keeps an image: the median shift of the tracked points, as a share of the image's width."""
+"""Median shift of the tracked points above which an image is kept, as a share of the image's width."""
 LOST_SHARE = 0.5
-"""Share of tracked points whose loss keeps an image."""
+"""Share of the tracked points that must be lost for an image to be kept."""
 _WIDTH_PX = 160
 _POINTS = 120
 _FEWEST_POINTS = 8
 _ROUNDING = 1e-4
-"""Metres and radians that a source's poses may be rounded by: images 0.1 m apart are kept at 0.1 m."""
+"""Tolerance for rounded poses of a source, in metres and radians, so that images 0.1 m apart are kept at a spacing of
+0.1 m."""
 _NOISE = 2.0
-"""Images that differ by less, in grey levels of 255 on average, show the same."""
+"""Mean difference of two images, in grey levels of 255, below which they count as equal."""
 _DECIDING_FRAMES = 100
-"""Number of images whose median is the camera's usual tilt; they are held back until the recording begins."""
+"""Number of kept images from whose median the camera's usual tilt is computed; they are written only after that."""
 _EVERY_PIXEL = 4
 """Step in pixels between the samples for the median of depth."""
 Progress = Callable[[int, int | None], None]
-"""Called with the number of images looked at, and of images in all where that is known."""
+"""Callback with the number of images processed, and the number of all images if it is known."""
 
 
 class FrameSelection(Protocol):
     """Decides for each image in turn whether to keep it, and updates its state if so."""
 
     def may_keep(self, pose: Pose, tilt: Tilt | None) -> bool:
-        """Tell whether an image that was taken there could be kept, before anybody decodes it."""
+        """Tell whether an image with this pose and tilt could be kept; called before the image is decoded."""
         ...
 
     def keeps(self, rgb: Rgb, pose: Pose, tilt: Tilt | None) -> bool:
-        """Tell whether the camera moved enough since the last image that was kept."""
+        """Tell whether the camera has moved enough since the last kept image."""
         ...
 
 
 class MotionSelection:
-    """Keeps an image after a distance, or after a change of heading, pitch or roll."""
+    """Keeps an image after a minimum distance, or a minimum change of heading, pitch or roll."""
 
     def __init__(self, every_m: float, every_rad: float) -> None:
-        """Keep everything where both are 0."""
+        """Take the spacing; every image is kept if both limits are 0."""
         self._every_m = every_m
         self._every_rad = every_rad
         self._last: NDArray[np.float64] | None = None
@@ -78,7 +80,7 @@ class MotionSelection:
         gap = _pose_and_tilt(pose, tilt) - self._last
         moved_m = np.hypot(*gap[:2])
         turned_rad = np.abs(wrap_angle(gap[2:])).max()
-        # A pose that is not a number is kept here, and refused with its reason where it is checked.
+        # A pose with NaN is kept here; the later check of the frame rejects it and gives the reason.
         return not (moved_m < self._every_m - _ROUNDING and turned_rad < self._every_rad - _ROUNDING)
 
     def keeps(self, rgb: Rgb, pose: Pose, tilt: Tilt | None) -> bool:
@@ -90,18 +92,18 @@ class MotionSelection:
 
 
 class PictureSelection:
-    """Keeps an image when the picture has moved on; for drives without any odometry."""
+    """Keeps an image when its content has changed enough; for drives without any odometry."""
 
     def __init__(self) -> None:
         """Start before the first image."""
         self._last: NDArray[np.uint8] | None = None
 
     def may_keep(self, pose: Pose, tilt: Tilt | None) -> bool:
-        """Want every image, for the picture alone says whether it differs."""
+        """Accept every image, because only the decoded image shows whether it differs."""
         return True
 
     def keeps(self, rgb: Rgb, pose: Pose, tilt: Tilt | None) -> bool:
-        """Tell whether the picture differs enough; see `FrameSelection`."""
+        """Tell whether the image differs enough; see `FrameSelection`."""
         height = max(round(_WIDTH_PX * rgb.shape[0] / rgb.shape[1]), 1)
         small = cv2.resize(cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY), (_WIDTH_PX, height), interpolation=cv2.INTER_AREA)
         grey = np.asarray(small, np.uint8)
@@ -135,7 +137,7 @@ def import_drive(
     options: ImportOptions = ImportOptions(),  # noqa: B008
     progress: Progress = lambda _done, _total: None,
 ) -> ImportSummary:
-    """Write a drive to a new recording, which appears only when it is whole.
+    """Write a drive to a new recording, which appears only when it is complete.
 
     Raises DriveError where nothing of the drive can be used, RecordingError where `output` exists or cannot be written.
     """
@@ -162,7 +164,7 @@ class _DriveImport:
         self._scene = options.scene or f"{SOURCE_SCENE}{reader.facts.place or reader.facts.format}"
 
     def write(self, path: Path, name: Path) -> ImportSummary:
-        """Write the whole drive to `path`, and return the summary of a file that is called `name`."""
+        """Write the whole drive to `path`, and return the summary, in which the file has the name `name`."""
         observations = self._observations()
         first = list(islice(observations, _DECIDING_FRAMES))
         if not first or self._preparation is None:
@@ -184,7 +186,7 @@ class _DriveImport:
         return summary
 
     def _observations(self) -> Iterator[Observation]:
-        """Yield the kept images; all others are counted."""
+        """Yield the kept images, and count all others."""
         for raw in self._wanted_frames():
             try:
                 observation = self._observation(raw)
@@ -196,13 +198,13 @@ class _DriveImport:
                 yield observation
 
     def _wanted_frames(self) -> Iterator[RawFrame]:
-        """Yield the frames that may be kept, decoded by readers that can tell before."""
+        """Yield the frames that may be kept; a `SelectiveReader` decodes only those."""
         if isinstance(self._reader, SelectiveReader):
             return self._reader.frames_where(self._is_wanted)
         return (raw for raw in self._reader.frames() if self._is_wanted(FrameMoment.of(raw)))
 
     def _is_wanted(self, moment: FrameMoment) -> bool:
-        """Tell whether the image of a moment may be kept; the reason why not is counted."""
+        """Tell whether the image of a moment may be kept; if not, count the reason."""
         self._progress(len(self._stamps) + sum(self._reader.dropped.values()) + 1, self._reader.facts.frames)
         reason = self._reason_to_drop(moment)
         if reason is not None:
@@ -210,9 +212,9 @@ class _DriveImport:
         return reason is None
 
     def _observation(self, raw: RawFrame) -> Observation | None:
-        """Return the observation of a wanted frame; None if it is left out, whose reason is counted."""
+        """Return the observation of a frame that may be kept; if it is left out, count the reason and return None."""
         pose = self._odometry.pose(FrameMoment.of(raw))
-        assert pose is not None  # Else it was not wanted.
+        assert pose is not None  # `_is_wanted` has checked this.
         if not self._selection.keeps(raw.rgb, pose, raw.tilt):
             self._dropped[TOO_LITTLE_MOTION] += 1
             return None
@@ -243,7 +245,8 @@ class _DriveImport:
         return None if self._selection.may_keep(pose, moment.tilt) else TOO_LITTLE_MOTION
 
     def _mounted_camera(self, camera: CameraModel) -> CameraModel:
-        """Return the camera as it is mounted: as the person says, else as it was tilted for the most part."""
+        """Return the camera with its mounting: height and pitch from the user's options, else the median pitch of the
+        images."""
         height_m = self._options.height_m
         pitch_deg = self._options.pitch_deg
         tilts = [frame.tilt.pitch_rad for frame in self._kept if frame.tilt is not None]
@@ -299,7 +302,7 @@ class _DriveImport:
 
 
 def _median_m(depth: Depth | None) -> float | None:
-    """Return the median of the pixels with depth; None without a depth image, NaN where it holds none."""
+    """Return the median over the pixels with depth; None without a depth image, NaN if the image has no depth."""
     if depth is None:
         return None
     sparse = depth[::_EVERY_PIXEL, ::_EVERY_PIXEL]

@@ -1,6 +1,6 @@
 """Statistics of a drive after reading: frames, poses, tilts, gaps, and the expected map.
 
-Owns the arithmetic on poses and stamps. `import_summary` reports which numbers are doubtful.
+Owns the arithmetic on poses and stamps. `import_summary` decides which numbers are doubtful.
 """
 
 import math
@@ -26,9 +26,9 @@ from ltvn_core.types import Pose, Tilt
 
 GAP_PERIODS = 5.0
 GAP_S = 1.0
-"""A pause between two images is a gap when it is longer than both."""
+"""Least length of a gap in seconds; a gap is also longer than `GAP_PERIODS` times the usual time between two images."""
 TOO_LITTLE_MOTION = "too little motion"
-"""The one reason to leave an image out that says nothing against it."""
+"""The only reason for leaving out an image that does not mean a fault of the image."""
 _MEASURED = ("rgb", "depth", "odometry", "truth")
 
 
@@ -39,52 +39,52 @@ class Drift:
     position_rmse_m: float
     """RMSE of the position over the whole drive, after the best alignment with the truth."""
     per_metre: float
-    """Median error over stretches of a metre or so, as a share of the path length."""
+    """Median position error over stretches of about a metre, as a share of the path length."""
     yaw_deg_per_metre: float
     """Error of the heading over stretches of about a metre, in degrees per metre."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TiltRange:
-    """Tilt of a camera over a drive, in degrees; upwards and right side down are positive."""
+    """Range of a camera's tilt over a drive, in degrees; positive values mean upwards, and right side down."""
 
     pitch_median_deg: float
     pitch_lowest_deg: float
     pitch_highest_deg: float
     roll_largest_deg: float
-    """95 % of the images are rolled by less, to either side."""
+    """95th percentile of the absolute roll, in degrees."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Coverage:
-    """The best possible map of a drive: all near images joined, and consecutive ones by odometry."""
+    """Expected connectivity of a map of a drive, if all near images are joined, and consecutive images by odometry."""
 
     pieces: int
-    """Parts that no chain of such images joins."""
+    """Number of pieces: no chain of joined images leads from one piece to another."""
     largest_share: float
-    """Share of the images in the largest of them."""
+    """Share of the images that are in the largest piece."""
     revisited_share: float
-    """Share of the images that show a place where the drive had been before."""
+    """Share of the images at a place where the drive had been before."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class KeptFrame:
-    """A frame of the recording, without its pictures."""
+    """A frame of the recording, without its images."""
 
     stamp: float
     pose: Pose
-    """(3,): the odometry that was recorded."""
+    """Recorded odometry, (3,)."""
     odometry: Pose | None
-    """(3,): the source's own."""
+    """Odometry of the source, (3,); None if it has none."""
     truth: Pose | None
-    """(3,)."""
+    """True pose, (3,); None if it is unknown."""
     tilt: Tilt | None
     depth_median_m: float | None
-    """Median over the pixels with depth, in metres; None without a depth image, NaN if it is empty."""
+    """Median over the pixels with depth, in metres; None without a depth image, NaN if the image has no depth."""
 
     @property
     def has_depth(self) -> bool:
-        """Whether it has a depth image."""
+        """Whether the frame has a depth image."""
         return self.depth_median_m is not None
 
 
@@ -98,26 +98,26 @@ class DriveStatistics:
     thinned: int
     """Images that were left out for too little motion."""
     is_spacing_ignored: bool
-    """Whether a spacing of images was given although there is no odometry to measure it."""
+    """Whether the user gave a spacing of images although the drive has no odometry to measure it."""
     with_depth: int
     depth_median_m: float | None
-    """Half of the depth is nearer, half is farther; None without any."""
+    """Median depth of the drive, in metres; None if no image has depth."""
     used_streams: Sequence[str]
-    """Images and poses in use, by role and name."""
+    """Names of the image and pose streams in use, each with its role."""
     possible_depths: Sequence[str]
-    """Streams that could be depth and were not used."""
+    """Unused streams that could be depth."""
     is_lens_known: bool
     is_depth_registered: bool
     odometry: OdometrySource
     poses: Pose
-    """(N, 3) by the odometry that was recorded."""
+    """Poses (N, 3) by the recorded odometry."""
     width_px: int
     """Width of the recorded images, in pixels."""
     field_of_view_rad: float
-    """Horizontal."""
+    """Horizontal field of view, in radians."""
     tilt: TiltRange | None
     coverage: Coverage | None
-    """Coverage by the poses; None without any."""
+    """Coverage computed from the poses; None if there are no poses."""
     drift: Drift | None
     gaps_s: Sequence[float]
 
@@ -191,7 +191,7 @@ def coverage(poses: Pose, stamps: NDArray[np.float64]) -> Coverage:
 
 
 def _bridged_pairs(poses: Pose, stamps: NDArray[np.float64]) -> NDArray[np.intp]:
-    """Return the rows (K, 2) of images that odometry alone may join in a map, because the robot drove between them."""
+    """Return the rows (K, 2) of images, close in time and space, that odometry may join in a map without a match."""
     breaks = np.hypot(*np.diff(poses[:, :2], axis=0).T) > JUMP_M if len(poses) > 1 else np.zeros(0, bool)
     breaks |= np.diff(stamps) > PAUSE_S
     stretch = np.concatenate([[0], np.cumsum(breaks)])
@@ -204,7 +204,7 @@ def _bridged_pairs(poses: Pose, stamps: NDArray[np.float64]) -> NDArray[np.intp]
 
 
 def drift(odometry: Pose, truth: Pose) -> Drift | None:
-    """Compare odometry with truth, both (N, 3); None if the drive is too short to say."""
+    """Compare odometry with truth, both (N, 3); None if the drive is too short for a comparison."""
     way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(truth[:, :2], axis=0).T))])
     ends = np.searchsorted(way, way + 1.0)
     starts = np.flatnonzero(ends < len(way))
@@ -221,7 +221,7 @@ def drift(odometry: Pose, truth: Pose) -> Drift | None:
 
 
 def tilt_range(tilts: Sequence[Tilt]) -> TiltRange | None:
-    """Return how the camera was tilted; None without any tilt."""
+    """Return the range of the camera's tilt; None without any tilt."""
     if not tilts:
         return None
     pitch, roll = np.degrees(np.array(tilts)).T
@@ -234,6 +234,6 @@ def tilt_range(tilts: Sequence[Tilt]) -> TiltRange | None:
 
 
 def gaps_s(stamps: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the lengths in seconds of the pauses between N images in order that are longer than usual."""
+    """Return the lengths in seconds of the unusually long pauses between N images in order."""
     pauses = np.diff(stamps)
     return pauses[pauses > max(GAP_S, GAP_PERIODS * (period_s(stamps) or 0.0))]

@@ -1,6 +1,6 @@
-"""Reads sequences in the ASL layout, as EuRoC's drone and TUM VI have it: `mav0/cam0/data/NANOSECONDS.png` and so on.
+"""Reads sequences in the ASL layout, used by EuRoC's drone and TUM VI: `mav0/cam0/data/NANOSECONDS.png` and so on.
 
-`data.csv` lists the images, `sensor.yaml` says what the lens is and where the camera sits on the body, and
+`data.csv` lists the images, `sensor.yaml` describes the lens and the camera's place on the body, and
 `state_groundtruth_estimate0` holds poses of the body in a world whose z is up. Burri et al., IJRR 2016.
 """
 
@@ -21,7 +21,7 @@ from ltvn_core.data.importing.stamped_lists import rate_hz, stamped_lines
 from ltvn_core.errors import CameraError, DriveError
 
 TRUTHS = ("state_groundtruth_estimate0", "mocap0", "vicon0")
-"""Folders with poses, the best first."""
+"""Folders with poses, in order of preference."""
 
 _BODY = "mav0"
 _FIRST = "cam0"
@@ -37,10 +37,10 @@ class EurocReader(ImageFilesReader):
     """A sequence in the ASL layout, open for reading."""
 
     def __init__(self, path: Path, options: ReadOptions) -> None:
-        """Read the lists, and no image yet. Raises DriveError."""
+        """Read the lists, but no image yet. Raises DriveError."""
         super().__init__(_camera_folder(path, options.rgb), options)
         self._body = self._folder.parent
-        require_own_files(self._body)  # One camera may have been named alone, and poses lie beside it.
+        require_own_files(self._body)  # The user may name one camera; poses are beside it.
         self._listed = _images(self._folder)
         sensor = self._folder / _SENSOR
         said = CalibrationYaml(sensor) if sensor.is_file() else None
@@ -72,7 +72,7 @@ class EurocReader(ImageFilesReader):
         return self._raw_frame(moment, image, self._colours(image), camera=self._camera)
 
     def _lens(self, said: CalibrationYaml) -> CameraModel | None:
-        """Return the lens of a `sensor.yaml`, None if it is of a kind that is not read. Raises DriveError."""
+        """Return the lens in a `sensor.yaml`; None if its camera model is not supported. Raises DriveError."""
         model = said.word("camera_model").lower()
         distortion = said.word("distortion_model").lower()
         if model not in ("pinhole", "") or distortion not in (*_FISHEYES, *_DISTORTIONS):
@@ -105,7 +105,7 @@ class EurocReader(ImageFilesReader):
             ) from error
 
     def _read_truth(self, camera_on_body: Transform) -> tuple[PoseTrack | None, str]:
-        """Return the poses of the camera and the folder that they are from. Raises DriveError."""
+        """Return the poses of the camera, and the name of their folder. Raises DriveError."""
         for name in TRUTHS:
             path = self._body / name / _LIST
             if not path.is_file():
@@ -133,7 +133,8 @@ def _is_camera(folder: Path) -> bool:
 
 
 def _camera_folder(path: Path, wanted: str | None) -> Path:
-    """Return the folder of the wanted camera, by default the first or the one that was named. Raises DriveError."""
+    """Return the folder of the wanted camera; by default the first camera, or the one that `path` names. Raises
+    DriveError."""
     body = next((each for each in (path / _BODY, path, path.parent) if _is_camera(each / (wanted or _FIRST))), None)
     if wanted is None and _is_camera(path):
         return path
@@ -148,7 +149,7 @@ def _camera_folder(path: Path, wanted: str | None) -> Path:
 
 
 def _images(folder: Path) -> Sequence[tuple[float, str]]:
-    """Return stamps in seconds and images in order, by the list, or by the names if there is none."""
+    """Return stamps in seconds and images in order, from the list, or from the file names if there is no list."""
     listed = folder / _LIST
     if listed.is_file():
         rows, _ = stamped_lines(listed, least_columns=2, unit_s=_NANOSECOND)
@@ -163,7 +164,8 @@ def _images(folder: Path) -> Sequence[tuple[float, str]]:
 
 
 def _track(path: Path, camera_on_sensor: Transform) -> PoseTrack:
-    """Return the poses of a camera that sits on a sensor whose poses a file holds. Raises DriveError."""
+    """Return the poses of a camera from a file with the poses of the sensor that it is mounted on. Raises
+    DriveError."""
     of_sensor = read_poses(path, scalar_first=True, unit_s=_NANOSECOND)
     positions = of_sensor.positions + of_sensor.rotations.apply(camera_on_sensor[:3, 3])
     turns = of_sensor.rotations * Rotation.from_matrix(camera_on_sensor[:3, :3])

@@ -28,7 +28,8 @@ OCCUPIED = 100
 MOST_M = 100_000.0
 """Upper limit for the size of a floor plan and for its distance from the origin, in metres."""
 _OCCUPIED_THRESHOLD, _FREE_THRESHOLD = 0.65, 0.196
-"""Default thresholds. The grey value 205 that map savers write for unknown is just above the second, so not free."""
+"""Default thresholds. The grey value 205, which map savers write for unknown, is just above the second, so it is not
+free."""
 _WHITE = 3 * 255
 _YES, _NO = ("1", "true", "yes", "on"), ("0", "false", "no", "off", "")
 
@@ -92,7 +93,7 @@ class FloorPlan:
         return compose(self.corner, np.array([width_m / 2, height_m / 2, 0.0]))
 
     def moved(self, frame: Pose) -> Self:
-        """Return the plan in another frame; `frame` (3,) is the pose of the current frame in it."""
+        """Return the plan in another frame; `frame` (3,) is the pose of the current frame in the other frame."""
         return replace(self, corner=compose(frame, self.corner))
 
     def cells_at(self, places: ArrayLike) -> NDArray[np.int8]:

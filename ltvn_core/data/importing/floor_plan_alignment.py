@@ -1,4 +1,4 @@
-"""Alignment of a floor plan with a map: in the map's own frame, or by pairs of a node and its point on the plan.
+"""Alignment of a floor plan with a map: the frame of the map itself, or pairs of a node and its point on the plan.
 
 Owns the syntax of a pair and the checks of pairs. The plan is moved rigidly and never scaled, because plan and map are
 both in metres.
@@ -18,7 +18,7 @@ LEAST_PAIRS = 2
 LEAST_APART_M = 0.5
 """Least extent of the points along x or y, in metres; closer points do not determine the rotation."""
 DOUBTFUL_M = 0.5
-"""Error in metres above which the pairs are probably wrong, or odometry drifted much."""
+"""Error in metres above which the pairs are probably wrong, or odometry has drifted much."""
 _FORM = "NODE=X,Y, in metres of the plan, such as 17=-1.5,2"
 
 
@@ -31,7 +31,7 @@ class LaidFloorPlan(NamedTuple):
     """Pose (3,) of the plan's own frame in the frame of the map."""
 
     def moved_to(self, frame: Pose) -> Self:
-        """Return the plan with its own frame at another pose (3,) in the frame of the map."""
+        """Return the plan moved so that its own frame has the pose `frame` (3,) in the frame of the map."""
         return self._replace(plan=self.plan.moved(compose(frame, invert(self.frame))), frame=frame)
 
 
@@ -65,8 +65,8 @@ def align_floor_plan(pairs: Sequence[str], poses: Mapping[NodeId, Pose]) -> Rigi
 
 
 def _pair(text: str) -> tuple[tuple[float, float], NodeId]:
-    """Parse a point of the plan (x_m, y_m) and its node. The node comes first, because an argument must not start with
-    a minus.
+    """Parse a node and a point of the plan (x_m, y_m). The node comes first, because an argument must not begin with a
+    minus.
 
     Raises OptionError.
     """

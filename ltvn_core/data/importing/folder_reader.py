@@ -1,10 +1,10 @@
 """Reads a plain folder of pictures, with or without depth, with or without a table of odometry.
 
-Pictures are taken in natural order (2 before 10). `depth/` beside them, or the same folder, holds 16-bit PNGs of the
-same names or numbers in millimetres: many programs save both in one folder, so colours are told from depth by the
-pictures themselves. `odometry.csv` has the columns `file` or `stamp`, `x`, `y`, `yaw`. True poses are read as 7-Scenes,
-ScanNet and Replica write them (`importing.pose_track`). The lens comes from `camera.json`, or roughly from what a phone
-or camera writes into its pictures.
+Pictures are read in natural order (2 before 10). Depth images are 16-bit PNGs in millimetres with the names or numbers
+of the pictures. They are in `depth/` or in the folder of the pictures, where many programs save both; the pixel format
+then tells colours from depth. `odometry.csv` has the columns `file` or `stamp`, `x`, `y`, `yaw`. True poses are read in
+the formats of 7-Scenes, ScanNet and Replica (`importing.pose_track`). The lens comes from `camera.json`, or
+approximately from the EXIF data of a picture.
 """
 
 import io
@@ -32,18 +32,18 @@ IMAGE_SUFFIXES = frozenset((".jpg", ".jpeg", ".png", ".webp", ".bmp", ".ppm", ".
 UNREADABLE_SUFFIXES = frozenset(
     (".avif", ".jxl", ".jp2", ".dng", ".cr2", ".cr3", ".nef", ".arw", ".orf", ".raf", ".rw2", ".exr", ".tga")
 )
-"""Pictures too, which nothing here reads."""
+"""Endings of image formats that are not supported; such files are only counted."""
 IMAGE_FOLDERS = ("", "rgb", "images", "color", "colour", "image", "img", "mono", "left", "results", "frames", "seq")
-"""Where pictures lie: in the folder itself, or in one of these."""
+"""Folders that may hold the pictures, in order of preference; the empty name is the folder itself."""
 DEPTH_FOLDER = "depth"
 FEWEST = 2
 _DEPTH_NAME = re.compile(r"(?:^|[^a-z])depth(?![a-z])", re.IGNORECASE)
 _DEEP_SUFFIXES = (".png", ".tif", ".tiff")
 _DEEP_MODES = ("I", "F", "I;16", "I;16B", "I;16L")
-"""Pillow's names of one channel with more than 8 bits."""
+"""Pillow's modes for images with one channel of more than 8 bits."""
 ODOMETRY_FILES = ("odometry.csv", "poses.csv")
 CONFIDENCE_FOLDER = "confidence"
-"""Beside depth of phones: pictures of the same names, see `importing.image_files`."""
+"""Folder beside the depth of phones, with confidence images of the same names; see `importing.image_files`."""
 RATE_HZ = 10.0
 """Assumed number of pictures per second if there are no stamps."""
 _FOCAL_35MM_TAG = 0xA405
@@ -58,13 +58,13 @@ class FolderPictures:
 
     colours: Sequence[Path]
     deep: Sequence[Path]
-    """One channel of more than 8 bits: depth, never colours."""
+    """Pictures with one channel of more than 8 bits; they are depth, never colours."""
     shallow: Sequence[Path]
-    """Named depth, but with 8 bits: pictures of depth for the eye, and neither."""
+    """Pictures that are called depth but have only 8 bits; they are used neither as depth nor as colours."""
     unreadable: Sequence[Path]
 
     def doubts(self) -> Iterable[str]:
-        """Yield which pictures are left out, in whole sentences."""
+        """Yield notes about the pictures that are left out, in whole sentences."""
         if self.unreadable:
             kinds = kinds_of(self.unreadable)
             yield f"{len(self.unreadable)} images are in unsupported formats ({kinds}). {_conversion(kinds)}"
@@ -76,7 +76,7 @@ class FolderPictures:
 
 
 def colour_pictures(folder: Path, wanted: str | None) -> FolderPictures:
-    """Return the pictures of a folder or of the folder in it that holds them. Raises DriveError without colours."""
+    """Return the pictures of a folder, or of the subfolder that holds them. Raises DriveError without colours."""
     if not folder.is_dir():
         raise DriveError(f"{folder} is not a folder; name the folder of the images.")
     found: list[FolderPictures] = []
@@ -100,14 +100,14 @@ def colour_pictures(folder: Path, wanted: str | None) -> FolderPictures:
 
 
 def holds_pictures(path: Path) -> bool:
-    """Tell whether a folder holds some pictures, readable or not, by their names."""
+    """Tell by the file names whether a folder holds at least a few pictures, supported or not."""
     return any(_count(path / name) >= FEWEST for name in IMAGE_FOLDERS)
 
 
 def depth_partners(folder: Path, wanted: str | None, pictures: FolderPictures) -> Mapping[Path, Path]:
-    """Return the depth images by the pictures they belong to: of the same name, or else of the same numbers.
+    """Return the depth image of each picture that has one: with the same name, or otherwise with the same numbers.
 
-    Raises DriveError where a folder that a person named holds none.
+    Raises DriveError where the folder that the user named holds none.
     """
     listed = _listed(folder / (wanted or DEPTH_FOLDER), IMAGE_SUFFIXES)
     if wanted is not None and folder / wanted == pictures.colours[0].parent:
@@ -124,7 +124,7 @@ def depth_partners(folder: Path, wanted: str | None, pictures: FolderPictures) -
 
 
 def kinds_of(paths: Iterable[Path]) -> str:
-    """Return the endings of files and how many there are of each."""
+    """Return the endings of files, with the number of files for each."""
     return ", ".join(f"{count} {kind}" for kind, count in sorted(Counter(p.suffix.lower() for p in paths).items()))
 
 
@@ -138,7 +138,7 @@ def _sorted_out(folder: Path) -> FolderPictures:
     deep = {path for path in listed if _is_deep(path)}
     shallow = {path for path in listed if path not in deep and _DEPTH_NAME.search(path.stem)}
     if len(deep) + len(shallow) == len(listed) and shallow:
-        shallow = set()  # There is nothing else: names alone do not make all of them depth.
+        shallow = set()  # A name alone does not make a picture depth if all pictures are called so.
     return FolderPictures(
         colours=[path for path in listed if path not in deep and path not in shallow],
         deep=[path for path in listed if path in deep],
@@ -148,7 +148,7 @@ def _sorted_out(folder: Path) -> FolderPictures:
 
 
 def _listed(folder: Path, suffixes: Iterable[str]) -> list[Path]:
-    """Return the files of a folder that end so, in natural order: 2 before 10."""
+    """Return the files of a folder with one of these endings, in natural order: 2 before 10."""
     if not folder.is_dir():
         return []
     found = (path for path in folder.iterdir() if path.suffix.lower() in suffixes and not path.name.startswith("."))
@@ -160,7 +160,8 @@ def _count(folder: Path) -> int:
 
 
 def _is_deep(path: Path) -> bool:
-    """Tell by the header whether a picture has one channel of more than 8 bits; pipes and damaged ones have not."""
+    """Tell by the header whether a picture has one channel of more than 8 bits; False for pipes and damaged
+    pictures."""
     if path.suffix.lower() not in _DEEP_SUFFIXES or not path.is_file():
         return False
     try:
@@ -175,7 +176,7 @@ def _numbers(path: Path) -> tuple[int, ...]:
 
 
 def _unique(numbers: Mapping[Path, tuple[int, ...]]) -> dict[tuple[int, ...], Path]:
-    """Return the files by their numbers, without those whose numbers others have too."""
+    """Return the files by the numbers in their names, without files that share their numbers with others."""
     counts = Counter(numbers.values())
     return {key: path for path, key in numbers.items() if key and counts[key] == 1}
 
@@ -239,7 +240,7 @@ class FolderReader(ImageFilesReader):
         return self._without_unsure(self._depth_m(name, unit), path)
 
     def _without_unsure(self, depth_m: Depth, path: Path) -> Depth:
-        """Return depth (H, W) without the pixels of lowest confidence."""
+        """Return depth (H, W) without the pixels of low confidence."""
         beside = Path(CONFIDENCE_FOLDER) / path.name
         if not (self._folder / beside).is_file():
             return depth_m
@@ -284,12 +285,12 @@ def _table(folder: Path, wanted: str | None) -> OdometryTable | None:
 
 
 def _stamp_in(stem: str) -> float | None:
-    """Return the seconds in a name such as 1305031452.791720; whole numbers only count the pictures."""
+    """Return the seconds in a name such as 1305031452.791720; None for whole numbers, which only count the pictures."""
     return float(stem) if re.fullmatch(r"[0-9]{1,10}\.[0-9]+", stem) else None
 
 
 def _exif_camera(blob: bytes, width: int, height: int) -> CameraModel | None:
-    """Return the lens that a picture names by its focal length on 35 mm film, where it does."""
+    """Return the lens from the EXIF focal length (35 mm equivalent) of a picture; None if it has none."""
     try:
         if is_heif(blob):
             exif = heif_exif(blob)
@@ -297,7 +298,7 @@ def _exif_camera(blob: bytes, width: int, height: int) -> CameraModel | None:
             with Image.open(io.BytesIO(blob)) as image:
                 exif = image.getexif()
         focal_mm = float(exif.get_ifd(_EXIF_FOLDER_TAG).get(_FOCAL_35MM_TAG, 0))
-    except Exception:  # What strangers write there may be anything.
+    except Exception:  # Untrusted EXIF data may raise anything.
         return None
     if not 5 <= focal_mm <= 1000:
         return None

@@ -1,6 +1,6 @@
-"""Files from other people: read completely if they are plain files, not too long, and in the expected place.
+"""Files from untrusted sources: read completely if they are plain files, not too large, and in the expected place.
 
-A pipe or a device in an unpacked folder would never end, and a link could name any file of this machine.
+Reading a pipe or a device in an unpacked folder would never end, and a link could point to any file of this machine.
 """
 
 import os
@@ -25,12 +25,12 @@ def read_foreign(path: Path, *, most_bytes: int, what: str) -> bytes:
 
     Args:
         path: The file.
-        most_bytes: The longest that is read.
-        what: What messages call something that is never longer, as "image".
+        most_bytes: Largest size in bytes that is read.
+        what: Kind of file in messages, such as "image".
 
     Raises:
-        DriveError: It is too long, no plain file, or only a pointer of Git LFS.
-        OSError: It cannot be read.
+        DriveError: The file is too large, not a plain file, or only a Git LFS pointer.
+        OSError: The file cannot be read.
     """
     require_plain(path)
     if path.stat().st_size > most_bytes:
@@ -39,9 +39,9 @@ def read_foreign(path: Path, *, most_bytes: int, what: str) -> bytes:
 
 
 def require_plain(path: Path) -> None:
-    """Raise DriveError for a pipe, a device or their like, and for a pointer of Git LFS; OSError where nothing is."""
+    """Raise DriveError for a pipe, a device or a Git LFS pointer; OSError where nothing exists."""
     found = path.stat()
-    if not (stat.S_ISREG(found.st_mode) or stat.S_ISDIR(found.st_mode)):  # Of a folder the system says that it is one.
+    if not (stat.S_ISREG(found.st_mode) or stat.S_ISDIR(found.st_mode)):  # Reading a folder raises OSError.
         raise DriveError(f"{path} is a pipe or a device, not a file, so it is not read.")
     if stat.S_ISREG(found.st_mode) and found.st_size <= _LONGEST_POINTER and _begins_as_pointer(path):
         raise DriveError(
@@ -52,8 +52,9 @@ def require_plain(path: Path) -> None:
 def require_own_files(folder: Path) -> None:
     """Raise DriveError for a link in a folder that leads outside of it.
 
-    Otherwise the author of the folder could have any file of this machine read, and shown in a message. Readers look
-    into `_READ_LEVELS` levels of folders; only names in lists can lead deeper, and `require_within` checks those.
+    Without this check, the author of the folder could have any file of this machine read and shown in a message.
+    Subfolders are checked to `_READ_LEVELS` levels, as deep as readers search; deeper paths come only from lists, and
+    `require_within` checks those.
     """
     if not folder.is_dir():
         return
@@ -70,7 +71,7 @@ def require_own_files(folder: Path) -> None:
 
 def _require_link_within(link: Path, folder: Path) -> None:
     if not link.exists():
-        return  # It leads nowhere, or in a circle, and shows nothing.
+        return  # A broken or circular link shows nothing.
     if not link.resolve().is_relative_to(folder.resolve()):
         raise DriveError(
             f"{link} is a link to outside of {folder}, and links are not followed there. If you trust its target, "
@@ -79,7 +80,7 @@ def _require_link_within(link: Path, folder: Path) -> None:
 
 
 def is_from_lfs(folder: Path) -> bool:
-    """Tell whether a folder keeps files in Git LFS, as its `.gitattributes` or that of a folder above says."""
+    """Tell whether a folder keeps files in Git LFS, by its own `.gitattributes` or that of its repository."""
     try:
         root = next((each for each in (folder, *folder.resolve().parents) if (each / ".git").exists()), folder)
         for path in {folder / _ATTRIBUTES, root / _ATTRIBUTES}:
@@ -96,7 +97,7 @@ def _begins_as_pointer(path: Path) -> bool:
 
 
 def require_within(path: Path, folder: Path) -> None:
-    """Raise DriveError where a path leads out of a folder, by its name or by links."""
+    """Raise DriveError for a path that leads out of a folder, by its name or by links."""
     try:
         is_within = path.resolve().is_relative_to(folder.resolve())
     except (OSError, ValueError, RuntimeError) as error:  # A zero byte in the name, or links in a circle.
@@ -106,7 +107,8 @@ def require_within(path: Path, folder: Path) -> None:
 
 
 def read_bytes_within(folder: Path, name: str) -> bytes:
-    """Return the bytes of an image within a folder. Raises DriveError for a missing, huge or foreign one."""
+    """Return the bytes of an image within a folder. Raises DriveError for a missing or too large file, or one outside
+    of it."""
     path = folder / name
     require_within(path, folder)
     try:

@@ -1,9 +1,9 @@
 """Turns a raw frame into an observation of the recorded camera: upright, scaled, depth aligned with the colours.
 
 Owns the choice of that camera, the maps from the source's cameras to it, and the treatment of an unknown lens. The
-recorded camera has the source's own lens, upright, and at most 320 x 240 pixels. Its distortion is kept, because
-undistorted images are stretched at the rim and cropped, and key points are found best in the original; measurements use
-the camera's rays. `ltvn_core.cameras.rectification` makes its images. Selects no frames.
+recorded camera has the source's own lens, is upright, and has at most 320 x 240 pixels. Its distortion is kept, because
+undistorting stretches and crops an image, and key points are found best in the original; measurements use the camera's
+rays. `ltvn_core.cameras.rectification` makes its images. Does not select frames.
 """
 
 from dataclasses import replace
@@ -20,12 +20,13 @@ from ltvn_core.preprocessing import ORIGINAL_SIZE
 from ltvn_core.types import Depth, FrameId, Observation, Pose
 
 ASSUMED_FOV_DEG = 60.0
-"""Horizontal; what most cameras of phones, laptops and robots have within 15 degrees."""
+"""Assumed horizontal field of view in degrees; right within 15 degrees for most cameras of phones, laptops and
+robots."""
 _ASPECT_TOLERANCE = 0.02
 
 
 def recorded_camera(source: CameraModel) -> CameraModel:
-    """Return the camera to whose images those of `source` are turned; pitch and height stay, roll is undone."""
+    """Return the recorded camera for images of `source`; pitch and height stay, roll is removed."""
     upright = _upright(source)
     long_side = max(upright.width, upright.height)
     short_side = min(upright.width, upright.height)
@@ -61,7 +62,8 @@ def _upright(source: CameraModel) -> CameraModel:
 
 
 def _turned(distortion: tuple[float, ...], quarter_turns: int) -> tuple[float, ...]:
-    """Return coefficients for the turned picture: p1 and p2 of k1 k2 p1 p2 ... are a direction and turn with it."""
+    """Return the coefficients for an image turned by quarter turns: p1 and p2 (k1 k2 p1 p2 ...) are a direction, which
+    turns too."""
     if not distortion:
         return distortion
     down, right = distortion[2:4]
@@ -74,10 +76,10 @@ class FramePreparation:
     """Prepares the frames of one drive; its first frame decides on the camera."""
 
     def __init__(self, first: RawFrame, *, fov_deg: float | None = None) -> None:
-        """Decide on the camera. Raises DriveError for images with depth from an unknown lens."""
+        """Choose the camera. Raises DriveError for images with depth from an unknown lens."""
         height, width = first.rgb.shape[:2]
         self.is_lens_known = first.camera is not None or fov_deg is not None
-        """Whether the source or a person said what the lens is."""
+        """Whether the source or the user described the lens."""
         if not self.is_lens_known and first.depth_m is not None:
             raise DriveError(
                 f"The lens is unknown that took {first.name or 'these images'} ({width} x {height}), and depth needs "
@@ -87,12 +89,12 @@ class FramePreparation:
         self.camera = recorded_camera(self._source)
         """The camera of all observations; its tilt is that of the source's mounting."""
         self.is_depth_registered = first.depth_camera is None
-        """Whether depth shows what the colours show; else it is laid over them by the lenses alone."""
+        """Whether depth is registered to the colours; otherwise only the two lenses align it with them."""
 
     def observation(self, raw: RawFrame, *, step: FrameId, odometry: Pose) -> Observation:
         """Return a frame as the recorded camera sees it.
 
-        Raises ImageError for values that cannot be, and for an image that another camera took.
+        Raises ImageError for impossible values, and for an image from another camera.
         """
         height, width = raw.rgb.shape[:2]
         try:
@@ -116,12 +118,11 @@ class FramePreparation:
         )
 
     def _mounted(self, camera: CameraModel, raw: RawFrame) -> CameraModel:
-        """Return the camera without a tilt where each frame has its own: such an image is kept as it was taken."""
+        """Return the camera without a tilt if the frame has a tilt of its own; its image is then not rotated."""
         return camera if raw.tilt is None else replace(camera, pitch_rad=0.0, roll_rad=0.0)
 
     def _depth(self, depth_m: Depth, raw: RawFrame, source: CameraModel, target: CameraModel) -> Depth:
-        """Return depth (H, W) as the recorded camera sees it; values that are not finite or negative become no
-        return."""
+        """Return depth (H, W) as the recorded camera sees it; negative, NaN and infinite values become no return."""
         height, width = depth_m.shape
         if raw.depth_camera is not None:
             lens = replace(

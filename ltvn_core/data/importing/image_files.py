@@ -1,4 +1,4 @@
-"""Common part of readers whose images are files in a folder, including the treatment of damaged images.
+"""Base class of readers whose images are files in a folder, including the treatment of damaged images.
 
 Owns the conversion of a list of images to raw frames, and the least confidence of a phone's depth.
 """
@@ -23,7 +23,7 @@ from ltvn_core.types import Depth, Rgb
 _LOWEST_OF_THREE = 0
 _LARGEST_OF_THREE = 2
 _LOW_PERCENT = 34
-"""Confidence is 0, 1, 2 as phones give it, or up to 100; the lowest third counts as no depth."""
+"""Confidence from 0 to 100 below which depth is discarded; if the levels are 0, 1 and 2, level 0 is discarded."""
 
 
 class ImageFilesReader(ABC):
@@ -34,7 +34,7 @@ class ImageFilesReader(ABC):
     DAMAGED = "damaged or missing image"
     """Reason for leaving out an image that cannot be read."""
     MOST_AT_FIRST: float = 1000
-    """Number of damaged images at the start after which reading ends, because opening a million takes minutes."""
+    """Number of damaged images at the start after which reading stops, because trying a million files takes minutes."""
 
     def __init__(self, folder: Path, options: ReadOptions) -> None:
         """Take the folder of all images, and the user's options for the drive."""
@@ -47,18 +47,18 @@ class ImageFilesReader(ABC):
 
     @classmethod
     def open(cls, path: Path, options: ReadOptions) -> Self:
-        """Open a drive: the lists are read, and no image yet. Raises DriveError."""
+        """Open a drive and read its lists, but no image yet. Raises DriveError."""
         return cls(path, options)
 
     def frames(self) -> Iterator[RawFrame]:
-        """Yield the images in order with all that belongs to each."""
+        """Yield all frames in order."""
         return self.frames_where(lambda _: True)
 
     def frames_where(self, wanted: FrameFilter) -> Iterator[RawFrame]:
-        """Yield the frames without those whose moment is not wanted, whose images are not read.
+        """Yield the frames of the wanted moments; the images of other moments are not read.
 
-        One that cannot be read is counted, and the first of them is a doubt. Raises DriveError where a drive begins
-        with nothing but images that cannot be read.
+        An image that cannot be read is counted, and the first such image is reported as a doubt. Raises DriveError
+        where the first `MOST_AT_FIRST` images cannot be read.
         """
         found_any = False
         for moment, image in self._images():
@@ -82,14 +82,15 @@ class ImageFilesReader(ABC):
 
     @abstractmethod
     def _frame(self, moment: FrameMoment, image: Any) -> RawFrame:
-        """Read one image. Raises DriveError where that is impossible."""
+        """Read one image. Raises DriveError if it cannot be read."""
 
     def _colours(self, name: str) -> Rgb:
         """Return the colours (H, W, 3) of a file in the folder. Raises DriveError."""
         return decode_colour(read_bytes_within(self._folder, name), name)
 
     def _depth_m(self, name: str, unit_m: float) -> Depth:
-        """Return the depth (H, W) in metres of a file in the folder, whose unit is known. Raises DriveError."""
+        """Return the depth (H, W) in metres of a file in the folder; `unit_m` is the size of its unit. Raises
+        DriveError."""
         return decode_depth(read_bytes_within(self._folder, name), unit_m, name)
 
     def _raw_frame(
@@ -102,7 +103,8 @@ class ImageFilesReader(ABC):
         depth_m: Depth | None = None,
         depth_camera: CameraModel | None = None,
     ) -> RawFrame:
-        """Return the frame of a moment, with the camera fitted to its image. Raises DriveError where it cannot be."""
+        """Return the frame of a moment, with the camera fitted to its image. Raises DriveError if the camera does not
+        fit."""
         height, width = rgb.shape[:2]
         return RawFrame(
             stamp=moment.stamp,
@@ -118,7 +120,7 @@ class ImageFilesReader(ABC):
 
 
 def without_low_confidence(depth_m: Depth, levels: NDArray[np.uint8]) -> Depth:
-    """Return depth (H, W) that is 0, no return, where its levels of confidence (H, W) are low."""
+    """Return depth (H, W) with 0 (no return) where its confidence levels (H, W) are low."""
     is_of_three = levels.max(initial=0) <= _LARGEST_OF_THREE
     is_low = levels <= _LOWEST_OF_THREE if is_of_three else levels < _LOW_PERCENT
     return np.where(is_low, 0, depth_m).astype(np.float32)

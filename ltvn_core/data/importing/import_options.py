@@ -1,4 +1,4 @@
-"""Options of an import, and the resulting source of a drive's odometry."""
+"""Options of an import, and the choice of its source of odometry."""
 
 import math
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ class OdometrySource(StrEnum):
     NONE = "none"
 
     def pose(self, moment: FrameMoment) -> Pose | None:
-        """Return the pose (3,) of a moment, zeros where there is to be none; None if it is missing."""
+        """Return the pose (3,) of a moment; zeros if no odometry is used, None if the pose is missing."""
         match self:
             case OdometrySource.TRUTH:
                 return moment.truth
@@ -35,7 +35,7 @@ class OdometrySource(StrEnum):
 
 
 def chosen_odometry(reader: DriveReader, wanted: OdometrySource = OdometrySource.AUTO) -> OdometrySource:
-    """Return the source of odometry. Raises DriveError where the source has none of the wanted kind."""
+    """Return the source of odometry. Raises DriveError where the drive has none of the wanted kind."""
     roles = {stream.role for stream in reader.facts.streams}
     offered = {OdometrySource.SOURCE: "odometry", OdometrySource.TRUTH: "truth"}
     if wanted is OdometrySource.AUTO:
@@ -51,7 +51,7 @@ def chosen_odometry(reader: DriveReader, wanted: OdometrySource = OdometrySource
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ImportOptions:
-    """How raw frames become a recording. Raises OptionError for a number that cannot be."""
+    """How raw frames become a recording. Raises OptionError for an invalid number."""
 
     odometry: OdometrySource = OdometrySource.AUTO
     every_m: float = EVERY_M
@@ -59,13 +59,13 @@ class ImportOptions:
     every_deg: float = EVERY_DEG
     """Change of heading or tilt after which an image is kept, in degrees."""
     fov_deg: float | None = None
-    """Horizontal field of view of an otherwise unknown camera, in degrees."""
+    """Horizontal field of view in degrees, for a camera that the source does not describe."""
     height_m: float | None = None
-    """Height of the camera above the floor, where the source does not say."""
+    """Height of the camera above the floor in metres; None takes it from the source."""
     pitch_deg: float | None = None
-    """Tilt of a mounted camera, upwards positive."""
+    """Pitch of the mounted camera in degrees, upwards positive; None takes it from the source."""
     scene: str = ""
-    """Name of the place in the recording; if empty, made from the source's name."""
+    """Name of the place in the recording; if empty, it is made from the source's name."""
 
     def __post_init__(self) -> None:
         """Check the numbers."""

@@ -1,6 +1,6 @@
 """The summary of an import, for people and programs, and its findings about the drive.
 
-Owns the limits above which something is doubtful, the likely cause, and the advice. Refuses nothing.
+Owns the limits above which something is doubtful, the likely cause, and the advice. Does not reject any drive.
 """
 
 import math
@@ -21,11 +21,11 @@ from ltvn_core.geometry import wrap_angle
 from ltvn_core.graph.revisits import NEAR_M
 
 STEEP_DEG = 20.0
-"""A predictor that looks level sees less than two thirds of a picture that is tilted by more."""
+"""Pitch in degrees above which a level predictor sees less than two thirds of a picture."""
 ROLLED_DEG = 60.0
-"""No robot carries a camera that is rolled by more, if it holds it upright at all."""
+"""Roll in degrees above which the images are probably not upright."""
 NARROW_PX = 160
-"""In narrower images the geometric predictor, which real ones are compared by, finds too little."""
+"""Width in pixels below which the geometric predictor, which compares real images, finds too few key points."""
 NEAREST_MEDIAN_M = 0.1
 FARTHEST_MEDIAN_M = 10.0
 """The median depth of a robot's camera plausibly lies between `NEAREST_MEDIAN_M` and this, in metres."""
@@ -51,10 +51,10 @@ class ImportedCamera:
     horizontal_fov_deg: float
     vertical_fov_deg: float
     height_m: float
-    """Height above the floor in metres; 0 if unknown."""
+    """Height above the floor in metres; 0 if it is unknown."""
     pitch_deg: float
     is_lens_known: bool
-    """False where the field of view was assumed."""
+    """Whether the lens is known; False if the field of view was assumed."""
 
     @classmethod
     def of(cls, camera: CameraModel, *, is_lens_known: bool) -> "ImportedCamera":
@@ -101,9 +101,9 @@ class ImportSummary(WithDoubts):
     pieces_expected: int | None
     """Least number of pieces of a map: near images joined, and consecutive ones by odometry; None without poses."""
     largest_piece_expected: float | None
-    """Share of the images in the largest of them."""
+    """Share of the images in the largest expected piece."""
     revisited_share: float | None
-    """Share of the images that show a place where the drive had been before: loops."""
+    """Share of the images at a place where the drive had been before; such images can close loops."""
     gaps: int
     """Number of pauses between images that are much longer than usual."""
     longest_gap_s: float
@@ -114,7 +114,7 @@ class ImportSummary(WithDoubts):
     findings: tuple[Finding, ...]
     """Doubts, with likely causes and advice; empty if there are none."""
     next_step: str
-    """Next step, and what it shows."""
+    """Recommended next step, and what it shows."""
 
 
 def import_summary(
@@ -128,7 +128,7 @@ def import_summary(
     seconds: float,
     told: tuple[Finding, ...],
 ) -> ImportSummary:
-    """Build a summary from the earlier findings `told` and the statistics."""
+    """Return the summary, from the statistics and the findings `told` of earlier steps."""
     rates = {stream.role: stream.rate_hz for stream in facts.streams if stream.role and stream.rate_hz}
     return ImportSummary(
         recording=recording,
@@ -284,7 +284,7 @@ def _overlap(drive: DriveStatistics) -> Iterator[Finding]:
 
 
 def _thinned(drive: DriveStatistics) -> str:
-    """Return how more of the images are kept; nothing where none was left out for that."""
+    """Return a note on how to keep more images; empty if none was left out for too little motion."""
     if not drive.thinned:
         return ""
     if drive.odometry is OdometrySource.NONE:

@@ -32,7 +32,7 @@ class LerobotReader:
     """An episode that is open for reading."""
 
     def __init__(self, folder: Path, options: ReadOptions) -> None:
-        """Look into the data set and choose its longest episode. Raises DriveError."""
+        """Read the description of the data set and choose its longest episode. Raises DriveError."""
         self._dataset = LerobotDataset(folder)
         self._camera = options.camera or camera_beside(folder).camera
         self._rgb = self._image_feature(options.rgb, "--rgb", is_depth=False)
@@ -62,7 +62,7 @@ class LerobotReader:
 
     @classmethod
     def open(cls, path: Path, options: ReadOptions) -> Self:
-        """Open a data set. Raises DriveError, and MissingLibraryError without the library for its videos."""
+        """Open a data set. Raises DriveError, and MissingLibraryError if the library for its videos is missing."""
         return cls(path, options)
 
     def frames(self) -> Iterator[RawFrame]:
@@ -172,7 +172,7 @@ class LerobotReader:
         return self._image_feature(asked, "--depth", is_depth=True)
 
     def _pose_feature(self, asked: str | None) -> tuple[Feature | None, Sequence[int]]:
-        """Return the column that says where the robot is, and which of its numbers are x, y and yaw."""
+        """Return the column with the robot's pose, and the indices of x, y and yaw in it."""
         if asked == NOTHING:
             return None, ()
         for each in self._dataset.features.values():
@@ -190,7 +190,7 @@ class LerobotReader:
 
 
 class _Video:
-    """The images of one video of an episode, asked for in the order of their stamps."""
+    """The images of one video of an episode, requested in the order of their stamps."""
 
     def __init__(self, dataset: LerobotDataset, episode: Episode, feature: Feature) -> None:
         with naming_the_extra():
@@ -209,7 +209,7 @@ class _Video:
     def metres(self, stamp: float) -> Depth:
         frame = self._at(stamp)
         codes = self._decoding.codes(frame, self._part.path)
-        if frame.format.name == "gray16le":  # Without quantisation: as the sensor said it.
+        if frame.format.name == "gray16le":  # Not quantised: exactly what the sensor measured.
             return codes.astype(np.float32) * np.float32(self._feature.metres_per_unit)
         return self._feature.codes.metres(codes)
 

@@ -1,8 +1,8 @@
 """Reads the maps of OpenNavMap: lists of images with a time, a pose and a lens for each.
 
-`poses.txt` holds world-to-camera poses of the optical frame with the quaternion's w first, `timestamps.txt` seconds,
-`intrinsics.txt` fx fy cx cy width height. Depth is beside each image, `*.depth.png` in millimetres. Its edges are not
-read, because the map is rebuilt.
+`poses.txt` holds world-to-camera poses of the optical frame, with w first in the quaternion; `timestamps.txt` holds
+seconds, and `intrinsics.txt` fx fy cx cy width height. A depth image is beside each image, as `*.depth.png` in
+millimetres. The edges of the map are not read, because the map is rebuilt.
 """
 
 from collections.abc import Iterator, Mapping
@@ -27,10 +27,10 @@ _UNIT_TOLERANCE = 0.1
 
 
 class OpenNavMapReader(ImageFilesReader):
-    """A map of OpenNavMap that is open for reading, as the drive it was made of."""
+    """A map of OpenNavMap that is open for reading, as the drive from which it was made."""
 
     def __init__(self, folder: Path, options: ReadOptions) -> None:
-        """Read the lists, and no image yet. Raises DriveError."""
+        """Read the lists, but no image yet. Raises DriveError."""
         super().__init__(folder, options)
         stamps = {name: numbers[0] for name, numbers in _rows(folder / STAMPS, columns=1).items()}
         self._stamps = dict(sorted(stamps.items(), key=lambda item: item[1]))
@@ -79,7 +79,7 @@ class OpenNavMapReader(ImageFilesReader):
 
 
 def _rows(path: Path, *, columns: int) -> Mapping[str, list[float]]:
-    """Return the numbers of each image. Raises DriveError that names the first line that cannot be right."""
+    """Return the numbers of each image. Raises DriveError that names the first invalid line."""
     found: dict[str, list[float]] = {}
     for number, line, words in list_lines(path, "list of images"):
         try:
@@ -95,9 +95,7 @@ def _rows(path: Path, *, columns: int) -> Mapping[str, list[float]]:
 
 
 def _track(path: Path, stamps: Mapping[str, float]) -> PoseTrack:
-    """Return the poses of the images that have a stamp, converted from world-to-camera with w first to
-    camera-to-world.
-    """
+    """Return the poses of the images that have a stamp, converted from world-to-camera to camera-to-world."""
     rows = _rows(path, columns=7)
     poses = {stamps[name]: numbers for name, numbers in rows.items() if name in stamps}
     if not poses:

@@ -1,9 +1,9 @@
-"""Plays a recorded drive as a robot: its images arrive as they were taken, regardless of commands (open loop).
+"""Plays a recorded drive as a robot: images arrive at the recorded pace, regardless of commands (open loop).
 
-Any format that can be imported can be played. Owns the names of such drives, which are their paths, or PROFILE@PATH
-where a profile knows the robot's topics, its camera's mounting and its size; the pace; opening a robot by a name that
-may be a drive's; and the check of a drive's beginning, like the check of a robot before driving. Readers read, and
-`frame_preparation` fits the camera.
+Any format that can be imported can be played. A drive is named by its path, or by PROFILE@PATH, where a profile gives
+the robot's topics, its size and the camera's mounting. Owns these names, the pace, opening a robot or a drive by its
+name, and the check of a drive's beginning, which corresponds to the check of a robot before driving. Readers read the
+files, and `frame_preparation` fits the camera.
 """
 
 import logging
@@ -51,17 +51,18 @@ class NamedDrive(NamedTuple):
         return cls(Path(place), open_profile(name)) if at and place and Path(place).exists() else None
 
     def open(self) -> DriveReader:
-        """Open it for reading, by the topics of the profile. Raises DriveError."""
+        """Open the drive for reading, with the topics of the profile. Raises DriveError."""
         return open_drive(self.path, options=None if self.profile is None else _options(self.profile))
 
     def mounted(self, raw: RawFrame) -> RawFrame:
-        """Return a frame whose camera sits as the profile says."""
+        """Return a frame with the camera's mounting from the profile."""
         if self.profile is None or raw.camera is None:
             return raw
         return replace(raw, camera=self.profile.mounted(raw.camera), tilt=None)
 
     def spec(self, camera: CameraModel) -> RobotSpec:
-        """Return what the toolkit asks of a robot, whose images `camera` takes; a LoCoBot's size without a profile."""
+        """Return the robot's specification, with `camera` as its camera; without a profile, it has the size of a
+        LoCoBot."""
         spec = LOCOBOT if self.profile is None else self.profile.spec(camera)
         return replace(spec, name=f"{self.path.name} (recorded)", camera=camera)
 
@@ -77,10 +78,11 @@ def _options(profile: RobotProfile) -> ReadOptions:
 
 
 def open_robot(wanted: str) -> Robot:
-    """Make a robot by its name, by `path/to/file.py:factory` or by PROFILE@ADDRESS, or let a recorded drive play one.
+    """Open a robot by its name, by `path/to/file.py:factory` or by PROFILE@ADDRESS, or play a recorded drive as a
+    robot.
 
     A drive is named by its file or folder, of any format that can be imported, or by PROFILE@PATH. One image is taken;
-    nothing is driven. Raises PluginError, RobotError and DriveError.
+    the robot is not moved. Raises PluginError, RobotError and DriveError.
     """
     drive = None if wanted in find_plugins(ROBOTS) else NamedDrive.find(wanted)
     if drive is None:
@@ -91,7 +93,7 @@ def open_robot(wanted: str) -> Robot:
 
 
 def play_drive(drive: NamedDrive, clock: WallClock | None = None) -> "PlayedDrive":
-    """Open a drive of any format that can be imported, to play it. Raises DriveError where it cannot be used."""
+    """Open a drive of any format that can be imported, to play it. Raises DriveError if it cannot be used."""
     try:
         return PlayedDrive(drive, clock or WallClock())
     except DriveError as error:
@@ -104,8 +106,8 @@ def play_drive(drive: NamedDrive, clock: WallClock | None = None) -> "PlayedDriv
 class PlayedDrive:
     """A drive as a robot. Implements `ltvn_core.robots.robot.Robot`.
 
-    Its time starts with the second observation: opening a robot takes one, and the rest of the program may take long to
-    open. At the end the last image stays.
+    Its clock starts with the second observation: opening a robot takes one observation, and the rest of the program may
+    take long to start. At the end the last image stays.
     """
 
     def __init__(self, drive: NamedDrive, clock: WallClock) -> None:
@@ -135,18 +137,18 @@ class PlayedDrive:
 
     @property
     def spec(self) -> RobotSpec:
-        """The robot's size, with the drive's own camera, upright."""
+        """The robot's size, with the upright camera of the drive."""
         return self._drive.spec(self._preparation.camera)
 
     @property
     def is_over(self) -> bool:
-        """Whether its last image was looked at."""
+        """Whether the last image was observed."""
         with self._lock:
             self._play()
             return self._looks > 1 and self._raw is None and self._next is None
 
     def observe(self) -> Observation:
-        """Return the image that was taken last by now, at the recorded pace."""
+        """Return the latest image that is due at the recorded pace."""
         with self._lock:
             self._looks += 1
             if self._looks == 2:
@@ -166,13 +168,13 @@ class PlayedDrive:
             return RobotState(self._pose, self._now_s, step, bumper_pressed=False)
 
     def drive(self, twist: Twist) -> None:
-        """Do nothing; say so once."""
+        """Ignore the command; log this once."""
         if not self._told and twist != ZERO_TWIST:
             self._told = True
             _LOG.warning(self.open_loop)
 
     def stop(self) -> None:
-        """Do nothing."""
+        """Do nothing, because the drive cannot be stopped."""
 
     @property
     def _now_s(self) -> float:
@@ -180,7 +182,7 @@ class PlayedDrive:
         return self.clock.now() - self._begun_s if self._looks > 1 else 0.0
 
     def _first(self, frames: Iterator[RawFrame]) -> tuple[Observation, float]:
-        """Return the first image and its stamp, and learn the camera."""
+        """Return the first usable image and its stamp, and set up the preparation of frames."""
         fault = ""
         for raw in frames:
             try:
@@ -191,18 +193,18 @@ class PlayedDrive:
         raise DriveError(f"None of the images of {self._name} can be used.{fault}")
 
     def _play(self) -> None:
-        """Take the frames that are due; the newest is kept."""
+        """Read the frames that are due, and keep the newest."""
         while self._next is not None and self._next.stamp - self._seen_s <= self._now_s:
             self._raw = self._next
             pose = self._odometry.pose(FrameMoment.of(self._raw))
-            assert pose is not None  # Else it was left out.
+            assert pose is not None  # `_frames` has only frames with a pose.
             self._pose = pose
             self._next = next(self._frames, None)
             if self._next is None:
                 _LOG.info("%s is over; its last image stays.", self._name)
 
     def _look(self, raw: RawFrame) -> None:
-        """Prepare a frame; one that cannot be used is left out."""
+        """Prepare a frame as the current observation; a frame that cannot be used is left out."""
         step = max(self._observation.step + 1, int((raw.stamp - self._seen_s) / CONTROL_STEP_S))
         try:
             self._observation = self._prepared(raw, step=step, begun_s=self._seen_s)
@@ -211,13 +213,13 @@ class PlayedDrive:
 
     def _prepared(self, raw: RawFrame, *, step: int, begun_s: float) -> Observation:
         pose = self._odometry.pose(FrameMoment.of(raw))
-        assert pose is not None  # Else it was left out.
+        assert pose is not None  # As above.
         prepared = self._preparation.observation(raw, step=step, odometry=pose)
         return replace(prepared, stamp=raw.stamp - begun_s, exact_pose=None)
 
 
 def look_over_drive(drive: NamedDrive, *, seconds: float) -> RobotReport:
-    """Look at the first seconds of a drive, and at its first image. Raises DriveError where it cannot be used."""
+    """Check the first seconds of a drive, and its first image. Raises DriveError where it cannot be used."""
     robot = play_drive(drive)
     camera = robot.spec.camera
     seen = robot.observe()
@@ -238,7 +240,7 @@ def look_over_drive(drive: NamedDrive, *, seconds: float) -> RobotReport:
 
 
 def _watch(reader: DriveReader, seconds: float) -> tuple[TopicReport, ...]:
-    """Return what the streams in use do; of images also the longest gap in the first seconds."""
+    """Return a report on the streams in use; for images it includes the longest gap in the first seconds."""
     stamps: list[float] = []
     for raw in reader.frames():
         stamps.append(raw.stamp)

@@ -1,9 +1,9 @@
-"""A trajectory in space as others write it, turned so that z is up.
+"""A trajectory in space in the formats of other programs, turned so that z is up.
 
-Owns two notations, and finding out which axis of the world is up. One has `stamp tx ty tz qx qy qz qw` a line (TUM's
-format, which evo, ORB-SLAM and RTAB-Map write too). The other has a matrix for each picture, camera to world: 7-Scenes
-writes `frame-000000.pose.txt` beside `frame-000000.color.png`, ScanNet `pose/0.txt` for `color/0.jpg`, each with a
-4 x 4 matrix; Replica writes `traj.txt` with 16 numbers a row, row k for picture k.
+Owns two formats, and the detection of the world's up axis. The first has `stamp tx ty tz qx qy qz qw` in each line (the
+TUM format, which evo, ORB-SLAM and RTAB-Map write too). The second has a camera-to-world matrix for each picture:
+7-Scenes writes `frame-000000.pose.txt` beside `frame-000000.color.png`, ScanNet `pose/0.txt` for `color/0.jpg`, each
+with a 4 x 4 matrix; Replica writes `traj.txt` with 16 numbers in a row, row k for picture k.
 """
 
 import re
@@ -20,18 +20,19 @@ from ltvn_core.data.importing.stamped_lists import list_lines, period_s, stamped
 from ltvn_core.errors import DriveError
 
 LARGEST_GAP_S = (0.25, 1.0)
-"""Between samples that are farther apart nothing is known: the first, or twice their usual distance up to the
-second."""
+"""Largest gap between samples in which poses are interpolated, in seconds: twice the usual gap, but within these
+limits."""
 _COLUMNS = 8
 _UPRIGHT = 0.25
-"""Where the camera's up is within 75 degrees of z on average, z is up, as nearly always; it may look down steeply."""
+"""Least mean cosine between z and the camera's up direction for z to count as up (75 degrees); cameras may look down
+steeply."""
 _CLEARLY_UP = 0.8
 """Least mean cosine between an axis and the camera's up direction for the axis to count as up."""
 _UNIT_TOLERANCE = 0.1
 _BESIDE_S = 0.025
-"""Largest time between a pose and a sample on only one side of it, in seconds."""
+"""Largest time difference in seconds to a single sample, where there are no samples on both sides."""
 _AXES = {"z": (0, 0, 1), "-y": (0, -1, 0), "y": (0, 1, 0), "-z": (0, 0, -1)}
-"""Possible up axes: z in robotics, -y if the first camera defines the world, y in graphics."""
+"""Possible up axes: z in robotics, -y if the first camera defines the world, y in computer graphics."""
 POSE_FOLDERS = ("pose", "poses")
 ROWS_FILE = "traj.txt"
 _NUMBERS = 16
@@ -44,13 +45,13 @@ class StampedPoses(NamedTuple):
     """Poses of one file."""
 
     stamps: NDArray[np.float64]
-    """(N,) seconds, rising."""
+    """Times (N,) in seconds, increasing."""
     positions: NDArray[np.float64]
-    """(N, 3) metres."""
+    """Positions (N, 3) in metres."""
     rotations: Rotation
-    """N of them, from the frame whose pose it is to the world."""
+    """N rotations, from the body or camera frame to the world."""
     doubt: str | None
-    """Doubts about the stamps, as sentences."""
+    """Doubts about the stamps, in sentences; None if there are none."""
 
 
 class PoseTrack:
@@ -65,15 +66,15 @@ class PoseTrack:
         *,
         up_axis: str | None = None,
     ) -> None:
-        """Take N stamps in rising order, positions (N, 3) in metres and as many rotations, optical to world.
+        """Take N increasing stamps, positions (N, 3) in metres, and N rotations from the optical frame to the world.
 
-        `up_axis` is "z" where the source says so; without, it is found out.
+        `up_axis` is "z" if the source says so; if it is None, the up axis is detected.
         """
         self.stamps = stamps
         self.doubt = doubt
-        """Doubts about its stamps, as sentences."""
+        """Doubts about the stamps, in sentences; None if there are none."""
         self.up_axis = up_axis or _up_axis(rotations)
-        """Up axis of the source's world; positions and rotations are turned so that z is up."""
+        """Up axis of the source's world; positions and rotations are converted so that z is up."""
         turn = Rotation.align_vectors([[0, 0, 1]], [_AXES[self.up_axis]])[0] if self.up_axis != "z" else None
         self._positions = positions if turn is None else turn.apply(positions)
         self._rotations = rotations if turn is None else turn * rotations
@@ -86,7 +87,7 @@ class PoseTrack:
         return cls(*read_poses(path))
 
     def at(self, stamp: float) -> SpatialPose | None:
-        """Return the pose at a time, between samples in proportion; None if there is no sample nearby."""
+        """Return the pose at a time, interpolated between samples; None if there is no sample nearby."""
         after = int(np.searchsorted(self.stamps, stamp))
         if after < len(self.stamps) and self.stamps[after] == stamp:
             return self._sample(after)
@@ -108,15 +109,15 @@ class PoseTrack:
 
 
 def read_poses(path: Path, *, scalar_first: bool = False, unit_s: float | None = None) -> StampedPoses:
-    """Read lines of a stamp, a position and a quaternion; of lines with one stamp the first.
+    """Read lines of a stamp, a position and a quaternion; of several lines with the same stamp, the first counts.
 
     Args:
-        path: The file, as `stamped_lines` reads it; further columns are passed over.
-        scalar_first: Whether w is the first of the quaternion's columns, and not the last.
-        unit_s: Seconds that a stamp counts; found out by its size without.
+        path: The file, as `stamped_lines` reads it; further columns are ignored.
+        scalar_first: Whether w is the first column of the quaternion; otherwise it is the last.
+        unit_s: Unit of the stamps in seconds; None detects it by their size.
 
     Raises:
-        DriveError: The file holds no poses, or one that cannot be right, which is named.
+        DriveError: The file holds no poses, or an invalid pose, which the message names.
     """
     columns = f"stamp tx ty tz {'qw qx qy qz' if scalar_first else 'qx qy qz qw'}"
     lines, doubt = stamped_lines(path, least_columns=_COLUMNS, unit_s=unit_s)
@@ -139,7 +140,7 @@ def read_poses(path: Path, *, scalar_first: bool = False, unit_s: float | None =
 
 
 def _up_axis(rotations: Rotation) -> str:
-    """Return the axis of the world that is up, for a camera that is carried upright for the most part."""
+    """Return the up axis of the world, for a camera that is upright most of the time."""
     up = rotations.apply([0.0, -1.0, 0.0]).mean(axis=0)
     length = np.linalg.norm(up)
     if length == 0 or up[2] / length >= _UPRIGHT:
@@ -149,15 +150,16 @@ def _up_axis(rotations: Rotation) -> str:
 
 
 class PicturePoses:
-    """Poses of pictures by their place in the drive; z is up, however the source's world is turned."""
+    """Poses of pictures by their index in the drive; z is up, whatever the up axis of the source's world is."""
 
     def __init__(self, matrices: NDArray[np.float64], name: str) -> None:
-        """Take (N, 4, 4) camera to world, one for each picture; invalid rows contain no rotation."""
+        """Take camera-to-world matrices (N, 4, 4), one for each picture; a matrix with an invalid rotation counts as
+        missing."""
         self.name = name
-        """The file or folder of the poses."""
+        """Name of the file or folder with the poses."""
         known = _are_rigid(matrices)
         self.missing = int(len(known) - known.sum())
-        """Pictures without a pose."""
+        """Number of pictures without a pose."""
         places = np.flatnonzero(known)
         good = matrices[known]
         self._places = set(places.tolist())
@@ -166,18 +168,18 @@ class PicturePoses:
             self._track = PoseTrack(places.astype(np.float64), good[:, :3, 3], Rotation.from_matrix(good[:, :3, :3]))
 
     def at(self, place: int) -> SpatialPose | None:
-        """Return the pose of a picture by its place; None if it has none."""
+        """Return the pose of a picture by its index; None if it has none."""
         if self._track is None or place not in self._places:
             return None
         return self._track.at(place)
 
     def __len__(self) -> int:
-        """Return how many pictures have a pose."""
+        """Return the number of pictures with a pose."""
         return len(self._places)
 
 
 def poses_beside(folder: Path, pictures: Sequence[Path]) -> PicturePoses | None:
-    """Return the poses that lie beside a folder's pictures; None if there are none. Raises DriveError."""
+    """Return the poses stored beside a folder's pictures; None if there are none. Raises DriveError."""
     rows = folder / ROWS_FILE
     if rows.is_file():
         return PicturePoses(_rows(rows, len(pictures)), ROWS_FILE)
@@ -201,7 +203,7 @@ def _number(path: Path) -> int | None:
 
 
 def _matrix(path: Path | None) -> NDArray[np.float64]:
-    """Return the matrix of a file, (4, 4); of NaN where the picture has no file or its file no matrix."""
+    """Return the matrix (4, 4) of a file; NaN if the picture has no file or the file no matrix."""
     numbers = [] if path is None else _numbers(path)
     return np.array(numbers if len(numbers) == _NUMBERS else [np.nan] * _NUMBERS).reshape(4, 4)
 
@@ -226,7 +228,7 @@ def _numbers(path: Path) -> list[float]:
 
 
 def _are_rigid(matrices: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Tell (N,) which of (N, 4, 4) are finite and turn without stretching."""
+    """Tell (N,) which of the matrices (N, 4, 4) are finite and rigid."""
     finite = np.asarray((np.isfinite(matrices) & (np.abs(matrices) < _MOST_M)).all(axis=(1, 2)))
     turns = np.zeros((len(matrices), 3, 3))
     turns[finite] = matrices[finite, :3, :3]

@@ -1,6 +1,6 @@
-"""Output of the readers of foreign formats: raw frames, and what was found and left out.
+"""Interface of the readers of foreign formats: raw frames, facts about a drive, and doubts.
 
-Owns the contract between readers and the rest of importing, and no format. A reader is one module; its class is found
+Owns the contract between readers and the rest of importing, but no format. A reader is one module; its class is found
 by the entry-point group `ltvn.readers`, where an entry is `name = "package.module:ReaderClass"`.
 """
 
@@ -16,23 +16,23 @@ from ltvn_core.types import Depth, Pose, Rgb, Tilt
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class RawFrame:
-    """One image of the source, of any size, with all data of the same instant."""
+    """One image of the source, of any size, with all data of the same moment."""
 
     stamp: float
-    """Seconds on the source's clock."""
+    """Time on the source's clock, in seconds."""
     rgb: Rgb
-    """(H, W, 3), distorted and turned as the camera delivered it."""
+    """Colours (H, W, 3), with the distortion and rotation of the camera's image."""
     depth_m: Depth | None = None
-    """(h, w) metres along the optical axis, 0 = no return; None without a depth image. Where `depth_camera` is None it
-    shows what `rgb` shows, perhaps at another size."""
+    """Depth (h, w) in metres along the optical axis, 0 = no return; None without a depth image. If `depth_camera` is
+    None, depth is registered to `rgb`, perhaps at another size."""
     camera: CameraModel | None = None
-    """The camera of `rgb`, at its size; None if the source does not say."""
+    """Camera of `rgb`, at its size; None if the source does not describe it."""
     depth_camera: CameraModel | None = None
-    """The camera of `depth_m`, at its size, where it is not registered to the colours; its lens alone matters."""
+    """Camera of `depth_m`, at its size, if depth is not registered to the colours; only its lens is used."""
     odometry: Pose | None = None
-    """(3,) of the robot in the odometry frame; drifts."""
+    """Pose (3,) of the robot in the odometry frame; drifts."""
     truth: Pose | None = None
-    """(3,) true pose in a world frame whose z is up."""
+    """True pose (3,) in a world frame whose z is up."""
     tilt: Tilt | None = None
     """Tilt of the camera at that time, if it changes; see `spatial_pose`."""
     name: str = ""
@@ -40,14 +40,14 @@ class RawFrame:
 
 
 class FrameMoment(NamedTuple):
-    """When and where an image was taken, as far as that is known before the image is decoded."""
+    """Time and pose of an image, if they are known before the image is decoded."""
 
     stamp: float
-    """Seconds on the source's clock."""
+    """Time on the source's clock, in seconds."""
     odometry: Pose | None = None
-    """(3,)"""
+    """Pose (3,) by odometry; None if it is unknown."""
     truth: Pose | None = None
-    """(3,)"""
+    """True pose (3,); None if it is unknown."""
     tilt: Tilt | None = None
 
     @classmethod
@@ -57,14 +57,14 @@ class FrameMoment(NamedTuple):
 
     @classmethod
     def with_truth(cls, stamp: float, truth: SpatialPose | None, odometry: Pose | None = None) -> "FrameMoment":
-        """Return the moment of an image whose camera was at a true pose in space, if that is known."""
+        """Return the moment of an image from the true pose of its camera in space, which may be unknown (None)."""
         return cls(stamp, odometry) if truth is None else cls(stamp, odometry, truth.planar, truth.tilt)
 
 
 NOTHING = "none"
-"""Value of an option that leaves a stream out."""
+"""Value of an option that excludes a stream."""
 FrameFilter: TypeAlias = Callable[[FrameMoment], bool]
-"""Tells whether the image of a moment is wanted; asked once for each image, in their order."""
+"""Tells whether the image of a moment is wanted; called once for each image, in order."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,15 +72,15 @@ class SourceFact:
     """One stream that a reader found: a topic, a list of files, a column."""
 
     role: str
-    """`rgb`, `depth`, `odometry`, `truth`, `camera_info`, `tilt`, or "" for one that is not used."""
+    """Role: `rgb`, `depth`, `odometry`, `truth`, `camera_info`, `tilt`, or "" for an unused stream."""
     name: str
-    """The topic, file or column."""
+    """Name of the topic, file or column."""
     count: int | None = None
-    """Messages or files."""
+    """Number of messages or files; None if it is unknown."""
     rate_hz: float | None = None
     """Number of messages per second, if they have stamps."""
     could_be: str = ""
-    """The role that an unused stream could have too, for the option of that name."""
+    """Role that an unused stream could have; the option of that name selects it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,14 +94,14 @@ class DriveFacts:
     streams: Sequence[SourceFact] = ()
     """Streams that were found; `--rgb`, `--depth` and `--odometry` choose among them."""
     place: str = ""
-    """Default name of the drive: the name of the file or folder."""
+    """Default name of the drive: the name of its file or folder."""
     odometry_frame: str = ""
-    """Name of the odometry frame in the source, such as `odom`; empty if it has none."""
+    """Name of the odometry frame in the source, such as `odom`; empty if it is unknown."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReadOptions:
-    """The user's options for a drive; None lets the reader find out."""
+    """The user's options for a drive; the reader decides about those that are None."""
 
     rgb: str | None = None
     """Topic, key or folder of the colour images."""
@@ -112,12 +112,12 @@ class ReadOptions:
     camera_info: str | None = None
     """Topic, key or file of the camera's description."""
     camera: CameraModel | None = None
-    """The camera of the colour images; wins over what the source says. Readers scale it to the images they find where
-    the aspect agrees (`source_camera.fitted`)."""
+    """Camera of the colour images, which overrides the source's. Readers scale it to the images if the aspect ratio
+    agrees (`source_camera.fitted`)."""
     depth_unit_m: float | None = None
-    """Metres per unit of the depth images; wins over what the source says."""
+    """Metres per unit of the depth images, which overrides the source's value."""
     rate_hz: float | None = None
-    """Images a second, for formats without stamps."""
+    """Images per second, for formats without stamps."""
 
 
 class DriveReader(Protocol):
@@ -130,28 +130,28 @@ class DriveReader(Protocol):
 
     @property
     def dropped(self) -> Mapping[str, int]:
-        """Return the number of images left out so far by reason, in a few words; grows while frames are read."""
+        """Return the number of images left out so far, by reason in a few words; grows while frames are read."""
         ...
 
     @property
     def doubts(self) -> Sequence[str]:
-        """Return what is doubtful, in whole sentences with advice; complete once all frames are read."""
+        """Return the doubts about the drive, in whole sentences with advice; complete once all frames are read."""
         ...
 
     def frames(self) -> Iterator[RawFrame]:
-        """Yield the frames in the order of their stamps, once; a damaged one is counted in `dropped` and left out.
+        """Yield the frames in the order of their stamps, once; damaged frames are counted in `dropped` and left out.
 
-        Raises DriveError where nothing can be read.
+        Raises DriveError if no frame can be read.
         """
         ...
 
 
 @runtime_checkable
 class SelectiveReader(Protocol):
-    """A drive whose images are decoded only where they are wanted; most of a slow robot's are not."""
+    """A drive that decodes only the images that are wanted; most images of a slow robot are not."""
 
     def frames_where(self, wanted: FrameFilter) -> Iterator[RawFrame]:
-        """Yield the frames as `DriveReader.frames` does, without those whose moment is not wanted."""
+        """Yield the frames of the wanted moments, in the same way as `DriveReader.frames`."""
         ...
 
 
@@ -160,10 +160,10 @@ class ReaderClass(Protocol):
 
     @classmethod
     def recognises(cls, path: Path) -> bool:
-        """Tell whether a path looks like this format, by names and the first bytes alone; never raises."""
+        """Tell whether a path looks like this format, by file names and first bytes alone; never raises."""
         ...
 
     @classmethod
     def open(cls, path: Path, options: ReadOptions) -> DriveReader:
-        """Open a drive. Raises DriveError that says what is wrong, and which option or file would help."""
+        """Open a drive. Raises DriveError with the problem, and the option or file that would help."""
         ...

@@ -1,7 +1,7 @@
 """Registry of the formats that can be read: readers of installed packages in the entry-point group `ltvn.readers`.
 
-Owns the choice of a reader for a path. Built-in readers are found in the same way as other people's, and a reader's
-module is imported only when it is needed.
+Owns the choice of a reader for a path. The toolkit's own readers are found in the same way as those of other packages,
+and a reader's module is imported only when it is needed.
 """
 
 import logging
@@ -19,22 +19,22 @@ log = logging.getLogger(__name__)
 
 AUTO = "auto"
 _MOST_ENTRIES = 100
-"""Number of entries that are checked in a folder that no reader knows."""
+"""Largest number of entries that are checked in a folder that no reader recognises."""
 _SCENES = (".glb", ".gltf", ".obj", ".ply")
-"""File endings that `--scene` takes, as in `simulation.meshes.mesh_file.FORMATS`, which no reader imports."""
+"""Endings of scene files, as in `simulation.meshes.mesh_file.FORMATS`, which readers must not import."""
 LAST = "folder"
-"""Folders of every format look like a folder of pictures as well, so this reader is asked last."""
+"""Name of the reader that is tried last, because folders of most formats also look like a folder of pictures."""
 
 
 def reader_names() -> tuple[str, ...]:
-    """Return the names of all readers, in the order in which they are tried."""
+    """Return the names of all readers, in the order in which `open_drive` tries them."""
     return tuple(_readers())
 
 
 def open_drive(path: Path, name: str = AUTO, options: ReadOptions | None = None) -> DriveReader:
-    """Open a drive by the reader of that name, or by the first that recognises it.
+    """Open a drive with the reader of that name, or the first one that recognises it.
 
-    Raises DriveError if there is no such file or no reader knows it, PluginError and MissingLibraryError where the
+    Raises DriveError if there is no such file or no reader recognises it, PluginError and MissingLibraryError where the
     reader cannot be loaded.
     """
     if not path.exists():
@@ -52,12 +52,12 @@ def _require_own_files(path: Path) -> None:
 
 
 def is_drive(path: Path) -> bool:
-    """Tell whether any reader recognises a file or folder; one that cannot be loaded or fails is left out."""
+    """Tell whether any reader recognises a file or folder; a reader that fails or cannot be loaded is skipped."""
     for plugin in _readers().values():
         try:
             if _load(plugin).recognises(path):
                 return True
-        except Exception as error:  # Another package's reader may raise anything; a list is shown all the same.
+        except Exception as error:  # A reader of another package may raise anything; the list must appear nevertheless.
             log.debug("the reader %s cannot look at %s: %s", plugin.name, path, error)
     return False
 
@@ -80,7 +80,7 @@ def _recognised(path: Path) -> ReaderClass:
         )
     if path.suffix.lower() in _SCENES:
         raise DriveError(f"{path} is a scene, not a drive: `ltvn app --scene {path}` opens it, to drive in.")
-    require_plain(path)  # A pointer of Git LFS must not be recognised as the file that it stands for.
+    require_plain(path)  # No reader may recognise a Git LFS pointer as the file that it stands for.
     raise DriveError(
         f"{path} is not in a supported format ({', '.join(reader_names())}); name the file or folder of one drive, "
         "and its format with --format if it was not recognised."
@@ -88,7 +88,7 @@ def _recognised(path: Path) -> ReaderClass:
 
 
 def _drives_in(path: Path) -> list[Path]:
-    """Return which of the first entries of a folder are drives."""
+    """Return those of the first entries of a folder that are drives."""
     if not path.is_dir():
         return []
     return [each for each in sorted(islice(path.iterdir(), _MOST_ENTRIES)) if is_drive(each)]

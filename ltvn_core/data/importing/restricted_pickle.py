@@ -1,9 +1,9 @@
-"""Pickles of strangers, of which only numbers, texts, lists, mappings and numpy's arrays come out.
+"""Safe reading of untrusted pickles, which may contain only numbers, texts, lists, mappings and numpy arrays.
 
-A pickle is a program. Here it may call nothing but what puts an array together, in forms that allocate no more than
-the file itself holds. Owns that list, and how deep values may be nested: Python hashes, compares and frees
-values by calls that call themselves, some without a limit, so that a deep value ends the process. The depth is found
-out without running the program, by following its stack, what it remembers, and the depth of each value.
+A pickle is a program. Here it may only call functions that build arrays, in forms that allocate no more memory than the
+file has bytes. Owns the list of these functions, and the limit for nested values: Python hashes, compares and frees
+nested values recursively, sometimes without a limit, so a deeply nested value crashes the process. The nesting depth is
+computed without running the program, by simulating its stack and memo with the depth of each value.
 """
 
 import io
@@ -21,34 +21,34 @@ from ltvn_core.data.importing.foreign_files import read_foreign
 from ltvn_core.errors import DriveError
 
 MOST_STEPS = 1_000_000
-"""Steps of a program."""
+"""Largest number of steps of a program."""
 MOST_LEVELS = 50
-"""Values within one another; a trajectory has about eight."""
+"""Largest depth of nested values; a trajectory has about eight levels."""
 _READ = ("GET", "BINGET", "LONG_BINGET", "DUP")
 _REMEMBER = ("PUT", "BINPUT", "LONG_BINPUT", "MEMOIZE")
 _FILL = ("APPEND", "APPENDS", "SETITEM", "SETITEMS", "ADDITEMS", "BUILD")
-"""These put values into the one below them."""
+"""Opcodes that put values into the container below them on the stack."""
 _TOO_FEW = "it takes more values from the stack than there are"
 MOST_BYTES = 50_000_000
-"""A million poses; a longer file is not a trajectory."""
+"""Largest size of a file in bytes, enough for a million poses."""
 _NUMPY_TYPE = re.compile("[<>|=]?[?biufcSUO][0-9]{0,4}")
-"""Numbers and texts; numpy parses longer descriptions for minutes."""
+"""Allowed type descriptions of numbers and texts; numpy takes minutes to parse very long descriptions."""
 
 
 def check_program(data: bytes) -> None:
-    """Raise ValueError for a program that is too long, makes values that are too deep, or is not a valid program."""
+    """Raise ValueError for a program that is invalid, too long, or builds too deeply nested values."""
     depths = _Depths()
     for count, (step, argument, _) in enumerate(pickletools.genops(data)):
         if count > MOST_STEPS:
             raise ValueError(f"it has more than {MOST_STEPS:,} steps")
-        # The interpreter makes a list as long as the number, whatever was put into it.
+        # The interpreter allocates a memo as long as its largest index, even if it stays empty.
         if step.name.endswith("PUT") and isinstance(argument, int) and argument > count:
             raise ValueError("its memo has an index that is too high")
         depths.follow(step, argument)
 
 
 class _Value:
-    """How deep a value is nested, and whether the program holds it in a second place."""
+    """Nesting depth of a value, and whether the program has stored it in a second place."""
 
     __slots__ = ("is_shared", "levels")
 
@@ -61,14 +61,14 @@ _MARK = _Value(0)
 
 
 class _Depths:
-    """The stack and the memory of a program, with depths in place of values."""
+    """Simulates the stack and the memo of a program, with nesting depths in place of values."""
 
     def __init__(self) -> None:
         self._stack: list[_Value] = []
         self._memory: dict[int, _Value] = {}
 
     def follow(self, step: pickletools.OpcodeInfo, argument: Any) -> None:
-        """Run one step. Raises ValueError if the result is too deep or the step impossible."""
+        """Simulate one step. Raises ValueError if the result is nested too deeply or the step is invalid."""
         if step.name == "MARK":
             self._stack.append(_MARK)
         elif step.name in _READ:
@@ -91,7 +91,7 @@ class _Depths:
         within = self._taken(step.stack_before[1:])
         target = self._top()
         if target.is_shared:
-            # What holds it already would become deeper unseen, and it could come to hold itself.
+            # Containers that hold it would become deeper without being checked, and it could end up inside itself.
             raise ValueError("it changes a value that is already stored elsewhere")
         target.levels = max(target.levels, _around(within))
 
@@ -101,7 +101,7 @@ class _Depths:
             self._stack.append(_Value(_around(within)))
 
     def _taken(self, wanted: Sequence[pickletools.StackObject]) -> list[_Value]:
-        """Take the operands of a step from the stack: a fixed number, or all down to the last mark."""
+        """Remove the operands of a step from the stack: a fixed number, or everything above the last mark."""
         taken: list[_Value] = []
         if pickletools.markobject in wanted:
             while (value := self._pop()) is not _MARK:
@@ -128,22 +128,22 @@ def _around(within: Sequence[_Value]) -> int:
 
 
 def load_pickle(path: Path) -> Any:
-    """Return the content of a pickle. Raises DriveError if it is damaged, or calls anything not allowed."""
+    """Return the content of a pickle. Raises DriveError if it is damaged or calls a function that is not allowed."""
     try:
         data = read_foreign(path, most_bytes=MOST_BYTES, what="trajectory")
         check_program(data)
         return _ArrayUnpickler(io.BytesIO(data)).load()
     except DriveError:
         raise
-    except Exception as error:  # A damaged program fails in as many ways as there are steps.
+    except Exception as error:  # A damaged pickle can raise almost anything.
         raise DriveError(f"{path} is not a pickle of a trajectory ({' '.join(str(error).split())!s:.120}).") from error
 
 
 class _ArrayUnpickler(pickle.Unpickler):
-    """Finds what puts arrays together, and nothing else."""
+    """Resolves only the functions that build arrays."""
 
     def find_class(self, module: str, name: str) -> Any:
-        """Return the safe replacement of a callable in a pickle."""
+        """Return the safe replacement of a callable that a pickle names."""
         module = module.replace("numpy.core.", "numpy._core.")
         found = _ALLOWED.get(f"{module}.{name}")
         if found is None:
@@ -158,11 +158,11 @@ class _ArrayUnpickler(pickle.Unpickler):
 
 
 class _Marker:
-    """Stands for numpy's array class, which could allocate any size."""
+    """Replacement for numpy's array class, which could allocate any size."""
 
 
 def _empty_array(subtype: object, shape: object, dtype: object) -> np.ndarray:
-    """Return the empty array that numpy's pickles begin with; their state fills it."""
+    """Return the empty array with which numpy's pickles begin; their state then fills it."""
     return np.empty(0, np.int8)
 
 
@@ -173,7 +173,7 @@ def _array(buffer: bytes, dtype: np.dtype, shape: tuple[int, ...], order: str) -
 def _dtype(text: object, *_: object) -> np.dtype:
     if not isinstance(text, str) or not _NUMPY_TYPE.fullmatch(text):
         raise pickle.UnpicklingError(f"{text!r:.20} is not a type of numbers")
-    return np.dtype(text, copy=True)  # What the state then changes must not be numpy's own.
+    return np.dtype(text, copy=True)  # A copy, because the pickle's state may change it.
 
 
 def _scalar(dtype: np.dtype, data: bytes) -> Any:

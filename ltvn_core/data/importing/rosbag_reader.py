@@ -1,4 +1,4 @@
-"""The reader of ROS bags for the entry-point group; the library `rosbags` is imported when a bag is opened.
+"""The reader of ROS bags for the entry-point group; the library `rosbags` is imported only when a bag is opened.
 
 Owns the names of bag files, and their order.
 """
@@ -12,7 +12,7 @@ from ltvn_core.extras import naming_the_extra
 
 _SUFFIXES = (".mcap", ".db3", ".bag")
 _COMPRESSED = ".zstd"
-"""Appended to a file's name where ROS 2 compressed the whole file."""
+"""Ending that ROS 2 appends to the name of a file that it compressed as a whole."""
 
 
 class RosbagReader:
@@ -20,7 +20,7 @@ class RosbagReader:
 
     @classmethod
     def recognises(cls, path: Path) -> bool:
-        """Tell whether a path is a bag, by the names of files alone; never raises."""
+        """Tell by file names alone whether a path is a bag; never raises."""
         try:
             return bool(_named_as_bag(path))
         except OSError:
@@ -35,13 +35,13 @@ class RosbagReader:
 
 
 def _named_as_bag(path: Path) -> list[Path]:
-    """Return the files at a path that are called like bags, unsorted. Raises OSError."""
+    """Return the files at a path that have names of bags, unsorted. Raises OSError."""
     candidates = path.iterdir() if path.is_dir() else [path]
     return [file for file in candidates if _plain_suffix(file) in _SUFFIXES and file.is_file()]
 
 
 def _plain_suffix(file: Path) -> str:
-    """Return the ending of a file's name before it was compressed."""
+    """Return the ending of a file's name without the ending for compression."""
     return Path(file.stem).suffix if file.suffix == _COMPRESSED else file.suffix
 
 
@@ -60,5 +60,5 @@ def _bag_files(path: Path) -> list[Path]:
 
 
 def _natural_order(file: Path) -> list[tuple[int, str]]:
-    """Sort `bag_10.mcap` behind `bag_9.mcap`."""
+    """Return a sort key that puts `bag_10.mcap` after `bag_9.mcap`."""
     return [(int(part), "") if part.isdigit() else (0, part) for part in re.split(r"([0-9]{1,18})", file.name)]

@@ -1,6 +1,6 @@
-"""Reads databases of RTAB-Map: a drive with colours, depth, odometry, and the optimised map where it closed loops.
+"""Reads databases of RTAB-Map: a drive with colours, depth, odometry, and the optimised map if it has loop closures.
 
-Folders that RTAB-Map exported are `rtabmap.export_reader`'s, which is opened from here.
+Folders that RTAB-Map exported are read by `rtabmap.export_reader`, which is opened from here.
 """
 
 from collections import Counter
@@ -22,7 +22,7 @@ from ltvn_core.types import Depth
 
 _RVL = b"DEPTHRVL"
 _COVERED = 0.95
-"""Least share of the nodes in the optimised map for it to count as ground truth."""
+"""Least share of the nodes that the optimised map must contain to count as ground truth."""
 
 DAMAGED = "damaged image"
 OTHER_SESSION = "of another drive"
@@ -33,7 +33,7 @@ class RtabmapReader:
     """A database of RTAB-Map that is open for reading."""
 
     def __init__(self, path: Path, options: ReadOptions) -> None:
-        """Open the database and read where its nodes are. Raises DriveError."""
+        """Open the database and read the poses of its nodes. Raises DriveError."""
         self._database = RtabmapDatabase(path)
         self._options = options
         self._camera_number = _camera_number(options.rgb)
@@ -56,7 +56,7 @@ class RtabmapReader:
 
     @classmethod
     def recognises(cls, path: Path) -> bool:
-        """Tell whether a path is called like a database, or is a folder that RTAB-Map exported; never raises."""
+        """Tell whether a path has the name of a database, or is a folder that RTAB-Map exported; never raises."""
         try:
             return (path.suffix == ".db" and path.is_file()) or RtabmapExportReader.recognises(path)
         except OSError:
@@ -142,7 +142,7 @@ class RtabmapReader:
         return _one_camera(depth, len(rig), self._camera_number, name)
 
     def _one_session(self, nodes: list[Node]) -> list[Node]:
-        """Return the nodes of the longest drive by their stamps; by their ids if there are no stamps."""
+        """Return the nodes of the longest session, sorted by stamps; sorted by ids if there are no stamps."""
         if not nodes:
             raise DriveError(
                 f"{self._database.path} holds no images; set RTAB-Map's Mem/BinDataKept to true and drive again."
@@ -160,7 +160,7 @@ class RtabmapReader:
         return [replace(node, stamp=float(count)) for count, node in enumerate(chosen)]
 
     def _true_poses(self) -> dict[int, Transform]:
-        """Return RTAB-Map's ground truth, else its optimised map if it closed loops."""
+        """Return RTAB-Map's ground truth; without it, the optimised map if it has loop closures."""
         told = {node.id: node.truth for node in self._nodes if node.truth is not None}
         if told:
             return told
@@ -197,7 +197,7 @@ def _camera_pose(robot: Transform | None, mounting: CameraMounting) -> SpatialPo
 
 
 def _one_camera(image: np.ndarray, cameras: int, number: int, name: str) -> np.ndarray:
-    """Return the image of one camera out of a row of several."""
+    """Return the image of one camera from an image with several cameras side by side."""
     if cameras <= 1:
         return image
     width, rest = divmod(image.shape[1], cameras)

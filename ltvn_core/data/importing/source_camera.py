@@ -1,9 +1,10 @@
-"""The camera of a drive as people write it down: numbers on the command line, `camera.json`, or a little of YAML.
+"""The description of a drive's camera: numbers on the command line, `camera.json`, or a calibration file in simple
+YAML.
 
-Owns these notations, Replica's `cam_params.json`, and the fit of a camera to the images that were found. Guesses
-nothing: without a stated lens there is no camera. Of YAML it reads what calibration files use, words and
-lists of numbers behind names, as OpenCV and EuRoC write it: no library is needed for that, and YAML's references and
-tags, by which a small file can stand for a large one, mean nothing here.
+Owns these formats, Replica's `cam_params.json`, and the fit of a camera to the size of the images. Does not guess:
+without a given lens there is no camera. The YAML parser reads names with words and lists of numbers, as in the files of
+OpenCV and EuRoC, which needs no library. YAML's references and tags, which could expand a small file to a large one,
+are not interpreted.
 """
 
 import math
@@ -22,7 +23,7 @@ from ltvn_core.structured_text import parse_json
 
 CAMERA_FILE = "camera.json"
 REPLICA_FILE = "cam_params.json"
-"""Camera file in NICE-SLAM's copy of Replica, for all rooms or beside one."""
+"""Camera file in NICE-SLAM's copy of Replica, beside one room or in the folder of all rooms."""
 HOW_TO = (
     "give it with --camera fx,fy,cx,cy,width,height (in pixels, then the distortion k1,k2,p1,p2,k3 if there is any), "
     "or roughly with --fov DEGREES, the horizontal field of view"
@@ -51,7 +52,7 @@ class CameraFile(NamedTuple):
     camera: CameraModel | None
     """Camera of the colour images."""
     depth_focal_px: float | None
-    """Focal length of depth images that are not registered to the colours, `depth_fx_nominal`."""
+    """Focal length in pixels (`depth_fx_nominal`) of depth images that are not registered to the colours."""
     metres_per_unit: float | None
     """Metres per unit of the depth images."""
 
@@ -67,8 +68,8 @@ def parse_camera(text: str) -> CameraModel:
 
 
 def read_camera_option(text: str) -> CameraFile:
-    """Read what a person said of a camera: numbers, or the name of a `camera.json`, which may name the unit of depth
-    alone. Raises DriveError."""
+    """Read the user's description of a camera: numbers, or a `camera.json`, which may contain only the unit of depth.
+    Raises DriveError."""
     if not text.endswith(".json"):
         return CameraFile(parse_camera(text), None, None)
     said = read_camera_file(Path(text))
@@ -82,10 +83,10 @@ def read_camera_option(text: str) -> CameraFile:
 def read_camera_file(path: Path) -> CameraFile:
     """Read a `camera.json`.
 
-    It has `width`, `height`, `fx`, `fy`, `cx`, `cy`, and where they are known `distortion`, `fisheye`, `height_m`,
-    `pitch_rad`, `roll_rad`, `quarter_turns` and `depth_scale`. A `depth_scale` above 1 counts units per metre (5000 in
-    TUM's files), one up to 1 metres per unit. A focal length of null says that the lens is not known. Raises
-    DriveError where the file cannot be right.
+    It has `width`, `height`, `fx`, `fy`, `cx`, `cy`, and if known `distortion`, `fisheye`, `height_m`, `pitch_rad`,
+    `roll_rad`, `quarter_turns` and `depth_scale`. A `depth_scale` above 1 is in units per metre (5000 in TUM's files),
+    a smaller one in metres per unit. A focal length of null means that the lens is unknown. Raises DriveError for an
+    invalid file.
     """
     try:
         fields = parse_json(read_foreign(path, most_bytes=_MOST_BYTES, what="camera.json"))
@@ -100,7 +101,8 @@ def read_camera_file(path: Path) -> CameraFile:
 
 
 def camera_beside(folder: Path) -> CameraFile:
-    """Read the `camera.json` of a folder, or Replica's own; nothing is known without. Raises DriveError."""
+    """Read the `camera.json` of a folder, or Replica's own file; without either, all fields are None. Raises
+    DriveError."""
     path = folder / CAMERA_FILE
     if path.is_file():
         return read_camera_file(path)
@@ -122,7 +124,7 @@ def _replica_camera(path: Path) -> CameraFile:
 
 
 def read_calibration(path: Path, width: int, height: int) -> CameraModel:
-    """Read a `calibration.txt` as ETH3D's SLAM benchmark has it: fx fy cx cy in pixels. Raises DriveError."""
+    """Read a `calibration.txt` of ETH3D's SLAM benchmark: fx fy cx cy in pixels. Raises DriveError."""
     try:
         fx, fy, cx, cy = map(float, _text(path).replace(",", " ").split()[:4])
         return CameraModel(width=width, height=height, fx=fx, fy=fy, cx=cx, cy=cy)
@@ -131,7 +133,7 @@ def read_calibration(path: Path, width: int, height: int) -> CameraModel:
 
 
 def camera_of_fov(width: int, height: int, horizontal_fov_deg: float) -> CameraModel:
-    """Return a camera with a centred lens without distortion. Raises DriveError for an impossible angle."""
+    """Return a camera with a centred, undistorted lens. Raises DriveError for an impossible angle."""
     try:
         return CameraModel.from_fov(width, height, math.radians(horizontal_fov_deg))
     except CameraError as error:
@@ -139,7 +141,7 @@ def camera_of_fov(width: int, height: int, horizontal_fov_deg: float) -> CameraM
 
 
 def fitted(camera: CameraModel, width: int, height: int, source: str) -> CameraModel:
-    """Return a camera scaled to images of a size. Raises DriveError where they are of another aspect."""
+    """Return a camera scaled to images of the given size. Raises DriveError if their aspect ratio differs."""
     if (camera.width, camera.height) == (width, height):
         return camera
     if abs(width / height / camera.aspect - 1) > _ASPECT_TOLERANCE:
@@ -204,10 +206,10 @@ def _positive(fields: dict[str, Any], name: str) -> float | None:
 
 
 class CalibrationYaml:
-    """Content of a file, by the names at the beginning of its lines."""
+    """Content of a calibration file, by the names at the beginning of its lines."""
 
     def __init__(self, path: Path, *, what: str = "calibration") -> None:
-        """Read a file, which messages call `what`. Raises DriveError if it is not text or too long."""
+        """Read a file; messages call it `what`. Raises DriveError if it is not text or too long."""
         self._path = path
         try:
             text = read_foreign(path, most_bytes=_MOST_YAML_BYTES, what=what).decode("utf-8-sig")
@@ -217,11 +219,11 @@ class CalibrationYaml:
         self._values = dict(zip(parts[1::2], parts[2::2], strict=True))
 
     def word(self, name: str) -> str:
-        """Return the text after a name on its line, empty if the file has no such name."""
+        """Return the text after a name on its line; empty if the file does not have the name."""
         return (self._values.get(name, "").strip().splitlines() or [""])[0].strip().strip("\"'")
 
     def numbers(self, name: str) -> Sequence[float]:
-        """Return the list of a name, or its `data`; empty if the file has none. Raises DriveError."""
+        """Return the list after a name, or its `data`; empty if the file has none. Raises DriveError."""
         value = self._values.get(name, "")
         found = _LIST.search(value)
         try:
@@ -234,7 +236,7 @@ class CalibrationYaml:
         return numbers
 
     def transform(self, name: str) -> Transform | None:
-        """Return a 3D pose from 3 or 4 rows of 4 numbers; None if the file has none. Raises DriveError."""
+        """Return a 3D pose (4, 4) from 3 or 4 rows of 4 numbers; None if the file has none. Raises DriveError."""
         numbers = self.numbers(name)
         if not numbers:
             return None

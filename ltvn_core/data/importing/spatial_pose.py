@@ -1,8 +1,8 @@
-"""Poses in space, (4, 4), and what the toolkit keeps of a camera's: a pose in the plane, a tilt and a height.
+"""Poses in space, (4, 4), and their reduction to a pose in the plane, a tilt and a height.
 
-Owns the conventions of frames: the optical frame (x right, y down, z forward) and the body frame (x forward, y left,
-z up), in a world whose z is up. Owns also how a camera is mounted on a robot: its height, its tilt, whether it lies on
-its side, and whether an image was tilted in another way than by the mounting.
+Owns the conventions of frames: the optical frame (x right, y down, z forward) and the body frame (x forward, y left, z
+up), in a world whose z is up. Also owns a camera's mounting on a robot (height, tilt and quarter turns), and the
+decision whether the tilt of an image differs from the mounting.
 """
 
 from dataclasses import dataclass, replace
@@ -16,32 +16,32 @@ from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.types import Pose, Tilt
 
 BODY_FROM_OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
-"""(3, 3): takes right, down, forward to forward, left, up."""
+"""Rotation (3, 3) from the optical frame (right, down, forward) to the body frame (forward, left, up)."""
 
 _WORST_PITCH = np.radians(89.0)
-"""A camera that looks straight up or down has no heading; its tilt is given as this."""
+"""Largest pitch in radians; a camera that looks straight up or down has no heading, so its pitch is limited to this."""
 Transform = NDArray[np.float64]
-"""(4, 4): takes points of a child frame to its parent frame."""
+"""Pose (4, 4), which transforms points of a child frame to its parent frame."""
 _RIGID_TOLERANCE = 0.02
-"""Files round their numbers."""
+"""Tolerance for rotations, because files contain rounded numbers."""
 LOWEST_M = 0.02
-"""A camera lower than this is at the origin of its frames, so its height is unknown."""
+"""Height in metres below which a camera is at the origin of its frames, so its height is unknown."""
 _SAME_TILT_RAD = np.radians(0.5)
 
 
 class SpatialPose(NamedTuple):
-    """Where a camera is and how it is turned, in a world whose z is up."""
+    """Pose of a camera in a world whose z is up."""
 
     planar: Pose
-    """(3,): x, y, and the heading of its optical axis."""
+    """Pose (3,) in the plane: x, y, and the heading of the optical axis."""
     tilt: Tilt
-    """Its pitch and roll, as `CameraModel` has them."""
+    """Pitch and roll, with the conventions of `CameraModel`."""
     height_m: float
-    """Its z."""
+    """Height (z) in metres."""
 
 
 def spatial_pose(position: ArrayLike, rotation: ArrayLike) -> SpatialPose:
-    """Return a pose in space as pose in the plane, tilt and height.
+    """Convert a pose in space to a pose in the plane, a tilt and a height.
 
     Args:
         position: (3,) metres in the world.
@@ -62,7 +62,8 @@ def spatial_pose(position: ArrayLike, rotation: ArrayLike) -> SpatialPose:
 
 
 def transform(translation: ArrayLike, quaternion: ArrayLike) -> Transform | None:
-    """Return a pose in space from (3,) metres and (4,) x, y, z, w; None if they are not a valid pose."""
+    """Return a pose (4, 4) from a translation (3,) in metres and a quaternion (4,) x, y, z, w; None if they are
+    invalid."""
     place = np.asarray(translation, np.float64)
     turn = np.asarray(quaternion, np.float64)
     if not (np.all(np.isfinite(place)) and np.all(np.isfinite(turn))) or np.linalg.norm(turn) < 1e-6:
@@ -74,7 +75,7 @@ def transform(translation: ArrayLike, quaternion: ArrayLike) -> Transform | None
 
 
 def inverse(pose: Transform) -> Transform:
-    """Return where the parent is in the child."""
+    """Return the inverse: the pose of the parent in the child's frame."""
     result = np.eye(4)
     result[:3, :3] = pose[:3, :3].T
     result[:3, 3] = -pose[:3, :3].T @ pose[:3, 3]
@@ -82,13 +83,13 @@ def inverse(pose: Transform) -> Transform:
 
 
 def are_rotations(turns: NDArray[np.float64], tolerance: float) -> NDArray[np.bool_]:
-    """Tell (...) which matrices (..., 3, 3) of finite numbers turn without mirroring or stretching."""
+    """Tell (...) which matrices (..., 3, 3) of finite numbers are rotations, without mirroring or stretching."""
     errors = np.abs(turns @ turns.swapaxes(-1, -2) - np.eye(3)).max(axis=(-2, -1))
     return np.asarray((errors < tolerance) & (np.linalg.det(turns) > 0))
 
 
 def pose_between(positions: NDArray[np.float64], turns: Rotation, share: float) -> Transform:
-    """Return the pose between two, on the straight line and by the shortest turn.
+    """Interpolate between two poses: position linearly, rotation along the shortest path.
 
     Args:
         positions: (2, 3) metres in the parent frame.
@@ -102,7 +103,8 @@ def pose_between(positions: NDArray[np.float64], turns: Rotation, share: float) 
 
 
 def is_rigid(matrix: Transform) -> bool:
-    """Tell whether a matrix (4, 4) is finite, turns without mirroring or stretching, and ends in 0, 0, 0, 1."""
+    """Tell whether a matrix (4, 4) is finite, has a rotation without mirroring or stretching, and ends in 0, 0, 0,
+    1."""
     if not np.isfinite(matrix).all():
         return False
     is_rotation = bool(are_rotations(matrix[:3, :3], _RIGID_TOLERANCE))
@@ -111,16 +113,16 @@ def is_rigid(matrix: Transform) -> bool:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class CameraMounting:
-    """Where a camera is on its robot."""
+    """Mounting of a camera on its robot."""
 
     camera_on_robot: Transform
-    """(4, 4): the optical frame in the robot's frame; at its origin, straight ahead, if it is unknown."""
+    """Pose (4, 4) of the optical frame in the robot's frame; if unknown, at its origin and looking ahead."""
     tilt: Tilt | None = None
-    """Tilt of the upright image, for a level robot; None if it is unknown."""
+    """Tilt of the upright image while the robot is level; None if it is unknown."""
     quarter_turns: int = 0
-    """Number of quarter turns that make images upright, see `CameraModel`."""
+    """Number of quarter turns that make the images upright; see `CameraModel`."""
     height_m: float = 0.0
-    """Above the ground; 0 if it is unknown."""
+    """Height above the ground in metres; 0 if it is unknown."""
 
     @classmethod
     def unknown(cls) -> Self:
@@ -131,7 +133,7 @@ class CameraMounting:
 
     @classmethod
     def of(cls, camera_on_robot: Transform) -> Self:
-        """Return the mounting of a camera whose optical frame (4, 4) is known in the robot's."""
+        """Return the mounting of a camera from the pose (4, 4) of its optical frame in the robot's frame."""
         seen = spatial_pose(camera_on_robot[:3, 3], camera_on_robot[:3, :3])
         turns = round(-seen.tilt.roll_rad / (np.pi / 2)) % 4
         return cls(
@@ -142,7 +144,7 @@ class CameraMounting:
         )
 
     def own_tilt(self, tilt: Tilt) -> Tilt | None:
-        """Return the tilt of an image that was turned upright, None if it is the one of the mounting."""
+        """Return the tilt of an image after the quarter turns; None if it equals the tilt of the mounting."""
         upright = _upright(tilt, self.quarter_turns)
         usual = self.tilt or Tilt(0.0, 0.0)
         apart = max(abs(upright.pitch_rad - usual.pitch_rad), abs(_wrapped(upright.roll_rad - usual.roll_rad)))

@@ -1,8 +1,8 @@
-"""Lists that somebody else wrote, a row a line: trajectories, images with their times, tables of odometry.
+"""Lists from other programs, one row per line: trajectories, images with their times, tables of odometry.
 
-Owns how such a text is decoded, which of its lines say something and how many there may be, the unit of their stamps,
-and which stamp of one list belongs to which of another. A table of odometry has `file` or `stamp`, `x`, `y`, `yaw`,
-with or without a heading; a picture's row is found by its file's name, by its stamp, or by its place. Owns no clock.
+Owns the decoding of such a text, the lines that count and their largest number, the unit of the stamps, and the
+matching of stamps between two lists. A table of odometry has `file` or `stamp`, `x`, `y`, `yaw`, with or without a
+header; the row of a picture is found by its file name or its stamp.
 """
 
 import codecs
@@ -20,12 +20,12 @@ from ltvn_core.errors import DriveError
 from ltvn_core.types import Pose
 
 MOST_LINES = 1_000_000
-"""Nine hours at 30 images a second; a drive is imported in parts where it is longer."""
+"""Largest number of lines: nine hours at 30 images per second. Longer drives must be imported in parts."""
 _MOST_BYTES = 100_000_000
 _UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
-"""First bytes of text that Windows' PowerShell wrote."""
+"""Byte order marks of UTF-16, which PowerShell on Windows writes."""
 _SECONDS_BELOW = 1e11
-"""Stamps are in seconds below this, the year 5138."""
+"""Largest value of a stamp in seconds, in the year 5138; larger values have a smaller unit."""
 _UNITS = (("milliseconds", 1e-3), ("microseconds", 1e-6), ("nanoseconds", 1e-9))
 _TABLE_COLUMNS = 4
 _LEAST_SLACK_S = 0.02
@@ -38,10 +38,10 @@ def _read_list(path: Path, what: str) -> str:
 
     Args:
         path: The file, in UTF-8 or UTF-16.
-        what: What messages call it, as "list of poses".
+        what: Kind of file in messages, such as "list of poses".
 
     Raises:
-        DriveError: It cannot be read as text, or is longer than any such list.
+        DriveError: The file cannot be read as text, or is too long for such a list.
     """
     try:
         blob = read_foreign(path, most_bytes=_MOST_BYTES, what=what)
@@ -56,7 +56,7 @@ def _read_list(path: Path, what: str) -> str:
 
 
 def list_lines(path: Path, what: str) -> Iterator[tuple[int, str, list[str]]]:
-    """Yield number, text and words of each line that is neither empty nor a comment (#); numbers begin at 1.
+    """Yield number, text and words of each line that is neither empty nor a comment (#); line numbers begin at 1.
 
     White space or commas separate words. Raises DriveError as `_read_list` does.
     """
@@ -67,19 +67,19 @@ def list_lines(path: Path, what: str) -> Iterator[tuple[int, str, list[str]]]:
 
 
 class StampedLines(NamedTuple):
-    """A list of stamps and what belongs to each."""
+    """Stamps in order, each with the rest of its line."""
 
     rows: Sequence[tuple[float, list[str]]]
-    """Stamps in seconds, in rising order, and the words that follow."""
+    """Stamps in seconds, in increasing order, each with the words that follow it."""
     doubt: str | None
-    """Says that the stamps of the file are in another unit."""
+    """Note that the stamps of the file are not in seconds; None if they are."""
 
 
 def stamped_lines(path: Path, *, least_columns: int, unit_s: float | None = None) -> StampedLines:
-    """Return the lines of a text file as stamps and the words that follow, in the order of the stamps.
+    """Return the stamps of a text file with the words that follow them, in the order of the stamps.
 
-    Lines that begin with # are comments. Stamps are in units of `unit_s` seconds; without it, those in thousandths of a
-    second or less are recognised by their size. Raises DriveError that names the first line that cannot be right.
+    Lines that begin with # are comments. Stamps are in units of `unit_s` seconds; if it is None, a unit of a
+    millisecond or less is recognised by the size of the stamps. Raises DriveError that names the first invalid line.
     """
     lines: list[tuple[float, list[str]]] = []
     for number, line, words in list_lines(path, "list of images or poses"):
@@ -109,22 +109,23 @@ def _in_seconds(rows: list[tuple[float, list[str]]], path: Path) -> StampedLines
 
 
 def period_s(stamps: ArrayLike) -> float | None:
-    """Return the usual time between two of N stamps in order, None if there are too few."""
+    """Return the usual time in seconds between two of N increasing stamps; None if there are too few."""
     steps = np.diff(np.asarray(stamps, np.float64))
     steps = steps[steps > 0]
     return float(np.median(steps)) if len(steps) else None
 
 
 def rate_hz(stamps: ArrayLike) -> float | None:
-    """Return how many of N stamps in order there are in a second."""
+    """Return the usual number of stamps per second, for N increasing stamps; None if there are too few."""
     period = period_s(stamps)
     return None if period is None else 1 / period
 
 
 def nearest(stamps: Sequence[float], others: Sequence[float], *, slack_s: float) -> list[int | None]:
-    """Return for each stamp the place of the nearest among `others`; None if none is within half a frame.
+    """Return the index of the nearest of `others` for each stamp; None if the nearest is more than half a frame away.
 
-    Both are in rising order. Half a frame is half of the usual time between two stamps, and at least `slack_s`.
+    Both lists are in increasing order. Half a frame is half of the usual time between two stamps, and at least
+    `slack_s`.
     """
     if not len(others):
         return [None] * len(stamps)
@@ -139,10 +140,10 @@ def nearest(stamps: Sequence[float], others: Sequence[float], *, slack_s: float)
 
 
 class OdometryTable:
-    """Rows of odometry."""
+    """A table of odometry."""
 
     def __init__(self, name: str, keys: Sequence[str], poses: Pose) -> None:
-        """Take N keys, names of files or stamps, and poses (N, 3)."""
+        """Take N keys (file names or stamps) and poses (N, 3)."""
         self.name = name
         self._poses = poses
         self._stamps = _numbers(keys)
@@ -155,7 +156,7 @@ class OdometryTable:
 
     @classmethod
     def read(cls, path: Path) -> "OdometryTable":
-        """Read a CSV file. Raises DriveError that names the first line that cannot be right."""
+        """Read a CSV file. Raises DriveError that names the first invalid line."""
         try:
             lines = csv.reader(io.StringIO(_read_list(path, "table of odometry"), newline=""))
             rows = [row for row in lines if row and not row[0].startswith("#")]
@@ -164,20 +165,20 @@ class OdometryTable:
         return cls(path.name, *_parsed(rows, path))
 
     def stamps_by_place(self, images: int) -> list[float] | None:
-        """Return the stamps of as many pictures in order; None if rows have no stamps or are not as many."""
+        """Return the stamps of all rows if their number is `images` and they increase; otherwise None."""
         if self._stamps is None or len(self._poses) != images or not (np.diff(self._stamps) > 0).all():
             return None
         return self._stamps.tolist()
 
     def pose(self, file: str, stamp: float, place: int) -> Pose | None:
-        """Return the pose (3,) of a picture by its file's name, its stamp, or its place; None if no row fits."""
+        """Return the pose (3,) of a picture by its file name, or otherwise by its stamp; None if no row fits."""
         row = self._places.get(file, self._stems.get(Path(file).stem))
         if row is None and self._stamps is not None:
             row = self._row_at(stamp)
         return None if row is None else self._poses[row]
 
     def _row_at(self, stamp: float) -> int | None:
-        assert self._stamps is not None  # Asked for where there are some.
+        assert self._stamps is not None  # The caller checks this.
         row = int(np.argmin(np.abs(self._stamps - stamp)))
         slack_s = max((period_s(self._stamps) or 0.0) / 2, _LEAST_SLACK_S)
         return row if abs(self._stamps[row] - stamp) <= slack_s else None

@@ -1,7 +1,7 @@
 """Reads folders in the layout of the TUM RGB-D benchmark, which many SLAM programs write and read.
 
-`rgb.txt` and `depth.txt` list stamps and images, `groundtruth.txt` poses of the camera's optical frame; the depth
-images are 16-bit PNGs of 5000 units a metre. Depth and poses may be missing. Sturm et al., IROS 2012.
+`rgb.txt` and `depth.txt` list stamps and images, and `groundtruth.txt` lists poses of the camera's optical frame; the
+depth images are 16-bit PNGs with 5000 units per metre. Depth and poses may be missing. Sturm et al., IROS 2012.
 """
 
 import re
@@ -20,9 +20,10 @@ from ltvn_core.types import Depth, Rgb
 UNITS_PER_METRE = 5000.0
 CALIBRATION_FILE = "calibration.txt"
 ODOMETRY_FILE = "odometry.txt"
-"""Odometry as `ltvn export` writes it, of the camera's optical frame as the true poses are."""
+"""Name of the odometry file that `ltvn export` writes; like the true poses, it has poses of the camera's optical
+frame."""
 SLACK_S = 0.02
-"""Colour and depth belong together within half a frame, or within this where frames come faster."""
+"""Least tolerance in seconds for matching colours and depth; it is half a frame if that is longer."""
 
 
 def _kinect(fx: float, fy: float, cx: float, cy: float, *distortion: float) -> CameraModel:
@@ -34,7 +35,7 @@ BENCHMARK_CAMERAS = {
     "2": _kinect(520.9, 521.0, 325.1, 249.7, 0.2312, -0.7849, -0.0033, -0.0001, 0.9172),
     "3": _kinect(535.4, 539.2, 320.1, 247.6),
 }
-"""The benchmark's calibrations of its cameras freiburg1, 2 and 3; the images of the third are undistorted already."""
+"""The benchmark's calibrations of its cameras freiburg1, 2 and 3; the images of the third are already undistorted."""
 _BENCHMARK_NAME = re.compile(r"(?:freiburg|fr)([123])(?![0-9])")
 
 
@@ -42,7 +43,7 @@ class TumReader(ImageFilesReader):
     """A folder in TUM's layout, open for reading."""
 
     def __init__(self, folder: Path, options: ReadOptions) -> None:
-        """Read the lists, and no image yet. Raises DriveError."""
+        """Read the lists, but no image yet. Raises DriveError."""
         super().__init__(folder, options)
         self._colour = self._image_list(options.rgb or "rgb.txt")
         self._depth = self._depth_list(options.depth)
@@ -51,7 +52,7 @@ class TumReader(ImageFilesReader):
         self._described = camera_beside(folder)
         self._depth_unit_m = options.depth_unit_m or self._described.metres_per_unit or 1 / UNITS_PER_METRE
         self._camera = options.camera or self._described.camera or _benchmark_camera(folder)
-        self.doubts[:0] = self._time_doubts()  # First, for it may be why no image can be used.
+        self.doubts[:0] = self._time_doubts()  # First, because it may be why no image can be used.
         self.doubts += _axis_doubts(self._truth, self._odometry)
         self.facts = DriveFacts(
             format="tum", frames=len(self._colour), streams=self._streams(), place=folder.resolve().name
@@ -87,12 +88,12 @@ class TumReader(ImageFilesReader):
             return PoseTrack.read(self._folder / wanted)
         try:
             return _track(self._folder / ODOMETRY_FILE)
-        except DriveError as error:  # Other programs call other things so.
+        except DriveError as error:  # Other programs use this name for other files.
             self.doubts.append(f"{ODOMETRY_FILE} was left out: {error}")
             return None
 
     def _time_doubts(self) -> Iterator[str]:
-        """Yield which list has no moment in common with the images."""
+        """Yield doubts about stamps, and about lists that do not overlap with the images in time."""
         tracks = (("groundtruth.txt", self._truth), ("the odometry", self._odometry))
         yield from (track.doubt for _, track in tracks if track is not None and track.doubt)
         spans = [(name, track.stamps) for name, track in tracks if track is not None]
@@ -136,7 +137,8 @@ class TumReader(ImageFilesReader):
         return self._camera
 
     def _depth_camera(self, depth: Depth) -> CameraModel | None:
-        """Return the lens of depth images that are not registered to the colours, where the folder names one."""
+        """Return the lens of depth images that are not registered to the colours; None if the folder does not describe
+        one."""
         focal = self._described.depth_focal_px
         camera = self._camera
         if focal is None or camera is None:
@@ -160,7 +162,7 @@ class TumReader(ImageFilesReader):
 
 
 def _local(folder: Path, name: str) -> str:
-    """Return a name in a list as it is written here; lists from Windows have backslashes."""
+    """Return a file name from a list in the form of this system; lists from Windows have backslashes."""
     return name.replace("\\", "/") if "\\" in name and not (folder / name).is_file() else name
 
 
@@ -169,7 +171,7 @@ def _track(path: Path) -> PoseTrack | None:
 
 
 def _benchmark_camera(folder: Path) -> CameraModel | None:
-    """Return the benchmark's own camera where the folder is called like one of its sequences."""
+    """Return the benchmark's own camera if the folder has the name of one of its sequences."""
     found = _BENCHMARK_NAME.search(folder.resolve().name)
     return None if found is None else BENCHMARK_CAMERAS[found.group(1)]
 

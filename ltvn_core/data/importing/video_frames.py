@@ -1,7 +1,7 @@
-"""The images of a part of a video, one after the other, decoded by PyAV as they are asked for.
+"""The images of a part of a video, decoded one after the other by PyAV when they are requested.
 
-Owns the limits: a file is of the format that is named and no other, refers to no other file, and no image is larger
-than a camera's.
+Owns the limits: a file has only the named format, refers to no other file, and its images are not larger than those of
+a camera.
 """
 
 from collections.abc import Iterator
@@ -17,7 +17,7 @@ from ltvn_core.errors import DriveError
 from ltvn_core.types import Rgb
 
 _MOST_IMAGES = 2_000_000
-"""Eighteen hours at 30 images a second."""
+"""Largest number of images: eighteen hours at 30 images per second."""
 _DEEP = {"gray12le", "gray16le", "gray10le", "yuv420p12le", "yuv422p12le", "yuv444p12le"}
 
 
@@ -33,13 +33,13 @@ class VideoImage(NamedTuple):
     """A decoded image."""
 
     stamp: float
-    """Seconds since the beginning of the part."""
+    """Time in seconds since the beginning of the part."""
     frame: Any
-    """PyAV's own; `colours` and `codes` read it."""
+    """Frame of PyAV, for `colours` and `codes`."""
 
 
 class VideoFacts(NamedTuple):
-    """Facts about a video before decoding; None for missing ones."""
+    """Facts about a video, known before decoding; None for missing ones."""
 
     images: int | None
     rate_hz: float | None
@@ -62,7 +62,7 @@ def video_facts(path: Path, container_format: str) -> VideoFacts:
 def video_images(part: VideoPart, period_s: float, *, container_format: str = "mp4") -> Iterator[VideoImage]:
     """Yield the images of a part. Raises DriveError where the file is damaged, foreign, or too large."""
     try:
-        # A file object, and the format by name: so that nothing else is opened, whatever the file refers to.
+        # With a file object and a named format, PyAV opens nothing else, whatever the file refers to.
         with part.path.open("rb") as file, av.open(file, mode="r", format=container_format) as container:
             stream = container.streams.video[0]
             _check_size(stream.codec_context.width, stream.codec_context.height, part.path)
@@ -78,7 +78,7 @@ def video_images(part: VideoPart, period_s: float, *, container_format: str = "m
                     yield VideoImage(time - part.begin_s, frame)
     except DriveError:
         raise
-    except Exception as error:  # FFmpeg has an error of its own for each way of being damaged.
+    except Exception as error:  # FFmpeg has a separate error for each kind of damage.
         raise _unreadable(part.path, error) from error
 
 
@@ -92,16 +92,18 @@ def colours(frame: Any) -> Rgb:
 
 
 def upright_colours(frame: Any) -> Rgb:
-    """Return the colours of a decoded image, turned as the video says; phones record lying on their side."""
+    """Return the colours of a decoded image, rotated upright by the video's metadata, because phones may record
+    sideways."""
     return np.ascontiguousarray(np.rot90(colours(frame), round((frame.rotation or 0) / 90)))
 
 
 def codes(frame: Any, path: Path) -> NDArray[np.uint16]:
-    """Return the brightness (H, W) of a decoded image in all its bits. Raises DriveError where it has but eight."""
+    """Return the brightness (H, W) of a decoded image in full bit depth. Raises DriveError if it has only eight
+    bits."""
     if frame.format.name not in _DEEP:
         raise DriveError(f"{path}: depth in {frame.format.name} has too few bits; expected {', '.join(sorted(_DEEP))}.")
     plane = frame.planes[0]
-    # Not by a conversion, which would stretch the values.
+    # A conversion by PyAV would stretch the values.
     lines = np.frombuffer(plane, np.uint8).reshape(-1, plane.line_size)[: frame.height, : 2 * frame.width]
     return np.ascontiguousarray(lines).view("<u2").astype(np.uint16)
 

@@ -1,4 +1,4 @@
-"""Reads a video as a drive: the colours of its images with their times, turned as a phone was held."""
+"""Reads a video as a drive: the colours of its images with their times, rotated upright."""
 
 import math
 from collections import Counter
@@ -28,16 +28,16 @@ _BEGINNINGS = {
     "matroska": (0, (b"\x1aE\xdf\xa3",)),
     "avi": (8, (b"AVI ",)),
 }
-"""Format -> where in the file its mark is, and the marks there may be."""
+"""Position of the magic bytes in each format, and their possible values."""
 _ANY_S = 1e-6
-"""Between two images; less than any camera's."""
+"""Period in seconds that selects every image; shorter than that of any camera."""
 
 
 class VideoReader:
     """A video that is open for reading."""
 
     def __init__(self, path: Path, options: ReadOptions) -> None:
-        """Look into the video. Raises DriveError, and MissingLibraryError without the library for videos."""
+        """Open the video. Raises DriveError, and MissingLibraryError if the library for videos is missing."""
         with naming_the_extra():
             from ltvn_core.data.importing import video_frames
         self._decoding = video_frames
@@ -60,7 +60,7 @@ class VideoReader:
 
     @classmethod
     def recognises(cls, path: Path) -> bool:
-        """Tell whether a path is a video, by its ending and its first bytes; never raises."""
+        """Tell by its ending and its first bytes whether a path is a video; never raises."""
         container = _CONTAINERS.get(path.suffix.lower())
         try:
             if container is None or not path.is_file():
@@ -73,7 +73,7 @@ class VideoReader:
 
     @classmethod
     def open(cls, path: Path, options: ReadOptions) -> Self:
-        """Open a video. Raises DriveError, and MissingLibraryError without the library for videos."""
+        """Open a video. Raises DriveError, and MissingLibraryError if the library for videos is missing."""
         return cls(path, options)
 
     def frames(self) -> Iterator[RawFrame]:
@@ -81,7 +81,7 @@ class VideoReader:
         return self.frames_where(lambda _: True)
 
     def frames_where(self, wanted: FrameFilter) -> Iterator[RawFrame]:
-        """Yield the frames without those whose moment is not wanted, whose colours are not converted."""
+        """Yield the frames of the wanted moments; the colours of other moments are not converted."""
         part = self._decoding.VideoPart(self._path, 0.0, math.inf)
         images = self._decoding.video_images(part, _ANY_S, container_format=self._container)
         place = -1

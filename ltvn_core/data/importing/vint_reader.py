@@ -1,7 +1,7 @@
-"""Reads trajectories as GNM, ViNT and NoMaD are trained from: `0.jpg`, `1.jpg`, ... and `traj_data.pkl`.
+"""Reads trajectories in the training format of GNM, ViNT and NoMaD: `0.jpg`, `1.jpg`, ... and `traj_data.pkl`.
 
-The pickle holds `position` (T, 2) in metres and `yaw` (T,) in radians; row and image have one number. There is no
-depth and no stamp; the lens is that of a `camera.json`, if there is one.
+The pickle holds `position` (T, 2) in metres and `yaw` (T,) in radians; row k belongs to image k. There is no depth and
+no stamp; the lens comes from a `camera.json`, if there is one.
 """
 
 import math
@@ -27,7 +27,7 @@ _SUFFIXES = (".jpg", ".jpeg", ".png")
 _LARGEST_M = 1e5
 _LISTED = 10
 _LONGEST_ROW = 16
-"""Numbers of one pose."""
+"""Largest number of values of one pose."""
 _NUMBERS = (int, float, np.number)
 
 NO_POSE = "without a pose"
@@ -62,7 +62,7 @@ class VintReader(ImageFilesReader):
 
     @classmethod
     def recognises(cls, path: Path) -> bool:
-        """Tell whether a path is a folder with a trajectory, or one of such folders; never raises."""
+        """Tell whether a path is a folder with a trajectory, or a folder of such folders; never raises."""
         try:
             return (path / TRAJECTORY).is_file() or bool(_trajectories(path))
         except OSError:
@@ -70,14 +70,14 @@ class VintReader(ImageFilesReader):
 
     @classmethod
     def open(cls, path: Path, options: ReadOptions) -> Self:
-        """Open a trajectory. Raises DriveError, which lists those of a whole data set."""
+        """Open a trajectory. Raises DriveError; for a whole data set, it lists the trajectories."""
         if not (path / TRAJECTORY).is_file() and (several := _trajectories(path)):
             names = ", ".join(several[:_LISTED]) + (" ..." if len(several) > _LISTED else "")
             raise DriveError(f"{path} holds {len(several)} trajectories; name one of them: {names}.")
         return cls(path, options)
 
     def frames_where(self, wanted: FrameFilter) -> Iterator[RawFrame]:
-        """Yield the frames as all readers do. Raises DriveError where no image can be read."""
+        """Yield the frames of the wanted moments. Raises DriveError if no image can be read."""
         yield from super().frames_where(wanted)
         if self.dropped[self.DAMAGED] == len(self._numbered):
             raise DriveError(f"{self._folder} has no image that can be read. {' '.join(self.doubts)}")
@@ -118,7 +118,7 @@ def _poses(folder: Path) -> Pose:
 
 def _numbers(held: object) -> np.ndarray:
     if isinstance(held, list | tuple):
-        # Lists may hold one another, and so stand for more numbers than there are bytes in the world.
+        # Lists may contain each other, and so expand to far more numbers than the file has bytes.
         array = np.asarray(held) if all(map(_is_short_row, held)) else np.empty(0)
     else:
         array = held if isinstance(held, np.ndarray) else np.empty(0)
@@ -128,7 +128,8 @@ def _numbers(held: object) -> np.ndarray:
 
 
 def _plain(objects: np.ndarray) -> np.ndarray:
-    """Return an array of objects as one of numbers: (T,) rows become (T, n), rows of one number that number."""
+    """Convert an array of objects to numbers: rows with n > 1 numbers add an axis; rows with one number become that
+    number."""
     rows = objects.ravel().tolist()
     if not rows or not all(map(_is_short_row, rows)):
         return np.empty(0)
@@ -140,7 +141,7 @@ def _plain(objects: np.ndarray) -> np.ndarray:
 
 
 def _is_short_row(row: object) -> bool:
-    """Tell whether an object is a number or a few of them."""
+    """Tell whether an object is a number or a short list of numbers."""
     if isinstance(row, np.ndarray):
         return row.size <= _LONGEST_ROW and row.dtype.kind in "fiu"
     if isinstance(row, list | tuple):
@@ -149,7 +150,7 @@ def _is_short_row(row: object) -> bool:
 
 
 def _images(folder: Path) -> dict[int, str]:
-    """Return the images by their numbers, in order. Raises DriveError if there are none."""
+    """Return the images by their numbers, in increasing order. Raises DriveError if there are none."""
     found: dict[int, str] = {}
     for path in folder.iterdir():
         if path.suffix.lower() in _SUFFIXES and path.stem.isdecimal() and len(path.stem) < 10:

@@ -1,1 +1,1 @@
-"""The .rrd recording: the log, the dataset, the map and the replay. The only home of rerun."""
+"""Recordings in `.rrd` files: log, data set, map and replay of a run. Only this package imports rerun."""

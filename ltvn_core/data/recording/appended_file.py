@@ -1,7 +1,7 @@
 """A new file that is only appended to, batch by batch, in a separate thread.
 
-Owns the disk: callers never wait for it, and errors of file, folder or disk are noticed within a second. After any
-error the file still ends with a complete batch of blocks. The content of blocks is unknown here.
+Owns writing to the disk: callers never wait for it, and errors of file, folder or disk are detected within a second.
+After any error the file still ends with a complete batch of blocks. The content of the blocks is not interpreted.
 """
 
 import logging
@@ -19,32 +19,32 @@ from ltvn_core.errors import RecordingError
 
 _LOG = logging.getLogger(__name__)
 WAITING_BYTES = 64 << 20
-"""Number of waiting bytes at which the file is given up, so that memory does not fill."""
+"""Number of waiting bytes at which writing stops, so that memory does not fill up."""
 _CHECK_S = 0.5
 _SYNC_S = 5.0
-"""Interval between syncs to the disk, in seconds: the data that a power failure loses."""
+"""Interval between syncs to the disk, in seconds; a power failure loses the data since the last sync."""
 _STALL_S = 5.0
 """Time after which a disk that accepts nothing counts as unresponsive, in seconds."""
 _CLOSE_S = 30.0
 """Longest wait for the disk at the end of a file, in seconds."""
 _ENDING_S = 600.0
-"""Longest wait for the ending to be put together, in seconds. That of an hour takes seconds of an idle core, and a
-minute on a machine with thirty busy programs; it waits for no disk."""
+"""Longest time to encode the ending, in seconds. An hour of recording needs seconds on an idle core, and a minute on a
+machine with thirty busy programs; this does not wait for the disk."""
 
 
 class FilePlace:
-    """The place of an open file. Every look raises OSError when the disk cannot say."""
+    """Checks that an open file is still at its path. All methods raise OSError when the disk does not answer."""
 
     def __init__(self, path: Path, file: int, min_free_bytes: int) -> None:
-        """Watch the open `file` that was made as `path`; its disk has room with `min_free_bytes` left."""
+        """Watch the open `file` at `path`; its disk must keep `min_free_bytes` free."""
         self._path = path
         self._file = file
         self._min_free_bytes = min_free_bytes
-        # Where the two differ from the beginning, as in some network folders, only the name can be watched.
+        # If they differ from the start, as in some network folders, only the existence of the path can be checked.
         self._is_name_telling = _same_file(os.stat(path), os.fstat(file))
 
     def misplacement(self) -> str | None:
-        """Return what happened to the file when it is not in its place any more, else None."""
+        """Return a message if the file is no longer at its path, else None."""
         opened = os.fstat(self._file)
         try:
             named = os.stat(self._path)
@@ -60,7 +60,7 @@ class FilePlace:
         )
 
     def lack_of_room(self) -> str | None:
-        """Return how little room is left when it is too little, else None."""
+        """Return a message if the disk has too little room left, else None."""
         free = self._free_bytes()
         if free >= self._min_free_bytes:
             return None
@@ -88,16 +88,16 @@ def _same_file(one: os.stat_result, other: os.stat_result) -> bool:
 
 
 class FileEnding(Protocol):
-    """Says how a file ends that holds certain blocks."""
+    """Encodes the ending of a file from the blocks that it contains."""
 
     def count(self, block: bytes) -> None:
-        """Take note of a block that is in the file now."""
+        """Register a block that was written to the file."""
         ...
 
     def encoded(self, *, complete: bool, is_short: bool = False) -> bytes:
-        """Return the bytes to write behind the last block; `complete` if all blocks are in the file.
+        """Return the bytes to write after the last block; `complete` means that all blocks are in the file.
 
-        A short ending leaves out optional parts.
+        A short ending leaves out the optional parts.
         """
         ...
 
@@ -105,19 +105,19 @@ class FileEnding(Protocol):
 class AppendedFile:
     """A new file that only its owner may read, and the thread that writes it.
 
-    Raises RecordingError at once when the file exists already, cannot be made or has no room. Later nothing raises:
-    `failure` says why no more is written, and the file keeps the whole batches that it has.
+    Raises RecordingError at once if the file exists already, cannot be created or has no room. Later errors are not
+    raised: `failure` gives the reason why writing stopped, and the file keeps all complete batches.
     """
 
     def __init__(self, path: Path, *, min_free_bytes: int, ending: FileEnding) -> None:
-        """Make the file; it fails when less than `min_free_bytes` are left on its disk."""
+        """Create the file; it fails if its disk has less than `min_free_bytes` left."""
         self.path = path
         self.failure: str | None = None
         """Reason why writing stopped, or None."""
         self._ending = ending
         self._size_bytes = 0
         self._queue: queue.SimpleQueue[Sequence[bytes] | None] = queue.SimpleQueue()
-        self._handed_in = self._dealt_with = 0  # Bytes.
+        self._handed_in = self._dealt_with = 0  # In bytes.
         self._progress = threading.Condition()
         self._ending_is_known = threading.Event()
         self._file = open_new_file(path)
@@ -131,13 +131,13 @@ class AppendedFile:
 
     @property
     def waiting_bytes(self) -> int:
-        """How much was handed in and is not written yet."""
+        """Number of bytes that were appended but not written yet."""
         return self._handed_in - self._dealt_with
 
     def append(self, blocks: Sequence[bytes]) -> None:
         """Append blocks that belong together, from one thread at a time; never waits.
 
-        They are written all or none, and are dropped after a failure.
+        Either all of them are written or none; after a failure they are discarded.
         """
         if not blocks or self.failure is not None:
             return
@@ -151,9 +151,9 @@ class AppendedFile:
         self._queue.put(blocks)
 
     def wait_until_written(self, *, at_most_s: float, waiting_bytes: int = 0) -> bool:
-        """Wait until no more than `waiting_bytes` wait, or there is a failure; tell whether the disk was in time.
+        """Wait until at most `waiting_bytes` are waiting, or writing fails; return whether that happened in time.
 
-        Ends early when the disk accepts nothing for a while.
+        Ends early if the disk accepts nothing for a while.
         """
         until = time.monotonic() + at_most_s
         with self._progress:
@@ -166,9 +166,10 @@ class AppendedFile:
         return True
 
     def close(self) -> None:
-        """Write what waits and then the ending; bounded in time. A second call does nothing.
+        """Write the waiting blocks and then the ending, within a limited time. A second call does nothing.
 
-        After a failure only the ending is tried, so that a file on a full disk ends well where there is room for it.
+        After a failure only the ending is written, so that a file on a full disk is finished if there is room for the
+        ending.
         """
         self._queue.put(None)
         in_time = self.wait_until_written(at_most_s=_CLOSE_S)
@@ -187,7 +188,7 @@ class AppendedFile:
             self._end()
             self._check()
             self._bring_to_disk()
-        except Exception as error:  # The person is informed, and nobody waits for a thread that has ended.
+        except Exception as error:  # The failure is reported, so that nobody waits for a dead thread.
             _LOG.exception("%s was given up", self.path)
             self._fail(_broken(self.path, f"{type(error).__name__}: {error}"))
         finally:
@@ -211,7 +212,7 @@ class AppendedFile:
                 self._bring_to_disk()
 
     def _end(self) -> None:
-        """Write the ending, and the short one if there is no room for the other."""
+        """Write the ending; if there is no room for it, write the short ending."""
         complete = self.failure is None
         ending = self._ending.encoded(complete=complete)
         self._ending_is_known.set()
@@ -225,14 +226,14 @@ class AppendedFile:
             return ()
 
     def _write(self, blocks: Sequence[bytes]) -> bool:
-        """Write all of the blocks or nothing of them; tell which."""
+        """Write either all of the blocks or none; return whether they were written."""
         problem = self._put(b"".join(blocks))
         if problem is not None:
             self._fail(problem)
         return problem is None
 
     def _put(self, data: bytes) -> str | None:
-        """Write all of the bytes or none; return the error."""
+        """Write either all of the bytes or none; return the error, if any."""
         left = memoryview(data)
         try:
             while left:
@@ -244,7 +245,7 @@ class AppendedFile:
         return None
 
     def _check(self) -> None:
-        """Look whether the file is still where it was made, and whether there is room for more."""
+        """Check that the file is still at its path, and that there is room for more."""
         if self.failure is None:
             problem = self._attempt(self._place.misplacement) or self._attempt(self._place.lack_of_room)
             if problem is not None:
@@ -255,7 +256,7 @@ class AppendedFile:
             self._attempt(lambda: _to_disk(self._file))
 
     def _attempt(self, job: Callable[[], str | None]) -> str | None:
-        """Do something with the file that may go wrong; that is a failure then."""
+        """Return the result of a job on the file; an OSError is recorded as the failure."""
         try:
             return job()
         except OSError as error:

@@ -1,4 +1,4 @@
-"""The layout in which a recording opens in the Rerun viewer. Owns the arrangement of the views, nothing else."""
+"""The layout in which a recording opens in the Rerun viewer. Owns only the arrangement of the views."""
 
 import math
 from collections.abc import Sequence
@@ -19,11 +19,11 @@ _SINCE_THE_BEGINNING = rrb.VisibleTimeRanges(
     end=rrb.TimeRangeBoundary.cursor_relative(),
 )
 _STEPS = rr.SeriesLines(widths=2, interpolation_mode="StepAfter")
-"""A belief holds until the next drive changes it."""
+"""Draws beliefs as steps, because a belief holds until the next attempt changes it."""
 _HALF_FIELD_OF_VIEW_RAD = math.radians(55 / 2)
 """Half the vertical field of view of Rerun's 3D view."""
 _ASPECT = 1.4
-"""Width over height that the 3D view has at least on common screens."""
+"""Least aspect ratio, width over height, of the 3D view on common screens."""
 _MARGIN_M = 0.5
 
 
@@ -36,13 +36,14 @@ class Layout:
     edges: Sequence[EdgeKey] | None = None
     """The edges whose beliefs are plotted; None plots all of them."""
     user_scalars: Sequence[str] = ()
-    """Entities of the user's own whose scalars are plotted."""
+    """Entities that the user logged, whose scalars are plotted."""
 
 
 class _Blueprint(rrb.Blueprint):
     """A blueprint that remembers Rerun's temporary stream.
 
-    The stream and its memory refer to each other, so their two threads end only when somebody disconnects them.
+    The stream and its memory refer to each other, so their two threads end only if the stream is disconnected
+    explicitly.
     """
 
     stream: rr.RecordingStream | None = None
@@ -53,7 +54,7 @@ class _Blueprint(rrb.Blueprint):
 
 
 def send_layout(stream: rr.RecordingStream, layout: Layout) -> None:
-    """Let a recording open in the designed layout."""
+    """Set the layout in which a recording opens."""
     sent = _blueprint(layout)
     stream.send_blueprint(sent)
     if sent.stream is not None:
@@ -61,7 +62,7 @@ def send_layout(stream: rr.RecordingStream, layout: Layout) -> None:
 
 
 def _blueprint(layout: Layout) -> _Blueprint:
-    """Return the designed layout: the floor from above in the middle, images on the left, beliefs, state and log below.
+    """Return the layout: the floor from above in the middle, images on the left, beliefs, state and log below.
 
     It opens at the end of the recording, where the map, the trail and the last plan are all drawn.
     """
@@ -94,7 +95,7 @@ def _images() -> rrb.Container:
 def _world(floor: FloorExtent | None) -> rrb.View:
     return rrb.Spatial3DView(
         origin=schema.WORLD,
-        # The depth has its own view; its cloud of points would hide the map here.
+        # Depth has a view of its own; its point cloud would hide the map here.
         contents=["$origin/**", f"- {schema.DEPTH}"],
         name="World: map, plan and robot",
         background=[24, 26, 30],
@@ -141,7 +142,7 @@ def _probabilities(edges: Sequence[EdgeKey] | None) -> rrb.View:
         name="p of all edges" if edges is None else "p of edges planned or changed last",
         defaults=[_STEPS],
         axis_y=rrb.ScalarAxis(range=(0.0, 1.05)),
-        # Hundreds of names would cover the curves; hovering tells the name of one.
+        # Hundreds of names would cover the curves; hovering over a curve shows its name.
         plot_legend=rrb.PlotLegend(visible=edges is not None),
     )
 

@@ -1,6 +1,6 @@
-"""The demo map and the demo recording of the toolkit: inside the package in a wheel, else in the checkout.
+"""Paths of the toolkit's demo map and demo recording, in the installed package or in the checkout.
 
-Owns their location. Opens nothing.
+Opens no file.
 """
 
 from pathlib import Path
@@ -9,7 +9,7 @@ DEMO_MAP = "demo-map.rrd"
 """Map of the demo apartment."""
 
 DEMO_RECORDING = "demo-fault.rrd"
-"""Four queries on that map after three faults were planted in it, to try the debugger on."""
+"""Four queries on the demo map after three faults were added to it, as an example for the debugger."""
 
 _PLACES = (Path(__file__).parent / "demo", Path(__file__).parents[3] / "recordings")
 

@@ -1,7 +1,7 @@
-"""Where frames were taken, and the floor around them, so that a graph of pictures can be drawn in space.
+"""Poses of frames, and the floor around them, for drawing the map in space.
 
-The exact pose wins if there is one (in simulation, so that nodes lie on the floor of the drawn scene); otherwise
-odometry does. For drawing only.
+The exact pose is used if there is one (in simulation, so that nodes lie on the floor of the drawn scene); otherwise the
+odometry is used. For drawing only.
 """
 
 import struct
@@ -18,7 +18,7 @@ from ltvn_core.types import FrameId, Pose
 
 _GLB_MAGIC = b"glTF"
 _HEADER_BYTES = 20
-"""Header of a binary glTF, with length and kind of its first chunk, which is JSON."""
+"""Size in bytes of the header of a binary glTF, with length and type of its first chunk, which is JSON."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +30,7 @@ class FloorExtent:
     high: tuple[float, float]
     """Largest x and y."""
     top_m: float = 0.0
-    """Height of the walls around it."""
+    """Height of the walls around the rectangle, in metres."""
 
     @classmethod
     def of_points(cls, points: NDArray[np.floating]) -> Self | None:
@@ -43,7 +43,8 @@ class FloorExtent:
 
     @classmethod
     def of_glb(cls, glb: bytes) -> Self | None:
-        """Return the rectangle around all vertices of a binary glTF, z up, or None when it does not say it."""
+        """Return the rectangle around all vertices of a binary glTF, z up; None if the file does not give their
+        limits."""
         if glb[:4] != _GLB_MAGIC or len(glb) < _HEADER_BYTES:
             return None
         (length,) = struct.unpack_from("<I", glb, 12)
@@ -53,21 +54,21 @@ class FloorExtent:
             corners = [content["accessors"][k][end] for k in used for end in ("min", "max")]
             return cls.of_points(np.array(corners, float).reshape(-1, 3))
         except (ValueError, KeyError, IndexError, TypeError):
-            return None  # A scene that says it in another way is drawn all the same.
+            return None  # The scene is drawn anyway.
 
     @property
     def centre(self) -> tuple[float, float]:
-        """The middle of the rectangle: x and y."""
+        """Centre of the rectangle: x and y in metres."""
         return (self.low[0] + self.high[0]) / 2, (self.low[1] + self.high[1]) / 2
 
     @property
     def width_m(self) -> float:
-        """Extent along x."""
+        """Extent along x in metres."""
         return self.high[0] - self.low[0]
 
     @property
     def height_m(self) -> float:
-        """Extent along y."""
+        """Extent along y in metres."""
         return self.high[1] - self.low[1]
 
 
@@ -83,22 +84,22 @@ class DrawnPoses:
         self._poses[frame] = (float(x), float(y), float(yaw))
 
     def add_node(self, node: Node) -> None:
-        """Remember a node whose frame was never written, by its odometry."""
+        """Remember the odometry pose of a node whose frame was never written."""
         self._poses.setdefault(node.id, (node.odometry.x_m, node.odometry.y_m, node.odometry.yaw_rad))
 
     @property
     def extent(self) -> FloorExtent | None:
-        """The floor around everything that is remembered."""
+        """The floor around all remembered poses."""
         places = np.array([*self._poses.values()], np.float64).reshape(-1, 3)
         return FloorExtent.of_points(places * (1, 1, 0))
 
     def pose(self, frame: FrameId | None) -> Pose | None:
-        """Return the drawn pose (3,) of a frame, or None when it was never seen."""
+        """Return the drawn pose (3,) of a frame; None if it is unknown."""
         pose = self._poses.get(frame) if frame is not None else None
         return None if pose is None else np.array(pose)
 
     def points(self, frames: Sequence[FrameId], height_m: float) -> NDArray[np.float32]:
-        """Return the places (N, 3) of the frames that are known, at a height above the floor."""
+        """Return the positions (N, 3) of the known frames, at a height above the floor."""
         known = [self._poses[frame] for frame in frames if frame in self._poses]
         points = np.array(known, np.float32).reshape(-1, 3)
         points[:, 2] = height_m

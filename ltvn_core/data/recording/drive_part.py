@@ -1,4 +1,4 @@
-"""A part of a drive by its images, for instance the first half, so that one part trains and another validates."""
+"""A part of a drive, for instance the first half of its images, so that one part trains and another validates."""
 
 import re
 from collections.abc import Sequence
@@ -20,11 +20,11 @@ class DrivePart(NamedTuple):
 
     @property
     def is_whole(self) -> bool:
-        """Tell whether it is all of the drive."""
+        """Whether this part is the whole drive."""
         return self.parts == 1
 
     def take(self, frames: Sequence[T]) -> Sequence[T]:
-        """Return those of the frames of a drive, in order, that lie in this part."""
+        """Return the frames in this part, from all frames of a drive in order."""
         begin, end = ((self.number - back) * len(frames) // self.parts for back in (1, 0))
         return frames[begin:end]
 
@@ -33,7 +33,7 @@ WHOLE_DRIVE = DrivePart()
 
 
 def parse_part(text: str) -> DrivePart:
-    """Read a part such as 1/2, the first half. Raises OptionError."""
+    """Parse a part such as 1/2, the first half. Raises OptionError."""
     written = re.fullmatch(r"(\d{1,4})/(\d{1,4})", text)
     part = WHOLE_DRIVE if written is None else DrivePart(int(written[1]), int(written[2]))
     if written is None or not 1 <= part.number <= part.parts:

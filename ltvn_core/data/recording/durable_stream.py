@@ -1,8 +1,8 @@
-"""A Rerun stream into one new file that loses little when killed and says so when it cannot write.
+"""A Rerun stream to one new file; a crash loses little, and write errors are reported.
 
-Owns the shape in which Rerun hands out encoded rows, the pace at which they leave memory, and how a recording ends.
-Rerun never waits for a disk, and a signal that ends a verb never falls between rows that belong together. Knows no
-entity and no event: the writer does. The disk is `appended_file`'s.
+Owns the format in which Rerun returns encoded rows, the interval at which they are written, and the ending of a
+recording. Rerun never waits for a disk, and a signal that ends a verb never separates rows that belong together. The
+writer defines entities and events; `appended_file` writes to the disk.
 """
 
 import atexit
@@ -31,21 +31,21 @@ from ltvn_core.errors import RecordingError
 _INTERRUPTS = (signal.SIGINT, signal.SIGTERM)
 _STORE_KIND = 1
 _ENCODING_S = 10.0
-"""Rerun needs milliseconds; a machine that is short of memory may need longer."""
+"""Longest time in seconds for encoding rows; Rerun needs milliseconds, but may need longer if memory is short."""
 _LOG = logging.getLogger(__name__)
 _TICK_S = 0.25
 """Longest time a row waits in memory, in seconds; a killed process loses this much."""
 _BY_TICK_ALONE = rr.ChunkBatcherConfig(flush_tick=3600, flush_num_bytes=1 << 40, flush_num_rows=1 << 40)
-"""Rerun gathers rows until they are taken."""
+"""Makes Rerun gather rows until they are requested."""
 _FLUSH_S = 60.0
 PATIENCE_S = 60.0
 """Longest time for which the disk may delay a run before the recording is given up, in seconds."""
 MIN_FREE_DISK_BYTES = 16 << 20
-"""Recording stops, with a whole file, when the disk has less than this left."""
+"""Recording stops, with a complete file, when the disk has less than this left."""
 
 
 class _Times(threading.local):
-    """The time that each recording has in this thread, as Rerun remembers it: two streams of one recording share it."""
+    """Current time of each recording in this thread, as Rerun stores it: two streams of one recording share it."""
 
     def __init__(self) -> None:
         self.of: dict[str, RowTime] = {}
@@ -58,13 +58,13 @@ _TIMES = _Times()
 def interrupts_deferred() -> Iterator[None]:
     """Postpone Ctrl-C and SIGTERM until after the block.
 
-    Python runs their handlers in the main thread, between any two of its steps; other threads are not interrupted.
+    Python runs their handlers in the main thread, between any two bytecode steps; other threads are not interrupted.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
     came: list[tuple[int, FrameType | None]] = []
-    # Where no handler of Python's stands, the system ends the process at once, or nothing happens.
+    # Without a Python handler, a signal ends the process at once, or is ignored.
     handlers = {number: found for number in _INTERRUPTS if callable(found := signal.getsignal(number))}
     for number in handlers:
         signal.signal(number, lambda number, frame: came.append((number, frame)))
@@ -78,19 +78,19 @@ def interrupts_deferred() -> Iterator[None]:
 
 
 class MessageStream:
-    """The encoded messages of a Rerun stream, each handed out once; for one thread at a time."""
+    """The encoded messages of a Rerun stream, each returned once; used by one thread at a time."""
 
     def __init__(self, rerun: rr.RecordingStream, table: ChunkTable) -> None:
-        """Take over what `rerun` logs from now on; `table` gets what Rerun says of its chunks."""
+        """Take over all that `rerun` logs from now on; `table` receives Rerun's tables of the chunks."""
         self._encoded = rerun.binary_stream()
         self._table = table
         self._stores: set[bytes] = set()
         self._begun = False
 
     def take(self) -> Sequence[bytes]:
-        """Return the header first, and whole messages with all that was logged since the last call.
+        """Return the complete messages logged since the last call; at the first call, the file header comes first.
 
-        Raises RecordingError when Rerun cannot encode it.
+        Raises RecordingError if Rerun cannot encode them.
         """
         try:
             block = self._encoded.read(flush=True, flush_timeout_sec=_ENCODING_S)
@@ -103,7 +103,7 @@ class MessageStream:
         return [*header, *(message for message in self._messages(block) if self._is_new(message))]
 
     def _messages(self, block: bytes) -> Sequence[bytes]:
-        """Return the messages of what Rerun hands out: a small file with header, messages and an end."""
+        """Return the messages in a block from Rerun, which is a small file with header, messages and an end."""
         position = HEADER_BYTES
         messages = list[bytes]()
         chunks = list[int]()
@@ -122,7 +122,8 @@ class MessageStream:
         return messages
 
     def _is_new(self, message: bytes) -> bool:
-        """Tell whether a message belongs into the file; Rerun repeats which store rows belong to."""
+        """Tell whether a message belongs in the file; Rerun repeats the description of a store, which is written
+        once."""
         if MESSAGE_HEADER.unpack_from(message)[0] != _STORE_KIND:
             return True
         known = message in self._stores
@@ -131,11 +132,11 @@ class MessageStream:
 
 
 class DurableStream:
-    """Writes rows to a `.rrd` file that survives the death of the process up to its last half second.
+    """Writes rows to a `.rrd` file; a killed process loses at most the last half second.
 
-    Raises RecordingError at the start when the file exists already or cannot be made, and once, from the next `log`,
-    when the disk stops taking data. After that rows are dropped, so that a robot can drive on. With a `live_port`,
-    Rerun viewers of this machine can watch there what is written; raises ServerError when it is taken.
+    Raises RecordingError at the start if the file exists already or cannot be created, and once, from the next `log`,
+    if the disk stops accepting data. After that, rows are discarded, so that a robot can drive on. With a `live_port`,
+    Rerun viewers on this machine can watch the recording; raises ServerError if the port is taken.
     """
 
     def __init__(
@@ -147,7 +148,7 @@ class DurableStream:
         live_port: int | None = None,
         patience_s: float = PATIENCE_S,
     ) -> None:
-        """Begin the file. `together` waits up to `patience_s` for a disk far behind; 0 for a robot in real time."""
+        """Begin the file. `together` waits up to `patience_s` for a slow disk; 0 is for a robot in real time."""
         self.path = path
         self._patience_s = patience_s
         self._failure: str | None = None
@@ -166,7 +167,7 @@ class DurableStream:
         except BaseException:
             self._close_live()
             raise
-        # Rerun keeps the threads and buffers of each recording that ended until it is told to let go of them.
+        # Rerun keeps the threads and buffers of a finished recording until they are released explicitly.
         rerun_bindings.flush_and_cleanup_orphaned_recordings()
         self._rerun = rr.RecordingStream(
             schema.APPLICATION_ID, recording_id=recording_id, batcher_config=_BY_TICK_ALONE
@@ -184,31 +185,31 @@ class DurableStream:
 
     @property
     def closed(self) -> bool:
-        """The file is finished, or given up."""
+        """Whether the file is finished, or writing has failed."""
         return self._closed
 
     def begin(self, name: str, description: rr.AsComponents, layout: Layout) -> None:
-        """Write the recording's description, and for live viewers the layout in which it opens."""
+        """Write the recording's description, and for live viewers the initial layout."""
         self._description = description
         self._rerun.send_property(schema.PROPERTIES, description)
-        self._pass_on()  # First in the file, so that every truncated file still has its description.
+        self._pass_on()  # First in the file, so that a file that was cut off still has its description.
         self._rerun.send_recording_name(name)
         self._layout = layout
         if self._live is not None:
-            # A layout takes 150 kB in the finished file, so only a recording with a live viewer has two of them.
+            # A layout takes 150 kB in the finished file, so only a recording with a live viewer has two layouts.
             send_layout(self._rerun, layout)
             self._live.start()
 
     @contextmanager
     def together(self) -> Iterator[None]:
-        """Write the rows logged in the block all or not at all; first waits for a disk far behind."""
+        """Write all rows that are logged in the block, or none of them; first waits for a slow disk."""
         if self._patience_s and self._file.waiting_bytes > WAITING_BYTES // 2:
             self._file.wait_until_written(at_most_s=self._patience_s, waiting_bytes=WAITING_BYTES // 2)
         with interrupts_deferred(), self._lock:
             yield
 
     def log(self, time: RowTime, entity: str, *values: rr.AsComponents) -> None:
-        """Write one row of an entity at a moment; all timelines are always set together, here only."""
+        """Write one row of an entity at a time; only this method sets the timelines, always all of them together."""
         with self._lock:
             if not self._taking():
                 return
@@ -223,27 +224,27 @@ class DurableStream:
                 self._rerun.send_record_batch(batch)
 
     def log_static(self, entity: str, *values: rr.AsComponents) -> None:
-        """Write something that holds at all times."""
+        """Write data without a time, which holds throughout the recording."""
         with self._lock:
             if self._taking():
                 self._rerun.log(entity, values[0], *values[1:], static=True)
                 self._ending.static_rows[entity] += 1
 
     def arrange(self, layout: Layout) -> None:
-        """Let the finished file open in this layout instead of its first one."""
+        """Replace the initial layout of the finished file."""
         self._layout = layout
 
     def flush(self) -> None:
-        """Bring everything to the file now; blocks, so never call it while driving."""
+        """Write everything to the file now; blocks, so do not call it while driving."""
         self._pass_on()
         if not self._file.wait_until_written(at_most_s=_FLUSH_S):
             _LOG.warning("The disk is slow: %s still waits for its data.", self.path)
         self._raise_once()
 
     def close(self) -> None:
-        """Finish the file. Raises RecordingError when it could not be finished; a second call does nothing.
+        """Finish the file. Raises RecordingError if that fails; a second call does nothing.
 
-        Waits for the disk no longer than half a minute, and for one that takes nothing no longer than seconds.
+        Waits for the disk at most half a minute, and only seconds for a disk that accepts nothing.
         """
         with self._lock:
             self._closed = True
@@ -258,7 +259,7 @@ class DurableStream:
         with self._lock:
             self._closed = True
         if self._description is not None:
-            # Twice in the file, so that damage to one place leaves the other.
+            # Twice in the file, so that damage at one place leaves the other copy.
             self._rerun.send_property(schema.PROPERTIES, self._description)
         if self._layout is not None:
             send_layout(self._rerun, self._layout)
@@ -272,7 +273,7 @@ class DurableStream:
             self._live.close()
 
     def _pass_on(self) -> None:
-        """Write the data that was logged since the last call to the file."""
+        """Write to the file all data that was logged since the last call."""
         with self._lock:
             try:
                 self._file.append(self._messages.take())

@@ -1,8 +1,7 @@
-"""Events and deltas to JSON and back, exactly: every float, tuple and enum returns equal.
+"""Converts events and deltas to JSON and back, exactly: every float, tuple and enum is equal afterwards.
 
-The text is strict JSON, so that any language can read it: a float that is not finite becomes the string "inf",
-"-inf" or "nan". Each union member carries its class name as "kind", a change of the world as
-"change". Owns no file.
+The text is strict JSON, so that any language can read it: a float that is not finite becomes the string "inf", "-inf"
+or "nan". Each union member has its class name as "kind", a change of the world as "change". Owns no file.
 """
 
 import json
@@ -28,9 +27,9 @@ def _plain_float(value: float) -> float | str:
 
 
 def _converter() -> cattrs.Converter:
-    # Errors quote the whole text, so the place inside is not needed; reading is a third faster this way.
+    # Error messages quote the whole text, so positions are not needed; reading is a third faster without them.
     converter = cattrs.Converter(detailed_validation=False)
-    # Numbers may arrive as numpy scalars, which JSON does not know.
+    # Numbers may be numpy scalars, which JSON does not support.
     converter.register_unstructure_hook(float, _plain_float)
     converter.register_unstructure_hook(int, int)
     converter.register_unstructure_hook(bool, bool)
@@ -43,7 +42,7 @@ def _converter() -> cattrs.Converter:
 _CONVERTER = _converter()
 
 _KINDS_BEFORE = {"LegStarted": "AttemptStarted", "LegEnded": "AttemptEnded"}
-"""Former names of event kinds in older recordings, with their present names."""
+"""Former names of event kinds in older recordings -> their present names."""
 
 
 def encode_event(event: Event) -> str:
@@ -52,7 +51,7 @@ def encode_event(event: Event) -> str:
 
 
 def decode_event(text: str) -> Event:
-    """Read an event back, equal to the one written; kinds are migrated to today's names.
+    """Decode an event, equal to the written one; former names of kinds are converted to present names.
 
     Raises RecordingError if the text is not an event of this schema.
     """
@@ -64,7 +63,7 @@ def decode_event(text: str) -> Event:
 
 
 def current_kind(kind: str) -> str:
-    """Return today's name of an event kind that an older recording may hold."""
+    """Return the present name of an event kind, which may be a former name."""
     return _KINDS_BEFORE.get(kind, kind)
 
 
@@ -73,7 +72,7 @@ class EncodedEvent:
     """One event as stored in a recording."""
 
     sequence: int
-    """Counts the events of a recording from 0: their order."""
+    """Number of the event in its recording, starting at 0; gives the order."""
     step: FrameId
     stamp: float
     kind: str
@@ -82,13 +81,13 @@ class EncodedEvent:
 
     @classmethod
     def of(cls, stamped: StampedEvent, *, sequence: int) -> Self:
-        """Encode an event and its moment."""
+        """Encode an event with its time and step."""
         event = stamped.event
         return cls(sequence, int(stamped.step), float(stamped.stamp), type(event).__name__, encode_event(event))
 
     @property
     def checksum(self) -> int:
-        """CRC-32 over everything that stands in the row."""
+        """CRC-32 of all data in the row."""
         numbers = np.array([self.sequence, self.step, self.stamp], np.float64).tobytes()
         return zlib.crc32(self.json.encode(), zlib.crc32(numbers))
 

@@ -1,7 +1,7 @@
 """Draws events for the Rerun viewer: plan, goal, subgoal, pruned edges, a changed world, state, log, beliefs.
 
 Every edge that is planned, driven or pruned gets its own curve, which begins with the edge's first belief. A table
-lists the edges of the current plan and the latest changes. Owns shapes and the choice of these edges; takes colours
+lists the edges of the current plan and the latest changes. Owns the shapes and the choice of these edges; takes colours
 from `ltvn_core.palette`.
 """
 
@@ -31,15 +31,15 @@ from ltvn_core.worlds import PersonMoved
 
 _PLAN_HEIGHT_M = 0.10
 _QUIET_CAUSES = (*BULK_CAUSES, Cause.ONLINE)
-"""A map that is built or loaded makes thousands of changes; the log leaves them out."""
+"""Causes of changes that are left out of the log, because building or loading a map makes thousands of them."""
 LAST_CHANGED = 8
 """Number of changed edges in the table."""
 PLANNED_EDGES = 12
-"""Number of edges of the plan in the table, counted from where the robot is."""
+"""Number of edges of the plan in the table, starting at the robot's position."""
 
 
 def draw_world_change(event: WorldChanged) -> list[DrawnEntity]:
-    """Draw where something stands now, or take its box away where it stands no more."""
+    """Draw a thing at its place, or remove its box if it is gone."""
     named = _entity(event.change)
     if named is None:
         return []
@@ -80,7 +80,7 @@ def draw_event(event: ev.Event, drawn_poses: DrawnPoses) -> list[DrawnEntity]:
 
 def _log_line(event: ev.Event) -> list[DrawnEntity]:
     if isinstance(event, ev.WorldChanged) and isinstance(event.change, PersonMoved):
-        return []  # A walking person would fill the log.
+        return []  # A walking person would flood the log.
     if isinstance(event, ev.StateChanged) or (
         isinstance(event, ev.GraphChanged) and event.delta.cause in _QUIET_CAUSES
     ):
@@ -94,7 +94,7 @@ def _shapes(event: ev.Event, drawn_poses: DrawnPoses) -> list[DrawnEntity]:
         case ev.StateChanged(state=state):
             return [DrawnEntity(schema.STATE, [rr.StateChange(state=str(state))])]
         case ev.QueryStarted(goal=goal):
-            # The last plan stays until the next query, so that the end of a recording shows it.
+            # The last plan stays until the next query, so that it is drawn at the end of a recording.
             return [
                 _strip(schema.PLAN, [], drawn_poses, palette.PLAN),
                 _dots(schema.GOAL, [goal], drawn_poses, palette.GOAL, radius_m=0.15),
@@ -163,7 +163,7 @@ class _Change(NamedTuple):
     edge: EdgeKey
     before: Belief | None
     after: Belief | None
-    """None for an edge that was pruned."""
+    """New belief; None if the edge was pruned."""
 
 
 class BeliefDrawing:
@@ -174,15 +174,15 @@ class BeliefDrawing:
         self._curves: set[EdgeKey] = set()
         self._plan: tuple[EdgeKey, ...] = ()
         self._changed: dict[EdgeKey, _Change] = {}
-        """The edges that changed last, the newest at the end."""
+        """The edges that changed most recently, the newest at the end."""
 
     @property
     def shown_edges(self) -> Sequence[EdgeKey]:
-        """The edges of the current plan and those that changed last, each once."""
+        """The edges of the current plan and the most recently changed ones, each once."""
         return list(dict.fromkeys((*self._plan[:PLANNED_EDGES], *reversed(self._changed))))
 
     def draw(self, event: ev.Event, time: RowTime) -> Iterator[TimedDrawing]:
-        """Yield the additions of an event to curves and table."""
+        """Yield the rows that an event adds to the curves and the table."""
         match event:
             case ev.QueryStarted():
                 self._plan = ()
@@ -195,7 +195,7 @@ class BeliefDrawing:
             case ev.GraphChanged(delta=EdgeAdded(edge=edge)):
                 key = (edge.source, edge.target)
                 self._newest[key] = time, edge.belief
-                if key in self._curves:  # The edge was pruned and has come back.
+                if key in self._curves:  # The edge was pruned and is added again.
                     yield from _points(key, time, edge.belief)
             case ev.GraphChanged(delta=BeliefUpdated(source=source, target=target, belief=belief)):
                 yield from self._change((source, target), belief, time)
@@ -219,9 +219,9 @@ class BeliefDrawing:
         yield self._table(time)
 
     def _begin_curve(self, edge: EdgeKey) -> Iterator[TimedDrawing]:
-        """Yield the first point of an edge's curves, unless it has them already.
+        """Yield the first point of an edge's curves, unless they have been started.
 
-        Curves have no styles of their own: Rerun's table of chunks grows by a kilobyte for each.
+        Curves have no styles of their own, because each style would add a kilobyte to Rerun's table of chunks.
         """
         if edge in self._curves:
             return

@@ -1,7 +1,7 @@
-"""Cuts a moment out of a recording, as a separate small recording.
+"""Copies a time span of a recording to a separate small recording.
 
-Owns the data that a moment needs: the map at its start, the images, and the running query. Changes nothing in the
-original recording.
+Owns the selection of the data for a time span: the map at its start, the images, and the running query. Does not change
+the original recording.
 """
 
 import math
@@ -42,38 +42,39 @@ from ltvn_core.worlds import subject
 
 @dataclass(frozen=True, slots=True)
 class Excerpt:
-    """A moment that was cut out."""
+    """A time span that was copied."""
 
     recording: Path
-    """The original recording."""
+    """Path of the original recording."""
     output: Path
     from_s: float
-    """Start of the moment on the robot's clock, in seconds."""
+    """Start of the time span on the robot's clock, in seconds."""
     to_s: float
     frames: int
     events: int
-    """Number of events of the moment, without those that build the map at its start."""
+    """Number of events of the time span, without those that build the map at its start."""
     size_bytes: int
 
 
 @dataclass(frozen=True, slots=True)
 class EventWindow:
-    """The events of a stretch of time and what led to them."""
+    """The events of a time span, and the state before it."""
 
     graph_before: TopologicalGraph
-    """The map at its start."""
+    """The map at the start of the time span."""
     world_before: tuple[WorldChanged, ...]
-    """The last change of each thing in the world before its start."""
+    """The last change of each thing in the world before the start."""
     ongoing: tuple[StampedEvent, ...]
-    """Of the query and the leg that ran at its start: how they began, and the last fix and plan."""
+    """Events of the query and the attempt that were running at the start: their beginnings, and the last fix and
+    plan."""
     events: tuple[StampedEvent, ...]
     """Events in the order in which they were written."""
 
 
 def event_window(events: Sequence[StampedEvent], from_s: float, to_s: float) -> EventWindow:
-    """Take the events from the first at or after `from_s` to the last at or before `to_s`; linear in events.
+    """Return the events from the first at or after `from_s` to the last at or before `to_s`, in linear time.
 
-    Events out of order stay where they are, so that the map at the end of the moment is the one of the recording.
+    Events out of order keep their position, so that the map at the end of the time span is that of the recording.
     """
     inside = [place for place, stamped in enumerate(events) if from_s <= stamped.stamp <= to_s]
     first = inside[0] if inside else sum(stamped.stamp < from_s for stamped in events)
@@ -89,7 +90,7 @@ def event_window(events: Sequence[StampedEvent], from_s: float, to_s: float) -> 
 
 
 def time_span(recording: Recording) -> tuple[float, float]:
-    """Return the first and the last instant of a recording, in seconds on the robot's clock. Raises RecordingError."""
+    """Return the first and the last time of a recording, in seconds on the robot's clock. Raises RecordingError."""
     stamps = [*recording.poses.stamps.tolist(), *(stamped.stamp for stamped in recording.events)]
     if not stamps:
         raise RecordingError(f"{recording.path} has no frames and no events, so no excerpt can be written.")
@@ -99,11 +100,11 @@ def time_span(recording: Recording) -> tuple[float, float]:
 def write_excerpt(
     recording: Recording, output: Path | str, *, from_s: float, to_s: float, named_only: bool = False
 ) -> Excerpt:
-    """Write the moment from `from_s` to `to_s` (robot clock) of a recording to a new file that stands alone.
+    """Write the time from `from_s` to `to_s` (robot clock) of a recording to a new file that is complete in itself.
 
-    It holds the map at its start with the images of its nodes and its reserve; with `named_only` just the images that
-    the moment's events name, which is much smaller but cannot be navigated by. Raises RecordingError when the file
-    exists, or when nothing happened in that time.
+    It holds the map at the start with the images of its nodes and its reserve. With `named_only`, it holds only the
+    images that events of the time span refer to, which is much smaller, but cannot be used for navigation. Raises
+    RecordingError if the file exists, or if nothing happened in that time.
     """
     output = Path(output)
     _check_times(recording, from_s, to_s)
@@ -123,7 +124,7 @@ def _world_at_end(events: Sequence[StampedEvent]) -> tuple[WorldChanged, ...]:
 
 
 def _ongoing_at_start(events: Sequence[StampedEvent]) -> tuple[StampedEvent, ...]:
-    """Return the earlier events that an unfinished query needs, oldest first."""
+    """Return the earlier events of a query that is still running, oldest first."""
     kept: dict[type, StampedEvent] = {}
     for stamped in events:
         event = stamped.event
@@ -151,7 +152,7 @@ def _check_times(recording: Recording, from_s: float, to_s: float) -> None:
 def _frames(
     recording: Recording, found: EventWindow, from_s: float, to_s: float, *, named_only: bool
 ) -> tuple[FrameId, ...]:
-    """Return the frames that the moment needs and the recording holds, in order."""
+    """Return the frames that the time span needs and the recording holds, in order."""
     stamps = zip(recording.frames, recording.poses.stamps.tolist(), strict=True)
     wanted = {frame for frame, stamp in stamps if from_s <= stamp <= to_s}
     wanted.update(*(_named(stamped) for stamped in found.ongoing + found.events))
@@ -161,7 +162,7 @@ def _frames(
 
 
 def _named(stamped: StampedEvent) -> Iterator[FrameId]:
-    """Yield the frames that an event speaks of."""
+    """Yield the frames that an event refers to."""
     match stamped.event:
         case QueryStarted(goal=goal):
             yield goal
@@ -209,7 +210,7 @@ def _write(
 
 
 def _between(batch: pa.RecordBatch, from_s: float, to_s: float) -> pa.RecordBatch:
-    """Return the rows of a moment, and those that hold at all times."""
+    """Return the rows of a time span, and rows without a time."""
     if schema.SIM_TIME not in batch.schema.names:
         return batch
     stamps = batch.column(schema.SIM_TIME).cast(pa.int64()).to_numpy(zero_copy_only=False) / 1e9
@@ -217,7 +218,7 @@ def _between(batch: pa.RecordBatch, from_s: float, to_s: float) -> pa.RecordBatc
 
 
 def _start_note(recording: Recording, events: Sequence[StampedEvent], from_s: float) -> StampedEvent:
-    """Return a note at the instant at which the map is as it was when the moment began."""
+    """Return a note at the time from which on the map is that of the recording."""
     text = f"cut out of {recording.path.name} at {from_s:.1f} s"
     if events:
         first = min(events, key=lambda stamped: stamped.step)

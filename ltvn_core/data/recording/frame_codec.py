@@ -1,6 +1,6 @@
-"""One frame as it lies in a recording: compressed pictures with exact numbers and checksums.
+"""Encoding of one frame in a recording: compressed images, exact numbers and checksums.
 
-Owns compressing (RGB as JPEG, depth as 16-bit PNG in millimetres), decompressing and the checksum. Does not know where
+Owns compression (RGB as JPEG, depth as 16-bit PNG in millimetres), decompression and the checksum. Independent of where
 frames are stored.
 """
 
@@ -19,30 +19,30 @@ from ltvn_core.types import Depth, FrameId, Observation, OriginalImage, Pose, Rg
 
 JPEG_QUALITY = 92
 _JPEG_OPTIONS = (cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY)
-# Level 1 is three times as fast as the default and costs 5 % in size.
+# Level 1 is three times as fast as the default, and files are 5 % larger.
 _PNG_OPTIONS = (cv2.IMWRITE_PNG_COMPRESSION, 1)
 MILLIMETRES_PER_METRE = 1000.0
 _FARTHEST_MM = 65535
 
 
 def encode_rgb(rgb: Rgb) -> bytes:
-    """Compress a picture (H, W, 3) to JPEG."""
+    """Compress an image (H, W, 3) to JPEG."""
     return _encoded(".jpg", rgb[..., ::-1], _JPEG_OPTIONS)
 
 
 def encode_depth(depth: Depth) -> bytes:
-    """Compress depth (H, W) in metres to a PNG of whole millimetres; beyond 65.535 m it saturates."""
+    """Compress depth (H, W) in metres to a PNG of whole millimetres; values beyond 65.535 m become 65.535 m."""
     millimetres = np.clip(np.rint(depth * MILLIMETRES_PER_METRE), 0, _FARTHEST_MM).astype(np.uint16)
     return _encoded(".png", millimetres, _PNG_OPTIONS)
 
 
 def decode_rgb(blob: bytes) -> Rgb:
-    """Return the picture (H, W, 3) in a JPEG."""
+    """Return the image (H, W, 3) of a JPEG."""
     return np.asarray(_decoded(blob, cv2.IMREAD_COLOR_RGB), np.uint8)
 
 
 def decode_depth(blob: bytes) -> Depth:
-    """Return the depth (H, W) in metres in a 16-bit PNG of millimetres."""
+    """Return the depth (H, W) in metres of a 16-bit PNG in millimetres."""
     return (_decoded(blob, cv2.IMREAD_UNCHANGED) / MILLIMETRES_PER_METRE).astype(np.float32)
 
 
@@ -62,29 +62,29 @@ def _decoded(blob: bytes, mode: int) -> np.ndarray:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EncodedFrame:
-    """An observation whose pictures are still compressed; owns all its arrays."""
+    """An observation whose images are still compressed; owns all its arrays."""
 
     step: FrameId
     stamp: float
     odometry: Pose
     exact_pose: Pose | None
     rgb: bytes
-    """A JPEG."""
+    """Colour image as JPEG."""
     depth: bytes | None
-    """A 16-bit PNG in millimetres, None if the robot has no depth camera."""
+    """Depth as a 16-bit PNG in millimetres; None if the robot has no depth camera."""
     original: OriginalImage | None = None
-    """The camera's own picture where it was kept."""
+    """The camera's original image; None if it was not kept."""
     tilt: Tilt | None = None
-    """Tilt of the camera at that time, if it changes."""
+    """Tilt of the camera at that time; None if it equals the mounting."""
 
     @property
     def drawn_pose(self) -> Pose:
-        """(3,): where the viewer shows it; the exact pose if there is one."""
+        """Pose (3,) in the viewer: the exact pose if there is one, otherwise the odometry."""
         return self.odometry if self.exact_pose is None else self.exact_pose
 
     @property
     def rgb_checksum(self) -> int:
-        """CRC-32 over the picture and everything that stands in its row."""
+        """CRC-32 of the image and all other data in its row."""
         exact = b"" if self.exact_pose is None else self.exact_pose.tobytes()
         tilt = b"" if self.tilt is None else np.array(self.tilt, np.float64).tobytes()
         numbers = np.array([self.step, self.stamp], np.float64).tobytes() + self.odometry.tobytes() + exact + tilt
@@ -92,12 +92,12 @@ class EncodedFrame:
 
     @property
     def depth_checksum(self) -> int:
-        """CRC-32 over the depth image and its step."""
+        """CRC-32 of the depth image and its step."""
         return zlib.crc32(self.depth or b"", zlib.crc32(np.int64(self.step).tobytes()))
 
     @property
     def original_checksum(self) -> int:
-        """CRC-32 over the original picture, its camera and its step; 0 if there is none."""
+        """CRC-32 of the original image, its camera and its step; 0 if there is none."""
         if self.original is None:
             return 0
         camera = camera_text(self.original.camera).encode()
@@ -106,12 +106,13 @@ class EncodedFrame:
 
 @lru_cache(maxsize=8)
 def camera_text(camera: CameraModel) -> str:
-    """Return a camera as JSON; all originals of a recording have the same."""
+    """Return a camera as JSON, which is the same for all original images of a recording."""
     return json.dumps(camera.to_json(), sort_keys=True)
 
 
 def encode_frame(observation: Observation) -> EncodedFrame:
-    """Compress an observation; nothing of it is shared with the result. Raises ImageError for an impossible instant."""
+    """Compress an observation; the result shares no memory with it. Raises ImageError for an invalid pose, stamp or
+    step."""
     exact = observation.exact_pose
     odometry, stamp, step = image_validity.check_instant(
         observation.odometry, stamp=observation.stamp, step=observation.step, source="recording"
@@ -129,7 +130,7 @@ def encode_frame(observation: Observation) -> EncodedFrame:
 
 
 def decode_frame(frame: EncodedFrame, source: str) -> Observation:
-    """Decompress a frame and pass it through the door for images; `source` names the file in errors."""
+    """Decompress a frame and check it as all images are; `source` is its name in errors."""
     return image_validity.check_observation(
         decode_rgb(frame.rgb),
         None if frame.depth is None else decode_depth(frame.depth),

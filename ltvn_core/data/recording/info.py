@@ -1,4 +1,4 @@
-"""Summary of a recording in a few numbers; of a damaged one, what can be saved of it."""
+"""Summary of a recording in a few numbers; for a damaged recording, the data that can be recovered."""
 
 import tempfile
 from collections import Counter
@@ -19,10 +19,11 @@ class RecordingInfo:
 
     recording: Path
     whole: bool
-    """Finished, not cut, and as it was written; otherwise the numbers tell what `ltvn repair` can give back."""
+    """Whether the recording is finished, complete and unchanged; otherwise the numbers are those after `ltvn
+    repair`."""
     scene: str
     started_at: str
-    """Wall-clock time, ISO 8601 in UTC."""
+    """Wall-clock time of the start, ISO 8601 in UTC."""
     duration_s: float
     """Time from the first frame to the last on the robot's clock, in seconds."""
     frames: int
@@ -30,11 +31,11 @@ class RecordingInfo:
     """Number of nodes in the map at the end."""
     edges: int
     reserve: int
-    """Images left over from mapping."""
+    """Number of images of the mapping drive that became no node."""
     queries: int
-    """Navigation tasks that ended."""
+    """Number of queries that ended."""
     reached: int | None
-    """Goals reached by the evaluation's criterion; None without an evaluation."""
+    """Number of reached goals by the evaluation's criterion; None without an evaluation."""
     collisions: int
     events: Mapping[str, int]
     """Number of events of each kind."""
@@ -45,13 +46,13 @@ class RecordingInfo:
 
 
 def read_info(path: Path | str) -> RecordingInfo:
-    """Summarise a recording, whole or damaged. Raises RecordingError when it is not ours or nothing is readable."""
+    """Summarise a recording, intact or damaged. Raises RecordingError if it is not ours or nothing is readable."""
     path = Path(path)
     require_rrd(path)
     try:
         return _summary(Recording.open(path), path, whole=True)
     except RecordingError:
-        pass  # The summary says instead what can be saved of it, or why nothing can.
+        pass  # The summary then tells what can be recovered, or why nothing can.
     with tempfile.TemporaryDirectory(prefix="ltvn-") as folder:
         repaired = Path(folder) / "repaired.rrd"
         repair(path, repaired)

@@ -1,7 +1,8 @@
 """Live viewing: serves the file of a recording while it is written, to viewers that know the address.
 
-Listens on 127.0.0.1, and answers only under a secret path and for its own Host, unlike Rerun's own server, which a page
-of another site could read by DNS rebinding. Owns port and address. The file never waits for a viewer.
+Listens on 127.0.0.1, and answers only under a secret path and for its own Host. Rerun's own server lacks these checks,
+so a page of another site could read it by DNS rebinding. Owns port and address. Writing the file never waits for a
+viewer.
 """
 
 import http.server
@@ -18,7 +19,7 @@ from ltvn_core.errors import ServerError
 
 _LOG = logging.getLogger(__name__)
 _SECRET = secrets.token_urlsafe(16)
-"""One for as long as the process lives, so that its next recordings are at the same address."""
+"""Secret path, the same for the whole process, so that later recordings have the same address."""
 _ADDRESS = re.compile(r"http://127\.0\.0\.1:(?P<port>[1-9][0-9]{0,4})/[\w-]{16,64}/live\.rrd", re.ASCII)
 _BLOCK_BYTES = 1 << 16
 _LOOK_S = 0.1
@@ -28,19 +29,18 @@ _IDLE_S = 30.0
 
 
 def live_address(port: int) -> str:
-    """Return the address at which a Rerun viewer can watch this recording, for `rerun ADDRESS` and `ltvn view
-    ADDRESS`."""
+    """Return the address for Rerun viewers, as in `rerun ADDRESS` and `ltvn view ADDRESS`."""
     return f"http://127.0.0.1:{port}/{_SECRET}/live.rrd"
 
 
 def port_of(address: str) -> int | None:
-    """Return the port of a live recording's address, None for anything else."""
+    """Return the port in the address of a live recording; None for any other address."""
     found = _ADDRESS.fullmatch(address)
     return None if found is None else int(found["port"])
 
 
 def is_own_host(handler: http.server.BaseHTTPRequestHandler) -> bool:
-    """Tell whether a request names this machine as browsers here do, and no other name that leads here."""
+    """Tell whether the Host of a request is this machine's loopback address, not another name that resolves to it."""
     port = handler.connection.getsockname()[1]
     return handler.headers.get("Host") in (f"127.0.0.1:{port}", f"localhost:{port}")
 
@@ -49,7 +49,7 @@ class LiveServer:
     """Serves one growing file until it is finished. Raises ServerError when the port is taken."""
 
     def __init__(self, port: int, path: Path) -> None:
-        """Listen; the file need not exist yet."""
+        """Listen on the port; the file need not exist yet."""
         self._finished = threading.Event()
         handler = partial(_Handler, f"/{_SECRET}/live.rrd", path, self._finished)
         try:
@@ -61,11 +61,11 @@ class LiveServer:
         self._thread = threading.Thread(target=self._server.serve_forever, name="recording-live", daemon=True)
 
     def start(self) -> None:
-        """Answer from now on."""
+        """Start answering requests."""
         self._thread.start()
 
     def close(self) -> None:
-        """Release the port; current viewers still get the rest of the file."""
+        """Release the port; connected viewers still receive the rest of the file."""
         self._finished.set()
         if self._thread.is_alive():
             self._server.shutdown()
@@ -76,7 +76,7 @@ class _Server(http.server.ThreadingHTTPServer):
     block_on_close = False
 
     def handle_error(self, request: object, client_address: object) -> None:
-        """Log nothing: viewers connect and disconnect often."""
+        """Log nothing, because viewers connect and disconnect often."""
         _LOG.debug("a viewer left", exc_info=True)
 
 
@@ -91,7 +91,7 @@ class _Handler(http.server.BaseHTTPRequestHandler):
         super().__init__(*args)  # pyright: ignore[reportArgumentType]
 
     def do_GET(self) -> None:
-        """Send the file, and continue as it grows."""
+        """Send the file, and its new data as it grows."""
         self.close_connection = True
         if not is_own_host(self):
             self.send_error(HTTPStatus.FORBIDDEN, "This server answers only on this machine.")
@@ -102,7 +102,7 @@ class _Handler(http.server.BaseHTTPRequestHandler):
                 self._follow(file)
 
     def log_message(self, format: str, *args: object) -> None:
-        """Stay quiet; paths hold the secret."""
+        """Log nothing, because paths contain the secret."""
 
     def _follow(self, file: BinaryIO) -> None:
         self.send_response(HTTPStatus.OK)
@@ -114,7 +114,7 @@ class _Handler(http.server.BaseHTTPRequestHandler):
         self.send_header("Cache-Control", "no-store")
         self.end_headers()
         while True:
-            is_finished = self._finished.is_set()  # Asked before reading, so that nothing is left behind.
+            is_finished = self._finished.is_set()  # Checked before reading, so that the last data is not missed.
             while block := file.read(_BLOCK_BYTES):
                 self.wfile.write(b"%x\r\n%b\r\n" % (len(block), block))
             if is_finished:

@@ -1,9 +1,9 @@
-"""Drawing of robot and map in the Rerun viewer: from frames and graphs to drawn rows.
+"""Draws robot and map for the Rerun viewer: converts frames and graphs to rows.
 
-Owns shapes, and takes the colours that mean something from `ltvn_core.palette`. Writes nothing itself, and nothing is
-read back from here except the columns of the graph, which stand in the same rows so that a clicked instance names its
-node or edge. The viewer cannot look up the image of another step, so the images of goal, subgoal and localised node are
-drawn once more when the navigator names them, and kept in memory for that. Events are drawn in `event_drawing`.
+Owns shapes, and takes the colours with a meaning from `ltvn_core.palette`. Does not write rows itself. The rows of the
+graph also have its exact columns, so that a clicked instance names its node or edge; nothing else is read back from
+here. The viewer cannot look up the image of another step. Therefore the images of goal, subgoal and localised node are
+kept in memory, and drawn again when the navigator names them. Events are drawn in `event_drawing`.
 """
 
 from collections import OrderedDict
@@ -28,15 +28,15 @@ from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.types import FrameId, NodeId, Pose
 
 GRAPH_HEIGHT_M = 0.05
-"""The graph floats a little above the floor."""
+"""Height in metres at which the graph is drawn, a little above the floor."""
 _BLOCKED_HEIGHT_M = GRAPH_HEIGHT_M + 0.03
-"""Edges that are blocked lie over the others."""
+"""Height in metres at which blocked edges are drawn, above the others."""
 _DEPTH_RANGE_MM = (0.0, 8000.0)
 _TRAIL_COLOUR = [120, 120, 130]
 _ODOMETRY_COLOUR = [150, 150, 150]
 _NOSE_COLOUR = [255, 255, 255]
 _RECENT_BYTES = 8 << 20
-"""Size of the newest images that are kept because one of them may become a node."""
+"""Number of bytes of the newest images that are kept in memory, because one of them may become a node."""
 
 
 class DrawnEntity(NamedTuple):
@@ -47,7 +47,7 @@ class DrawnEntity(NamedTuple):
 
 
 def static_entities(camera: CameraModel) -> list[DrawnEntity]:
-    """Draw what holds at all times: axes, robot, camera, and the names of the curves."""
+    """Draw everything that does not change: axes, robot, camera, and the names of the curves."""
     radius_m = LOCOBOT.radius_m
     body = rr.Boxes3D(
         centers=[[0, 0, 0.2]], half_sizes=[[radius_m, radius_m, 0.2]], colors=[[90, 90, 100]], fill_mode="Solid"
@@ -72,7 +72,7 @@ def draw_scene(glb: bytes) -> DrawnEntity:
 
 
 def draw_robot(drawn_pose: Pose, odometry: Pose) -> list[DrawnEntity]:
-    """Draw the robot at its place, a grey arrow where odometry believes it is, and a dot of its trail."""
+    """Draw the robot at its drawn pose, a grey arrow at its odometry pose, and a point of its trail."""
     dot = rr.Points3D.from_fields(positions=[[float(drawn_pose[0]), float(drawn_pose[1]), GRAPH_HEIGHT_M / 2]])
     return [
         DrawnEntity(schema.ROBOT, [_transform(drawn_pose)]),
@@ -82,7 +82,7 @@ def draw_robot(drawn_pose: Pose, odometry: Pose) -> list[DrawnEntity]:
 
 
 class MapDrawing:
-    """Draws a map as it changes: where nodes and edges lie only when that changes, beliefs every time."""
+    """Draws a map as it changes: positions of nodes and edges only when they change, beliefs every time."""
 
     def __init__(self) -> None:
         self._nodes: list[NodeId] = []
@@ -92,10 +92,10 @@ class MapDrawing:
     def draw(
         self, nodes: Sequence[Node], edges: Sequence[Edge], blocked: Sequence[EdgeKey], drawn_poses: DrawnPoses
     ) -> list[DrawnEntity]:
-        """Draw the map, and edges that were blocked when last seen once more on top.
+        """Draw the map, and on top once more the edges that were last seen blocked.
 
-        `drawn_poses` must contain every node. The viewer shows the newest of each column, so columns left out do not
-        change.
+        `drawn_poses` must contain every node. The viewer shows the newest value of each column, so a column that is
+        left out stays unchanged.
         """
         ids = [node.id for node in nodes]
         keys = [(edge.source, edge.target) for edge in edges]
@@ -145,7 +145,7 @@ def _blocked(keys: Sequence[EdgeKey], drawn_poses: DrawnPoses) -> list[rr.AsComp
 
 
 def _strips(keys: Sequence[EdgeKey], drawn_poses: DrawnPoses, height_m: float) -> NDArray[np.float32]:
-    """Return (N, 2, 3) from where to where edges are drawn."""
+    """Return the start and end points (N, 2, 3) of drawn edges."""
     sources = [source for source, _ in keys]
     targets = [target for _, target in keys]
     return np.stack([drawn_poses.points(sources, height_m), drawn_poses.points(targets, height_m)], axis=1)
@@ -159,7 +159,7 @@ def _ends(keys: Sequence[EdgeKey]) -> dict[str, pa.Array]:
 
 
 def _depth_format() -> rr.EncodedDepthImage:
-    # Drawn as a picture only; the depth in 3D would hide the map behind a cloud of points.
+    # Drawn as an image only, because depth points in 3D would hide the map.
     return rr.EncodedDepthImage.from_fields(
         media_type="image/png", meter=MILLIMETRES_PER_METRE, depth_range=_DEPTH_RANGE_MM
     )
@@ -171,7 +171,7 @@ def _arrow(height_m: float, colour: list[int]) -> rr.Arrows3D:
 
 def _transform(pose: Pose) -> rr.Transform3D:
     half_yaw = float(pose[2]) / 2
-    # A fresh list: Rerun reads a handed-in array only when it flushes.
+    # A new list, because Rerun reads an array only when it flushes.
     return rr.Transform3D(
         translation=[float(pose[0]), float(pose[1]), 0.0],
         quaternion=rr.Quaternion(xyzw=[0.0, 0.0, float(np.sin(half_yaw)), float(np.cos(half_yaw))]),
@@ -190,7 +190,7 @@ def _pinhole(camera: CameraModel) -> rr.Pinhole:
 
 
 class NodeImages:
-    """Remembers the JPEG of every image of the map, and draws those that an event names."""
+    """Stores the JPEG of every image of the map, and draws the images that an event refers to."""
 
     def __init__(self) -> None:
         self._of_map: dict[FrameId, bytes] = {}
@@ -199,21 +199,21 @@ class NodeImages:
         self._drawn: dict[str, NodeId | None] = {}
 
     def add_frame(self, frame: FrameId, jpeg: bytes) -> None:
-        """Remember an image; one that is not of the map is forgotten after some megabytes of others."""
+        """Store an image; if it is not of the map, it is dropped once there are some megabytes of newer images."""
         self._recent[frame] = jpeg
         self._recent_bytes += len(jpeg)
         while self._recent_bytes > _RECENT_BYTES:
             self._recent_bytes -= len(self._recent.popitem(last=False)[1])
 
     def keep(self, frames: Iterable[FrameId]) -> None:
-        """Keep images that belong to the map for as long as the recording lasts."""
+        """Keep images of the map until the recording ends."""
         for frame in frames:
             if frame in self._recent:
                 self._of_map[frame] = self._recent.pop(frame)
                 self._recent_bytes -= len(self._of_map[frame])
 
     def draw(self, event: ev.Event) -> Iterator[DrawnEntity]:
-        """Yield the images of the nodes that an event names, where they are not shown already."""
+        """Yield the images of the nodes that an event refers to, unless they are shown already."""
         match event:
             case ev.GraphChanged(delta=NodeAdded(node=node)):
                 self.keep([node.id])

@@ -1,6 +1,6 @@
-"""Maps in files: a recording that holds the frames of a map's nodes, reserve and views, and the deltas that make it.
+"""Map files: a recording with the frames of a map's nodes, reserve and views, and the deltas that build the map.
 
-Owns saving, loading and the check of the weights. Building is elsewhere.
+Owns saving, loading and the check of the weights. `graph.builder` builds maps.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -21,14 +21,14 @@ from ltvn_core.types import FrameId, Observation
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LoadedMap:
-    """A map out of a file."""
+    """A map that was loaded from a file."""
 
     graph: TopologicalGraph
     observations: Mapping[FrameId, Observation]
-    """Images of all nodes, of the reserve and of views."""
+    """Images of all nodes, of the reserve and of views, by their frame."""
     meta: RecordingMetadata
     scene_glb: bytes | None = None
-    """The scene that the file draws, as binary glTF."""
+    """The scene drawn in the file, as binary glTF; None if there is none."""
 
 
 def save_map(
@@ -43,12 +43,11 @@ def save_map(
     scene_glb: bytes | None = None,
     origin: Path | None = None,
 ) -> None:
-    """Write a map to a new file, which appears only when it is whole.
+    """Write a map to a new file, which appears only when it is complete.
 
-    Takes the images of all nodes, of the reserve and of views; others are left out. Those that the file `origin` holds
-    are copied as they lie there, because pictures lose a little each time they are compressed. Where no `scene_glb` is
-    given, the scene is that of `origin`.
-    Raises MapError when an image is missing, RecordingError when the file exists or cannot be written.
+    Takes the images of all nodes, of the reserve and of views; other images are left out. Images that are in the file
+    `origin` are copied unchanged, because every compression loses quality. Without a `scene_glb`, the scene of `origin`
+    is used. Raises MapError if an image is missing, RecordingError if the file exists or cannot be written.
     """
     wanted = _frames_of(graph)
     stored = None if origin is None else Recording.open(origin)
@@ -68,9 +67,9 @@ def save_map(
 
 
 def load_map(path: Path | str) -> LoadedMap:
-    """Read the map at the end of a map file or of any recording in which one was built or used.
+    """Load the final map of a map file, or of any recording in which a map was built or used.
 
-    Raises RecordingError for a file that is not a complete recording, MapError when it holds no map.
+    Raises RecordingError for a file that is not a complete recording, MapError if it holds no map.
     """
     recording = Recording.open(path)
     graph = recording.final_graph()
@@ -84,7 +83,7 @@ def load_map(path: Path | str) -> LoadedMap:
 
 
 def check_fingerprint(meta: RecordingMetadata, fingerprint: str) -> None:
-    """Raise MapError when a map was made by another predictor, or with other weights, than those in use."""
+    """Raise MapError if a map was made by another predictor or with other weights than those in use."""
     if meta.fingerprint != fingerprint:
         named = meta.config.get("predictor")
         by = "" if named is None else f" by the predictor {named}"

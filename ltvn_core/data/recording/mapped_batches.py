@@ -1,7 +1,7 @@
-"""Joins the many small batches of a long recording, and moves them into a temporary file that is memory-mapped.
+"""Joins the many small batches of a long recording, and moves them to a memory-mapped temporary file.
 
-A recording gets four batches of each entity a second, and each costs ten kilobytes of memory. Eight hours of images
-take gigabytes, of which hardly any are looked at. Owns that file.
+A recording has four batches per second for each entity, and each costs ten kilobytes of memory. The images of eight
+hours take gigabytes, but most are never read. Owns that file.
 """
 
 import itertools
@@ -13,11 +13,11 @@ from collections.abc import Iterator, Sequence
 import pyarrow as pa
 
 PART_BYTES = 2**26
-"""Batches are moved in parts of this size, so a recording with fewer bytes stays in memory."""
+"""Size in bytes of the parts in which batches are moved; a smaller recording stays in memory."""
 
 
 class MappedBatches:
-    """Collects the batches of some entities."""
+    """Collects the batches of several entities."""
 
     def __init__(self) -> None:
         """Start without any batch."""
@@ -26,14 +26,14 @@ class MappedBatches:
         self._part_bytes = 0
 
     def append(self, entity: str, batch: pa.RecordBatch) -> None:
-        """Append a batch to those of its entity."""
-        self._part[entity].append(batch.replace_schema_metadata(None))  # The metadata name a single chunk.
+        """Append a batch to the batches of its entity."""
+        self._part[entity].append(batch.replace_schema_metadata(None))  # The metadata refer to a single chunk only.
         self._part_bytes += batch.nbytes
         if self._part_bytes >= PART_BYTES:
             self._close_part(move=True)
 
     def take(self) -> dict[str, list[pa.RecordBatch]]:
-        """Return all rows of each entity in their order, in fewer batches."""
+        """Return all rows of each entity in order, in fewer batches."""
         self._close_part(move=False)
         return self._rows
 
@@ -46,7 +46,7 @@ class MappedBatches:
 
 
 def _joined(batches: Sequence[pa.RecordBatch]) -> Iterator[pa.RecordBatch]:
-    """Join neighbours that have the same columns."""
+    """Join neighbouring batches with the same columns."""
     for _, alike in itertools.groupby(batches, key=lambda batch: batch.schema):
         yield pa.concat_batches(list(alike))
 

@@ -1,4 +1,4 @@
-"""Metadata of a recording, and their form in the file."""
+"""Metadata of a recording, and their encoding in the file."""
 
 import json
 from collections.abc import Mapping
@@ -14,7 +14,7 @@ from ltvn_core.errors import RecordingError
 from ltvn_core.structured_text import parse_json
 
 SOURCE_SCENE = "real:"
-"""Prefix of the scene of imported drives, before the name of the source, unless the place was named."""
+"""Prefix of the scene of an imported drive; the name of the source follows, unless the user named the place."""
 METADATA_ARCHETYPE = "ltvn.Recording"
 _PACKAGES = ("ltvn", "rerun-sdk", "numpy", "torch", "opencv-python-headless")
 
@@ -24,21 +24,21 @@ class RecordingMetadata:
     """Metadata of a recording."""
 
     scene: str
-    """Name of the scene it was made in."""
+    """Name of the scene."""
     config: Mapping[str, Any]
-    """The resolved configuration, as JSON holds it."""
+    """Resolved configuration, as JSON values."""
     fingerprint: str
-    """Names the weights in use."""
+    """Fingerprint of the weights in use."""
     camera: CameraModel
-    """The camera."""
+    """Camera of the recorded images."""
     schema: int
-    """Version of the format."""
+    """Version of the recording's schema."""
     versions: Mapping[str, str]
-    """Versions of the packages that wrote it."""
+    """Versions of the packages that wrote the recording, by name."""
     started_at: str
     """Wall-clock time at the start, ISO 8601 in UTC."""
     recording_id: str
-    """Rerun's name of the recording; two files with one id are shown as one."""
+    """Rerun's id of the recording; the viewer shows two files with the same id as one."""
 
 
 def is_lens_known(meta: RecordingMetadata) -> bool:
@@ -63,7 +63,7 @@ def metadata_row(meta: RecordingMetadata) -> ArchetypeColumns:
 
 
 def read_metadata(row: pa.RecordBatch, recording_id: str) -> RecordingMetadata:
-    """Read the description back. Raises KeyError or ValueError when the row is of another make."""
+    """Decode the metadata of a row. Raises KeyError or ValueError if the row has another format."""
     value = {name: row.column(f"{METADATA_ARCHETYPE}:{name}").flatten()[0].as_py() for name in _COLUMNS}
     return RecordingMetadata(
         scene=value["scene"],
@@ -81,12 +81,12 @@ _COLUMNS = ("schema", "scene", "config", "fingerprint", "intrinsics", "versions"
 
 
 def read_schema_version(row: pa.RecordBatch) -> int:
-    """Read the version of the format alone, which every version must be able to."""
+    """Read only the version of the schema, which must be possible for every version."""
     return int(row.column(f"{METADATA_ARCHETYPE}:schema").flatten()[0].as_py())
 
 
 def package_versions() -> dict[str, str]:
-    """Return the versions of the packages that determine a recording's content, if they are installed."""
+    """Return the versions of the installed packages that determine the content of a recording."""
     found = {}
     for package in _PACKAGES:
         try:

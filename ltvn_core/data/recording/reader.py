@@ -1,6 +1,6 @@
 """Reads a recording: frames on demand, events in order, and the map at any step.
 
-Owns nothing on disk and changes nothing. Images stay compressed until they are requested.
+Does not change the file. Images stay compressed until they are requested.
 """
 
 import gc
@@ -28,20 +28,20 @@ from ltvn_core.types import FrameId, Observation, Pose
 
 
 class FramePoses(NamedTuple):
-    """Where all frames of a recording were taken, in the order of their steps."""
+    """Poses of all frames of a recording, in the order of their steps."""
 
     steps: NDArray[np.int64]
-    """(N,)."""
+    """Steps (N,) of the frames."""
     stamps: NDArray[np.float64]
-    """(N,) seconds on the robot's clock."""
+    """Times (N,) in seconds on the robot's clock."""
     odometry: Pose
-    """(N, 3)."""
+    """Odometry poses (N, 3)."""
     exact: Pose | None
-    """(N, 3) in simulation, None when any frame lacks it."""
+    """Exact poses (N, 3) in simulation; None if any frame has none."""
 
 
 class StoredFrame(NamedTuple):
-    """A frame and the checksums that were stored with it."""
+    """A frame with the checksums that were stored with it."""
 
     frame: EncodedFrame
     rgb_checksum: int
@@ -50,7 +50,7 @@ class StoredFrame(NamedTuple):
 
     @property
     def intact(self) -> bool:
-        """The data is as it was written."""
+        """Whether the data is unchanged."""
         frame = self.frame
         stored = self.rgb_checksum, self.depth_checksum, self.original_checksum
         return stored == (frame.rgb_checksum, frame.depth_checksum, frame.original_checksum)
@@ -67,7 +67,7 @@ class Recording:
         rgb = _by_step(contents.batches_of(schema.RGB))
         depth = _by_step(contents.batches_of(schema.DEPTH))
         self._originals = _by_step(contents.batches_of(schema.ORIGINAL))
-        # A cut file may end between the two halves of a frame; only whole frames count.
+        # A truncated file may end between the two halves of a frame; only complete frames count.
         self._rows: Mapping[FrameId, tuple[BatchRow, BatchRow]] = {
             step: (rgb[step], depth[step]) for step in sorted(rgb.keys() & depth.keys())
         }
@@ -75,9 +75,9 @@ class Recording:
 
     @classmethod
     def open(cls, path: Path | str) -> Self:
-        """Open a whole and finished recording.
+        """Open a complete and finished recording.
 
-        Raises RecordingError for anything else, and says what to do.
+        Raises RecordingError for anything else, with advice on what to do.
         """
         return cls(Path(path), open_contents(Path(path)))
 
@@ -88,15 +88,15 @@ class Recording:
 
     @property
     def half_frames(self) -> Sequence[FrameId]:
-        """Return ids of frames of which only the image or only the depth row is in the file; they cannot be read."""
+        """Return the ids of frames for which only the image or only the depth row exists; they cannot be read."""
         return self._halves
 
     def observation(self, frame: FrameId) -> Observation:
-        """Decode one frame. Raises RecordingError when there is none, ImageError when it cannot be looked at."""
+        """Decode one frame. Raises RecordingError if it does not exist, ImageError if its image is unusable."""
         return decode_frame(self.stored_frame(frame).frame, str(self.path))
 
     def stored_frame(self, frame: FrameId) -> StoredFrame:
-        """Return one frame with its pictures compressed. Raises RecordingError when there is none."""
+        """Return one frame with compressed images. Raises RecordingError if it does not exist."""
         if frame not in self._rows:
             held = f"{len(self.frames)} frames from {self.frames[0]} to {self.frames[-1]}" if self.frames else "none"
             raise RecordingError(f"{self.path} has no frame {frame}; it holds {held}.")
@@ -110,7 +110,7 @@ class Recording:
         )
 
     def is_intact(self, frame: FrameId) -> bool:
-        """Tell whether a frame can be read and is as it was written."""
+        """Tell whether a frame can be read and is unchanged."""
         try:
             return self.stored_frame(frame).intact
         except (LookupError, ValueError, TypeError, CameraError):
@@ -118,9 +118,9 @@ class Recording:
 
     @cached_property
     def poses(self) -> FramePoses:
-        """Where the frames were taken, without touching any picture."""
+        """Poses of all frames, without reading any image."""
         chosen = [rgb for rgb, _ in self._rows.values()]
-        # Row by row takes half a second for 20,000 frames, so whole columns are read and the rows taken from them.
+        # Reading row by row takes half a second for 20,000 frames, so whole columns are read.
         starts = dict[int, int]()
         batches = list[pa.RecordBatch]()
         count = 0
@@ -140,28 +140,28 @@ class Recording:
 
     @cached_property
     def stored_events(self) -> Sequence[StoredEvent]:
-        """All events in order, still as JSON."""
+        """All events in order, still encoded as JSON."""
         events = [event for batch in self._contents.batches_of(schema.EVENTS) for event in stored_events(batch)]
         return sorted(events, key=lambda stored: stored.event.sequence)
 
     @cached_property
     def events(self) -> list[StampedEvent]:
-        """All events, in the order in which they were written. Raises RecordingError when one is damaged."""
+        """All events in the order in which they were written. Raises RecordingError if an event is damaged."""
         with garbage_collection_paused():
             columns = [_event_columns(batch) for batch in self._contents.batches_of(schema.EVENTS)]
             rows = sorted(row for column in columns for row in zip(*column, strict=True))
             return [StampedEvent(step, stamp, decode_event(text)) for _, step, stamp, text in rows]
 
     def graph_at(self, step: FrameId) -> TopologicalGraph:
-        """Return the map after everything that happened up to and in `step`, by folding the deltas."""
+        """Return the map after all changes up to and including `step`, by applying the deltas."""
         return _folded(event for event in self.events if event.step <= step)
 
     def final_graph(self) -> TopologicalGraph:
-        """Return the map as it was at the end."""
+        """Return the map at the end of the recording."""
         return _folded(self.events)
 
     def row_count(self, entity: str) -> int | None:
-        """Return how many rows with a time the file holds of an entity, None for one that is drawn only."""
+        """Return the number of rows of an entity with a time; None for an entity that is only drawn."""
         if entity not in schema.READ_BACK:
             return None
         batches = self._contents.batches_of(entity)
@@ -172,7 +172,7 @@ class Recording:
         return self._contents.user_rows()
 
     def scene_glb(self) -> bytes | None:
-        """Return the scene that is drawn, as a binary glTF, when the file holds one."""
+        """Return the scene as binary glTF; None if the file has none."""
         for batch in self._contents.batches_of(schema.SCENE):
             return read_cell(batch.column("Asset3D:blob"), 0).tobytes()
         return None
@@ -192,13 +192,13 @@ def _by_step(batches: Sequence[pa.RecordBatch]) -> dict[FrameId, BatchRow]:
 
 
 def _column(batches: Sequence[pa.RecordBatch], name: str) -> NDArray[np.float64]:
-    """Return the numbers of a column of frames, flat, in the order of the file."""
+    """Return the numbers of a column of frames as a flat array, in the order of the file."""
     parts = [batch.column(f"{schema.FRAME_ROW}:{name}").flatten() for batch in batches]
     return np.concatenate([np.empty(0), *(part.to_numpy(zero_copy_only=False) for part in parts)])
 
 
 def _event_columns(batch: pa.RecordBatch) -> tuple[list[int], list[int], list[float], list[str]]:
-    """Return sequence, step, stamp and JSON of events."""
+    """Return sequence numbers, steps, stamps and JSON texts of events."""
     sequence, stamp, text = (
         batch.column(f"{schema.EVENT_ROW}:{name}").flatten().to_pylist() for name in ("sequence", "stamp", "json")
     )
@@ -207,9 +207,9 @@ def _event_columns(batch: pa.RecordBatch) -> tuple[list[int], list[int], list[fl
 
 @contextmanager
 def garbage_collection_paused() -> Iterator[None]:
-    """Pause garbage collection within the block, unless it is paused already.
+    """Pause garbage collection within the block, unless it is already paused.
 
-    While many long-lived objects are created, as when reading a long recording, this halves the time.
+    This halves the time for creating many long-lived objects, as when a long recording is read.
     """
     if not gc.isenabled():
         yield

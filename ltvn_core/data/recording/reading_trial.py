@@ -1,6 +1,6 @@
-"""Tries in a separate process whether Rerun can read a file, because a damaged one can crash Rerun's reader.
+"""Tries in a separate process whether Rerun can read a file, because a damaged file can crash Rerun's reader.
 
-As a program it is that process. It imports nothing of ours, so that it starts quickly.
+Run as a program, this module is that process. It imports no other module of the package, so that it starts quickly.
 """
 
 import os
@@ -14,18 +14,18 @@ from typing import BinaryIO
 
 _SECONDS = 60
 _BYTES_PER_SECOND = 2 << 20
-"""Bytes of a file per second of the time limit: a tenth of the speed of a busy machine."""
+"""Assumed reading speed in bytes per second for the time limit: a tenth of the speed on a busy machine."""
 _MESSAGE_SECONDS = 20
 _MEMORY_BYTES = 8 << 30
 _HEADER_BYTES = 12
 _CHUNK = 2
-"""Kind of the messages that hold rows."""
+"""Kind of the messages that contain rows."""
 _FILE = "file"
 _MESSAGES = "messages"
 
 
 def reading_failure(path: Path) -> str | None:
-    """Return why Rerun cannot read a file, None when it can."""
+    """Return the reason why Rerun cannot read a file; None if it can."""
     limit = _SECONDS + path.stat().st_size // _BYTES_PER_SECOND
     try:
         tried = subprocess.run(_command(_FILE, path), capture_output=True, text=True, timeout=limit, env=_environment())
@@ -37,9 +37,10 @@ def reading_failure(path: Path) -> str | None:
 
 
 def unreadable_messages(path: Path, count: int) -> dict[int, str]:
-    """Return which of the `count` messages of a file Rerun cannot read, and why; each is tried alone.
+    """Return the unreadable messages among the `count` messages of a file, each with the reason; each is tried
+    separately.
 
-    The file must consist of a header, one message that describes the store, which is not counted, and whole messages.
+    The file must consist of a header, one message that describes the store (not counted), and complete messages.
     """
     failures = dict[int, str]()
     first = 0
@@ -59,7 +60,7 @@ def unreadable_messages(path: Path, count: int) -> dict[int, str]:
 
 
 def _command(kind: str, path: Path, *rest: str) -> list[str]:
-    # -P, or the files beside this one would stand in for libraries of the same name.
+    # With -P, files beside this one cannot replace libraries of the same name.
     return [sys.executable, "-P", __file__, kind, str(path), *rest]
 
 
@@ -71,15 +72,15 @@ def _limit_process() -> None:
     try:
         import resource
     except ImportError:
-        return  # Not on this system; the time limit remains.
-    with suppress(OSError, ValueError):  # macOS refuses the second; the time limit remains.
+        return  # This system has no such limit; the time limit remains.
+    with suppress(OSError, ValueError):  # macOS refuses the second limit; the time limit remains.
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
         resource.setrlimit(resource.RLIMIT_AS, (_MEMORY_BYTES, _MEMORY_BYTES))
 
 
 def _read(path: Path) -> None:
-    """Touch every row of a file as a reader does. Raises ValueError when a message belongs to no store of it."""
-    # What `rerun.chunk` wraps; without the rest of Rerun the process starts in a third of the time.
+    """Read every row of a file. Raises ValueError if a message belongs to no store of the file."""
+    # `rerun.chunk` wraps this module; without the rest of Rerun, the process starts in a third of the time.
     from rerun_bindings import RrdReaderInternal
 
     reader = RrdReaderInternal(str(path))
@@ -104,7 +105,7 @@ def _try_file(path: Path) -> str:
 
 
 def _messages(file: BinaryIO) -> Iterator[bytes]:
-    """Yield the messages from a place in a file to its end, or to the message that ends it."""
+    """Yield the messages from the current position of a file to its end, or to the end message."""
     while (header := file.read(16)) and header[0]:
         yield header + file.read(int.from_bytes(header[8:], "little"))
 
@@ -131,9 +132,9 @@ def _answer(line: str) -> None:
 
 
 def _leave_rerun_out() -> None:
-    """Give the reader the one class of `rerun` that it asks for, to warn of a file without Rerun's table of chunks.
+    """Provide the only class of `rerun` that the reader needs, to warn about a file without Rerun's table of chunks.
 
-    To import the package for it would take twice as long as all the rest.
+    Importing the package for it would triple the time to start.
     """
     rerun = ModuleType("rerun")
     errors = ModuleType("rerun.error_utils")

@@ -1,6 +1,6 @@
 """Recording of a run: its metadata, and the images of its robot.
 
-Notes are added for images that are implausible, or have no depth.
+Notes are added for implausible images and for images without depth.
 """
 
 import logging
@@ -24,21 +24,21 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunDescription:
-    """Where a run takes place, how it is configured, and with which weights."""
+    """Description of a run: its place, its configuration, and its weights."""
 
     scene: str
     """Address of the scene."""
     config: Mapping[str, Any]
-    """The resolved configuration, sayable in JSON."""
+    """Resolved configuration, as JSON values."""
     fingerprint: str
-    """Names the weights in use."""
+    """Fingerprint of the weights in use."""
     camera: CameraModel | None = None
-    """Camera of its images; None means the simulated robot's."""
+    """Camera of its images; None stands for the simulated robot's camera."""
     scene_glb: bytes | None = None
     """The scene as binary glTF, z up, for drawing; None without a model."""
 
     def open_writer(self, path: Path, *, live_port: int | None = None) -> RecordingWriter:
-        """Begin a recording of the run; raises RecordingError, and ServerError where `live_port` is taken."""
+        """Begin a recording of the run. Raises RecordingError, and ServerError if `live_port` is taken."""
         return RecordingWriter(
             path,
             scene=self.scene,
@@ -52,7 +52,7 @@ class RunDescription:
     def save_map(
         self, path: Path, graph: TopologicalGraph, observations: Iterable[Observation], *, origin: Path | None = None
     ) -> None:
-        """Save a map of the run as `data.recording.map_file.save_map` does; raises MapError, RecordingError."""
+        """Save a map of the run as `data.recording.map_file.save_map` does. Raises MapError and RecordingError."""
         save_map(
             path,
             graph,
@@ -70,13 +70,13 @@ class ImageRecorder:
     """Writes the images of one robot or drive, with notes about doubtful ones."""
 
     def __init__(self, write_frame: Callable[[Observation], None], write_event: Callable[[StampedEvent], None]) -> None:
-        """Write images and events by these two."""
+        """Take the functions that write images and events."""
         self._write_frame = write_frame
         self._write_event = write_event
         self._check = ObservationCheck()
 
     def record(self, observation: Observation) -> None:
-        """Write an image, and a note about each thing that cannot be right."""
+        """Write an image, and a note about each doubt."""
         self._write_frame(observation)
         for finding in self._check.findings(observation):
             log.warning(finding)
@@ -85,14 +85,14 @@ class ImageRecorder:
 
 
 class DepthWatch:
-    """Tells where images begin for which a robot's depth camera returned nothing at all."""
+    """Detects the first of a series of images for which the robot's depth camera returned no depth."""
 
     def __init__(self) -> None:
-        """Start as if all images so far had depth."""
+        """Start as if all earlier images had depth."""
         self._is_lost = False
 
     def note(self, observation: Observation) -> Note | None:
-        """Return the note about the first of several images without depth; None for any other image."""
+        """Return a note for the first of several images without depth; None for any other image."""
         was_lost = self._is_lost
         self._is_lost = observation.depth is not None and not observation.has_depth
         if was_lost or not self._is_lost:
@@ -103,9 +103,9 @@ class DepthWatch:
 
 
 def record_images(images: Iterable[Observation], writer: RecordingWriter) -> Iterator[Observation]:
-    """Write each image and pass it on, for drives that yield their images.
+    """Write each image and yield it unchanged, for drives that yield their images.
 
-    Notes are written where images without depth begin, and for implausible images.
+    Notes are written at the first of several images without depth, and for implausible images.
     """
     recorder = ImageRecorder(writer.write_frame, writer.write_event)
     depth_watch = DepthWatch()

@@ -1,4 +1,4 @@
-"""Writes a part of a recording to a new file. Owns what the new file copies from the old one."""
+"""Writes a part of a recording to a new file. Owns the choice of what is copied."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -19,7 +19,7 @@ def rewrite(
     *,
     scene_glb: bytes | None = None,
 ) -> None:
-    """Write frames, events and a user's own rows of a recording to a new file, and draw them again.
+    """Write frames, events and the user's own rows of a recording to a new file, and draw them again.
 
     `scene_glb` is drawn if the recording has no scene. Raises RecordingError.
     """
@@ -44,10 +44,10 @@ def open_rewriter(
     config: Mapping[str, Any] | None = None,
     scene_glb: bytes | None = None,
 ) -> RecordingWriter:
-    """Open a new file with the metadata of a recording, with another `config` if one is given.
+    """Open a new file with the metadata of a recording, or with another `config`.
 
-    `scene_glb` is drawn if the recording has no scene. Rerun shows two files with one `recording_id` as one. Raises
-    RecordingError.
+    `scene_glb` is drawn if the recording has no scene. Rerun shows two files with the same `recording_id` as one.
+    Raises RecordingError.
     """
     meta = recording.meta
     return RecordingWriter(
@@ -63,7 +63,7 @@ def open_rewriter(
 
 
 def rewrite_event(writer: RecordingWriter, stamped: StampedEvent, graph: TopologicalGraph) -> None:
-    """Write an event, and where it changes the map also change `graph` and draw it."""
+    """Write an event; if it changes the map, also apply the change to `graph` and draw the map."""
     writer.write_event(stamped)
     if isinstance(stamped.event, GraphChanged):
         graph.apply(stamped.event.delta)

@@ -1,9 +1,9 @@
-"""Opens a `.rrd` file as one of ours and hands out its rows entity by entity.
+"""Opens a `.rrd` file as a recording of this program, and returns its rows by entity.
 
-Owns the checks that the file is a finished recording of this application and schema, and the clear errors otherwise.
-Rerun's reader sees a file only when its checksums are right, or when a process of its own has read it first. Rows whose
-columns Rerun's tools have put into several chunks are joined again, by their row ids: steps do not tell, since events
-share them. Knows nothing of frames and events.
+Owns the checks that the file is a finished recording of this application and schema, with a clear error otherwise.
+Rerun's reader opens a file only if its checksums are correct, or if a separate process has read it before. Rerun's
+tools may split the columns of a row into several chunks; such rows are joined again by their row ids, because several
+events may have the same step. Independent of frames and events.
 """
 
 import warnings
@@ -32,9 +32,9 @@ _LONG = frozenset(f"/{entity}" for entity in (schema.RGB, schema.DEPTH, schema.O
 
 
 def joined_rows(batches: Sequence[pa.RecordBatch], needed: Set[str]) -> Sequence[pa.RecordBatch]:
-    """Return batches in which every row has all of its columns, and stands once.
+    """Return batches in which every row has all of its columns and occurs once.
 
-    Rows that lack a needed column everywhere are left out. Batches in which nothing has to be joined stay as they are.
+    Rows without a needed column are left out. Batches that need no joining stay unchanged.
     """
     if not all(ROW_ID in batch.schema.names for batch in batches):
         return batches
@@ -60,7 +60,7 @@ def _is_whole(batch: pa.RecordBatch, needed: Set[str]) -> bool:
 def _column(
     name: str, batches: Sequence[pa.RecordBatch], ids: Sequence[Sequence[bytes]], every: Sequence[bytes]
 ) -> pa.Array:
-    """Return a column for the rows `every`, empty if no batch holds anything."""
+    """Return a column for the rows `every`; empty if no batch has the column."""
     pieces = list[pa.Array]()
     places = dict[bytes, int]()
     start = 0
@@ -75,15 +75,15 @@ def _column(
 
 
 class StoreRows(NamedTuple):
-    """The rows of the recording in a file, still as Arrow; pictures are compressed."""
+    """The rows of the recording in a file, still in Arrow format; images are compressed."""
 
     recording_id: str
     rows: Mapping[str, Sequence[pa.RecordBatch]]
-    """Entity path with a leading slash -> batches in the order of the file, each row with all of its columns."""
+    """Batches by entity path (with a leading slash) in the order of the file, each row with all of its columns."""
     other_ids: Sequence[str] = ()
-    """Ids of further recordings in the same file; their rows are not here."""
+    """Ids of further recordings in the same file, whose rows are not included."""
     without_steps: Set[str] = frozenset()
-    """Entities with exact columns but without the timeline that orders them."""
+    """Entities that have exact columns, but not the timeline that orders them."""
 
 
 class RrdContents(NamedTuple):
@@ -91,7 +91,7 @@ class RrdContents(NamedTuple):
 
     meta: RecordingMetadata
     rows: Mapping[str, Sequence[pa.RecordBatch]]
-    """Entity path with a leading slash -> batches in the order of the file."""
+    """Batches by entity path (with a leading slash), in the order of the file."""
     record: ClosingRecord | None = None
     """The closing record; None for older files and those that Rerun's tools rewrote."""
 
@@ -100,14 +100,14 @@ class RrdContents(NamedTuple):
         return self.rows.get(f"/{entity}", ())
 
     def user_rows(self) -> Iterator[pa.RecordBatch]:
-        """Yield the rows that a user logged beside the recorder's."""
+        """Yield the rows that a user logged in addition to the recorder's."""
         for entity, batches in self.rows.items():
             if not entity.startswith("/__properties") and not schema.is_own_entity(entity):
                 yield from batches
 
 
 def require_rrd(path: Path) -> None:
-    """Raise RecordingError when `path` is no Rerun file at all."""
+    """Raise RecordingError if `path` is not a Rerun file."""
     require_file(path)
     try:
         genuine = is_rrd(path)
@@ -129,12 +129,12 @@ def require_file(path: Path) -> None:
 
 
 def unreadable(path: Path, error: OSError) -> RecordingError:
-    """Return what to say when the system refuses to read a file."""
+    """Return the error for a file that the system cannot read."""
     return RecordingError(f"{path} cannot be read ({error.strerror}); check its permissions, and the disk.")
 
 
 def require_whole(path: Path) -> FileCheck:
-    """Check the bytes of a finished file. Raises RecordingError that names `ltvn repair` when any is wrong."""
+    """Check the bytes of a finished file. Raises RecordingError that names `ltvn repair` if any is wrong."""
     require_rrd(path)
     try:
         found = check_file(path)
@@ -154,13 +154,14 @@ def require_whole(path: Path) -> FileCheck:
 
 
 def open_contents(path: Path) -> RrdContents:
-    """Read all rows of a whole and finished recording. Raises RecordingError for anything else, and says what to do."""
+    """Read all rows of a complete and finished recording. Raises RecordingError for anything else, with advice on what
+    to do."""
     found = require_whole(path)
     if found.record is None and (failure := reading_failure(path)) is not None:
         raise _damaged_inside(path, failure)
     store = read_store(path)
     _require_one_recording(path, store)
-    # First, since a newer schema may have other columns.
+    # First, because a newer schema may have other columns.
     meta = read_description(path, store)
     for entity, batches in store.rows.items():
         for batch in batches:
@@ -175,7 +176,7 @@ def open_contents(path: Path) -> RrdContents:
 
 
 def several_recordings(path: Path, ids: Sequence[str]) -> RecordingError:
-    """Return the message about a file into which `rerun rrd merge` put more than one recording."""
+    """Return the message about a file with several recordings, as `rerun rrd merge` writes it."""
     return RecordingError(
         f"{path} holds {len(ids)} recordings: {' and '.join(ids)}. Extract one with `ltvn repair {path} "
         f"--recording-id {ids[0]} --output NEW.rrd`, and open that."
@@ -188,10 +189,11 @@ def _require_one_recording(path: Path, store: StoreRows) -> None:
 
 
 def read_store(path: Path, *, part_of: Path | None = None, doubtful: Sequence[Path] = ()) -> StoreRows:
-    """Read all rows of a file of which it is known that Rerun's reader survives it. Raises RecordingError.
+    """Read all rows of a file that is known not to crash Rerun's reader. Raises RecordingError.
 
-    Errors name the file `part_of`, when `path` is a part of it. Then rows that differ from their own checksum come
-    first, and of the `doubtful` files, which are made of damaged tables, only rows that agree with theirs are taken.
+    Errors name the file `part_of`, if `path` is a part of it. In that case, rows that differ from their own checksum
+    come first; of the `doubtful` files, which were made from damaged tables, only rows that match their own checksums
+    are used.
     """
     named = part_of or path
     found = _read_batches(path, named)
@@ -223,11 +225,11 @@ class _StoreBatches(NamedTuple):
 def _read_batches(path: Path, named: Path) -> _StoreBatches:
     try:
         with warnings.catch_warnings():
-            # Files that were never finished, older ones and very long ones have no table of chunks.
+            # Unfinished, older and very long files have no table of chunks.
             warnings.filterwarnings("ignore", message="RRD file has no footer")
             reader = RrdReader(path)
         stores = reader.recordings()
-        # Reading from here on touches every message, so damage inside one shows as an exception of any kind.
+        # From here on, every message is read, so damage in a message can raise any exception.
         chunks = reader.stream(store=stores[0]) if stores else ()
         rows: dict[str, list[pa.RecordBatch]] = defaultdict(list)
         long = MappedBatches()
@@ -250,7 +252,7 @@ def _read_batches(path: Path, named: Path) -> _StoreBatches:
 
 
 def _joined(entity: str, batches: Sequence[pa.RecordBatch]) -> Sequence[pa.RecordBatch]:
-    """Put rows together whose columns stand in several batches; rows without a time stay as they are."""
+    """Join rows whose columns are in several batches; rows without a time stay unchanged."""
     needed = schema.COLUMNS.get(entity.removeprefix("/"))
     if needed is None:
         return batches
@@ -265,7 +267,7 @@ def _has_no_step(entity: str, batch: pa.RecordBatch) -> bool:
 
 
 def read_description(path: Path, store: StoreRows) -> RecordingMetadata:
-    """Read the metadata of a recording. Raises RecordingError if there are none, or of another schema."""
+    """Read the metadata of a recording. Raises RecordingError if there are none, or if their schema differs."""
     try:
         row = store.rows[DESCRIPTION][-1]
         version = read_schema_version(row)
@@ -285,7 +287,8 @@ def read_description(path: Path, store: StoreRows) -> RecordingMetadata:
 
 
 def has_expected_columns(entity: str, batch: pa.RecordBatch) -> bool:
-    """Tell whether the rows of an entity are laid out as we write them; those without a time are not looked at."""
+    """Tell whether the rows of an entity have the columns that this program writes; rows without a time are not
+    checked."""
     if schema.STEP not in batch.schema.names:
         return True
     found = {column.name: str(column.type) for column in batch.schema}
@@ -293,7 +296,7 @@ def has_expected_columns(entity: str, batch: pa.RecordBatch) -> bool:
 
 
 def _is_read(entity: str) -> bool:
-    """Tell whether anybody reads an entity back; most only draw."""
+    """Tell whether an entity is read back; most entities are only drawn."""
     return entity in _READ or entity.startswith("/__properties") or not schema.is_own_entity(entity)
 
 

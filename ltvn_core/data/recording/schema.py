@@ -1,7 +1,7 @@
 """Schema of a recording, for writer and reader: versions, names, timelines, entities, columns.
 
-Owns also how one row of exact numbers and texts goes into Rerun beside what the viewer draws, as typed Arrow arrays,
-and comes back. `recordings/README.md` explains the same to people.
+Also owns the exact rows: encoding numbers and texts as typed Arrow arrays beside the data that the viewer draws, and
+decoding them. `recordings/README.md` explains the schema to users.
 """
 
 from collections.abc import Mapping
@@ -15,27 +15,27 @@ from numpy.typing import NDArray
 from ltvn_core.types import FrameId
 
 SCHEMA_VERSION = 1
-"""Goes up whenever an older reader could misunderstand the file."""
+"""Version of the schema, which increases whenever an older reader could misunderstand the file."""
 
 APPLICATION_ID = "ltvn"
-"""Rerun rewrites ids with anything but a-z, 0-9, - and _."""
+"""Application id in Rerun, which replaces all characters except a-z, 0-9, - and _."""
 
 STEP = "step"
-"""Timeline: control steps of the robot, the name of each frame."""
+"""Timeline of the robot's control steps, which are the ids of frames."""
 SIM_TIME = "sim_time"
-"""Timeline: the robot's clock, as measured."""
+"""Timeline of the robot's clock, as measured."""
 EVENT = "event"
-"""Timeline: the number of an event. Several events may share a step, so a query by `step` keeps one of them only."""
+"""Timeline of event numbers. Several events may have the same step, so a query by `step` returns only one of them."""
 
 
 class RowTime(NamedTuple):
-    """The place of a row on the timelines of a recording."""
+    """Position of a row on the timelines of a recording."""
 
     step: FrameId
     stamp: float
-    """Seconds on the robot's clock."""
+    """Time in seconds on the robot's clock."""
     event: int | None = None
-    """Number of the event that the row records or draws; None for rows that no event caused."""
+    """Number of the event that the row records or draws; None for rows without an event."""
 
 
 PROPERTIES = "ltvn"
@@ -54,7 +54,7 @@ TRAIL = "world/trail"
 NODES = "world/graph/nodes"
 EDGES = "world/graph/edges"
 BLOCKED = "world/graph/blocked"
-"""Edges that were seen blocked when they were seen last."""
+"""Edges that were last seen blocked."""
 PRUNED = "world/graph/pruned"
 PLAN = "world/plan"
 GOAL = "world/goal"
@@ -68,13 +68,13 @@ STATE = "navigator"
 GRAPH_SIZE = "graph_size"
 BELIEFS = "beliefs"
 PROBABILITIES = "beliefs/p"
-"""Below it an entity for each edge that was planned, driven or pruned: its p as a scalar."""
+"""Parent of one entity for each edge that was planned, driven or pruned, with the edge's p as a scalar."""
 LENGTHS = "beliefs/length"
-"""Below it an entity for each of these edges: mu and sigma as two scalars."""
+"""Parent of one entity for each edge that was planned, driven or pruned, with its mu and sigma as two scalars."""
 BELIEF_TABLE = "belief_table"
-"""The edges of the current plan and those that changed last, as text."""
+"""Text table of the edges of the current plan, and of the edges that changed last."""
 IMAGES = "images"
-"""Below it the images of the goal, of the subgoal and of the node at which the robot localised."""
+"""Parent of the images of the goal, the subgoal and the node at which the robot localised."""
 GOAL_IMAGE = "images/goal"
 SUBGOAL_IMAGE = "images/subgoal"
 NODE_IMAGE = "images/node"
@@ -100,31 +100,31 @@ OWN_ENTITIES = (
     IMAGES,
     MARGIN,
 )
-"""Entities that are reserved for the recorder, with all entities below them."""
+"""Entities that are reserved for the recorder, including all entities below them."""
 _OWN_BEGINNINGS = tuple(f"{own}/" for own in OWN_ENTITIES)
 
 
 def is_own_entity(path: str) -> bool:
-    """Return whether an entity is written by the recorder and may hold no rows of a user's."""
+    """Return whether an entity is reserved for the recorder, so that users may not log to it."""
     path = path.strip("/")
     return path == WORLD or f"{path}/".startswith(_OWN_BEGINNINGS)
 
 
 READ_BACK = (RGB, DEPTH, ORIGINAL, EVENTS, SCENE)
-"""The entities that carry data; all others are drawn only."""
+"""Entities that are read back; all others are only drawn."""
 
 FRAME_ROW = "ltvn.Frame"
 """Exact columns beside the RGB image: stamp, odometry, exact_pose, crc32; tilt if there is one."""
 DEPTH_ROW = "ltvn.Depth"
 """Exact columns beside the depth image: crc32."""
 ORIGINAL_ROW = "ltvn.Original"
-"""Columns beside the original picture: camera (JSON), crc32."""
+"""Columns beside the original image: camera (JSON), crc32."""
 EVENT_ROW = "ltvn.Event"
 """Columns of an event: sequence, stamp, kind, json, crc32."""
 NODE_ROW = "ltvn.Nodes"
 """Columns beside the drawn nodes: node_id."""
 EDGE_ROW = "ltvn.Edges"
-"""Columns beside the drawn edges: source, target, p, mu, sigma2; beside the blocked ones source and target alone."""
+"""Columns beside the drawn edges: source, target, p, mu, sigma2; beside blocked edges only source and target."""
 
 COLUMNS = {
     RGB: {
@@ -151,11 +151,12 @@ COLUMNS = {
         f"{EVENT_ROW}:crc32": "list<item: int64>",
     },
 }
-"""Entity -> column -> Arrow type, for what is read back with a time."""
+"""Arrow type of each column that is read back with a time, by entity."""
 
 
 class _Column:
-    """A component batch that is already Arrow; Rerun's own guessing of types is slow and remembers the first guess."""
+    """A component batch that is already in Arrow format; Rerun's own type detection is slow, and keeps the first
+    result."""
 
     def __init__(self, array: pa.Array) -> None:
         self._array = array
@@ -174,7 +175,7 @@ class ArchetypeColumns(rr.AsComponents):
         ]
 
     def as_component_batches(self) -> list[rr.DescribedComponentBatch]:
-        """Hand the columns to Rerun."""
+        """Return the columns as Rerun's component batches."""
         return self._batches
 
 
@@ -189,16 +190,17 @@ def integer_column(*values: int) -> pa.Array:
 
 
 def number_column(values: Any, dtype: type[np.generic] = np.float64) -> pa.Array:
-    """Make a column of numbers from anything numpy can read. Always copies: the caller may reuse his array."""
+    """Make a column of numbers from any numpy-compatible value. Always copies, so that the caller may reuse the
+    array."""
     return pa.array(np.array(values, dtype).reshape(-1))
 
 
 def read_cell(column: pa.Array, index: int) -> NDArray[Any]:
-    """Return the numbers of one row of a list column, flat."""
-    row = column[index].values  # Three times faster than flattening a slice, which also takes a row without a value.
+    """Return the numbers of one row of a list column, as a flat array."""
+    row = column[index].values  # Three times faster than flattening a slice; None for a row without a value.
     if row is None:
         row = column.slice(index, 1).flatten()
-    # `.values` of a sliced list would silently start at row 0; only `flatten` honours the offset.
+    # `.values` of a sliced list starts at row 0 without a warning; only `flatten` respects the offset.
     while pa.types.is_list(row.type) or pa.types.is_fixed_size_list(row.type):
         row = row.flatten()
     return row.to_numpy(zero_copy_only=False)

@@ -1,6 +1,6 @@
-"""The rows of a recording that carry a checksum of their own, and whether each is as it was written.
+"""Rows of a recording with a checksum of their own, and whether each row is unchanged.
 
-Owns which columns a checksum covers. Knows no file and no frame of more than one row.
+Owns which columns a checksum covers. Independent of files, and of frames with more than one row.
 """
 
 from collections.abc import Sequence
@@ -24,14 +24,14 @@ _DEPTH_PICTURE = "EncodedDepthImage:blob"
 
 
 class StoredEvent(NamedTuple):
-    """An event, still as JSON, and the checksum that was stored with it."""
+    """An event as JSON, with the checksum that was stored with it."""
 
     event: EncodedEvent
     checksum: int
 
     @property
     def intact(self) -> bool:
-        """The data is as it was written."""
+        """Whether the data is unchanged."""
         return self.checksum == self.event.checksum
 
 
@@ -43,7 +43,7 @@ class BatchRow(NamedTuple):
 
     @property
     def step(self) -> int:
-        """The control step it belongs to."""
+        """Control step of the row."""
         return self.batch.column(schema.STEP)[self.row].as_py()
 
     def numbers(self, column: str) -> NDArray:
@@ -51,18 +51,18 @@ class BatchRow(NamedTuple):
         return read_cell(self.batch.column(column), self.row)
 
     def blob(self, column: str) -> bytes | None:
-        """Return the bytes of a column that may be missing or empty."""
+        """Return the bytes of a column, which may be missing or empty."""
         if column not in self.batch.schema.names:
             return None
         return self.numbers(column).tobytes() or None
 
     def checksum(self, archetype: str) -> int:
-        """Return the checksum that was stored with it."""
+        """Return the checksum that was stored with the row."""
         return int(self.numbers(f"{archetype}:crc32")[0])
 
 
 def stored_events(batch: pa.RecordBatch) -> list[StoredEvent]:
-    """Read the events of a batch, still as JSON."""
+    """Return the events of a batch, still as JSON."""
     names = ("sequence", "stamp", "kind", "json", "crc32")
     columns = [batch.column(f"{schema.EVENT_ROW}:{name}").flatten().to_pylist() for name in names]
     steps = batch.column(schema.STEP).to_pylist()
@@ -73,7 +73,7 @@ def stored_events(batch: pa.RecordBatch) -> list[StoredEvent]:
 
 
 def frame_of(rgb: BatchRow, depth: BatchRow | None, original: BatchRow | None) -> EncodedFrame:
-    """Put a frame together from its rows. Raises LookupError, ValueError or CameraError where a row is damaged."""
+    """Assemble a frame from its rows. Raises LookupError, ValueError or CameraError if a row is damaged."""
     exact = rgb.numbers(f"{schema.FRAME_ROW}:exact_pose")
     return EncodedFrame(
         step=rgb.step,
@@ -88,9 +88,9 @@ def frame_of(rgb: BatchRow, depth: BatchRow | None, original: BatchRow | None) -
 
 
 def damaged_first(path: str, batches: Sequence[pa.RecordBatch]) -> Sequence[pa.RecordBatch]:
-    """Order the rows of an entity so that one that is right stands behind a damaged one of the same step.
+    """Order the rows of an entity so that an intact row comes after damaged rows of the same step.
 
-    Of the camera's own pictures, without which a frame is as good, the damaged ones are left out.
+    Damaged rows of original images are left out, because a frame is usable without its original image.
     """
     entity = path.removeprefix("/")
     if entity not in schema.COLUMNS:
@@ -105,9 +105,9 @@ def damaged_first(path: str, batches: Sequence[pa.RecordBatch]) -> Sequence[pa.R
 
 
 def believable(path: str, batches: Sequence[pa.RecordBatch], *, parts_too: bool) -> Sequence[pa.RecordBatch]:
-    """Return the rows out of damaged tables that agree with a checksum of their own.
+    """Return the rows of damaged tables that match their own checksums.
 
-    With `parts_too` also rows of which the checksum may stand in another table.
+    With `parts_too`, also return rows whose checksum may be in another table.
     """
     entity = path.removeprefix("/")
     if entity not in schema.COLUMNS:
@@ -116,7 +116,7 @@ def believable(path: str, batches: Sequence[pa.RecordBatch], *, parts_too: bool)
     for batch in batches:
         intact = _intact_rows(entity, batch)
         names = set(batch.schema.names)
-        # Robots without a depth camera have rows without a picture.
+        # Robots without a depth camera have depth rows without an image.
         is_part = not len(intact) or (entity == schema.DEPTH and _DEPTH_PICTURE not in names)
         if parts_too and is_part and schema.STEP in names:
             taken.append(batch)
@@ -126,7 +126,7 @@ def believable(path: str, batches: Sequence[pa.RecordBatch], *, parts_too: bool)
 
 
 def _intact_rows(entity: str, batch: pa.RecordBatch) -> NDArray[np.bool_]:
-    """Tell of each row whether it agrees with its own checksum, (N,); of none if a column is missing, (0,)."""
+    """Tell for each row whether it matches its own checksum, (N,); (0,) if a column is missing."""
     if not schema.COLUMNS[entity].keys() <= set(batch.schema.names):
         return np.empty(0, bool)
     if entity == schema.EVENTS:
@@ -176,7 +176,7 @@ def _original_image(row: BatchRow) -> OriginalImage:
 
 
 def _tilt(rgb: BatchRow) -> Tilt | None:
-    """Return how the camera was tilted; None in recordings from before tilts and where it is as it was mounted."""
+    """Return the tilt of the camera; None in older recordings, and if the tilt equals the mounting."""
     column = f"{schema.FRAME_ROW}:tilt"
     if column not in rgb.batch.schema.names or (numbers := rgb.numbers(column)).size != len(Tilt._fields):
         return None

@@ -1,13 +1,13 @@
 """Serves one recording with Rerun's web viewer to this machine only.
 
-Listens on 127.0.0.1, answers only under a random path and for its own Host, and forbids the page to talk to anybody
-else. The viewer comes out of the installed wheel and is kept on disk, so that no request leaves the machine: the
-`rerun` program, which embeds it, is asked once per version, on 127.0.0.1 only, and under a fresh home directory,
-because a first session of that program sends no usage data.
+Listens on 127.0.0.1, answers only under a random path and for its own Host, and forbids the page to connect to other
+servers. The viewer's files come from the installed wheel, so that no request leaves the machine: the `rerun` program
+contains them, and is run once per version, on 127.0.0.1 only. Its home directory is then a new one, because the first
+session of that program sends no usage data. The files are cached on disk.
 
-The viewer takes in a few milliseconds' worth of a recording with each picture that it draws. Where the processor draws,
-a picture takes most of a second, and a window with half-filled views would stand for a minute. So the viewer reads in a
-canvas of a few pixels behind the page's words, which costs little anywhere, and gets the window when it is done.
+For each image that it draws, the viewer loads only a few milliseconds' worth of a recording. With software rendering an
+image takes most of a second, so a window would have half-filled views for a minute. Therefore the viewer loads in a
+canvas of a few pixels behind the page's text, which is fast everywhere, and gets the window when it has finished.
 """
 
 import gzip
@@ -66,7 +66,7 @@ _PAGE = """<!doctype html>
 <canvas id="viewer"></canvas>
 <script src="re_viewer.js"></script><script src="page.js"></script></body></html>
 """
-# WebHandle is what Rerun's own npm package wraps; it belongs to this one version of the wheel.
+# The script uses WebHandle, which Rerun's own npm package wraps; its interface belongs to this version of the wheel.
 SCRIPT = """
 (async () => {
   const QUIET_MS = 20000; // Nobody shall look at these words for ever, whatever keeps the last step away.
@@ -115,9 +115,9 @@ SCRIPT = """
 _BLOCK_BYTES = 1 << 16
 _ADDRESS = re.compile(r"[a-zA-Z][a-zA-Z0-9+.-]+://")
 _ANSWER_S = 5.0
-"""Longest time until a run on this machine answers."""
+"""Longest time in seconds until a run on this machine answers."""
 _LIVE_TIMEOUT_S = 3600.0
-"""A robot that stands writes nothing for long."""
+"""Longest time in seconds without data, because a standing robot writes nothing for long."""
 _POLICY = (
     "default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; style-src 'unsafe-inline'; connect-src 'self'; "
     "img-src 'self' data: blob:; worker-src 'self' blob:; font-src 'self' data:; base-uri 'none'; "
@@ -126,25 +126,25 @@ _POLICY = (
 
 
 def open_here(address: str, timeout_s: float) -> HTTPResponse:
-    """Open an address on this machine; raises OSError.
+    """Open an address on this machine. Raises OSError.
 
-    Proxies from the environment are bypassed: the address often holds a secret, and 127.0.0.1 of another machine is
-    not this one.
+    Proxies from the environment are bypassed, because the address often contains a secret, and a proxy's 127.0.0.1 is
+    another machine.
     """
     return urllib.request.build_opener(urllib.request.ProxyHandler({})).open(address, timeout=timeout_s)
 
 
 class ViewerAssets(NamedTuple):
-    """The two files of the web viewer, gzipped, because the module is 43 MB without."""
+    """The two files of the web viewer, compressed with gzip, because the module has 43 MB uncompressed."""
 
     script: Path
     module: Path
 
 
 def viewer_assets() -> ViewerAssets:
-    """Return the files of the web viewer, from the cache where they are there already.
+    """Return the files of the web viewer, from the cache if they are there.
 
-    Raises ServerError when the installed Rerun does not hold them.
+    Raises ServerError if the installed Rerun does not contain them.
     """
     folder = Path(platformdirs.user_cache_dir("ltvn")) / f"rerun-viewer-{rr.__version__}"
     assets = ViewerAssets(folder / f"{_SCRIPT}.gz", folder / f"{_MODULE}.gz")
@@ -218,15 +218,15 @@ def _free_port() -> int:
 
 
 class RecordingContents(NamedTuple):
-    """Description of a recording while it is read."""
+    """Description of a recording that is being loaded."""
 
     text: str
     last_step: int | None = None
-    """Its last step; None if unknown."""
+    """Last step of the recording; None if it is unknown."""
 
 
 def contents_of(path: Path) -> RecordingContents:
-    """Read the description of a recording; only its name if it is damaged or of another program."""
+    """Read the description of a recording; only its file name if it is damaged or of another program."""
     try:
         recording = Recording.open(path)
     except RecordingError:
@@ -245,7 +245,7 @@ def contents_of(path: Path) -> RecordingContents:
 
 
 def viewer_page(contents: RecordingContents) -> str:
-    """Return the page, whose script is `SCRIPT`."""
+    """Return the viewer's page; its script is `SCRIPT`."""
     last_step = "" if contents.last_step is None else f' data-last-step="{contents.last_step}"'
     return _PAGE.format(text=escape(contents.text), last_step=last_step)
 
@@ -270,16 +270,16 @@ class ServedViewer(NamedTuple):
     ended: threading.Event
 
     def wait(self) -> None:
-        """Wait until the program is interrupted."""
+        """Wait until the user interrupts the program."""
         self.ended.wait()
 
 
 @contextmanager
 def serve_viewer(path: Path | str, port: int = 0) -> Iterator[ServedViewer]:
-    """Serve a recording in the Rerun web viewer on 127.0.0.1 while the block runs; port 0 takes a free one.
+    """Serve a recording in the Rerun web viewer on 127.0.0.1 while the block runs; port 0 selects a free port.
 
-    In place of a file, `path` may be the address of a recording that is being written, see `live_server`; it is passed
-    on from there. Raises RecordingError for a file or an address that is none, and ServerError when the port is taken.
+    Instead of a file, `path` may be the address of a live recording, see `live_server`; its data is forwarded. Raises
+    RecordingError for an invalid file or address, and ServerError if the port is taken.
     """
     live = _checked_live_address(str(path)) if _ADDRESS.match(str(path)) else None
     contents = RecordingContents("A recording that is being written")
@@ -312,7 +312,7 @@ def serve_viewer(path: Path | str, port: int = 0) -> Iterator[ServedViewer]:
 
 
 def _checked_live_address(address: str) -> str:
-    """Return the address of a recording that is being written; raises RecordingError when there is none."""
+    """Return the address of a live recording. Raises RecordingError if there is no live recording."""
     if port_of(address) is None:
         raise RecordingError(
             f"{address} is an address, and `ltvn view` opens only those that a run with --stream prints "
@@ -352,7 +352,7 @@ class _Handler(http.server.BaseHTTPRequestHandler):
         super().__init__(*args)  # pyright: ignore[reportArgumentType]
 
     def do_GET(self) -> None:
-        """Answer one of the few known paths."""
+        """Answer a request for one of the known paths."""
         if not is_own_host(self):
             self.send_error(HTTPStatus.FORBIDDEN, "This server answers only on this machine.")
         elif (response := self._responses.get(self.path)) is None:
@@ -363,12 +363,12 @@ class _Handler(http.server.BaseHTTPRequestHandler):
             self._send(response, response.content)
 
     def log_message(self, format: str, *args: object) -> None:
-        """Stay quiet; paths hold the secret."""
+        """Log nothing, because paths contain the secret."""
 
     def _pass_on(self, kind: str, address: str) -> None:
-        """Forward a live recording for as long as it grows."""
+        """Forward a live recording while it grows."""
         try:
-            # The address was checked: it leads to this machine.
+            # The address was checked: it is on this machine.
             live = open_here(address, _LIVE_TIMEOUT_S)
         except OSError:
             self.send_error(HTTPStatus.NOT_FOUND, "Nothing is being recorded there now.")

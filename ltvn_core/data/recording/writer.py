@@ -1,7 +1,7 @@
-"""Writes a recording: frames, events and snapshots of the map, exact columns beside the viewer's drawing.
+"""Writes a recording: frames, events and snapshots of the map, as exact columns beside the viewer's drawing.
 
-Owns the entity of each row and how often the map is drawn. The file and its safety are `durable_stream`; shapes are
-`map_drawing` and `event_drawing`.
+Owns the entity of each row, and the interval at which the map is drawn. `durable_stream` writes the file safely;
+`map_drawing` and `event_drawing` define the shapes.
 """
 
 from collections.abc import Iterable, Mapping
@@ -34,14 +34,15 @@ from ltvn_core.types import FrameId, Observation, OriginalImage
 
 _SNAPSHOT_S = 0.5
 _SNAPSHOT_S_PER_EDGE = 0.002
-"""A large map is drawn less often, so that drawing stays a small part of the file."""
+"""Least time in seconds per edge between two drawings of the map, so that a large map takes only a small part of the
+file."""
 
 
 class RecordingWriter:
     """Writes one new recording; a context manager.
 
-    Raises RecordingError when the file exists or cannot be made, and once from any method when the disk stops taking
-    data; rows after that are dropped and `failure` says why. Writing waits only for a disk that is far behind.
+    Raises RecordingError if the file exists or cannot be created, and once from any method if the disk stops accepting
+    data; later rows are discarded, and `failure` gives the reason. Writing waits only for a disk that is far behind.
     """
 
     def __init__(
@@ -61,10 +62,10 @@ class RecordingWriter:
     ) -> None:
         """Begin a recording at `path`.
 
-        `config` must be sayable in JSON. `scene_glb` is drawn, see `draw_scene`. `recording_id` and
-        `started_at` are for rewriting an older recording. Recording stops when the disk has less than `min_free_bytes`.
-        Rerun viewers of this machine can watch at `live_port`; raises ServerError when it is taken. Where the disk is
-        far behind, writing waits for it up to `patience_s`; 0 is for a robot in real time.
+        `config` must consist of JSON values. `scene_glb` is drawn, see `draw_scene`. `recording_id` and `started_at`
+        are for rewriting an older recording. Recording stops if the disk has less than `min_free_bytes` left. Rerun
+        viewers on this machine can watch at `live_port`; raises ServerError if it is taken. If the disk is far behind,
+        writing waits for it up to `patience_s`; 0 is for a robot in real time.
         """
         camera = camera or LOCOBOT.camera
         recording_id = recording_id or str(uuid4())
@@ -107,7 +108,7 @@ class RecordingWriter:
 
     @property
     def path(self) -> Path:
-        """The file that is written."""
+        """Path of the file."""
         return self._stream.path
 
     @property
@@ -116,18 +117,18 @@ class RecordingWriter:
         return self._stream.failure
 
     def draw_scene(self, glb: bytes) -> None:
-        """Draw the scene; adds its size to the file. Any thread may call this while others write."""
+        """Draw the scene; this adds its size to the file. Any thread may call this while others write."""
         self._scene_extent = FloorExtent.of_glb(glb)
         part = map_drawing.draw_scene(glb)
         self._stream.log_static(part.entity, *part.values)
 
     def write_frame(self, observation: Observation) -> None:
-        """Write a frame; one that is there already is left alone. The caller may reuse its arrays at once."""
+        """Write a frame, unless it was written already. The caller may reuse its arrays at once."""
         if observation.step not in self._frames:
             self.write_encoded_frame(encode_frame(observation))
 
     def write_encoded_frame(self, frame: EncodedFrame) -> None:
-        """Write a frame whose pictures are compressed already."""
+        """Write a frame whose images are already compressed."""
         if frame.step in self._frames:
             return
         self._frames.add(frame.step)
@@ -142,7 +143,7 @@ class RecordingWriter:
             self._draw(time, map_drawing.draw_robot(frame.drawn_pose, frame.odometry))
 
     def write_event(self, stamped: StampedEvent) -> None:
-        """Write an event, exactly and as the viewer shows it."""
+        """Write an event in exact form, and as the viewer draws it."""
         time = self._newest = RowTime(int(stamped.step), float(stamped.stamp), self._events)
         if isinstance(stamped.event, GraphChanged) and isinstance(stamped.event.delta, NodeAdded):
             self._drawn_poses.add_node(stamped.event.delta.node)
@@ -187,18 +188,18 @@ class RecordingWriter:
             self._stream.log(time, path, *rows)
 
     def copy_user_rows(self, batch: pa.RecordBatch) -> None:
-        """Write rows of a user's own out of another recording, see `Recording.user_rows`."""
+        """Write the user's own rows of another recording, see `Recording.user_rows`."""
         with self._stream.together():
             self._stream.send(batch)
 
     def draw_graph(self, graph: TopologicalGraph, step: FrameId, stamp: float) -> None:
-        """Draw the map if it changed, at most twice a second; call it as often as you like."""
+        """Draw the map if it has changed, at most twice a second; may be called at any time."""
         time = RowTime(int(step), float(stamp))
         if self._draw_schedule.is_due(graph, time):
             self._draw_graph(graph, time)
 
     def write_map(self, graph: TopologicalGraph, observations: Iterable[Observation]) -> None:
-        """Write a whole map with its frames, so that what follows needs no other file; call it first."""
+        """Write a whole map with its frames, so that later rows need no other file; must be called first."""
         last = RowTime(0, 0.0)
         for observation in observations:
             self.write_frame(observation)
@@ -211,7 +212,7 @@ class RecordingWriter:
         self.draw_graph(graph, last.step, last.stamp)
 
     def close(self) -> None:
-        """Draw the map as it is now and finish the file. Raises RecordingError when that fails; may be repeated."""
+        """Draw the final map and finish the file. Raises RecordingError if that fails; may be called again."""
         try:
             if (pending := self._draw_schedule.pending()) is not None and not self._stream.closed:
                 self._draw_graph(*pending)
@@ -220,13 +221,13 @@ class RecordingWriter:
             self._stream.close()
 
     def __enter__(self) -> Self:
-        """Return itself."""
+        """Return this writer."""
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Finish the file, whatever happened."""
+        """Finish the file, also after an exception."""
         self.close()
 
     def _final_layout(self) -> Layout:
@@ -251,7 +252,7 @@ class RecordingWriter:
 
 
 class _DrawSchedule:
-    """Decides when the map is drawn: on change, and not too often for its size."""
+    """Decides when the map is drawn: after a change, and less often for a larger map."""
 
     def __init__(self) -> None:
         self._drawn: tuple[int, int] | None = None

@@ -1,9 +1,9 @@
-"""The files of a LeRobotDataset: what it says of itself, its episodes, and their rows.
+"""The files of a LeRobotDataset: its description, its episodes, and their rows.
 
-Where the files of an episode are is in `layouts`. Every path that the data set names is looked up within its folder.
-Owns how depth is encoded in videos (12 bits a pixel, finer near the camera than far away), and how much of a Parquet
-table may be in memory at once: a value that occurs again and again is stored once, and so are images that are all zero,
-so that a kilobyte of a table can stand for terabytes.
+`layouts` finds the files of an episode. Every path in the data set is resolved within its folder. Owns the encoding of
+depth in videos (12 bits per pixel, finer near the camera than far away), and the limit for the part of a Parquet table
+in memory at once. The limit is needed because Parquet stores a repeated value once, so a kilobyte of a table can expand
+to terabytes.
 """
 
 import math
@@ -27,7 +27,7 @@ LARGEST_CODE = 4095
 _MOST_ROWS = 32
 _BYTES_AT_ONCE = 2**28
 _MOST_PART_BYTES = 2**29
-"""Largest size of a column in one row group; a whole LeRobotDataset file has a fifth of it."""
+"""Largest size in bytes of a column in one row group; a whole LeRobotDataset file has a fifth of it."""
 _MOST_NUMBERS = 1024
 """Largest number of values in a cell, as for the joints of a robot."""
 INFO = "meta/info.json"
@@ -37,19 +37,19 @@ _LARGEST_CHUNK = 10**6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DepthCodes:
-    """Meaning of the codes 0 to 4095. Code 0 also stands for everything nearer, and for no return."""
+    """Meaning of the codes 0 to 4095 in metres. Code 0 also stands for smaller depths, and for no return."""
 
     depth_min: float = 0.01
     """Depth at code 0, in metres."""
     depth_max: float = 10.0
     """Depth at the largest code, in metres."""
     shift: float = 3.5
-    """Metres that are added before the logarithm."""
+    """Offset in metres that is added before taking the logarithm."""
     use_log: bool = True
-    """Steps grow with the distance; else they are equal."""
+    """Whether codes are logarithmic, with steps that grow with the distance; otherwise all steps are equal."""
 
     def __post_init__(self) -> None:
-        """Refuse a range that has no logarithm. Raises DriveError."""
+        """Check the range. Raises DriveError if it is empty or has no logarithm."""
         numbers = (self.depth_min, self.depth_max, self.shift)
         if not (all(map(math.isfinite, numbers)) and self.depth_max > self.depth_min > -self.shift):
             raise DriveError(
@@ -57,14 +57,14 @@ class DepthCodes:
             )
 
     def metres(self, codes: NDArray[np.uint16]) -> Depth:
-        """Return depth in metres of codes (H, W), 0 for no return."""
+        """Return the depth (H, W) in metres for codes (H, W); 0 for no return."""
         low, high = self._ends()
         value = low + codes.astype(np.float32) * ((high - low) / LARGEST_CODE)
         metres = np.exp(value) - self.shift if self.use_log else value
         return np.where((codes > 0) & (metres > 0), metres, 0).astype(np.float32)
 
     def codes(self, metres: Depth) -> NDArray[np.uint16]:
-        """Return the codes of depth (H, W) in metres; values beyond the largest code become no return."""
+        """Return the codes for depth (H, W) in metres; values beyond the largest code become no return."""
         low, high = self._ends()
         with np.errstate(divide="ignore", invalid="ignore"):
             value = np.log(metres + self.shift) if self.use_log else metres
@@ -78,7 +78,8 @@ class DepthCodes:
 
 
 def rows_at_once(metadata: pq.FileMetaData, columns: Sequence[str]) -> int:
-    """Return how many rows of some columns may be read together. Raises DriveError where one may be too much."""
+    """Return the number of rows of some columns that may be read at once. Raises DriveError if a column is too
+    large."""
     largest = 1
     for part, rows in _parts(metadata, columns):
         if part.total_uncompressed_size > _MOST_PART_BYTES or part.num_values > rows * _MOST_NUMBERS:
@@ -87,12 +88,12 @@ def rows_at_once(metadata: pq.FileMetaData, columns: Sequence[str]) -> int:
                 f"{part.num_values:,} values in {rows:,} rows, which is too large for a drive."
             )
         largest = max(largest, part.total_uncompressed_size)
-    # Each row may hold the column's largest value, which is at most as large as all of them.
+    # A single value may take up the whole column, so a row is assumed to be as large as the largest stored column.
     return max(1, min(_MOST_ROWS, _BYTES_AT_ONCE // largest))
 
 
 def _parts(metadata: pq.FileMetaData, columns: Sequence[str]) -> Iterator[tuple[pq.ColumnChunkMetaData, int]]:
-    """Yield the stored parts of some columns with the number of their rows."""
+    """Yield the stored chunks of some columns, each with its number of rows."""
     for number in range(metadata.num_row_groups):
         group = metadata.row_group(number)
         for place in range(group.num_columns):
@@ -103,11 +104,11 @@ def _parts(metadata: pq.FileMetaData, columns: Sequence[str]) -> Iterator[tuple[
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Feature:
-    """A column of the data set, or a video beside it."""
+    """A column of the data set, or a video beside the tables."""
 
     key: str
     dtype: str
-    """`video`, `image`, or a kind of number."""
+    """Type of the column: `video`, `image`, or a number type."""
     names: tuple[str, ...] = ()
     """Names of the numbers in a row."""
     is_depth: bool = False
@@ -118,12 +119,12 @@ class Feature:
 
     @property
     def is_image(self) -> bool:
-        """Whether it holds images."""
+        """Whether the column holds images."""
         return self.dtype in ("video", "image")
 
 
 class LerobotDataset:
-    """A data set that was looked into. Raises DriveError where it is damaged or of another version."""
+    """A data set whose description was read. Raises DriveError where it is damaged or of another version."""
 
     def __init__(self, folder: Path) -> None:
         """Read the description and the episodes of the data set."""
@@ -142,11 +143,11 @@ class LerobotDataset:
         return self._within(self._layout.video(key, episode))
 
     def video_span(self, key: str, episode: Episode) -> tuple[float, float]:
-        """Return from when to when in that video the episode is, in seconds."""
+        """Return the time span of the episode in its video, in seconds."""
         return self._layout.video_span(key, episode)
 
     def rows(self, episode: Episode, columns: Sequence[str]) -> Iterator[Mapping[str, Any]]:
-        """Yield the rows of an episode with some columns."""
+        """Yield the rows of an episode, restricted to some columns."""
         path = self._within(self._layout.table(episode))
         wanted = ["episode_index", *columns]
         try:
@@ -161,7 +162,8 @@ class LerobotDataset:
             raise unreadable(path, error) from error
 
     def _within(self, name: str) -> Path:
-        """Return a file of the data set. Raises DriveError where it is elsewhere, missing or no plain file."""
+        """Return a file of the data set. Raises DriveError where it is outside of the data set, missing or not a plain
+        file."""
         path = self.folder / name
         require_within(path, self.folder)
         try:
@@ -191,7 +193,7 @@ def _read_info(folder: Path) -> Mapping[str, Any]:
 
 
 def _layout(folder: Path, info: Mapping[str, Any]) -> Layout:
-    """Return where the files of a data set are, by its version. Raises DriveError for versions that are not read."""
+    """Return the layout of a data set's files, by its version. Raises DriveError for an unsupported version."""
     version = str(info.get("codebase_version", ""))
     data = info.get("data_path")
     video = info.get("video_path")

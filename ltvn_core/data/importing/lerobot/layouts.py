@@ -1,7 +1,7 @@
-"""Where a LeRobotDataset keeps an episode: many in a file in version 3, a table and videos of its own in version 2.
+"""Layout of the files of a LeRobotDataset: version 3 has many episodes in a file, version 2 one table per episode.
 
-Owns the lists of episodes and the templates of paths, in which only known words are filled in: a template is a text of
-a stranger, and Python's own formatting would look up attributes for it.
+Owns the lists of episodes and the templates of paths. Only known names are filled into a template: it comes from an
+untrusted file, and Python's own formatting would look up attributes.
 """
 
 import math
@@ -35,19 +35,19 @@ class Episode:
 
     number: int
     length: int
-    """Rows."""
+    """Number of rows."""
     row: Mapping[str, Any]
-    """The data set's entry for it: which files, from when to when."""
+    """The data set's entry for the episode: its files, and its time span in them."""
 
     def whole(self, name: str) -> int:
-        """Return a number of a file. Raises DriveError."""
+        """Return the number of a file, from the field `name`. Raises DriveError."""
         value = self.row.get(name)
         if not isinstance(value, int) or not 0 <= value < _LARGEST_NUMBER:
             raise DriveError(f"Episode {self.number}: {name} is {value!r:.40}, which is not the number of a file.")
         return value
 
     def seconds(self, name: str) -> float:
-        """Return a moment of a video. Raises DriveError."""
+        """Return a time in a video in seconds, from the field `name`. Raises DriveError."""
         value = self.row.get(name)
         if not isinstance(value, int | float) or not 0 <= value < 10**7:
             raise DriveError(f"Episode {self.number}: {name} is {value!r:.40}, which is not a time in a video.")
@@ -55,7 +55,7 @@ class Episode:
 
 
 class Layout(Protocol):
-    """Where the files of a data set are; their names are not checked yet."""
+    """Finds the files of a data set; their names are not checked yet."""
 
     def episodes(self) -> list[Episode]:
         """Return all episodes, at least one. Raises DriveError."""
@@ -70,7 +70,7 @@ class Layout(Protocol):
         ...
 
     def video_span(self, key: str, episode: Episode) -> tuple[float, float]:
-        """Return from when to when in that file the episode is, in seconds. Raises DriveError."""
+        """Return the time span of the episode in that file, in seconds. Raises DriveError."""
         ...
 
 
@@ -81,7 +81,7 @@ class LayoutV3:
     VIDEO = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
 
     def __init__(self, folder: Path, data: object, video: object) -> None:
-        """Take the templates of the data set, None if it has none."""
+        """Take the path templates of the data set; None stands for a missing one."""
         self._folder = folder
         self._data = str(data or self.DATA)
         self._video = str(video or self.VIDEO)
@@ -131,10 +131,11 @@ class LayoutV2:
     DATA = "data/chunk-{episode_chunk:03d}/episode_{episode_index:06d}.parquet"
     VIDEO = "videos/chunk-{episode_chunk:03d}/{video_key}/episode_{episode_index:06d}.mp4"
     CHUNK = 1000
-    """Episodes in a folder."""
+    """Default number of episodes in a folder."""
 
     def __init__(self, folder: Path, data: object, video: object, chunk: int) -> None:
-        """Take the templates of the data set, None if it has none, and how many episodes are in a folder."""
+        """Take the path templates of the data set (None stands for a missing one), and the number of episodes in a
+        folder."""
         self._folder = folder
         self._chunk = chunk
         self._data = str(data or self.DATA)
@@ -156,15 +157,15 @@ class LayoutV2:
             raise unreadable(path, error) from error
 
     def table(self, episode: Episode) -> str:
-        """Return the file of that number; see `Layout`."""
+        """Return the file with the episode's number; see `Layout`."""
         return _filled(self._data, self._numbers(episode))
 
     def video(self, key: str, episode: Episode) -> str:
-        """Return the file of that number; see `Layout`."""
+        """Return the file with the episode's number; see `Layout`."""
         return _filled(self._video, {**self._numbers(episode), "video_key": key})
 
     def video_span(self, key: str, episode: Episode) -> tuple[float, float]:
-        """Return all of the video; see `Layout`."""
+        """Return the whole video; see `Layout`."""
         return 0.0, math.inf
 
     def _numbers(self, episode: Episode) -> dict[str, int]:
@@ -182,7 +183,8 @@ def _filled(template: str, values: Mapping[str, int | str]) -> str:
 
 
 def _numeric_columns(schema: pa.Schema) -> list[str]:
-    """Return the columns of single numbers; texts and lists say not where an episode is, and may be of any size."""
+    """Return the columns of single numbers. Texts and lists are not needed to find an episode, and may be very
+    large."""
     return [
         each.name
         for each in schema
@@ -200,5 +202,5 @@ def _episode(row: object) -> Episode:
 
 
 def unreadable(path: Path, error: Exception) -> DriveError:
-    """Return in one line that a file of the data set cannot be read, and why."""
+    """Return a one-line message that a file of the data set cannot be read, with the reason."""
     return DriveError(f"{path} cannot be read ({' '.join(str(error).split())!s:.120}).")

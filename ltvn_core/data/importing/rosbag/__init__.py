@@ -1,1 +1,1 @@
-"""Bags of ROS 2 (MCAP and sqlite3) and of ROS 1, read with the library `rosbags`."""
+"""ROS bags: ROS 2 (MCAP and sqlite3) and ROS 1, read with the library `rosbags`."""

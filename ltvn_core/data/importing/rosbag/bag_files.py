@@ -1,10 +1,10 @@
-"""The files of a bag as one stream of messages in the order of recording, whatever ROS wrote them.
+"""The files of a bag as one stream of messages in the order of recording, for all bag formats.
 
-Owns opening, the limits of memory, and turning each failure of the library into one clear line. The
-library `rosbags` has no limit of what it decompresses, and a kilobyte may claim a terabyte: here nothing becomes larger
-than `MAX_CHUNK_BYTES`. Owns also what the library has to be lenient about in MCAP files that ROS 2 did not write, or
-not alone, and which of them are refused. The types of messages are known beforehand, most of them from `rosbags`:
-definitions that lie in the file are never read, because the library makes code of them.
+Owns opening, the memory limits, and converting each failure of the library into one clear line. The library `rosbags`
+has no limit for decompression, and a kilobyte may claim to hold a terabyte: here nothing is larger than
+`MAX_CHUNK_BYTES`. Also owns the leniency that the library lacks for MCAP files that ROS 2 did not write, or not alone,
+and the rejection of MCAP files with messages of ROS 1. Message types are known in advance, most of them from `rosbags`;
+definitions in the file are never read, because the library generates code from them.
 """
 
 import bz2
@@ -31,27 +31,28 @@ from ltvn_core.data.importing.rosbag.message_forms import MessageReader, Written
 from ltvn_core.errors import DriveError
 
 MAX_CHUNK_BYTES = 2**28
-"""Chunks of bags have about a megabyte, and must hold an image; 256 MB is 60 megapixels of raw colours."""
+"""Largest size of a chunk in bytes. Chunks have about a megabyte, but must hold an image; 256 MB is 60 megapixels of
+raw colours."""
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
-"""First bytes of a message that is compressed on its own; an uncompressed one begins with a zero."""
+"""First bytes of a message that is compressed individually; an uncompressed message begins with a zero."""
 _MAGIC = b"\x89MCAP0\r\n"
 _HEADER = struct.Struct("<BQI")
-"""After the magic: the kind of the first record, its length, and the length of the profile's name."""
+"""Fields after the magic bytes: type and length of the first record, and length of the profile's name."""
 _MOST_NAME_BYTES = 100
 _PROFILE = "ros2"
-"""All that the library opens."""
+"""The only profile that the library opens."""
 _OFFERS = "offered_qos_profiles"
-"""The key of the metadata that the library asks for."""
+"""The metadata key that the library looks up."""
 _SCHEMAS = ("ros2msg", "ros2idl", "omgidl", "")
 _NANOSECONDS = 1e-9
 _MAGICS = {".mcap": b"\x89MCAP0\r\n", ".bag": b"#ROSBAG V", ".db3": b"SQLite format 3\0"}
-"""How files of each kind begin."""
+"""First bytes of a file of each kind."""
 _COMPRESSED = ".zstd"
 """Suffix of a file that ROS 2 compressed as a whole."""
 _MAX_OVERLAPPING_BYTES = 2**30
-"""Chunks of an MCAP whose times overlap are in memory together."""
+"""Largest size in bytes of the chunks of an MCAP file that overlap in time; they are in memory together."""
 _MAX_RATIO = 1000
-"""Images do not compress so well; a file that unpacks to more was made to fill the disk."""
+"""Largest compression ratio of a file; images compress less, so a higher ratio means a decompression bomb."""
 
 
 class _Opener(Protocol):
@@ -70,14 +71,15 @@ def bound_decompression() -> None:
 
 
 def decompress_message(data: bytes) -> bytes:
-    """Return a message of a bag that compresses each message on its own. Raises DriveError where it is too large."""
+    """Return a decompressed message of a bag that compresses each message individually. Raises DriveError if it is too
+    large."""
     return _limited(zstd.ZstdFile, data)
 
 
 def _declared(opener: _Opener, data: bytes, size: int) -> bytes:
     if size > MAX_CHUNK_BYTES:
         raise _too_large(f"{size:,} bytes")
-    # One more byte than declared, so that the library notices a lie.
+    # One more byte than declared, so that the library notices a wrong size.
     return _read(opener, data, size + 1)
 
 
@@ -101,9 +103,9 @@ def _too_large(size: str) -> DriveError:
 
 
 def tolerate_foreign_channels() -> None:
-    """Have `rosbags` open an MCAP of any profile whose schemas are of encodings that it does not know, or no text.
+    """Make `rosbags` open MCAP files of any profile, even if a schema has an unknown encoding or is not text.
 
-    Channels say one by one how they are encoded.
+    This is safe, because each channel has its own encoding, which is checked later.
     """
     known = storage_mcap.get_msgdef
 
@@ -112,7 +114,7 @@ def tolerate_foreign_channels() -> None:
         return known(schema) if is_known else MessageDefinition(MessageDefinitionFormat.NONE, "")
 
     def text(stream: BinaryIO) -> str:
-        is_first = stream.tell() == 0  # As the profile is, and the first key of a channel's metadata.
+        is_first = stream.tell() == 0  # True for the profile, and for the first metadata key of a channel.
         said = storage_mcap.read_bytes(stream).decode(errors="replace")
         return _PROFILE if is_first and said != _OFFERS else said
 
@@ -121,17 +123,17 @@ def tolerate_foreign_channels() -> None:
     def offers(text: bytes) -> list[Qos]:
         try:
             return offered(text)
-        except Exception:  # Foreign files hold anything there, and reading needs none of it.
+        except Exception:  # Foreign files hold anything in this field, and reading does not need it.
             return []
 
-    if known.__module__ == storage_mcap.__name__:  # Not done yet.
+    if known.__module__ == storage_mcap.__name__:  # True until the functions are replaced.
         storage_mcap.get_msgdef = definition
         storage_mcap.read_string = text
         storage_mcap.get_qos = offers
 
 
 def refuse_ros1(file: Path) -> None:
-    """Raise DriveError where an MCAP says that it holds messages of ROS 1."""
+    """Raise DriveError for an MCAP file whose profile says that it holds messages of ROS 1."""
     try:
         with file.open("rb") as stream:
             head = stream.read(len(_MAGIC) + _HEADER.size + _MOST_NAME_BYTES)
@@ -154,12 +156,12 @@ class RawMessage(NamedTuple):
 
     topic: str
     msgtype: str
-    """Message type of ROS, such as `nav_msgs/msg/Odometry`, also for other encodings."""
+    """Message type of ROS, such as `nav_msgs/msg/Odometry`, whatever the encoding."""
     log_s: float
     """Time of recording, in seconds."""
     data: bytes
     written: Written
-    """How it is to be decoded."""
+    """Encoding and schema of the message."""
 
 
 @dataclass(slots=True)
@@ -168,24 +170,25 @@ class BagTopic:
 
     name: str
     msgtype: str
-    """The type of ROS as which its messages are read."""
+    """ROS message type as which its messages are read."""
     written: Written
-    """How they lie in the file."""
+    """Encoding and schema of its messages."""
     count: int = 0
-    """Messages."""
+    """Number of messages."""
 
 
 class BagFiles:
-    """A bag that was looked into: what topics it has, and how to read their messages."""
+    """A bag that is ready for reading: its topics, and access to their messages."""
 
     def __init__(self, path: Path, files: Sequence[Path]) -> None:
-        """Check every file of the bag at a path, in the order in which they were written. Raises DriveError."""
+        """Check every file of the bag at `path`; `files` are in the order in which they were written. Raises
+        DriveError."""
         bound_decompression()
         tolerate_foreign_channels()
         self.path = path
         self.topics: dict[str, BagTopic] = {}
         self.foreign: dict[str, str] = {}
-        """Topics that are not read, and how their messages are encoded."""
+        """Topics that are not read, each with the encoding of its messages."""
         self.duration_s = 0.0
         """Time from the first message to the last, in seconds."""
         self._files = files
@@ -201,7 +204,7 @@ class BagFiles:
         self.duration_s = max(end - begin, 0.0)
 
     def messages(self, topics: Collection[str]) -> Iterator[RawMessage]:
-        """Yield the messages of some topics as they were recorded. Raises DriveError where the bag is damaged."""
+        """Yield the messages of some topics in the order of recording. Raises DriveError where the bag is damaged."""
         for file in self._files:
             with _opened(file) as reader:
                 wanted = [each for each in reader.connections if each.topic in topics and self._is_read(each)]
@@ -215,10 +218,10 @@ class BagFiles:
                     yield message
 
     def decode(self, message: RawMessage) -> Any:
-        """Return the fields of a message as an object of its type. Raises DriveError where it is damaged."""
+        """Return the fields of a message as an object of its type. Raises DriveError if the message is damaged."""
         try:
             return self._reader.read(message.data, message.written)
-        except Exception as error:  # The library reads lengths from the message and trusts them.
+        except Exception as error:  # The library trusts the lengths in a message, so damage may raise anything.
             raise DriveError(
                 f"{self.path}: a message of {message.topic} is not a {message.written.schema} ({_said(error)})."
             ) from error
@@ -233,7 +236,8 @@ class BagFiles:
             topic.count += each.msgcount * self._is_read(each)
 
     def _is_read(self, connection: Connection) -> bool:
-        """Tell whether a channel is of the type that the first channel of its topic has; of others none is used."""
+        """Tell whether a channel has the type of the first channel of its topic; channels of other types are not
+        used."""
         topic = self.topics.get(connection.topic)
         return topic is not None and Written.of(connection).msgtype == topic.msgtype
 
@@ -268,7 +272,7 @@ def _decompressed(file: Path, folder: Path) -> Path:
 
 
 def _limit_memory(reader: Reader1 | Reader2) -> None:
-    """Refuse an MCAP that needs too much memory at once, and limit sqlite's values to the size of a chunk."""
+    """Reject an MCAP file that needs too much memory at once, and limit values in sqlite to the size of a chunk."""
     storage = getattr(reader, "storage", None)
     if (database := getattr(storage, "dbconn", None)) is not None:
         import apsw
@@ -299,7 +303,7 @@ def _raw_message(connection: Connection, time_ns: int, data: bytes) -> RawMessag
 
 @contextmanager
 def _explained(file: Path) -> Iterator[None]:
-    """Raise DriveError, whatever the library raises: it trusts a file, so a damaged one ends in any exception."""
+    """Convert any exception to DriveError, because the library may raise anything for a damaged file."""
     try:
         yield
     except FileNotFoundError as error:
@@ -309,7 +313,7 @@ def _explained(file: Path) -> Iterator[None]:
 
 
 def _remedy(file: Path, error: Exception) -> str:
-    """Return what to do about a file that cannot be read, where its first and last bytes tell."""
+    """Return advice about a file that cannot be read, from its first and last bytes; empty if they show nothing."""
     magic = _MAGICS.get(file.suffix)
     try:
         with file.open("rb") as stream:

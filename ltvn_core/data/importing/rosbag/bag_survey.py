@@ -1,6 +1,6 @@
-"""Surveys the beginning of a bag: one message of each relevant topic, and the frames of the robot.
+"""Surveys the beginning of a bag: one message of each relevant topic, and the robot's frames.
 
-Owns this survey, and how stamps, poses and frames are extracted from ROS messages. No image is decoded.
+Owns this survey, and the extraction of stamps, poses and frames from ROS messages. No image is decoded.
 """
 
 import re
@@ -20,11 +20,11 @@ POSES = (
     "geometry_msgs/msg/PoseWithCovarianceStamped",
     "geometry_msgs/msg/TransformStamped",
 )
-"""Types of messages that say where the robot is."""
+"""Message types that hold the robot's pose."""
 TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 _STATIC = re.compile(r"static[^/]*$", re.IGNORECASE)
 _SURVEY_S = (1.0, 20.0)
-"""Length of the surveyed beginning of a bag, at least and, if a topic is silent, at most, in seconds."""
+"""Length of the survey in seconds: at least the first, and at most the second value if a topic is silent."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,8 +34,8 @@ class BagSurvey:
     samples: dict[str, Any] = field(default_factory=dict)
     """The first message of each topic."""
     ahead_s: dict[str, float] = field(default_factory=dict)
-    """How far the first stamp above 0 is ahead of the moment at which its message was recorded, by topic; the first
-    stamp where all are 0."""
+    """Lead of the first stamp above 0 over the time at which its message was recorded, in seconds, by topic; the first
+    stamp if all are 0."""
     earliest_s: dict[str, float] = field(default_factory=dict)
     """The first stamp above 0 of each topic, in seconds; missing if all are 0."""
     tree: TransformTree = field(default_factory=TransformTree)
@@ -43,7 +43,7 @@ class BagSurvey:
 
 
 def survey(files: BagFiles) -> BagSurvey:
-    """Read the beginning of a bag, until each topic that matters has said something. Raises DriveError."""
+    """Read the beginning of a bag, until there is a message of each relevant topic. Raises DriveError."""
     found = BagSurvey()
     kinds = (IMAGE, COMPRESSED_IMAGE, CAMERA_INFO, *POSES, *TRANSFORMS)
     topics = {topic.name for topic in files.topics.values() if topic.count and topic.msgtype in kinds}
@@ -61,9 +61,9 @@ def survey(files: BagFiles) -> BagSurvey:
 
 
 def add_transforms(tree: TransformTree, message: Any, raw: RawMessage, *, by_log: bool = False, skip: str = "") -> None:
-    """Take a message of `/tf` or `/tf_static` into the tree, but nothing of the frame `skip`.
+    """Add a message of `/tf` or `/tf_static` to the tree, except the pose of the frame `skip`.
 
-    With `by_log` all its stamps count as the moment of recording.
+    With `by_log`, the time of recording replaces the stamps.
     """
     for each in message.transforms:
         child = frame_name(each.child_frame_id)
@@ -83,7 +83,8 @@ def is_static(topic: str) -> bool:
 
 
 def ros_pose(message: Any) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Return place (3,) and quaternion x, y, z, w of an odometry, a pose with or without covariance, or a transform."""
+    """Return position (3,) and quaternion x, y, z, w of an odometry, pose (with or without covariance) or transform
+    message."""
     if hasattr(message, "transform"):
         place = message.transform.translation
         turn = message.transform.rotation
@@ -95,7 +96,7 @@ def ros_pose(message: Any) -> tuple[tuple[float, ...], tuple[float, ...]]:
 
 
 def frame_name(name: Any) -> str:
-    """Return the name of a frame; ROS 1 put a slash before it."""
+    """Return the name of a frame without the leading slash of ROS 1."""
     return str(name).lstrip("/")
 
 

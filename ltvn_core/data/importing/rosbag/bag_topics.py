@@ -1,6 +1,6 @@
-"""Chooses the topics of a drive in a bag: images of one camera, depth, odometry, by type, name and content.
+"""Chooses the topics of a drive in a bag: images of one camera, depth, and odometry, by type, name and content.
 
-Owns the choice and the sentences about it.
+Owns the choice and the messages about it.
 """
 
 import re
@@ -18,13 +18,13 @@ from ltvn_core.robots.ros2.ros_cameras import CAMERA_INFO
 from ltvn_core.robots.ros2.ros_images import COMPRESSED_IMAGE, IMAGE, has_sixteen_bits, shows_depth
 
 FROM_TREE = "tf"
-"""Value of `--odometry` for the tree of frames."""
+"""Value of `--odometry` that takes the odometry from the transform tree."""
 
 _SUFFIXES = re.compile(r"/(compressed|compressedDepth|ffmpeg|foxglove)$")
 _TRUTH = re.compile(r"(^|[/_])(ground_?truth|gt|mocap|vicon|optitrack|qualisys)([/_]|$)", re.IGNORECASE)
 _DEPTH = re.compile(r"depth", re.IGNORECASE)
 _COLOURS_BY_DEPTH = re.compile(r"(colou?r|rgb)\w*_to_depth|depth_?cam", re.IGNORECASE)
-"""Colours as the depth camera would see them, and cameras that deliver both."""
+"""Names of colour topics in the view of the depth camera, and of cameras that deliver both colours and depth."""
 _NO_CAMERA = re.compile(
     r"infra|(^|[/_])ir\d?([/_]|$)|thermal|debug|annotat|overlay|detect|result|segment|mask|costmap|disparity",
     re.IGNORECASE,
@@ -38,19 +38,19 @@ class ChosenTopics:
     rgb: str
     depth: str | None
     odometry: str | None
-    """None if the tree of frames says it, or nothing."""
+    """Topic of the odometry; None if odometry comes from the transform tree, or if there is none."""
     truth: str | None
     camera_info: str | None
     depth_info: str | None
     unused_depths: tuple[str, ...] = ()
-    """Topics that could be depth and are not used."""
+    """Topics that could be depth, but are not used."""
     lost_depths: tuple[str, ...] = ()
-    """Topics that are called depth and hold none, where no other is there."""
+    """Topics that are called depth but do not hold it; only given if no other depth topic exists."""
     depth_videos: tuple[str, ...] = ()
-    """Topics with depth as video, which is not read, where no other is there."""
+    """Topics with depth as video, which is not supported; only given if no other depth topic exists."""
 
     def roles(self) -> dict[str, str]:
-        """Return what each topic is used for."""
+        """Return the role of each topic in use."""
         pairs = {
             self.rgb: "rgb",
             self.depth: "depth",
@@ -62,12 +62,12 @@ class ChosenTopics:
         return {topic: role for topic, role in pairs.items() if topic is not None}
 
     def moments(self) -> tuple[str, ...]:
-        """Return the topics whose stamps are compared."""
+        """Return the topics whose stamps are compared with each other."""
         return tuple(topic for topic in (self.rgb, self.depth, self.odometry, self.truth) if topic is not None)
 
 
 def choose_topics(files: BagFiles, found: BagSurvey, options: ReadOptions) -> ChosenTopics:
-    """Return the topics of the drive. Raises DriveError that lists what there is, where nothing or too much fits."""
+    """Return the topics of the drive. Raises DriveError with a list of topics if none or several fit."""
     images = _named(files, IMAGE, COMPRESSED_IMAGE)
     depth_videos = tuple(name for name in images if _is_depth_video(name, found))
     if options.depth is not None and options.depth.lstrip("/") in [name.lstrip("/") for name in depth_videos]:
@@ -109,7 +109,7 @@ def _named(files: BagFiles, *msgtypes: str) -> list[str]:
 
 
 def _is_depth(name: str, found: BagSurvey) -> bool:
-    """Tell whether a topic is depth: its images say so, or have 16 bits and their topic says so."""
+    """Tell whether a topic is depth: its images have a depth encoding, or 16 bits and a name that means depth."""
     sample = found.samples.get(name)
     if sample is None:
         return _is_called_depth(name)
@@ -159,8 +159,8 @@ def _colour(images: Sequence[str], depths: Collection[str | None], found: BagSur
         possible = [name for name in equal if _could_be_depth(name, found)]
         hint = f"; topics with 16 bits, which may be depth for --depth: {_listed(possible)}" if possible else ""
         raise DriveError(f"{files.path} has several cameras; choose one with --rgb: {_listed(equal)}{hint}.")
-    # Of one camera: images before video, which was compressed more, rectified ones before raw ones, and the shortest
-    # name, which is not compressed.
+    # Among topics of one camera: images before video, which loses more, rectified before raw, and the shortest name,
+    # which belongs to the uncompressed images.
     return min(equal, key=lambda name: (is_video(_format(name, found)), "rect" not in name, len(name), name))
 
 
@@ -172,7 +172,7 @@ def _colour_rank(name: str) -> int:
 
 
 def _camera_of(name: str) -> str:
-    """Return the namespace of a camera: all of a topic's name before its last part."""
+    """Return the namespace of a camera: the topic's name without its last part."""
     return _SUFFIXES.sub("", name).rpartition("/")[0]
 
 
@@ -187,10 +187,10 @@ def _depth(depths: Sequence[str], rgb: str) -> str | None:
 
 
 def _info_beside(image: str, infos: Sequence[str], images: Collection[str]) -> str | None:
-    """Return the CameraInfo in the namespace of an image topic, or in the nearest one around it.
+    """Return the CameraInfo in the namespace of an image topic, or in the nearest enclosing namespace.
 
-    In each namespace `camera_info` counts first, then the only other one there or one level below; the latter not where
-    images lie beside it, whose camera it then describes.
+    In each namespace, `camera_info` is preferred; otherwise the only other CameraInfo there or one level below is used.
+    One level below, a CameraInfo with images beside it does not count, because it describes their camera.
     """
     namespace = _camera_of(image)
     while True:
@@ -206,7 +206,7 @@ def _info_beside(image: str, infos: Sequence[str], images: Collection[str]) -> s
 
 
 def _around(info: str, images: Collection[str]) -> str | None:
-    """Return the namespace around that of a CameraInfo; None if images lie in its own."""
+    """Return the namespace that encloses that of a CameraInfo; None if there are images in its own namespace."""
     own = _camera_of(info)
     return None if any(name.startswith(f"{own}/") for name in images) else own.rpartition("/")[0]
 
@@ -221,7 +221,7 @@ def _poses(files: BagFiles, found: BagSurvey, options: ReadOptions) -> tuple[str
     if (asked := _asked(files, options.odometry, "--odometry", [*poses, FROM_TREE, NOTHING])) is not None:
         return asked, truth
     candidates = [name for name in _named(files, ODOMETRY) if name not in truths]
-    if not candidates and not found.tree.motions:  # Foxglove has no odometry; a pose is of the robot or of a goal.
+    if not candidates and not found.tree.motions:  # Foxglove has no odometry type, only poses.
         candidates = [name for name in poses if files.topics[name].written.foxglove == POSE_IN_FRAME]
         candidates = [name for name in candidates if name not in truths]
     best = [name for name in candidates if name.endswith("/odom")] or candidates

@@ -1,7 +1,7 @@
-"""The camera's mounting on the robot and its motion, read from the tree of frames.
+"""The camera's mounting on the robot and its motion, from the transform tree.
 
-Owns the guesses for incomplete bags: which frame is the robot, which is the ground, and whether the frame of the images
-is an optical one.
+Owns the guesses for incomplete bags: the frames of robot and ground, and whether the frame of the images is an optical
+frame.
 """
 
 from dataclasses import dataclass, replace
@@ -24,11 +24,11 @@ _ODOMETRY_FRAMES = ("odom", "odometry", "odom_combined")
 _GROUND_FRAMES = ("base_footprint", "base_link_footprint", "footprint")
 _ROBOT_FRAMES = ("base_link", "base_footprint", "base")
 _STEEP_RAD = np.radians(60.0)
-"""A camera that seems to look up or down so steeply is rather one whose frame is not optical."""
+"""Pitch in radians above which the image frame is probably a body frame, not an optical frame."""
 
 
 class FrameEdge(NamedTuple):
-    """The odometry's own frames."""
+    """Parent and child frame of the odometry."""
 
     parent: str
     child: str
@@ -36,21 +36,21 @@ class FrameEdge(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class CameraRig:
-    """Where the camera is on the robot."""
+    """Mounting and motion of the camera."""
 
     world: str
     """The frame of the odometry; "" if there is none."""
     carrier: str
-    """The frame whose motion is followed: the camera's, or the robot's if the camera's mounting is unknown."""
+    """Frame whose motion is used: that of the camera, or that of the robot if the camera's mounting is unknown."""
     turn: NDArray[np.float64]
-    """(3, 3): takes directions of the optical frame to the carrier."""
+    """Rotation (3, 3) from the optical frame to the carrier."""
     image_turn: NDArray[np.float64]
-    """(3, 3): takes directions of the optical frame to the frame that the images name."""
+    """Rotation (3, 3) from the optical frame to the frame that the images name."""
     mounting: CameraMounting
-    """Mounting of the camera on the robot; without a tilt if that is unknown."""
+    """Mounting of the camera on the robot; without a tilt if it is unknown."""
 
     def pose(self, tree: TransformTree, stamp: float) -> SpatialPose | None:
-        """Return where the camera was at a moment, None if the tree does not tell."""
+        """Return the camera's pose at a time; None if the tree does not contain it."""
         found = tree.lookup(self.world, self.carrier, stamp) if self.world else None
         return None if found is None else spatial_pose(found[:3, 3], found[:3, :3] @ self.turn)
 
@@ -81,7 +81,7 @@ def find_rig(tree: TransformTree, camera_frame: str, odometry: FrameEdge | None,
 
 
 def robot_frame(tree: TransformTree) -> str:
-    """Return the frame that is called like a robot's own; "base_link" if there is none."""
+    """Return the frame with the usual name of a robot's frame; "base_link" if there is none."""
     frames = sorted(tree.frames)
     return next((frame for name in _ROBOT_FRAMES for frame in frames if _last(frame) == name), _ROBOT_FRAMES[0])
 
@@ -97,19 +97,20 @@ def _bare_rig(world: str, robot: str) -> CameraRig:
 
 
 def _motion(tree: TransformTree, way: list[str]) -> FrameEdge:
-    """Return the frames between which the robot drives: odometry's own, or else the uppermost that move."""
+    """Return the parent and child frame of the robot's motion: those of odometry, or else the topmost moving ones."""
     moving = [FrameEdge(parent, child) for parent, child in tree.motions]
     carrying = [edge for edge in moving if edge.child in way]
     robots = carrying or [edge for edge in moving if _last(edge.child) in _ROBOT_FRAMES]
     driven = [edge for edge in robots if _last(edge.parent) in _ODOMETRY_FRAMES]
     if driven or not carrying:
         return (driven or robots or [FrameEdge("", "")])[0]
-    # The motion of a head on the robot comes below the robot's own motion in the tree.
+    # The motion of a head on the robot is below the robot's own motion in the tree.
     return max(carrying, key=lambda edge: way.index(edge.child))
 
 
 def _optical(frame: str, on_robot: Transform) -> NDArray[np.float64]:
-    """Return how optical directions lie in the frame of the images; simulators often name the camera's body there."""
+    """Return the rotation (3, 3) from the optical frame to the image frame, which simulators often set to the camera's
+    body."""
     if "optical" in frame:
         return np.eye(3)
     as_optical = spatial_pose(on_robot[:3, 3], on_robot[:3, :3]).tilt

@@ -1,6 +1,6 @@
-"""Reads a ROS bag as a drive: colours with the depth and the pose of the same moment, one after the other.
+"""Reads a ROS bag as a drive: one frame after the other, each with colours, depth and pose of the same moment.
 
-Owns the conversion of messages to raw frames. After a survey of its beginning the bag is streamed once, whatever its
+Owns the conversion of messages to raw frames. After a survey of its beginning, the bag is streamed once, whatever its
 size.
 """
 
@@ -40,11 +40,12 @@ from ltvn_core.errors import DriveError
 from ltvn_core.types import Pose
 
 _CLOCKS_APART_S = 5.0
-"""Difference of stamps recorded together above which they come from different clocks, in seconds."""
+"""Time difference between the stamps of messages recorded together, in seconds, above which they come from different
+clocks."""
 _CLOCK_BEGINS_S = 60.0
-"""Where the first stamps above 0 are smaller, the clock began at 0 with the recording, as a simulator's does."""
+"""First stamp in seconds below which the clock started at 0 with the recording, as a simulator's clock does."""
 _TOLERANCES_S = (0.01, 0.1)
-"""Colours and depth belong together within half a frame, within these limits."""
+"""Smallest and largest tolerance in seconds for matching colours and depth; within these limits it is half a frame."""
 _MOST_DOUBTS = 10
 
 NO_POSE = "no pose at that time"
@@ -112,12 +113,13 @@ class BagDrive:
         )
 
     def frames(self) -> Iterator[RawFrame]:
-        """Yield the frames in the order of their stamps. Raises DriveError where the bag is damaged or none fits."""
+        """Yield the frames in the order of their stamps. Raises DriveError if the bag is damaged or no image can be
+        used."""
         return self.frames_where(lambda _: True)
 
     def frames_where(self, wanted: FrameFilter) -> Iterator[RawFrame]:
         """Yield the frames of wanted moments; images of other moments are not decoded."""
-        # The surveyed messages are read again now, perhaps with another clock or from another topic.
+        # The messages of the survey are read again, perhaps with another clock or from another topic.
         self._tree.forget_motion()
         for matched in self._matches():
             frame = self._frame(matched, wanted)
@@ -160,14 +162,14 @@ class BagDrive:
             self._samples.setdefault(raw.topic, message)
 
     def _take_colours(self, image: PendingImage, matcher: StampMatcher) -> None:
-        if self._video is None and self._topics.rgb not in self._samples:  # It kept silent at the beginning.
+        if self._video is None and self._topics.rgb not in self._samples:  # The topic was silent during the survey.
             self._samples.setdefault(self._topics.rgb, image.message)
             self._video = self._video_of(image.message)
         for each in [image] if self._video is None else self._video.pictures(image):
             matcher.add_colours(each)
 
     def _video_of(self, message: Any) -> VideoStream | None:
-        """Return the decoder of the colours where they are a video. Raises DriveError, and MissingLibraryError."""
+        """Return the decoder if the colours are a video, otherwise None. Raises DriveError, and MissingLibraryError."""
         form = str(getattr(message, "format", ""))
         return VideoStream(self._topics.rgb, form, self._drop_packet) if is_video(form) else None
 
@@ -180,7 +182,7 @@ class BagDrive:
             )
 
     def _stamp(self, message: Any, raw: RawMessage) -> float:
-        """Return the stamp of a message, or when it was recorded if it has none."""
+        """Return the stamp of a message; without a stamp, the time of recording."""
         stamp = 0.0 if self._by_log else stamp_s(message)
         is_stamped = stamp > 0 or (self._is_zero_a_time and not self._by_log)
         return stamp if is_stamped else raw.log_s
@@ -198,7 +200,7 @@ class BagDrive:
         return self._tree.newest_s(self._rig.world, self._rig.carrier) if self._rig.world else float("inf")
 
     def _frame(self, matched: MatchedImages, wanted: FrameFilter) -> RawFrame | None:
-        """Return a frame; None if it was dropped or is not wanted."""
+        """Return a frame; None if it was left out or is not wanted."""
         pose = self._rig.pose(self._tree, matched.colours.stamp)
         if matched.colours.stamp <= self._last_stamp:
             reason = NOT_LATER
@@ -217,7 +219,7 @@ class BagDrive:
         return None
 
     def _wanted_frame(self, matched: MatchedImages, pose: SpatialPose | None, wanted: FrameFilter) -> RawFrame | None:
-        """Return a frame; None if it is not wanted. Raises DriveError for a damaged one."""
+        """Return a frame; None if it is not wanted. Raises DriveError if it is damaged."""
         moment = FrameMoment(
             stamp=matched.colours.stamp,
             odometry=None if pose is None else pose.planar,
@@ -239,7 +241,7 @@ class BagDrive:
         return [name for name, topic in self._files.topics.items() if topic.msgtype in TRANSFORMS]
 
     def _lacks_stamps(self, found: BagSurvey) -> bool:
-        """Tell whether the stamps of all topics in use are 0, so that none says when a message was sent."""
+        """Tell whether all stamps of the topics in use are 0; then the time of recording is used."""
         used = [topic for topic in self._topics.moments() if topic in found.ahead_s]
         if not used or any(topic in found.earliest_s for topic in used):
             return False
@@ -261,7 +263,7 @@ class BagDrive:
         return True
 
     def _odometry_frames(self, options: ReadOptions) -> FrameEdge | None:
-        """Return the frames of the odometry topic; None if the tree of frames is to say it."""
+        """Return the frames of the odometry topic; None if the transform tree gives the odometry."""
         if options.odometry == NOTHING:
             return FrameEdge("", robot_frame(self._tree))
         odometry = self._samples.get(self._topics.odometry or "")
@@ -291,7 +293,7 @@ class BagDrive:
 
 
 def open_bag(path: Path, paths: Sequence[Path], options: ReadOptions) -> BagDrive:
-    """Look into the files of the bag at a path and choose its topics. Raises DriveError."""
+    """Survey the bag at `path` with the files `paths`, and choose its topics. Raises DriveError."""
     files = BagFiles(path, paths)
     found = survey(files)
     return BagDrive(files, found, choose_topics(files, found, options), options)

@@ -1,8 +1,8 @@
-"""From matched image messages to a raw frame: images decoded, lenses looked up, depth laid over the colours.
+"""Converts matched image messages to a raw frame: decodes images, finds the lenses, aligns depth with the colours.
 
-Owns the cameras of a bag's images, the doubt whether a CameraInfo can describe the images beside it (simulators and
-drivers send defaults that do not), and depth as the colour camera would have seen it. Which messages belong together is
-decided before.
+Owns the cameras of a bag's images, and the alignment of depth with the colour camera. Also owns the doubt whether a
+CameraInfo describes the images beside it, because simulators and drivers may send default values. `image_matching`
+decides which messages belong together.
 """
 
 from collections.abc import Callable, Mapping
@@ -30,22 +30,23 @@ from ltvn_core.types import Depth, Rgb
 _NEAREST_M = 0.01
 """Least valid depth, in metres."""
 _OFF_CENTRE = 0.2
-"""Largest distance of a lens's centre from the middle of the image, as a share of the image's size."""
+"""Largest distance of the principal point from the middle of the image, as a share of the image's size."""
 _ADVICE = (
     "Give the lens with --camera fx,fy,cx,cy,width,height in pixels; a simulator's, without distortion, has fx = fy = "
     "width / 2 / tan(horizontal field of view / 2) and its centre in the middle."
 )
 _SAME_LENS = 0.015
-"""Lenses whose focal lengths and centres differ by less than this share of the width are one."""
+"""Largest difference of focal lengths and principal points of two lenses that count as the same, as a share of the
+width."""
 
 
 def register_depth(
     depth_m: Depth, depth_camera: CameraModel, colour_camera: CameraModel, colour_from_depth: Transform
 ) -> Depth:
-    """Return the depth that the colour camera would have seen, 0 where nothing was measured.
+    """Return the depth that the colour camera would have measured, 0 where there is none.
 
-    The result shows all that the colours show, at no more pixels than the depth has, so that it has no gaps between
-    neighbouring points. Of several points in a pixel the nearest counts.
+    The result covers the view of the colours, with at most as many pixels as the depth, so that neighbouring points
+    leave no gaps. If several points fall into a pixel, the nearest counts.
 
     Args:
         depth_m: (h, w) metres along the depth camera's axis.
@@ -76,18 +77,18 @@ def _coarse_enough(colour: CameraModel, depth: CameraModel) -> CameraModel:
 
 @lru_cache(maxsize=4)
 def _rays(camera: CameraModel) -> NDArray[np.float64]:
-    """Return right and down of each pixel (h, w, 2) at one metre of depth."""
+    """Return the rays of all pixels (h, w, 2): right and down at one metre of depth."""
     columns, rows = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
     return camera.pixels_to_rays(np.stack([columns, rows], axis=-1).astype(np.float64))
 
 
 def lens_doubt(lens: CameraModel, info: Any, topic: str) -> str | None:
-    """Return what speaks against a lens; None if nothing does.
+    """Return the reason for doubting a lens; None if there is none.
 
     Args:
         lens: The lens at the size of the images, after cropping and binning.
-        info: The CameraInfo that says so.
-        topic: Where it came from.
+        info: The CameraInfo with this lens.
+        topic: Topic of the CameraInfo.
     """
     middle_x = (lens.width - 1) / 2
     middle_y = (lens.height - 1) / 2
@@ -119,15 +120,15 @@ class FrameDecoder:
         options: ReadOptions,
         doubt: Callable[[str], None],
     ) -> None:
-        """Start with the survey of the bag; `samples` grows while it is streamed.
+        """Start with the survey of the bag; `samples` grows while the bag is streamed.
 
         Args:
             topics: The topics in use.
             samples: The first message of each topic.
-            tree: Where the frames of colours and depth are.
-            rig: How the camera is mounted.
-            options: What a person says of the camera and of the unit of depth; wins over the bag's.
-            doubt: Called with what is doubtful.
+            tree: Transform tree with the frames of colours and depth.
+            rig: Mounting and motion of the camera.
+            options: The user's camera and unit of depth, which override those of the bag.
+            doubt: Called with each doubt.
         """
         self._topics = topics
         self._samples = samples
@@ -170,7 +171,8 @@ class FrameDecoder:
         return lens
 
     def _lens(self, image_topic: str, info_topic: str | None, width: int, height: int) -> CameraModel | None:
-        """Return the lens of images of a size, level; None if the bag does not say. Raises DriveError."""
+        """Return the lens of images with this size, without mounting; None if the bag does not contain it. Raises
+        DriveError."""
         key = (image_topic, width, height)
         if self._lenses.get(key) is None:
             info = self._samples.get(info_topic or "")
@@ -186,7 +188,7 @@ class FrameDecoder:
         return lens_doubt(lens, self._samples.get(info_topic or ""), str(info_topic))
 
     def _depth_lens(self, topic: str, width: int, height: int) -> CameraModel | None:
-        """Return the lens of depth images; None if the bag does not say, or says what cannot be."""
+        """Return the lens of depth images; None if the bag has none, or an impossible one."""
         info_topic = self._topics.depth_info
         try:
             lens = self._lens(topic, info_topic, width, height)
@@ -198,7 +200,7 @@ class FrameDecoder:
         return lens
 
     def _shares_corrected_lens(self, depth: CameraModel) -> bool:
-        """Tell whether the bag names one lens for colours and depth, in whose place a person named another."""
+        """Tell whether the user replaced the lens of the colours, and the bag gives that same lens for depth."""
         if self._asked is None:
             return False
         try:
@@ -218,7 +220,7 @@ class FrameDecoder:
     def _depth(
         self, image: PendingImage, colours: CameraModel | None, colours_frame: str
     ) -> tuple[Depth, CameraModel | None]:
-        """Return depth as the colours show it; or as it is, with its own lens where that is another."""
+        """Return depth aligned with the colours; or unchanged, with its own lens if that differs."""
         topic = str(self._topics.depth)
         depth = self._metres(image.message, f"{topic} at {image.stamp:.3f}")
         lens = self._depth_lens(topic, depth.shape[1], depth.shape[0])
@@ -237,7 +239,7 @@ class FrameDecoder:
         return register_depth(depth, lens, colours, self._optical(apart)), None
 
     def _optical(self, apart: Transform) -> Transform:
-        """Return a pose between two frames of images as one between optical frames."""
+        """Convert the pose between two image frames to the pose between their optical frames."""
         turn = np.eye(4)
         turn[:3, :3] = self._rig.image_turn
         return turn.T @ apart @ turn

@@ -1,6 +1,6 @@
-"""Matches images with the depth and the pose of their moment, while a bag is streamed.
+"""Matches images with the depth and the pose of the same moment, while a bag is streamed.
 
-Owns the queues and their limits; knows no message.
+Owns the queues and their limits. Independent of message types.
 """
 
 from collections import deque
@@ -8,14 +8,14 @@ from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 _PATIENCE_S = 1.0
-"""Time after which a message recorded later is no longer expected, in seconds."""
+"""Time in seconds after which an image no longer waits for its depth and pose."""
 _MOST_BYTES = 2**28
-"""Largest size of the images that wait, in bytes."""
+"""Largest size of the waiting images, in bytes."""
 _MOST_WAITING = 200
 
 
 class PendingImage(NamedTuple):
-    """An image message that waits."""
+    """An image message in the queue."""
 
     stamp: float
     """Time when it was taken, in seconds."""
@@ -30,18 +30,18 @@ class MatchedImages(NamedTuple):
 
     colours: PendingImage
     depth: PendingImage | None
-    """None if there is no depth topic, or no depth of that moment."""
+    """Depth of the same moment; None if there is no depth topic or no such depth."""
 
 
 class StampMatcher:
-    """Matches colours with depth by their stamps, in the order in which colours came."""
+    """Matches colours with depth by their stamps, in the order in which the colours arrived."""
 
     def __init__(self, *, needs_depth: bool, tolerance_s: float, is_known: Callable[[float], bool]) -> None:
         """Begin with empty queues.
 
         Args:
-            needs_depth: There is a depth topic.
-            tolerance_s: Stamps that differ by no more are of one moment.
+            needs_depth: Whether there is a depth topic.
+            tolerance_s: Largest difference of stamps in seconds that counts as the same moment.
             is_known: Tells whether the pose at a time has arrived.
         """
         self._needs_depth = needs_depth
@@ -61,7 +61,8 @@ class StampMatcher:
             self._depths.popleft()
 
     def ready(self, log_s: float) -> Iterator[MatchedImages]:
-        """Yield what waits for nothing any more at a moment of the recording; infinity empties the queue."""
+        """Yield the images that are complete, or have waited too long, at the log time `log_s`; infinity empties the
+        queue."""
         while self._colours:
             first = self._colours[0]
             crowded = len(self._colours) > _MOST_WAITING or _held(self._colours) > _MOST_BYTES

@@ -1,8 +1,8 @@
-"""Messages of other makers as the messages of ROS that say the same, so that one reader serves them all.
+"""Converts messages of other makers to equivalent ROS messages, so that one reader serves all of them.
 
-Owns the table of types that count as another: Foxglove's, in protobuf, in JSON and as messages of ROS, and packets of
-video. Foxglove's schemas have public and fixed numbers and names of fields; a schema that lies in a file is never read.
-What comes out has the fields of ROS's message and need not be of its class.
+Owns the table of equivalent types: Foxglove's in protobuf, in JSON and as ROS messages, and video packets. Foxglove's
+schemas have public and fixed field numbers and names; a schema in the file is never read. A result has the fields of
+the ROS message, but need not be of its class.
 """
 
 import base64
@@ -24,13 +24,14 @@ from ltvn_core.robots.ros2.ros_images import COMPRESSED_IMAGE, IMAGE
 from ltvn_core.structured_text import parse_json
 
 PREFIX = "foxglove."
-"""Before the name of a schema in an MCAP file."""
+"""Prefix of the name of a Foxglove schema in an MCAP file."""
 PROTOBUF = "protobuf"
 JSON = "json"
 _MOST_FIELDS = 100_000
-"""Fields of one message, those of its parts included; a robot has a few hundred frames."""
+"""Largest number of fields of one message, with those of nested messages; a robot has a few hundred frames."""
 _MOST_JSON_BYTES = 2**26
-"""Of text, which takes twenty times as much memory when it is read; an image of 4K in base64 has 33 MB."""
+"""Largest size of a JSON message in bytes; parsed, it takes twenty times as much memory. A 4K image in base64 has 33
+MB."""
 CDR = "cdr"
 ROS1 = "ros1"
 POSE_IN_FRAME = "PoseInFrame"
@@ -52,17 +53,17 @@ class _Kind(Enum):
 
 
 class SchemaField(NamedTuple):
-    """A field of a message."""
+    """A field of a schema."""
 
     number: int
-    """Its number in protobuf."""
+    """Field number in protobuf."""
     name: str
-    """Its name in ROS's version of the message."""
+    """Field name in the ROS message."""
     kind: _Kind
     inner: "Schema" = ()
-    """The fields of the message that it holds."""
+    """Fields of the nested message; empty if it is none."""
     json_name: str = ""
-    """Its name in JSON, where that is another."""
+    """Field name in JSON, if it differs."""
 
 
 Schema: TypeAlias = tuple[SchemaField, ...]
@@ -126,20 +127,20 @@ SCHEMAS: dict[str, Schema] = {
         SchemaField(3, "pose", _Kind.MESSAGE, _POSE),
     ),
 }
-"""Name -> fields, for the schemas that say something of a drive."""
+"""Fields of each supported schema, by its name."""
 
 
 def read_message(data: bytes, encoding: str, name: str) -> SimpleNamespace:
     """Return the fields of a message by their names in ROS; missing fields are 0 or empty.
 
     Args:
-        data: The message as it lies in the file.
+        data: The encoded message.
         encoding: `PROTOBUF` or `JSON`.
         name: A key of `SCHEMAS`.
 
     Raises:
-        ValueError: It is not such a message.
-        TypeError: A field of JSON is of another type.
+        ValueError: The data is not a message of this schema.
+        TypeError: A JSON field has the wrong type.
     """
     if encoding == PROTOBUF:
         return _ProtobufReader().read(data, SCHEMAS[name])
@@ -149,7 +150,7 @@ def read_message(data: bytes, encoding: str, name: str) -> SimpleNamespace:
 
 
 class _ProtobufReader:
-    """Reads one message and counts its fields."""
+    """Reads one message, and counts its fields."""
 
     def __init__(self) -> None:
         self._count = 0
@@ -173,13 +174,13 @@ class _ProtobufReader:
                 return _integer(values[-1]) if values else 0
             case _Kind.DOUBLE:
                 return struct.unpack("<d", _bytes(values[-1]))[0] if values else 0.0
-            case _Kind.DOUBLES:  # Packed together or one by one.
+            case _Kind.DOUBLES:  # Packed, or one value at a time.
                 return np.frombuffer(b"".join(map(_bytes, values)), "<f8")
             case _Kind.TEXT:
                 return _bytes(values[-1]).decode(errors="replace") if values else ""
             case _Kind.BYTES:
                 return np.frombuffer(_bytes(values[-1]) if values else b"", np.uint8)
-            case _Kind.MESSAGE:  # Parts of one message that came apart are joined.
+            case _Kind.MESSAGE:  # Protobuf may split one message into parts, which must be joined.
                 return self.read(b"".join(map(_bytes, values)), field.inner)
             case _Kind.MESSAGES:
                 return [self.read(_bytes(value), field.inner) for value in values]
@@ -220,30 +221,30 @@ def _json_value(field: SchemaField, said: Any) -> Any:
 
 
 class Written(NamedTuple):
-    """How the messages of a channel lie in the file."""
+    """Encoding and schema of the messages of a channel."""
 
     encoding: str
-    """`cdr`, `ros1`, `protobuf`, `json` or one that is not read."""
+    """Encoding: `cdr`, `ros1`, `protobuf`, `json`, or one that is not supported."""
     schema: str
-    """The name of their type, as the file has it."""
+    """Name of the message type in the file."""
 
     @classmethod
     def of(cls, connection: Connection) -> "Written":
-        """Return how a connection's messages are written."""
+        """Return the encoding and schema of a connection's messages."""
         extension = connection.ext
         encoding = extension.serialization_format if isinstance(extension, ConnectionExtRosbag2) else ROS1
         return cls(encoding or "unknown", connection.msgtype)
 
     @property
     def foxglove(self) -> str:
-        """Name of the schema without its maker; "" where it is none of Foxglove's that are read."""
+        """Name of the schema without its prefix; "" if it is not a supported Foxglove schema."""
         prefix = PREFIX if self.encoding in (PROTOBUF, JSON) else _ROS_FOXGLOVE
         name = self.schema.removeprefix(prefix) if self.schema.startswith(prefix) else ""
         return name if name in SCHEMAS else ""
 
     @property
     def msgtype(self) -> str | None:
-        """The type of ROS as which the messages are read; None if they are not."""
+        """ROS message type as which the messages are read; None if they are not supported."""
         if self.foxglove:
             return _FOXGLOVE[self.foxglove][0]
         if self.encoding not in (CDR, ROS1):
@@ -255,11 +256,12 @@ class MessageReader:
     """Decodes the messages of one bag."""
 
     def __init__(self, *, ros1: bool) -> None:
-        """Prepare ROS's types: of ROS 1, or of ROS 2."""
+        """Load the message types of ROS 1 or ROS 2."""
         self._store = _typestore(ros1=ros1)
 
     def read(self, data: bytes, written: Written) -> Any:
-        """Return a message in ROS's form. Raises any exception where it is damaged: the library trusts lengths."""
+        """Return a message in ROS's form. Raises any exception for a damaged message, because the library trusts its
+        lengths."""
         if written.encoding in (PROTOBUF, JSON):
             return _FOXGLOVE[written.foxglove][1](read_message(data, written.encoding, written.foxglove))
         read = self._store.deserialize_ros1 if written.encoding == ROS1 else self._store.deserialize_cdr
@@ -300,8 +302,8 @@ def _image(message: Any) -> Any:
 
 
 def _camera_info(message: Any) -> Any:
-    """Return a CameraInfo of the whole image. Raises ValueError where matrices have other sizes than theirs."""
-    # ROS 1 writes these large.
+    """Return a CameraInfo without a region of interest. Raises ValueError for matrices of a wrong size."""
+    # ROS 1 uses capital letters for these fields.
     d, k, p = (np.asarray(getattr(message, name, getattr(message, name.upper(), ())), np.float64) for name in "dkp")
     if k.size not in (0, 9) or p.size not in (0, 12):
         raise ValueError(f"K has {k.size} numbers and P has {p.size}, expected 9 and 12")
@@ -335,7 +337,7 @@ def _pose(message: Any) -> Any:
 
 
 def _turn(said: Any) -> Any:
-    """Return a rotation, the identity if all fields are 0, because protobuf omits unset fields."""
+    """Return a rotation; the identity if all fields are 0, because protobuf omits such fields."""
     return said if any((said.x, said.y, said.z, said.w)) else SimpleNamespace(x=0.0, y=0.0, z=0.0, w=1.0)
 
 
@@ -348,7 +350,7 @@ _FOXGLOVE: dict[str, tuple[str, _Convert]] = {
     "FrameTransforms": (_TF, _transforms),
     POSE_IN_FRAME: (_POSE_STAMPED, _pose),
 }
-"""Foxglove's schema -> ROS's type, and the conversion."""
+"""ROS message type and conversion of each Foxglove schema."""
 
 _TRANSFORMS = "geometry_msgs/TransformStamped[] transforms"
 
@@ -378,11 +380,11 @@ _PACKETS = {
         "bool is_bigendian\nuint8[] data\n"
     ),
 }
-"""FFMPEGPacket of ROS 1, and of ROS 2, which are not alike."""
+"""Definitions of FFMPEGPacket, which differ between ROS 1 and ROS 2."""
 
 
 def _typestore(*, ros1: bool) -> Typestore:
-    """Return ROS's types with those of other makers that are read."""
+    """Return the ROS message types, with the supported types of other makers."""
     store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.LATEST)
     added = {**_DEFINITIONS, _PACKET: _PACKETS[ros1]}
     if ros1:

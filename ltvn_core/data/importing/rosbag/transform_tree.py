@@ -1,7 +1,7 @@
-"""ROS's tree of frames: which frame hangs on which, where it is there, and how it moves.
+"""ROS's transform tree: the parent of each frame, the pose in its parent, and the motion of this pose.
 
-Owns the tree, the limits of what may be guessed between two poses of a frame, and no message: `/tf`, `/tf_static` and
-odometry all come in as (parent, child, pose).
+Owns the tree, and the limits for interpolating between two poses of a frame. Independent of message types: `/tf`,
+`/tf_static` and odometry all arrive as (parent, child, pose).
 """
 
 from bisect import bisect_right
@@ -13,24 +13,24 @@ from scipy.spatial.transform import Rotation
 from ltvn_core.data.importing.spatial_pose import Transform, inverse, pose_between
 
 _LONGEST_GAP_S = 0.5
-"""Longest gap between two poses that is interpolated, in seconds, unless the robot stood still meanwhile."""
+"""Longest gap between two poses that is interpolated, in seconds, unless the robot stood still in between."""
 _STANDING_M = 0.03
 _STANDING_RAD = np.radians(2.0)
-"""A robot that turned less than this, and moved less than `_STANDING_M`, stood still."""
+"""Rotation in radians, and movement `_STANDING_M` in metres, below which a robot stood still."""
 _LATEST_S = 0.1
-"""Time before the first pose and after the last within which these still hold, in seconds."""
+"""Longest time in seconds for which the first pose holds before its stamp, and the last pose after it."""
 _KEPT = 4096
-"""Poses; images wait for their pose, and not the other way round, so older ones are not asked for."""
+"""Number of poses that are kept; older ones are not needed, because images wait for their poses."""
 _DEEPEST = 64
-"""Robots have a dozen frames between the ground and a camera; more is a circle."""
+"""Largest depth of the tree; robots have a dozen frames between ground and camera, so a deeper tree is a cycle."""
 _SAID_OFTEN = 3
-"""Poses of a frame that moves, while another was said once and for all."""
+"""Least number of poses in the survey that make a frame a moving one; frames with a single pose are then fixed."""
 _MOST_FRAMES = 10_000
 """Largest number of frames; further ones are ignored."""
 
 
 class MovingFrame:
-    """Poses of a frame in its parent in the order of their stamps; late poses are left out."""
+    """Poses of a frame in its parent, in the order of their stamps; poses that arrive late are left out."""
 
     def __init__(self) -> None:
         """Begin without any pose."""
@@ -44,16 +44,16 @@ class MovingFrame:
 
     @property
     def count(self) -> int:
-        """How many poses are known."""
+        """Number of known poses."""
         return len(self._stamps)
 
     @property
     def last(self) -> Transform:
-        """The last pose; there must be one."""
+        """Last pose; there must be one."""
         return self._poses[-1]
 
     def add(self, stamp: float, pose: Transform) -> bool:
-        """Take in a pose; False where it is not newer than the last, and thus left out."""
+        """Add a pose; return False if it is not newer than the last one, and is therefore left out."""
         if stamp <= self.newest_s:
             return False
         self._stamps.append(stamp)
@@ -63,7 +63,7 @@ class MovingFrame:
         return True
 
     def at(self, stamp: float) -> Transform | None:
-        """Return the pose at a moment; None if the poses do not tell."""
+        """Return the pose at a time; None if the known poses are too far from it."""
         after = bisect_right(self._stamps, stamp)
         if 0 < after < len(self._stamps):
             return self._between(after, stamp)
@@ -90,7 +90,7 @@ def _stands(first: Transform, second: Transform, turn: Rotation) -> bool:
 
 
 class TransformTree:
-    """Frames by name. A frame hangs on the parent that was last named for it."""
+    """Frames by name. The parent of a frame is the one that was named last."""
 
     def __init__(self) -> None:
         """Begin without any frame."""
@@ -98,23 +98,24 @@ class TransformTree:
         self._fixed: dict[str, Transform] = {}
         self._moving: dict[str, MovingFrame] = {}
         self._settled: set[str] = set()
-        """Frames that are fixed because only one pose of each was published, until another one is."""
+        """Frames that count as fixed because only one pose was published for each; a different pose makes them
+        moving."""
 
     def add_fixed(self, parent: str, child: str, pose: Transform) -> None:
-        """Hang a frame onto another for good."""
+        """Set the fixed pose of a frame in its parent."""
         if parent != child and child not in self._moving and len(self._parents) < _MOST_FRAMES:
             self._parents[child] = parent
             self._fixed[child] = pose
 
     def add_moving(self, parent: str, child: str, stamp: float, pose: Transform) -> None:
-        """Say where a frame is in another at a moment."""
+        """Add the pose of a frame in its parent at a time."""
         if parent == child or len(self._parents) >= _MOST_FRAMES:
             return
         if child in self._settled and self._parents[child] == parent and np.allclose(self._fixed[child], pose):
             return
         self._settled.discard(child)
         if (held := self._fixed.pop(child, None)) is not None and self._parents[child] not in self._parents:
-            # What the frame hung on hangs on it from now on: `base_link` below a `base_footprint` that moves.
+            # The former parent becomes a child, such as `base_link` below a moving `base_footprint`.
             self._fixed[self._parents[child]] = inverse(held)
             self._parents[self._parents[child]] = child
         if self._parents.get(child) != parent:
@@ -123,9 +124,9 @@ class TransformTree:
         self._moving.setdefault(child, MovingFrame()).add(stamp, pose)
 
     def settle(self) -> None:
-        """Fix the frames with one pose while others had many.
+        """Make frames with a single pose fixed if another frame has several poses.
 
-        In Foxglove's files a pose holds until the next one; in ROS's only at its moment.
+        In Foxglove's files a pose holds until the next one; in ROS's files only at its stamp.
         """
         if any(moving.count >= _SAID_OFTEN for moving in self._moving.values()):
             for child in [child for child, moving in self._moving.items() if moving.count == 1]:
@@ -138,7 +139,7 @@ class TransformTree:
         return {*self._parents, *self._parents.values()}
 
     def ancestors(self, frame: str) -> Iterator[str]:
-        """Yield the frames that a frame hangs on, itself first."""
+        """Yield a frame and all its ancestors, upwards."""
         for _ in range(_DEEPEST):
             yield frame
             if frame not in self._parents:
@@ -146,7 +147,7 @@ class TransformTree:
             frame = self._parents[frame]
 
     def forget_motion(self) -> None:
-        """Forget the poses of frames, but keep their parents."""
+        """Forget the poses of moving frames, but keep their parents."""
         self._moving = {child: MovingFrame() for child in self._moving}
 
     @property
@@ -155,7 +156,7 @@ class TransformTree:
         return [(self._parents[child], child) for child in self._moving]
 
     def newest_s(self, target: str, source: str) -> float:
-        """Return the latest moment at which the pose of `source` in its ancestor `target` is known."""
+        """Return the latest time at which the pose of `source` in its ancestor `target` is known."""
         newest = float("inf")
         for frame in self.ancestors(source):
             if frame == target:
@@ -165,7 +166,7 @@ class TransformTree:
         return float("-inf")
 
     def lookup(self, target: str, source: str, stamp: float) -> Transform | None:
-        """Return where `source` was in `target` at a moment; None if the tree does not tell."""
+        """Return the pose of `source` in `target` at a time; None if the tree does not contain it."""
         way = list(self.ancestors(source))
         other = list(self.ancestors(target))
         shared = next((frame for frame in way if frame in other), None)

@@ -1,8 +1,8 @@
-"""A video whose packets are messages of a bag: what the format of such a message says, and the decoder (PyAV).
+"""A video whose packets are messages of a bag: interprets the format of a message, and decodes packets (PyAV).
 
-Owns which formats are video, and whether of depth. Owns the state between packets: until the first key frame, and from
-a damaged packet up to the next key frame, images would be made of what is missing, so they are left out. A packet that
-was never recorded is noticed in H.265, and not in H.264, where FFmpeg continues from the previous image.
+Owns which formats are video, and which are depth video. Owns the state between packets: images before the first key
+frame, and from a damaged packet up to the next key frame, are left out, because they would be built on missing data. A
+packet that was never recorded is detected in H.265, but not in H.264, where FFmpeg continues from the previous image.
 """
 
 import re
@@ -17,29 +17,29 @@ from ltvn_core.extras import naming_the_extra
 from ltvn_core.types import Rgb
 
 _VIDEO = "video/"
-"""Begins the format of messages that hold nothing but video."""
+"""Prefix of the format of messages that contain only video."""
 _CODECS = {
     "h264": re.compile(r"[hx]\.?264|avc"),
     "hevc": re.compile(r"[hx]\.?265|hevc"),
     "av1": re.compile(r"av1"),
     "vp9": re.compile(r"vp9"),
 }
-"""FFmpeg's name of a decoder -> how formats and encoders are called."""
+"""FFmpeg's decoder name -> pattern for the names of formats and encoders."""
 _DEPTH = re.compile(r"gray1\d|16uc1|mono16|32fc1|64fc1|y16")
 KNOWN = ", ".join(_CODECS)
-"""Codecs that are read, for messages."""
+"""Names of the supported codecs, for messages."""
 BEFORE_KEY_FRAME = "no key frame of the video before it"
 NO_PICTURE = "no image in the packet of the video"
 DAMAGED = "damaged image"
 _MOST_PIXELS = 35_651_584
-"""Largest size of an image, at the highest level of H.264 and of H.265."""
+"""Largest number of pixels of an image, the limit of the highest level of H.264 and H.265."""
 _MOST_PENDING = 64
-"""Packets whose image is not decoded yet: H.264 delays an image by at most 16."""
+"""Largest number of packets whose image is not decoded yet; H.264 delays an image by at most 16."""
 _START_CODE = b"\0\0\1"
 
 
 def as_video(form: str) -> str:
-    """Return the format of a compressed image for the encoding of a packet of video, whatever its codec."""
+    """Return the format of a compressed image that marks it as a video packet with the codec `form`."""
     return _VIDEO + form
 
 
@@ -49,23 +49,23 @@ def is_video(form: str) -> bool:
 
 
 def video_codec(form: str) -> str | None:
-    """Return FFmpeg's name of the decoder for a format, as `h264` for `libx264;yuv420p`; None if none is known."""
+    """Return FFmpeg's decoder name for a format, such as `h264` for `libx264;yuv420p`; None if it is unknown."""
     codec = form.removeprefix(_VIDEO).lower().partition(";")[0]
     return next((name for name, pattern in _CODECS.items() if pattern.search(codec)), None)
 
 
 def is_depth_video(form: str) -> bool:
-    """Tell whether a video was made of depth images: behind the codec it names the formats of the pixels."""
+    """Tell whether a video was made of depth images, by the pixel formats after the codec's name."""
     return is_video(form) and _DEPTH.search(form.lower().partition(";")[2]) is not None
 
 
 class VideoPicture(NamedTuple):
-    """A picture of a video in place of an image message."""
+    """A decoded video image in place of an image message."""
 
     header: Any
-    """Header of the message with its packet."""
+    """Header of the message with the packet."""
     frame: Any
-    """PyAV's own."""
+    """Frame of PyAV."""
 
     def colours(self) -> Rgb:
         """Return the colours (H, W, 3)."""
@@ -79,12 +79,12 @@ class VideoStream:
         """Open a decoder.
 
         Args:
-            topic: What messages call the video.
+            topic: Name of the video in messages.
             form: The format of its messages.
-            drop: Called with the reason for each packet of which no picture is used.
+            drop: Called with the reason for each packet whose picture is not used.
 
         Raises:
-            DriveError: The video is of a kind that is not read.
+            DriveError: The codec is not supported.
             MissingLibraryError: PyAV is not installed.
         """
         codec = video_codec(form)
@@ -99,7 +99,7 @@ class VideoStream:
         self._drop = drop
         self._has_start_codes = codec in ("h264", "hevc")
         self._decoder: Any = av.CodecContext.create(codec, "r")
-        # One packet, one picture: threads would deliver it later, and take more memory.
+        # One packet gives one picture; threads would delay it, and take more memory.
         self._decoder.thread_count = 1
         self._decoder.options = {"max_pixels": str(_MOST_PIXELS)}
         self._pending: dict[int, PendingImage] = {}
@@ -108,16 +108,16 @@ class VideoStream:
         self._has_key = False
 
     def pictures(self, image: PendingImage) -> list[PendingImage]:
-        """Return the images that are complete after a packet; usually its own."""
+        """Return the images that are complete after a packet; usually the image of this packet."""
         data = bytes(image.message.data)
         packet = self._av.Packet(data)
         packet.pts = self._count
         self._pending[self._count] = image
         self._count += 1
         try:
-            # Nothing at all would tell the decoder that the video is at its end.
+            # None would tell the decoder that the video has ended.
             found = self._decoder.decode(packet) if data else None
-        except Exception:  # FFmpeg has an error of its own for each way of being damaged.
+        except Exception:  # FFmpeg has a separate error for each kind of damage.
             found = None
         if found is None:
             self._forget(packet.pts, self._reason(data))
@@ -142,7 +142,7 @@ class VideoStream:
         return DAMAGED if self._has_key or is_foreign else BEFORE_KEY_FRAME
 
     def _usable(self, frames: Any) -> list[PendingImage]:
-        """Return the frames that are whole, with the stamps of their packets; a decoder may put them in order."""
+        """Return the undamaged frames, with the headers of their packets; a decoder may reorder them."""
         usable = []
         for frame in frames:
             image = self._pending.pop(frame.pts, None)

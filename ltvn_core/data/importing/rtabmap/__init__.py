@@ -1,1 +1,1 @@
-"""Databases of RTAB-Map, which is a SLAM program that keeps all its images in one sqlite file."""
+"""Databases of RTAB-Map, a SLAM program that keeps all its images in one sqlite file."""

@@ -1,9 +1,9 @@
-"""RTAB-Map's database as rows: nodes with their poses and cameras, images on demand, loop closures, the optimised map.
+"""Rows of RTAB-Map's database: nodes with poses and cameras, images on demand, loop closures, and the optimised map.
 
-Owns the file, the queries and the limits, and both layouts of the calibration blobs (lens, size, and place on the
-robot): floats alone before version 0.18, and since then a head of whole numbers, matrices of doubles and the place in
-floats. Images in a database are rectified, so the projection matrix holds and no distortion is left. Opens the file for
-reading alone, and believes no length that it names.
+Owns the file, the queries and the limits, and both layouts of the calibration blobs (lens, size, and pose on the
+robot). Before version 0.18 a blob contains only floats; since then it has a header of integers, matrices of doubles,
+and the pose in floats. Images in a database are rectified, so the projection matrix applies and there is no distortion.
+Opens the file read-only, and trusts no length in it.
 """
 
 import re
@@ -23,42 +23,43 @@ from ltvn_core.data.importing.spatial_pose import Transform
 from ltvn_core.errors import CameraError, DriveError
 
 POSE_FLOATS = 12
-"""A pose is (3, 4) floats in rows: rotation and place."""
+"""Number of floats of a pose: (3, 4) in rows, rotation and position."""
 _MONO = 0
 _STEREO = 1
 _MONO_HEAD = struct.Struct("<11i")
-"""Version in three numbers, kind, width, height, then how many numbers K, D, R, P and the place have."""
+"""Version in three numbers, type, width, height, then the lengths of K, D, R, P and the pose."""
 _STEREO_HEAD = struct.Struct("<10i")
-"""Version, kind, how many doubles follow in four matrices, then how many bytes the left and the right camera have."""
+"""Version, type, the numbers of doubles in four matrices, then the numbers of bytes of the left and the right
+camera."""
 _MOST_CAMERAS = 16
 _MOST_BYTES = 100_000
 MAX_BLOB_BYTES = 2**27
-"""The largest value; images have a few megabytes."""
+"""Largest size of a value in bytes; images have a few megabytes."""
 _OLDEST = (0, 10)
 _CLOSURES = (1, 2, 3, 4)
-"""Types of links between places that are not neighbours in time: global, near in space, near in time, by hand."""
+"""Types of loop closures: global, near in space, near in time, and added by hand."""
 _MOST_STEPS = 100_000
-"""Steps of sqlite's machine between two looks at the watch."""
+"""Number of steps of sqlite's virtual machine between two checks of a query."""
 _MOST_LOOKS = 20_000
-"""Looks in one query: minutes. A query over a table as RTAB-Map makes it ends in seconds."""
+"""Largest number of checks in one query, which takes minutes; a query over a normal table ends in seconds."""
 _MATRIX_TAIL = 12
-"""Behind a compressed matrix stand its rows, columns and type."""
+"""Number of bytes after a compressed matrix, with its rows, columns and type."""
 
 
 class RigCamera(NamedTuple):
     """A camera of the rig."""
 
     lens: CameraModel | None
-    """Level; None if the database does not say its size."""
+    """Lens without mounting; None if the database does not contain its size."""
     place: Transform
-    """(4, 4): its optical frame in the robot's frame."""
+    """Pose (4, 4) of the optical frame in the robot's frame."""
     focal: tuple[float, float, float, float]
-    """fx, fy, cx, cy in pixels."""
+    """Focal lengths and principal point in pixels: fx, fy, cx, cy."""
     is_stereo: bool = False
-    """Whether it is the left camera of a stereo pair, whose stored depth is the right image."""
+    """Whether this is the left camera of a stereo pair; the stored depth is then the right image."""
 
     def fitted(self, width: int, height: int) -> CameraModel:
-        """Return the lens for images of a size. Raises CameraError."""
+        """Return the lens for images of this size. Raises CameraError."""
         if self.lens is not None:
             return self.lens if (self.lens.width, self.lens.height) == (width, height) else self._scaled(width, height)
         fx, fy, cx, cy = self.focal
@@ -75,13 +76,13 @@ class RigCamera(NamedTuple):
 
 
 def parse_pose(blob: object) -> Transform | None:
-    """Return a pose (4, 4) from its blob, None if there is none or where it is not finite."""
+    """Return a pose (4, 4) from its blob; None if there is none or it is not finite."""
     if not isinstance(blob, bytes) or len(blob) != 4 * POSE_FLOATS:
         return None
     rows = np.frombuffer(blob, "<f4").astype(np.float64).reshape(3, 4)
     if not np.isfinite(rows).all() or not 0.5 < np.linalg.det(rows[:, :3]) < 1.5:
         return None
-    left, _, right = np.linalg.svd(rows[:, :3])  # Floats are rotations up to a millionth.
+    left, _, right = np.linalg.svd(rows[:, :3])  # The rotation has only the precision of floats.
     pose = np.eye(4)
     pose[:3, :3] = left @ right
     pose[:3, 3] = rows[:, 3]
@@ -89,7 +90,8 @@ def parse_pose(blob: object) -> Transform | None:
 
 
 def parse_calibration(blob: bytes, version: tuple[int, ...], source: str) -> list[RigCamera]:
-    """Return the cameras of a calibration, of a stereo camera the left one. Raises DriveError where it is damaged."""
+    """Return the cameras of a calibration; for a stereo camera, only the left one. Raises DriveError if it is
+    damaged."""
     try:
         if len(blob) > _MOST_BYTES:
             raise ValueError(f"it has {len(blob):,} bytes")
@@ -123,7 +125,7 @@ def _records(blob: bytes) -> list[RigCamera]:
 
 
 def _record(blob: bytes, start: int) -> tuple[RigCamera, int]:
-    """Return the camera that begins at a byte, and its length in bytes."""
+    """Return the camera whose record begins at the byte `start`, and the length of the record in bytes."""
     *_, width, height, k, d, r, p, place = _MONO_HEAD.unpack_from(blob, start)
     k, d, r, p, place = _counted((k, d, r, p, place))
     at = start + _MONO_HEAD.size
@@ -144,7 +146,8 @@ def _counted(counts: tuple[int, ...]) -> tuple[int, ...]:
 
 
 def _floats(blob: bytes, version: tuple[int, ...]) -> list[RigCamera]:
-    """Return cameras of fx, fy, cx, cy, of a stereo camera the baseline, since 0.11.2 the size, and the place."""
+    """Return the cameras of the older layout: fx, fy, cx, cy, the baseline of a stereo camera, the size since 0.11.2,
+    the pose."""
     numbers = np.frombuffer(blob, "<f4")
     count = 6 if version >= (0, 11, 2) else 4
     is_stereo = len(numbers) % (count + POSE_FLOATS) > 0
@@ -168,34 +171,34 @@ def _camera(focal: tuple[float, float, float, float], width: int, height: int, p
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Node:
-    """A place that RTAB-Map remembers."""
+    """A node of RTAB-Map's map."""
 
     id: int
     session: int
-    """Number of the drive; odometry starts anew in each."""
+    """Number of the session; odometry restarts in each session."""
     stamp: float
-    """Seconds; 0 where the program did not say."""
+    """Time in seconds; 0 if it is unknown."""
     odometry: Transform | None
-    """(4, 4) of the robot."""
+    """Odometry pose (4, 4) of the robot; None if it is unknown."""
     truth: Transform | None
-    """(4, 4) true pose of the robot in the world, if the program had it."""
+    """True pose (4, 4) of the robot in the world; None if it is unknown."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class NodeImages:
-    """The stored images of a place."""
+    """The stored images of a node."""
 
     colours: bytes
     depth: bytes | None
-    """The stored depth image; the right image if the camera is a stereo camera."""
+    """The stored depth image; for a stereo camera, the right image."""
     calibration: bytes
 
 
 class RtabmapDatabase:
-    """A database that was looked into. Raises DriveError where it is damaged or another program's."""
+    """A database that is open for reading. Raises DriveError if it is damaged or from another program."""
 
     def __init__(self, path: Path) -> None:
-        """Look into the file and check that it is RTAB-Map's."""
+        """Open the file and check that it is RTAB-Map's."""
         self.path = path
         self._looks = 0
         tables = {row[0] for row in self._rows("SELECT name FROM sqlite_master WHERE type = 'table'")}
@@ -239,7 +242,7 @@ class RtabmapDatabase:
         )
 
     def closures(self) -> int:
-        """Return between how many pairs of nodes RTAB-Map found a loop closure."""
+        """Return the number of loop closures that RTAB-Map found."""
         if not self._columns("Link"):
             return 0
         places = ", ".join("?" * len(_CLOSURES))
@@ -247,7 +250,7 @@ class RtabmapDatabase:
         return _whole(next(self._rows(query, _CLOSURES))[0])
 
     def optimised(self) -> dict[int, Transform]:
-        """Return the poses (4, 4) of the optimised map by node; empty if there is none, or none that can be read."""
+        """Return the poses (4, 4) of the optimised map by node; empty if there is no readable one."""
         if not {"opt_ids", "opt_poses"} <= self._columns("Admin"):
             return {}
         ids, poses = next(self._rows("SELECT opt_ids, opt_poses FROM Admin LIMIT 1"), (None, None))
@@ -285,7 +288,7 @@ class RtabmapDatabase:
         return connection
 
     def _watch(self) -> int:
-        """Stop a query that takes minutes; a table can be made so that it never ends."""
+        """Stop a query that takes minutes; a malicious table could make it run forever."""
         self._looks += 1
         return int(self._looks > _MOST_LOOKS)
 
@@ -305,7 +308,7 @@ def _whole(value: object) -> int:
 
 
 def _matrix(blob: object, dtype: str) -> np.ndarray | None:
-    """Return the numbers of a matrix that OpenCV held and zlib compressed; None if it is damaged."""
+    """Return the numbers of a matrix that was compressed with zlib; None if it is damaged."""
     if not isinstance(blob, bytes) or len(blob) <= _MATRIX_TAIL:
         return None
     rows, columns, _ = np.frombuffer(blob[-_MATRIX_TAIL:], "<i4")

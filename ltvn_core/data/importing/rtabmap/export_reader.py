@@ -1,7 +1,7 @@
-"""Reads what `rtabmap-export --images --poses_camera` and RTAB-Map on a phone write: images, depth, lens and poses.
+"""Reads the exports of `rtabmap-export --images --poses_camera` and of RTAB-Map on a phone: images, depth, lens, poses.
 
-Owns the names of these files (folders of images, a lens for each or for all, a list of poses), and which image belongs
-to which pose. Depth has fewer pixels than the colours and shows the same; where its confidence is low there is none.
+Owns the names of these files (folders of images, a lens for each image or for all, a list of poses), and the matching
+of images and poses. Depth is registered to the colours, with fewer pixels; pixels of low confidence are left out.
 """
 
 import re
@@ -31,9 +31,9 @@ _LENS_SUFFIXES = (".yaml", ".yml")
 _CAMERA_POSES = "camera_poses.txt"
 _POSES = "poses.txt"
 _RAW, _STAMPED, _WITH_ID = 12, 8, 9
-"""Columns of the formats 0, of 1 and 10, and of 11."""
+"""Numbers of columns in RTAB-Map's pose formats: format 0; formats 1 and 10; format 11."""
 _CLEARLY = 0.2
-"""Least gain of the mean cosine with which the other of two readings makes the camera more upright."""
+"""Least gain of uprightness (mean cosine) for which the alternative reading of the poses is preferred."""
 RATE_HZ = 1.0
 """Images per second that RTAB-Map keeps by default."""
 _FISHEYES = ("equidistant", "fisheye")
@@ -47,13 +47,13 @@ class ExportFiles:
     depth: Path | None
     confidence: Path | None
     lens: Path | None
-    """A file for all images, or a folder with one for each."""
+    """Lens file for all images, or folder with one file for each image."""
     poses: Path | None
 
     @classmethod
     def find(cls, folder: Path) -> Self | None:
-        """Return the files of a folder; None if they are not those of an export."""
-        if not folder.is_dir() or (folder / "rgb.txt").is_file():  # TUM's layout has folders with the same names.
+        """Return the export in a folder; None if it holds none."""
+        if not folder.is_dir() or (folder / "rgb.txt").is_file():  # TUM's layout also has these folders.
             return None
         for rgb in _folders(folder):
             prefix = rgb.name.removesuffix("rgb")
@@ -73,20 +73,20 @@ class ExportFiles:
         return None
 
     def images(self) -> Sequence[Path]:
-        """Return the colour images, by their numbers or stamps."""
+        """Return the colour images, sorted by their numbers or stamps."""
         found = (path for path in self.rgb.iterdir() if path.suffix.lower() in _COLOUR_SUFFIXES)
         return sorted(found, key=lambda path: (_number(path) is None, _number(path) or 0.0, path.name))
 
     def depth_of(self, image: Path) -> Path | None:
-        """Return the depth image of an image, if it has one."""
+        """Return the depth image of a colour image; None if there is none."""
         return _partner(self.depth, image)
 
     def confidence_of(self, image: Path) -> Path | None:
-        """Return the confidence file of an image's depth, if there is one."""
+        """Return the confidence file of an image's depth; None if there is none."""
         return _partner(self.confidence, image)
 
     def lens_of(self, image: Path) -> Path | None:
-        """Return the description of an image's lens, if there is one."""
+        """Return the lens file of an image; None if there is none."""
         if self.lens is None or self.lens.is_file():
             return self.lens
         own = next((path for end in _LENS_SUFFIXES if (path := self.lens / f"{image.stem}{end}").is_file()), None)
@@ -97,18 +97,18 @@ class ExportFiles:
 
 
 class ExportedPose(NamedTuple):
-    """Where the camera or the robot was at one image."""
+    """Pose of the camera or the robot at one image."""
 
     stamp: float | None
-    """Seconds; None in lists without stamps."""
+    """Time in seconds; None in lists without stamps."""
     pose: Transform
-    """(4, 4) in a world whose z is up in most formats."""
+    """Pose (4, 4), in most formats in a world whose z is up."""
 
 
 def read_poses(path: Path, images: Sequence[Path]) -> Mapping[Path, ExportedPose]:
-    """Return the poses of images: by the node's number, by the stamp in the name, else by the order.
+    """Return the poses of images, matched by the node's number, else by the stamp in the name, else by the order.
 
-    Raises DriveError that names the first line that cannot be right, or says why no image has a pose.
+    Raises DriveError that names the first invalid line, or says why no image has a pose.
     """
     rows = list(_rows(path))
     by_stamp: dict[float, ExportedPose] = {}
@@ -140,8 +140,8 @@ def camera_poses(
 ) -> NDArray[np.float64]:
     """Return the poses (N, 4, 4) of the camera's optical frame from those of a list.
 
-    Two of RTAB-Map's formats look alike: one holds plain poses, in the other they are rotated by the optical frame
-    (`RGBD-SLAM in motion capture frame`). The reading in which the camera is more upright is used.
+    Two of RTAB-Map's formats look alike: one contains plain poses, in the other (`RGBD-SLAM in motion capture frame`)
+    they are rotated by the optical frame. The interpretation with the more upright camera is used.
     """
     behind = np.eye(4)
     if not are_of_camera:
@@ -155,7 +155,7 @@ def camera_poses(
 
 
 def _uprightness(poses: NDArray[np.float64]) -> float:
-    """Return how far up the camera's up is on average, from -1 to 1."""
+    """Return the mean cosine between the camera's up direction and z, from -1 to 1."""
     return float(-poses[:, 2, 1].mean())
 
 
@@ -181,13 +181,13 @@ def _matrix(numbers: NDArray[np.float64], path: Path) -> Transform:
 
 
 def _folders(folder: Path) -> Iterator[Path]:
-    """Yield folders that may hold the colours: of the export itself, or one folder below."""
+    """Yield the folders that may hold the colours: in the export itself, or one folder below."""
     yield from (path for path in sorted(folder.glob("rgb")) + sorted(folder.glob("*_rgb")) if path.is_dir())
     yield from (path for path in sorted(folder.glob("*/rgb")) if path.is_dir())
 
 
 def _first(beginnings: Sequence[str], names: Sequence[str]) -> Path | None:
-    """Return the first path that exists and is called so."""
+    """Return the first existing path that consists of one of the beginnings and one of the names."""
     paths = (Path(f"{beginning}{name}") for name in names for beginning in beginnings)
     return next((path for path in paths if path.exists()), None)
 
@@ -202,7 +202,8 @@ def _number(path: Path) -> float | None:
 
 
 def _key(stamp: float | None) -> float:
-    """Return a stamp as file names have it, in whole microseconds; a name without a number is never found."""
+    """Return a stamp in seconds, rounded to microseconds as in file names; NaN, which matches nothing, if there is
+    none."""
     return float("nan") if stamp is None else round(float(stamp), 6)
 
 
@@ -210,7 +211,7 @@ class RtabmapExportReader(ImageFilesReader):
     """An export of RTAB-Map that is open for reading."""
 
     def __init__(self, folder: Path, options: ReadOptions) -> None:
-        """Read the list of poses, and no image yet. Raises DriveError."""
+        """Read the list of poses, but no image yet. Raises DriveError."""
         super().__init__(folder, options)
         files = ExportFiles.find(folder)
         if files is None:
@@ -268,7 +269,7 @@ class RtabmapExportReader(ImageFilesReader):
         return depth if confidence is None else self._trusted(depth, str(confidence.relative_to(self._folder)))
 
     def _trusted(self, depth: Depth, name: str) -> Depth:
-        """Return depth (h, w) without what the confidence image of that name calls low."""
+        """Return depth (h, w) without pixels of low confidence, from the confidence image `name`."""
         levels = self._colours(name)[..., 0]
         if levels.shape != depth.shape:
             size = (depth.shape[1], depth.shape[0])
@@ -276,10 +277,10 @@ class RtabmapExportReader(ImageFilesReader):
         return without_low_confidence(depth, levels)
 
     def _known_stamps(self, found: Mapping[Path, ExportedPose]) -> dict[Path, float]:
-        """Return the stamps of the images: from the list of poses, from their names, else by the rate."""
+        """Return the stamps of the images: from the list of poses, else from the file names, else from the rate."""
         listed = {image: pose.stamp for image, pose in found.items() if pose.stamp is not None}
         if listed and self._options.rate_hz is None:
-            # An image without a pose lies between its neighbours; it is left out because its place is unknown.
+            # Images without a pose are left out, because their place is unknown.
             missing = [image for image in self._paths if image not in listed]
             if missing:
                 self.dropped["without a pose"] = len(missing)
@@ -289,7 +290,7 @@ class RtabmapExportReader(ImageFilesReader):
             if self._options.rate_hz is None and all("." in image.stem for image in self._paths):
                 return {image: float(image.stem) for image in self._paths}
         except ValueError:
-            pass  # Names with a point need not be numbers.
+            pass  # Names with a point are not always numbers.
         rate = self._options.rate_hz or RATE_HZ
         if self._options.rate_hz is None:
             self.doubts.append(
@@ -327,7 +328,7 @@ class RtabmapExportReader(ImageFilesReader):
 
 
 def _described_lens(path: Path, width: int, height: int) -> CameraModel:
-    """Return the lens that OpenCV's FileStorage describes, for images of a size where it names none."""
+    """Return the lens in a file of OpenCV's FileStorage; without a size in the file, for images of the given size."""
     said = CalibrationYaml(path)
     try:
         matrix = np.reshape(said.numbers("camera_matrix"), (3, 3)).tolist()

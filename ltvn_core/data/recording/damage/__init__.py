@@ -1,1 +1,2 @@
-"""Damaged recordings. `integrity` is the door: it checks a recording, and gives back what is whole of a damaged one."""
+"""Damaged recordings. `integrity` is the entry point: it checks a recording, and recovers the undamaged data of a
+damaged one."""

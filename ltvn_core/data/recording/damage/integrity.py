@@ -1,7 +1,7 @@
 """Verifies recordings, repairs damaged ones, and reports what was lost.
 
-Owns `verify` and `repair`, and the report of losses, from what the file claims to hold and what is left. Never changes
-its input and never overwrites another file.
+Owns `verify` and `repair`, and the report of losses, which compares the file's closing record with the recovered data.
+Never changes its input and never overwrites another file.
 """
 
 from collections.abc import Iterable, Iterator, Sequence, Set
@@ -23,7 +23,7 @@ from ltvn_core.navigation.events import GraphChanged, StampedEvent
 from ltvn_core.types import FrameId
 
 _NAMED = 12
-"""Number of frames or places that are listed individually."""
+"""Largest number of frames or places that are listed individually."""
 _NO_RECORD = (
     "rewritten by Rerun, or older than checksums: frames and events have their own checksums and are correct; the "
     "file has no table of checksums"
@@ -34,23 +34,23 @@ class Losses(NamedTuple):
     """Data left out of a repaired recording."""
 
     lines: Sequence[str]
-    """For people, one thing each; without events, since some are left out only when the map is put together."""
+    """Messages for the user, one loss each; without events, because some are left out only when the map is rebuilt."""
     frames: Sequence[FrameId]
-    """Frames that are known by name."""
+    """Known ids of lost frames."""
     more_frames: int | None
-    """Number of further lost frames; None if unknown."""
+    """Number of further lost frames whose ids are unknown; None if the number is unknown."""
     events_written: int
     lost_bytes: int
     only_behind: FrameId | None
-    """In a recording that was only cut, the last frame: nothing before it is lost."""
+    """Last frame of a recording that was only cut off, so no earlier frame is lost; None otherwise."""
 
     @property
     def frame_count(self) -> int:
-        """Number of lost frames, as far as it is known."""
+        """Number of frames that are known to be lost."""
         return len(self.frames) + (self.more_frames or 0)
 
     def without_image(self, recording: Recording, saved: Sequence[FrameId]) -> Set[FrameId]:
-        """Return the nodes whose image is lost. A recording may have been made without images, then none is."""
+        """Return the nodes whose image is lost. In a recording that was made without images, none is lost."""
         nodes = set(_nodes(recording)) - set(saved)
         if not saved or (self.more_frames == 0 and not self.frames):
             return set()
@@ -62,7 +62,7 @@ class Losses(NamedTuple):
 
 
 def find_losses(salvage: Salvage, saved: Sequence[FrameId]) -> Losses:
-    """Compare the salvaged data, whose complete frames are `saved`, with what the file once held."""
+    """Compare the salvaged data, whose complete frames are `saved`, with the original content of the file."""
     recording = salvage.recording
     record = salvage.record
     known = sorted({*recording.half_frames, *recording.frames} - set(saved))
@@ -120,16 +120,16 @@ def _nodes(recording: Recording) -> Iterable[FrameId]:
 
 @dataclass(frozen=True, slots=True)
 class VerifiedRecording:
-    """A recording that is whole."""
+    """Result for an undamaged recording."""
 
     recording: Path
     frames: int
     events: int
     size_bytes: int
     checksummed: bool
-    """Every byte has a checksum. An older recording has them only for its frames and events."""
+    """Whether every byte has a checksum; older recordings have checksums only for frames and events."""
     note: str | None = None
-    """Missing parts of the file, although all data that is read is correct."""
+    """Note about missing parts of the file that do not affect the data; None if there are none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,25 +139,25 @@ class RepairedRecording:
     recording: Path
     output: Path
     frames: int
-    """Whole frames saved."""
+    """Number of intact frames that were saved."""
     events: int
-    """Events saved."""
+    """Number of events that were saved."""
     last_step: int | None
-    """Step of the last frame saved."""
+    """Step of the last saved frame; None if there is none."""
     damaged_frames: int
-    """Frames left out because a part of them is missing or changed, as far as that is known."""
+    """Number of frames known to be left out because a part of them is missing or changed."""
     damaged_events: int
-    """Events left out because they are missing or changed, or because the images that they speak of are lost."""
+    """Number of events left out because they are missing or changed, or because they refer to lost images."""
     lost_bytes: int
-    """Bytes that were lost."""
+    """Number of bytes that were lost."""
     left_out: tuple[str, ...]
     """Descriptions of the data missing in the output."""
 
 
 def verify(path: Path | str) -> VerifiedRecording:
-    """Check that a recording is finished, of our making, and that every frame and event is as it was written.
+    """Check that a recording is finished and was written by this program, and that every frame and event is unchanged.
 
-    Raises RecordingError otherwise; a cut, unfinished or damaged file names `ltvn repair`.
+    Raises RecordingError otherwise; for a cut, unfinished or damaged file its message names `ltvn repair`.
     """
     path = Path(path)
     contents = open_contents(path)
@@ -184,8 +184,9 @@ def verify(path: Path | str) -> VerifiedRecording:
 def repair(path: Path | str, output: Path | str, *, recording_id: str | None = None) -> RepairedRecording:
     """Write all intact frames and events of a damaged or unfinished recording to a new file `output`.
 
-    Damaged data are left out and reported. Raises RecordingError when `output` exists, when `path` is not ours, or when
-    it is damaged and no frame and no event in it is intact. A file with several recordings needs a `recording_id`.
+    Damaged data are left out and reported. Raises RecordingError if `output` exists, if `path` is not a recording of
+    this program, or if it is damaged and no frame and no event in it is intact. A file with several recordings needs a
+    `recording_id`.
     """
     path = Path(path)
     output = Path(output)
@@ -195,7 +196,7 @@ def repair(path: Path | str, output: Path | str, *, recording_id: str | None = N
     frames = [frame for frame in recording.frames if recording.is_intact(frame)]
     losses = find_losses(salvage, frames)
     events = list(_consistent_events(recording, losses.without_image(recording, frames)))
-    # Of a recording that was cut before its first frame, the description and the scene are all there is.
+    # A recording that was cut off before its first frame contains only the description and the scene.
     if not frames and not events and (salvage.ended or salvage.lost_places):
         raise RecordingError(f"{path} has no undamaged frame and no undamaged event; nothing can be recovered.")
     with atomic_output(output) as part:
@@ -225,7 +226,7 @@ def _report(
 
 
 def _check_rows(recording: Recording, record: ClosingRecord) -> None:
-    """Raise RecordingError when fewer rows can be read than were written."""
+    """Raise RecordingError if the file has fewer readable rows than were written."""
     for entity, written in record.rows.items():
         found = recording.row_count(entity)
         if found is not None and found != written:
@@ -247,7 +248,7 @@ def _changed(path: Path, what: str) -> RecordingError:
 
 
 def _consistent_events(recording: Recording, without_image: Set[FrameId]) -> Iterator[StampedEvent]:
-    """Yield the intact events whose map changes fit the salvaged data."""
+    """Yield the intact events whose map changes are consistent with the salvaged data."""
     graph = TopologicalGraph()
     for stored in recording.stored_events:
         if not stored.intact:

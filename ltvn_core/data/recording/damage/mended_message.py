@@ -1,8 +1,8 @@
-"""Makes the best of a message that is damaged: repairs a single flipped bit, or puts what is left into a new message.
+"""Recovers a damaged message: corrects a single flipped bit, or puts the remaining rows into a new message.
 
-Owns the arithmetic of the checksum, the layout of the messages that hold rows, and the decompression of damaged LZ4
-blocks. Without a checksum of the message it is unknown which of its rows are correct; the reader compares the
-checksums of their own.
+Owns the arithmetic of the checksum, the layout of messages with rows, and the decompression of damaged LZ4 blocks. If
+the checksum of a message does not match, it is unknown which of its rows are correct; the reader then compares the
+rows' own checksums.
 """
 
 import re
@@ -14,10 +14,10 @@ from ltvn_core.data.recording.rrf2.framing import CHUNK_KIND, MESSAGE_HEADER
 from ltvn_core.protobuf_fields import bytes_field, number_field
 
 _LONG = 15
-"""A length of four bits that continues in the next bytes."""
+"""Value of a four-bit length that continues in the next bytes."""
 _SHORTEST_MATCH = 4
 _MOST_RATIO = 255
-"""No block grows by more."""
+"""Largest compression ratio of an LZ4 block."""
 _MOST_BYTES = 1 << 30
 _SHIFTS = 8
 _STORE = 1
@@ -29,27 +29,27 @@ _CHUNK_ID = 6
 _UNCOMPRESSED = 1
 _ARROW = 1
 _TABLE_START = re.compile(rb"\x18(?P<size>[\x80-\xff]{0,5}[\0-\x7f])\x20\x01\x2a(?P<length>[\x80-\xff]{0,5}[\0-\x7f])")
-"""Size, encoding (Arrow) and the beginning of the table, which stand one behind the other."""
+"""Bytes before the table: its size, its encoding (Arrow), and its length."""
 _BEFORE_TABLE = 256
-"""Number of bytes at the beginning of a message that contain all of these."""
+"""Number of bytes at the beginning of a message in which these fields are searched."""
 _POLYNOMIAL = 0xEDB88320
 
 
 class _Sequence(NamedTuple):
-    """Some bytes as they are, and then some that stand further up already."""
+    """A sequence of LZ4: literal bytes, and then a repetition of earlier output."""
 
     literals: bytes
     back: int
-    """Distance back to the bytes to repeat; 0 in the last sequence."""
+    """Distance back to the bytes that are repeated; 0 in the last sequence."""
     match: int
-    """Number of bytes to repeat."""
+    """Number of bytes that are repeated."""
 
 
 def decompressed(block: bytes, size: int) -> Iterator[bytes]:
-    """Yield what a damaged block of once `size` bytes may have held, `size` bytes each; the likeliest first.
+    """Yield possible contents of a damaged block, `size` bytes each; the most likely first.
 
-    Damage to a length moves all that stands behind it. So where the sizes do not fit, the bytes behind some places are
-    moved back to where they must have stood.
+    A damaged length shifts all bytes after it. So if the total size is wrong, the bytes after several places are tried
+    at their original position.
     """
     if not 0 < size <= min(_MOST_BYTES, _MOST_RATIO * len(block)):
         return
@@ -59,7 +59,7 @@ def decompressed(block: bytes, size: int) -> Iterator[bytes]:
         sequences.append(sequence)
         total += len(sequence.literals) + sequence.match
         if total > 2 * size + _MOST_RATIO:
-            break  # A length that became very large.
+            break  # A damaged length that is far too large.
     yield _joined(sequences, size, len(sequences), 0)
     if total != size and len(sequences) > 1:
         for part in range(1, _SHIFTS):
@@ -67,7 +67,7 @@ def decompressed(block: bytes, size: int) -> Iterator[bytes]:
 
 
 def _joined(sequences: list[_Sequence], size: int, moved_from: int, by: int) -> bytes:
-    """Return what sequences say, those from number `moved_from` on moved `by` bytes."""
+    """Return the output of sequences; those from number `moved_from` on are shifted by `by` bytes."""
     out = bytearray(size)
     place = 0
     for number, (literals, back, match) in enumerate(sequences):
@@ -90,7 +90,7 @@ def _repeat(out: bytearray, place: int, back: int, count: int) -> None:
 
 
 def _sequences(block: bytes) -> Iterator[_Sequence]:
-    """Walk over a block up to its end; the last sequence of a damaged one may be cut."""
+    """Yield the sequences of a block; if it is damaged, the last sequence may be incomplete."""
     place = 0
     while place < len(block):
         token = block[place]
@@ -106,7 +106,7 @@ def _sequences(block: bytes) -> Iterator[_Sequence]:
 
 
 def _length(block: bytes, place: int, length: int) -> tuple[int, int]:
-    """Return a length that begins with four bits, and the place behind it."""
+    """Return a length whose first four bits are `length`, and the position after it."""
     if length < _LONG:
         return length, place
     while place < len(block):
@@ -132,10 +132,10 @@ _BIT_OF_CRC = {_CRC_TABLE[1 << bit]: bit for bit in range(8)}
 
 
 def with_bit_put_right(message: bytes, crc32: int) -> bytes | None:
-    """Return a message that was written with the checksum `crc32` and of which one bit flipped; None for all else.
+    """Return the original of a message with the checksum `crc32` in which a single bit flipped; None for other damage.
 
-    What a flipped bit changes in the checksum depends on its place alone, and on no two places it is the same. Damage
-    of another kind looks like a flipped bit once in 500 million for each byte of the message.
+    The change of the checksum depends only on the position of the flipped bit, and is different for every position.
+    Other damage looks like a flipped bit with a probability of 1 in 500 million per byte of the message.
     """
     changed = zlib.crc32(message) ^ crc32
     for place in range(len(message) - 1, -1, -1):
@@ -143,14 +143,14 @@ def with_bit_put_right(message: bytes, crc32: int) -> bytes | None:
         if bit is not None:
             mended = message[:place] + bytes([message[place] ^ 1 << bit]) + message[place + 1 :]
             return mended if zlib.crc32(mended) == crc32 else None
-        # One byte of zeros less behind the change.
+        # Remove one zero byte after the change from the checksum.
         index = _INDEX_OF_TOP[changed >> 24]
         changed = (changed ^ _CRC_TABLE[index]) << 8 & 0xFFFFFFFF | index
     return None
 
 
 def readable_again(message: bytes, store: bytes) -> Iterator[bytes]:
-    """Yield messages of `store` that hold what is left of the table in a damaged one; the likeliest first."""
+    """Yield new messages of `store` with the remains of the table in a damaged message; the most likely first."""
     payload = message[MESSAGE_HEADER.size :]
     found = _table(payload)
     if found is None:
@@ -174,12 +174,12 @@ def readable_again(message: bytes, store: bytes) -> Iterator[bytes]:
 class _Table(NamedTuple):
     table: bytes
     size: int
-    """Bytes that it has decompressed."""
+    """Size of the decompressed table in bytes."""
     chunk_id: bytes
 
 
 def _table(payload: bytes) -> _Table | None:
-    """Find the table in a message that may be cut, or damaged before and behind the table."""
+    """Find the table in a message that may be cut off, or damaged before and after the table."""
     found = _TABLE_START.search(payload, 0, _BEFORE_TABLE)
     if found is None:
         return None

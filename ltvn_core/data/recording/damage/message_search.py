@@ -1,6 +1,8 @@
-"""Finds the messages of a damaged file: by its closing records where any is left, else by their looks.
+"""Finds the messages of a damaged file: by its closing records if any is left, otherwise by patterns of message
+headers.
 
-Owns the search. Does not look into messages beyond their first byte, so what is found by its looks may be damaged.
+Owns the search. Only the first byte of a message's content is examined, so a message that was found by a pattern may be
+damaged.
 """
 
 import bisect
@@ -27,30 +29,31 @@ from ltvn_core.data.recording.rrf2.framing import (
 )
 
 _TRIED = 8
-"""Number of similar headers that are tried for one message, so that a file with large holes does not take hours."""
+"""Largest number of similar headers tried for one message, so that a file with large gaps does not take hours."""
 _HEADER_LIKE = re.compile(rb"[\x01-\x03]\x00{7}.{5}\x00{3}\n", re.DOTALL)
-"""A known kind, a length below a terabyte, and the first byte that the payload of any of our messages begins with."""
+"""Pattern of a header: a known kind, a length below a terabyte, and the byte with which the content of our messages
+begins."""
 
 
 class FoundMessage(NamedTuple):
-    """A message that can be put into another file."""
+    """A message that can be copied to another file."""
 
     position: int
     data: bytes
-    """Header and payload."""
+    """Header and content."""
     record: int | None = None
-    """Number of the closing record that describes it, intact or damaged; None if it only resembles a message."""
+    """Number of the closing record that lists it, whether intact or damaged; None if it was found by its pattern."""
     damaged: bool = False
-    """Whether it differs from its closing record, or is cut off."""
+    """Whether the message differs from its closing record, or is cut off."""
 
     @property
     def sure(self) -> bool:
-        """A checksum says that it is as it was written."""
+        """Whether a checksum confirms that the message is unchanged."""
         return self.record is not None and not self.damaged
 
     @property
     def end(self) -> int:
-        """Where it ends."""
+        """Position of its end in the file."""
         return self.position + len(self.data)
 
 
@@ -62,20 +65,20 @@ class LostBytes(NamedTuple):
 
 
 class FoundMessages(NamedTuple):
-    """The messages found in a damaged file, in its order."""
+    """The messages found in a damaged file, in the order of the file."""
 
     messages: Sequence[FoundMessage]
     lost: Sequence[LostBytes]
     cut: LostBytes | None
-    """The last message of a file that ends in the middle of it; it is among the messages too."""
+    """Last message of a file that was cut off inside it; it is among the messages too. None if there is none."""
     records: Mapping[int, ClosingRecord]
-    """The closing records, by number, that speak of messages in this file; one for each file that was put into it."""
+    """Closing records that list messages in this file, by number; several if several files were joined."""
     has_foreign_ending: bool
-    """Whether there is a closing record of which no message is in the file."""
+    """Whether there is a closing record without any of its messages in the file."""
 
 
 def find_messages(data: bytes) -> FoundMessages:
-    """Find the messages in the bytes of a file, any of which may be damaged, missing, moved or of another file."""
+    """Find the messages in a file, in which messages may be damaged, missing, moved or from another file."""
     looks = list(_looking_like_messages(data))
     walked = [part for part in looks if isinstance(part, FoundMessage)]
     placed = find_closing_records(data)
@@ -100,11 +103,12 @@ def find_messages(data: bytes) -> FoundMessages:
 
 
 _Found = Mapping[int, Mapping[int, FoundMessage]]
-"""Number of the closing record -> place in it -> the message, as it was written."""
+"""Number of the closing record -> index of the message in it -> the unchanged message."""
 
 
 def _written_as_recorded(data: bytes, placed: Sequence[PlacedRecord], walked: Sequence[FoundMessage]) -> _Found:
-    """Look for every message of the closing records where it was written, and else where it may have moved to."""
+    """Search every message of the closing records at its original position, and then at positions to which it may have
+    moved."""
     by_sum = {_sum(message.data): message.position for message in walked} if placed else {}
     index = _HeaderIndex(data)
     start = HEADER_BYTES
@@ -115,10 +119,10 @@ def _written_as_recorded(data: bytes, placed: Sequence[PlacedRecord], walked: Se
         is_whole = _is_end(data, start + each.record.messages_end - HEADER_BYTES)
         for place, written in enumerate(each.record.messages):
             moved = by_sum.get(written)
-            # Only where the length differs bytes can be missing or put in.
+            # Bytes can be missing or inserted only if the length has changed.
             elsewhere = () if is_whole else index.places(written.header, behind_last)
             for begin in itertools.chain((position,), () if moved is None else (moved,), elsewhere):
-                # The header from the record, so that damage to this alone costs nothing.
+                # The header is taken from the record, so that damage to the header alone loses nothing.
                 message = written.header + data[begin + MESSAGE_HEADER.size : begin + written.size]
                 if zlib.crc32(message) == written.crc32:
                     found[number][place] = FoundMessage(begin, message, number)
@@ -136,14 +140,14 @@ def _sum(message: bytes) -> MessageSum:
 
 
 def _at_home(placed: Sequence[PlacedRecord], sure: _Found, walked: Sequence[FoundMessage]) -> set[int]:
-    """Return the closing records with messages in the file; the ending of another file has none."""
+    """Return the numbers of the closing records that have messages in the file; the ending of another file has none."""
     headers = {(message.position, message.data[: MESSAGE_HEADER.size]) for message in walked}
     home = set[int]()
     start = HEADER_BYTES
     for number, each in enumerate(placed):
         sizes = itertools.accumulate((written.size for written in each.record.messages), initial=start)
         alike = sum((at, written.header) in headers for at, written in zip(sizes, each.record.messages, strict=False))
-        # The first few messages of any two recordings are as long as each other.
+        # The first few messages have the same lengths in any two recordings.
         if sure[number] or 2 * alike > len(each.record.messages):
             home.add(number)
         start = each.end + TAIL_BYTES + HEADER_BYTES
@@ -158,7 +162,7 @@ def _not_as_recorded(
     start: int,
     taken: "_Stretches",
 ) -> Iterator[FoundMessage | LostBytes]:
-    """Yield the messages that were not found as they were written, each from the place at which it should stand."""
+    """Yield the messages that were not found unchanged, each from its expected position."""
     position = start
     for place, written in enumerate(record.messages):
         if place in sure:
@@ -177,26 +181,27 @@ def _not_as_recorded(
 
 
 class _Stretches:
-    """Where in a file messages stand that were found."""
+    """Positions of found messages in a file."""
 
     def __init__(self, messages: Sequence[FoundMessage]) -> None:
         self.messages = sorted(messages, key=lambda message: message.position)
         self._begins = [message.position for message in self.messages]
 
     def next_begin(self, position: int) -> int:
-        """Return where the next message begins, from `position` on; `position` itself when it is in one."""
+        """Return the beginning of the next message at or after `position`; `position` itself if it is inside a
+        message."""
         number = bisect.bisect_left(self._begins, position)
         if number and self.messages[number - 1].end > position:
             return position
         return self._begins[number] if number < len(self._begins) else 1 << 62
 
     def overlap(self, message: FoundMessage) -> bool:
-        """Tell whether a message has bytes in common with one of these."""
+        """Tell whether a message shares bytes with one of these messages."""
         return self.next_begin(message.position) < message.end
 
 
 class _HeaderIndex:
-    """Where in a file which header stands, since bytes may be missing or put in. Made when it is first asked for."""
+    """Positions of headers in a file in which bytes may be missing or inserted. Computed at the first use."""
 
     def __init__(self, data: bytes) -> None:
         self._data = data
@@ -209,14 +214,14 @@ class _HeaderIndex:
         return found
 
     def places(self, header: bytes, begin: int) -> Sequence[int]:
-        """Return the first few places of a header from `begin` on."""
+        """Return the first few positions of a header at or after `begin`."""
         positions = self._positions.get(header, ())
         first = bisect.bisect_left(positions, begin)
         return positions[first : first + _TRIED]
 
 
 def _looking_like_messages(data: bytes) -> Iterator[FoundMessage | LostBytes]:
-    """Walk over the messages, and after an interruption search for the next place from which to continue."""
+    """Yield the messages in order; after an interruption, search for the next place at which messages continue."""
     position = HEADER_BYTES
     while position < len(data) and not _is_end(data, position):
         if (behind := _next_file(data, position)) is not None:
@@ -233,9 +238,9 @@ def _looking_like_messages(data: bytes) -> Iterator[FoundMessage | LostBytes]:
 
 
 def _between(data: bytes, position: int, end: int | None, following: int) -> Iterator[FoundMessage | LostBytes]:
-    """Guess the content between an interruption of the walk and its continuation."""
+    """Return a guess of the content between an interruption and the next message."""
     if end is not None and end < following:
-        # Its length seems right, so the header behind it is wrong.
+        # The length seems right, so the header after it is damaged.
         yield FoundMessage(position, data[position:end])
         position = end
     kind = int.from_bytes(data[position : position + 8], "little")
@@ -248,7 +253,7 @@ def _between(data: bytes, position: int, end: int | None, following: int) -> Ite
 
 
 def _message_end(data: bytes, position: int) -> int | None:
-    """Return where the message at a place ends, None if there is none."""
+    """Return the end of the message at a position; None if there is no message."""
     if not _HEADER_LIKE.match(data, position):
         return None
     _, length = MESSAGE_HEADER.unpack_from(data, position)
@@ -257,7 +262,7 @@ def _message_end(data: bytes, position: int) -> int | None:
 
 
 def _goes_on(data: bytes, position: int) -> bool:
-    """Tell whether a message, the end message or the cut end of the file stands at a place."""
+    """Tell whether a message, the end message or the cut end of the file is at a position."""
     return (
         position == len(data)
         or _is_end(data, position)
@@ -267,7 +272,7 @@ def _goes_on(data: bytes, position: int) -> bool:
 
 
 def _next_file(data: bytes, position: int) -> int | None:
-    """Return where the messages of another file begin, when an ending and then the header of one stands at a place."""
+    """Return the beginning of the messages of another file, if an ending and a file header are at a position."""
     if position + MESSAGE_HEADER.size > len(data):
         return None
     kind, length = MESSAGE_HEADER.unpack_from(data, position)
@@ -285,7 +290,7 @@ def _is_end(data: bytes, position: int) -> bool:
 
 
 def _next_message(data: bytes, position: int) -> int:
-    """Return the next place at which a message stands that another one follows, or where the messages end."""
+    """Return the next position of a message that is followed by another message, or the end of the messages."""
     for found in _HEADER_LIKE.finditer(data, position):
         end = _message_end(data, found.start())
         if end is not None and _goes_on(data, end):
@@ -294,7 +299,7 @@ def _next_message(data: bytes, position: int) -> int:
 
 
 def _end_of_messages(data: bytes, position: int) -> int:
-    """Return where the end message begins, or where the file is cut."""
+    """Return the position of the end message, or the place where the file was cut off."""
     tail = Tail.read(data[-TAIL_BYTES:])
     if tail is None:
         return len(data)

@@ -1,7 +1,7 @@
 """Opens the remains of a damaged recording, message by message and row by row.
 
-Owns which messages are trusted, and the temporary files that they are read from. Messages without a valid checksum are
-first read in a separate process, because a damaged message can crash the reader.
+Owns the decision which messages are trusted, and the temporary files from which they are read. Messages without a valid
+checksum are first read in a separate process, because a damaged message can crash Rerun's reader.
 """
 
 import tempfile
@@ -41,7 +41,7 @@ _FILE_HEADER = b"RRF2" + bytes([*map(int, rr.__version__.split("+")[0].split("."
 _STORE_KIND = 1
 _ROW_ID = b"\n\x12\t" + bytes(8) + b"\x11" + bytes(8)
 _STORE_SOURCE = b"*\x0c\x08\x02\x12\x08\n\x06\x08\x03\x10\x0b\x18\x07"
-"""Python 3.11; Rerun asks for some source and we for none."""
+"""Source in a store's description: Python 3.11. Rerun requires some source, but this program does not use it."""
 _EVENTS = f"/{schema.EVENTS}"
 _RECORDING_STORE = b"\x08\x01"
 
@@ -51,21 +51,21 @@ class Salvage(NamedTuple):
 
     recording: Recording
     record: ClosingRecord | None
-    """The closing record, if it is still readable."""
+    """Closing record; None if it is not readable."""
     described: bool
-    """The description could be read; else another stands in for it."""
+    """Whether the description is readable; otherwise a default replaces it."""
     lost_bytes: int
-    """Bytes of messages that are damaged, missing or cut off; some of their rows may be saved."""
+    """Number of bytes in messages that are damaged, missing or cut off; some of their rows may be saved."""
     lost_places: Sequence[tuple[int, int]]
-    """Where those before the cut begin and how long they are, in bytes."""
+    """Position and length in bytes of the lost parts before the cut."""
     ended: bool
-    """The file was finished once."""
+    """Whether the file was finished."""
 
 
 def open_salvage(path: Path, recording_id: str | None = None) -> Salvage:
     """Open the intact parts of a damaged or unfinished recording.
 
-    Raises RecordingError when there are none, and when the file holds several recordings and `recording_id` names none.
+    Raises RecordingError if there are none, or if the file holds several recordings and `recording_id` selects none.
     """
     try:
         data = path.read_bytes()
@@ -78,7 +78,7 @@ def open_salvage(path: Path, recording_id: str | None = None) -> Salvage:
     store = _chosen_store(path, stores, recording_id)
     number = _record_of(found, store)
     messages = [each for each in found.messages if _belongs(each, store, {*stores} - {store}, number)]
-    # If a closing record is left, messages that it does not list are not trusted.
+    # If there is a closing record, messages that it does not list are not trusted.
     trusted = [each for each in messages if each.sure or (number is None and not each.damaged)]
     doubtful = [each for each in messages if not each.sure and (number is not None or each.damaged)]
     bad, rows = _read_apart(path, store, trusted, doubtful)
@@ -100,11 +100,11 @@ def open_salvage(path: Path, recording_id: str | None = None) -> Salvage:
 
 
 def _record_of(found: FoundMessages, store: bytes) -> int | None:
-    """Return the number of the closing record that speaks of a store's messages, None if none is left."""
+    """Return the number of the closing record that lists a store's messages; None if there is none."""
     speaking = Counter(each.record for each in found.messages if each.sure and _store(each.data) == store)
     if speaking:
         return speaking.most_common(1)[0][0]
-    # All its messages may be damaged.
+    # All messages of the recording may be damaged.
     return (
         next(iter(found.records), None)
         if len(found.records) == 1 and not any(each.sure for each in found.messages)
@@ -124,10 +124,10 @@ def _belongs(message: FoundMessage, store: bytes, others: Set[bytes], number: in
 def _read_apart(
     path: Path, store: bytes, trusted: Sequence[FoundMessage], doubtful: Sequence[FoundMessage]
 ) -> tuple[Sequence[FoundMessage], StoreRows]:
-    """Read messages from temporary files of their own; return those of the trusted that cannot be read, and the rows.
+    """Read messages from separate temporary files; return the trusted messages that cannot be read, and the rows.
 
-    Messages that are as they were written need not be tried. Of the doubtful ones, and of those that cannot be read,
-    only the rows count that agree with a checksum of their own.
+    Unchanged messages need no trial. From doubtful messages, and from those that cannot be read, only rows that match
+    their own checksum are used.
     """
     try:
         with tempfile.TemporaryDirectory(prefix="ltvn-") as folder:
@@ -167,7 +167,7 @@ def _readable_parts(folder: Path, store: bytes, doubtful: Sequence[FoundMessage]
 
 
 def _has_table(data: bytes) -> bool:
-    """Tell whether a file ends as Rerun ends one: with a table of its chunks."""
+    """Tell whether a file ends with a table of its chunks, like every file that Rerun has finished."""
     tail = Tail.read(data[-TAIL_BYTES:])
     return tail is not None and tail.footer_bytes > 0
 
@@ -180,7 +180,7 @@ class _Described(NamedTuple):
 def _contents(path: Path, store: StoreRows, record: ClosingRecord | None) -> _Described:
     rows = {entity: [batch for batch in batches if _is_usable(entity, batch)] for entity, batches in store.rows.items()}
     for place in range(len(rows.get(DESCRIPTION, ())), 0, -1):
-        # The last copy first; a recording has two of them.
+        # The last copy is used; a recording has two of them.
         try:
             described = store._replace(rows={DESCRIPTION: rows[DESCRIPTION][:place]})
             meta = read_description(path, described)
@@ -195,7 +195,7 @@ def _contents(path: Path, store: StoreRows, record: ClosingRecord | None) -> _De
 def _is_usable(entity: str, batch: pa.RecordBatch) -> bool:
     if not has_expected_columns(entity, batch):
         return False
-    # Of an event each column has one value.
+    # Each column of an event has one value.
     single = [name for name in schema.COLUMNS[schema.EVENTS] if name != schema.STEP] if entity == _EVENTS else []
     return all(len(batch.column(name).flatten()) == batch.num_rows for name in single)
 
@@ -208,7 +208,7 @@ def _has_other_schema(row: pa.RecordBatch) -> bool:
 
 
 def _stand_in(recording_id: str) -> RecordingMetadata:
-    """Return a description for a recording whose own one is lost."""
+    """Return a default description for a recording whose own description is lost."""
     return RecordingMetadata(
         scene="unknown",
         config={},
@@ -230,21 +230,22 @@ def _write(path: Path, store: bytes, messages: Iterable[bytes]) -> None:
 
 
 def _store(message: bytes) -> bytes | None:
-    """Return to which store a message's rows belong, as Rerun writes it; None for the viewer's layout and the like."""
+    """Return the store of a message's rows, as Rerun encodes it; None for other messages such as the viewer's
+    layout."""
     kind, _ = MESSAGE_HEADER.unpack_from(message)
     payload = message[MESSAGE_HEADER.size :]
     if kind != CHUNK_KIND or len(payload) < 2 or payload[0] != 10 or payload[1] > 127:
         return None
     store = payload[2 : 2 + payload[1]]
-    # The message at which a file is cut may end inside the name, which would then look like another recording's.
+    # The name may be cut off at the end of the file, and would then look like that of another recording.
     is_whole = len(store) == payload[1]
     return store if is_whole and store.startswith(_RECORDING_STORE) else None
 
 
 def _stores(messages: Sequence[bytes]) -> Sequence[bytes]:
-    """Return the recordings in a file, the one with most messages first.
+    """Return the recordings in a file, sorted by their number of messages, the largest first.
 
-    Where damage may have changed the name of one in a message, only those count that the file describes.
+    If damage may have changed names, only recordings with a description in the file count.
     """
     stores = Counter(store for message in messages if (store := _store(message)) is not None)
     described = [message for message in messages if MESSAGE_HEADER.unpack_from(message)[0] == _STORE_KIND]

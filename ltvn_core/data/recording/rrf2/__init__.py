@@ -1,1 +1,1 @@
-"""The bytes of a `.rrd` file of the format RRF2, as Rerun 0.39 to 0.41 write it."""
+"""The binary format of `.rrd` files (RRF2), as Rerun 0.39 to 0.41 writes it."""

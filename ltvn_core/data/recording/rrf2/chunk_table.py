@@ -1,10 +1,10 @@
-"""Rerun's table of chunks (the manifests in its footer), put together at the end of a recording.
+"""Rerun's table of chunks (the manifests in its footer), which is assembled at the end of a recording.
 
-Rerun computes a table for every block of messages that it hands out. The rows of all of them are kept here, some fifty
-bytes each, until the file ends. Owns the layout of the footer. Copies the columns of Rerun's rows without knowing what
-they mean, but for where in the file a chunk stands. The schema of all columns (Rerun's "sorbet schema") and its
-checksum come from Rerun too: it is given one made-up row for each kind of column, so that nothing of how it merges and
-hashes is repeated here.
+Rerun computes a table for every block of messages that it returns. Their rows are kept here, some fifty bytes each,
+until the file ends. Owns the layout of the footer. The columns of Rerun's rows are copied without being interpreted,
+except for the position of a chunk in the file. The schema of all columns (Rerun's "sorbet schema") and its checksum
+also come from Rerun: it encodes one artificial row for each type of column, so that its merging and hashing need not be
+repeated here.
 """
 
 import logging
@@ -27,9 +27,12 @@ _KIND, _STATIC, _EMPTY = b"rerun:kind", b"rerun:is_static", b"rerun:is_semantica
 _TIMEOUT_S = 10.0
 _LOG = logging.getLogger(__name__)
 MOST_CELLS = 24_000_000
-"""A recording with more rows times columns gets no table: while it is made it takes some fifteen bytes a cell.
+"""Largest number of cells (rows times columns) of a table, which needs some fifteen bytes per cell while it is
+assembled.
 
-That is about an hour of driving: 65,000 chunks and 354 columns take about 3 s of one core and 370 MB."""
+A larger recording gets no table. The limit is about an hour of driving: 65,000 chunks and 354 columns take about 3 s on
+one core and 370 MB.
+"""
 _MANIFESTS = 1
 _STORE, _SCHEMA, _SCHEMA_SHA256, _ROWS = 1, 2, 3, 4
 _SCHEMA_BYTES = 1
@@ -38,16 +41,16 @@ _LZ4 = 2
 _ENTITY, _CHUNK_ID, _OFFSET, _LENGTH = "chunk_entity_path", "chunk_id", "chunk_byte_offset", "chunk_byte_size"
 _TEXTS = (_ENTITY, _CHUNK_ID)
 _MOST_RATIO = 255
-"""LZ4 makes nothing smaller by more."""
+"""Largest compression ratio of LZ4."""
 
 
 class SorbetSchema(NamedTuple):
-    """A schema of a store as Rerun encodes it."""
+    """Rerun's encoded schema of a store."""
 
     encoded: bytes
-    """Arrow IPC."""
+    """Schema in Arrow IPC format."""
     sha256: bytes
-    """A message with Rerun's checksum of it."""
+    """Message with Rerun's checksum of the schema."""
 
 
 class _Kind(NamedTuple):
@@ -56,11 +59,12 @@ class _Kind(NamedTuple):
     is_static: bool
     is_empty: bool
     place: int
-    """Distinguishes columns of one name whose types differ between blocks."""
+    """Number that distinguishes columns with the same name, whose types differ between blocks."""
 
 
 def as_rerun_merges(schemas: Sequence[SorbetSchema]) -> SorbetSchema:
-    """Return the schema of a store of which the blocks have `schemas`. Raises RuntimeError or ArrowException."""
+    """Return the schema of a store, merged by Rerun from the `schemas` of its blocks. Raises RuntimeError or
+    ArrowException."""
     if len(schemas) == 1:
         return schemas[0]
     chunks = _examples([field for each in schemas for field in pa.ipc.read_schema(pa.py_buffer(each.encoded))])
@@ -76,7 +80,7 @@ def as_rerun_merges(schemas: Sequence[SorbetSchema]) -> SorbetSchema:
 
 
 def _examples(fields: Sequence[pa.Field]) -> list[Chunk]:
-    """Return chunks of one row each that contain every field."""
+    """Return chunks of one row each that together contain every field."""
     times = list({field.name: field for field in fields if _metadata(field).get(_KIND) == b"index"}.values())
     groups: dict[_Kind, list[pa.Field]] = defaultdict(list)
     seen: dict[str, list[pa.Field]] = defaultdict(list)
@@ -98,7 +102,7 @@ def _examples(fields: Sequence[pa.Field]) -> list[Chunk]:
 
 
 def _zero(kind: pa.DataType) -> pa.Array:
-    """Return one value of a type that is not empty."""
+    """Return one non-empty value of a type."""
     if pa.types.is_fixed_size_list(kind):
         values = pa.concat_arrays([_zero(kind.value_type)] * kind.list_size)
         return pa.FixedSizeListArray.from_arrays(values, type=kind)
@@ -130,7 +134,7 @@ def _metadata(field: pa.Field) -> dict[bytes, bytes]:
 
 
 class ChunkPlace(NamedTuple):
-    """Where the payload of a message that holds a chunk stands in a file, in bytes."""
+    """Position and length of the payload of a message with a chunk, in bytes."""
 
     offset: int
     length: int
@@ -139,7 +143,7 @@ class ChunkPlace(NamedTuple):
 class _Block(NamedTuple):
     footer: bytes
     offsets: Sequence[int]
-    """Offsets of the chunks in the block, in order."""
+    """Offsets in bytes of the payloads of chunks in the block, in order."""
 
 
 class _Layout(NamedTuple):
@@ -149,32 +153,34 @@ class _Layout(NamedTuple):
     columns: tuple[str, ...]
     """Columns that are neither empty nor zero."""
     places: tuple[int, ...]
-    """For each column, the index of its number in the row's distinct numbers; most columns repeat others."""
+    """Index, for each column, of its value among the distinct values of a row; most columns repeat the values of
+    others."""
 
 
 class _Rows:
-    """The rows of one layout, packed."""
+    """The rows of one layout, in compact form."""
 
     def __init__(self) -> None:
         self.chunks = array("I")
         """Index of the chunk that each row describes."""
         self.numbers = array("q")
-        """The distinct numbers of each row, one row after the other."""
+        """The distinct values of each row, one row after the other."""
 
 
 class _Store:
-    """The rows of one store: the recording, or the layout of the viewer."""
+    """The rows of one store: the recording, or the viewer's layout."""
 
     def __init__(self) -> None:
         self.fields: dict[str, pa.Field] = {}
-        """The columns of the table, in an order of their own."""
+        """The columns of the table by name, in an order of their own."""
         self.rows: dict[_Layout, _Rows] = defaultdict(_Rows)
         self.schemas: dict[bytes, SorbetSchema] = {}
-        """Rerun's schemas of the columns of the store, by checksum."""
+        """Rerun's schemas of the store's columns, by checksum."""
 
 
 class ChunkTable:
-    """Gathers the tables of blocks, and writes the one of the file. One thread may add while another takes in."""
+    """Collects the tables of blocks, and encodes the table of the file. One thread may call `add` while another calls
+    `take_in`."""
 
     def __init__(self) -> None:
         """Begin with nothing."""
@@ -185,11 +191,12 @@ class ChunkTable:
         self._incomplete = False
 
     def add(self, footer: bytes, offsets: Sequence[int]) -> None:
-        """Queue the footer of a block, with the offset of its chunks' payloads in it. Costs nothing yet."""
+        """Queue the footer of a block, with the offsets of its chunks' payloads in the block. Fast, because nothing is
+        decoded yet."""
         self._waiting.append(_Block(footer, offsets))
 
     def take_in(self) -> None:
-        """Read the queued footers; some milliseconds for a block. Never raises: at worst the file gets no table."""
+        """Decode the queued footers, in some milliseconds per block. Never raises: at worst the file gets no table."""
         while self._waiting and not self._incomplete:
             block = self._waiting.popleft()
             try:
@@ -202,9 +209,9 @@ class ChunkTable:
                 self._incomplete = True
 
     def encoded(self, places: Sequence[ChunkPlace]) -> bytes:
-        """Return Rerun's footer for a file with the first of all chunks, at `places`.
+        """Return Rerun's footer for a file with the chunks that were added first, which are at `places`.
 
-        Empty when any chunk was in no table, or when there are too many. Never raises, as `take_in`.
+        Empty if any of these chunks was in no table, or if there are too many. Never raises, like `take_in`.
         """
         self.take_in()
         stores = {key: store for key, store in self._stores.items() if store.rows}
@@ -229,7 +236,7 @@ class ChunkTable:
         self._count += len(ids)
 
     def _read_manifest(self, manifest: bytes, chunk_of: Mapping[int, int]) -> dict[int, bytes]:
-        """Keep the rows of a table; return the ids of its chunks, by the chunk's number."""
+        """Store the rows of a table; return the ids of its chunks, by the chunk's number."""
         parts = bytes_fields(manifest)
         store = self._stores[parts[_STORE]]
         sha256 = parts[_SCHEMA_SHA256]
@@ -272,7 +279,7 @@ class ChunkTable:
         )
 
     def _batch(self, store: _Store, places: Sequence[ChunkPlace]) -> pa.RecordBatch:
-        """Return the table of a store, in the order of the file."""
+        """Return the table of a store, with rows in the order of the file."""
         chunks = np.sort(np.concatenate([np.frombuffer(rows.chunks, np.uint32) for rows in store.rows.values()]))
         chunks = chunks[chunks < len(places)]
         placed = np.array(places, np.uint64).reshape(-1, 2)[chunks]
@@ -290,7 +297,7 @@ class ChunkTable:
 
 
 def listed_chunks(footer: bytes) -> Set[ChunkPlace] | None:
-    """Return where a file's chunks stand as Rerun's footer has it; None for a footer of another layout."""
+    """Return the positions of a file's chunks in Rerun's footer; None if the footer has another layout."""
     listed = set[ChunkPlace]()
     try:
         for number, manifest in read_fields(footer):
@@ -312,7 +319,7 @@ class _Part(NamedTuple):
 
 
 def _column_parts(store: _Store, chunks: NDArray[np.uint32]) -> Mapping[str, Sequence[_Part]]:
-    """Return for each column the rows in which it holds something; nothing is copied."""
+    """Return the non-empty rows of each column, without copying."""
     parts: dict[str, list[_Part]] = defaultdict(list)
     for layout, rows in store.rows.items():
         numbers = np.frombuffer(rows.numbers, np.int64).reshape(len(rows.chunks), -1)
@@ -323,7 +330,7 @@ def _column_parts(store: _Store, chunks: NDArray[np.uint32]) -> Mapping[str, Seq
 
 
 def _rows_of(rows: _Rows, chunks: NDArray[np.uint32]) -> tuple[slice, NDArray[np.int64]]:
-    """Return which rows of a layout are about `chunks`, and which of these they are about."""
+    """Return the rows of a layout that describe `chunks`, and the indices of these chunks."""
     numbers = np.frombuffer(rows.chunks, np.uint32)
     wanted = slice(int(np.searchsorted(numbers, chunks[-1], "right")) if len(chunks) else 0)
     return wanted, np.searchsorted(chunks, numbers[wanted])
@@ -344,7 +351,7 @@ def _column(field: pa.Field, parts: Mapping[str, Sequence[_Part]], count: int) -
         numbers[part.rows], filled[part.rows] = part.numbers, True
     if pa.types.is_boolean(field.type):
         return pa.array(numbers.astype(bool))
-    # Rerun says 0 rows, and leaves times empty, where a chunk has nothing of a column.
+    # Rerun writes 0 rows and empty times if a chunk does not have a column.
     validity = (
         None if pa.types.is_unsigned_integer(field.type) else pa.py_buffer(np.packbits(filled, bitorder="little"))
     )
@@ -352,15 +359,15 @@ def _column(field: pa.Field, parts: Mapping[str, Sequence[_Part]], count: int) -
 
 
 class _Cells(NamedTuple):
-    """A column of times, counts or truths."""
+    """A column of times, counts or booleans."""
 
     numbers: NDArray[np.int64]
     filled: NDArray[np.bool_]
-    """Where the column holds something: a time, or a count or truth that is not zero."""
+    """Mask of non-empty rows: those with a time, or with a count or boolean that is not zero."""
 
 
 def _cells(column: pa.Array) -> _Cells:
-    """Read a column. From its buffers: there are hundreds in each block, and Arrow takes 0.06 ms for each."""
+    """Decode a column from its buffers, because there are hundreds in each block, and Arrow takes 0.06 ms for each."""
     validity, values = column.buffers()
     if pa.types.is_boolean(column.type):
         numbers = _bits(values, column).astype(np.int64)
@@ -390,7 +397,7 @@ def _read_batch(rows: bytes) -> pa.RecordBatch:
 
 
 def _stream_bytes(batch: pa.RecordBatch) -> pa.Buffer:
-    """Return a table as Arrow streams it, written once into memory of its size."""
+    """Return a table as an Arrow stream, written once to memory of the right size."""
     counted = pa.MockOutputStream()
     _write(batch, counted)
     buffer = pa.allocate_buffer(counted.size())

@@ -1,8 +1,8 @@
 """Closing record of a finished recording, and the check of a file against it before Rerun's reader opens the file.
 
-The closing record holds a checksum of every message, and how many rows were written. It stands in the end message, as a
-field that Rerun skips, and covers every byte of the file: its own, the rest of the end message and the tail too. Owns
-its layout. Does not look into messages.
+The closing record holds a checksum of every message, and the number of written rows. It is in the end message, as a
+field that Rerun skips. Its checksums cover every byte of the file, including the record itself, the rest of the end
+message, and the tail. Owns its layout. Does not interpret messages.
 """
 
 import json
@@ -38,7 +38,7 @@ _SIZES = struct.Struct("<II")
 _SUM = struct.Struct("<IIQ")
 _CRC = struct.Struct("<I")
 _SEARCHED = 8
-"""So often the length of a file is summed up at most while records are searched in it, whatever it holds."""
+"""Largest number of bytes to checksum while records are searched in a damaged file, in multiples of its length."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,37 +46,38 @@ class ClosingRecord:
     """The checksums and counts of a finished recording."""
 
     header_crc32: int
-    """Over the 12 bytes at the beginning of the file."""
+    """Checksum of the 12 bytes at the beginning of the file."""
     messages: Sequence[MessageSum]
-    """Every message before the end message, in order."""
+    """Checksums of all messages before the end message, in order."""
     rows: Mapping[str, int]
-    """Entity path -> rows that were written with a time. Rows that Rerun lost show here."""
+    """Number of rows that were written with a time, by entity path; shows rows that Rerun lost."""
     static_rows: Mapping[str, int] = field(default_factory=dict)
-    """The same for rows that hold at all times."""
+    """Number of rows that were written without a time, by entity path."""
 
     @property
     def messages_end(self) -> int:
-        """Where the end message begins."""
+        """Position of the end message in bytes."""
         return HEADER_BYTES + sum(message.size for message in self.messages)
 
 
 class RecordingEnding:
-    """Ends a recording that is written block by block: first the 12 bytes of its header, then a message each."""
+    """Builds the ending of a recording that is written in blocks: first the file's header of 12 bytes, then the
+    messages."""
 
     def __init__(self) -> None:
         """Begin with nothing."""
         self.rows = Counter[str]()
-        """Number of rows with a time by entity path, counted by the logger."""
+        """Number of rows with a time by entity path; the logger counts them."""
         self.static_rows = Counter[str]()
-        """The same for rows that hold at all times."""
+        """Number of rows without a time by entity path."""
         self.chunks = ChunkTable()
-        """Rerun's table of the chunks, filled by whoever takes them from Rerun."""
+        """Rerun's table of the chunks; whoever takes chunks from Rerun adds them."""
         self._header_crc32: int | None = None
         self._table = bytearray()
-        """The checksums, packed: an hour has some sixty thousand."""
+        """Packed checksums; an hour of recording has some sixty thousand."""
 
     def count(self, block: bytes) -> None:
-        """Take note of the header or of a message that is in the file now."""
+        """Register the header, or a message that was written to the file."""
         if self._header_crc32 is None:
             self._header_crc32 = zlib.crc32(block)
             return
@@ -85,9 +86,9 @@ class RecordingEnding:
         self._table += _SUM.pack(kind, zlib.crc32(block), length)
 
     def encoded(self, *, complete: bool, is_short: bool = False) -> bytes:
-        """Return what to write behind the last message.
+        """Return the bytes to write after the last message.
 
-        Without `complete` no number of rows is promised; a short ending goes without Rerun's table of chunks.
+        Unless `complete`, the record contains no numbers of rows. A short ending omits Rerun's table of chunks.
         """
         record = ClosingRecord(
             header_crc32=self._header_crc32 or 0,
@@ -99,7 +100,7 @@ class RecordingEnding:
 
 
 def closing_bytes(record: ClosingRecord, footer: bytes = b"") -> bytes:
-    """Return what is written behind the last message: end message with Rerun's footer and the record, and the tail."""
+    """Return the bytes after the last message: the end message with Rerun's footer and the record, and the tail."""
     counts = {"rows": dict(record.rows), "static_rows": dict(record.static_rows)}
     text = json.dumps(counts, sort_keys=True, separators=(",", ":")).encode()
     table = b"".join(_SUM.pack(each.kind, each.crc32, each.length) for each in record.messages)
@@ -107,8 +108,8 @@ def closing_bytes(record: ClosingRecord, footer: bytes = b"") -> bytes:
     field_start = bytes_field_start(_FIELD, len(body) + 2 * _CRC.size)
     start = record.messages_end + MESSAGE_HEADER.size
     tail = Tail.of(start, footer)
-    # The first checksum covers what stands around the record, the second the record itself with the first: so the
-    # record can be trusted when only its surroundings are damaged.
+    # The first checksum covers the surroundings of the record, the second one the record with the first checksum.
+    # So the record can be trusted even if its surroundings are damaged.
     end = EndMessage(record.messages_end, footer + field_start + body + bytes(2 * _CRC.size), tail)
     body += _CRC.pack(_surroundings_crc32(end, len(body) + 2 * _CRC.size))
     body += _CRC.pack(zlib.crc32(body))
@@ -116,7 +117,8 @@ def closing_bytes(record: ClosingRecord, footer: bytes = b"") -> bytes:
 
 
 def read_closing_record(end: EndMessage) -> ClosingRecord | None:
-    """Read the record of an end message. None when there is none, or when a byte of message or tail changed."""
+    """Return the record in an end message; None if there is none, or if any byte of the message or the tail has
+    changed."""
     at = end.payload.find(_MAGIC, len(end.footer))
     record = None if at < 0 else _parsed(end.payload[at:])
     stored = end.payload[-2 * _CRC.size : -_CRC.size]
@@ -129,11 +131,11 @@ class PlacedRecord(NamedTuple):
 
     record: ClosingRecord
     end: int
-    """Where in the file it ends; a tail follows."""
+    """Position of its end in the file; a tail follows."""
 
 
 def find_closing_records(data: bytes) -> Sequence[PlacedRecord]:
-    """Find the records in a damaged file that did not change themselves; several when files were put into one."""
+    """Return the unchanged records in a damaged file; several if several files were joined."""
     found = list[PlacedRecord]()
     at = data.find(_MAGIC)
     left = _SEARCHED * len(data)
@@ -148,7 +150,7 @@ def find_closing_records(data: bytes) -> Sequence[PlacedRecord]:
 
 
 def _size(data: bytes) -> int:
-    """Return how long the record at the beginning of `data` says it is."""
+    """Return the length of the record at the beginning of `data`, according to its own fields."""
     if len(data) < len(_MAGIC) + _SIZES.size:
         return 0
     text_bytes, count = _SIZES.unpack_from(data, len(_MAGIC))
@@ -156,7 +158,7 @@ def _size(data: bytes) -> int:
 
 
 def _parsed(data: bytes) -> ClosingRecord | None:
-    """Read a record that takes up all of `data`; None when it changed since it was written."""
+    """Return the record that consists of all bytes of `data`; None if it has changed."""
     if not data or len(data) != _size(data) or _CRC.pack(zlib.crc32(data[: -_CRC.size])) != data[-_CRC.size :]:
         return None
     text_at = len(_MAGIC) + _SIZES.size
@@ -167,7 +169,7 @@ def _parsed(data: bytes) -> ClosingRecord | None:
         rows = dict(counts["rows"])
         static_rows = dict(counts["static_rows"])
     except (ValueError, LookupError, TypeError):
-        return None  # Its checksum is right, so somebody wrote it so.
+        return None  # Its checksum is correct, so it was written like this.
     return ClosingRecord(
         header_crc32=_CRC.unpack_from(data, table_end)[0],
         messages=_messages(data[text_at + text_bytes : table_end]),
@@ -187,7 +189,7 @@ def _surroundings_crc32(end: EndMessage, record_bytes: int) -> int:
 
 
 def chunk_places(messages: Sequence[MessageSum]) -> Sequence[ChunkPlace]:
-    """Return where the payloads of the chunks stand in a file with these messages."""
+    """Return the positions of the chunks' payloads in a file with these messages."""
     position = HEADER_BYTES
     places = list[ChunkPlace]()
     for message in messages:
@@ -198,17 +200,17 @@ def chunk_places(messages: Sequence[MessageSum]) -> Sequence[ChunkPlace]:
 
 
 class FileCheck(NamedTuple):
-    """Result of checking the bytes of a file, without their meaning."""
+    """Result of checking the bytes of a file, without interpreting them."""
 
     framing: RrdFraming
     record: ClosingRecord | None
-    """None for an unfinished file, a damaged end, and a file that Rerun itself finished."""
+    """Closing record; None for an unfinished file, a damaged end, and a file that Rerun itself finished."""
     damage: str | None
-    """The damage of a finished file, as a clause; None if its checksums are right."""
+    """Damage of a finished file, as a clause; None if its checksums are correct."""
 
 
 def check_file(path: Path) -> FileCheck:
-    """Walk over a file and compare every byte with its closing record, if it has one. Raises OSError."""
+    """Read a file and compare every byte with its closing record, if it has one. Raises OSError."""
     with path.open("rb") as file:
         size = file.seek(0, 2)
         file.seek(0)
@@ -241,9 +243,9 @@ def _damage(
 
 
 def _damage_without_record(messages: Sequence[MessageSum], end: EndMessage) -> str | None:
-    """Judge a file that was finished by Rerun itself: by an older recorder, or by a tool of Rerun's.
+    """Check a file that Rerun itself finished, through an older recorder or one of Rerun's tools; return its damage.
 
-    Either writes a table of all chunks. Whoever puts an empty ending behind a file that was cut does not.
+    Both write a table of all chunks. A missing table means that an empty ending was appended to a truncated file.
     """
     if end.appended:
         return "its table of checksums changed"

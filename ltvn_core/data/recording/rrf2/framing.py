@@ -1,7 +1,8 @@
-"""The outer shape of a `.rrd` file: a header, messages with their lengths, an end message, and a tail pointing to it.
+"""The outer structure of a `.rrd` file: a header, messages with their lengths, an end message, and a tail pointing to
+it.
 
-Owns the walk over the messages, in plain Python, so that a file can be judged before Rerun's reader sees a byte of it.
-Does not look into messages.
+Owns iterating over the messages, in plain Python, so that a file can be checked before Rerun's reader reads a byte of
+it. Does not interpret messages.
 """
 
 import struct
@@ -14,34 +15,34 @@ import xxhash
 
 HEADER_BYTES = 12
 MESSAGE_HEADER = struct.Struct("<QQ")
-"""Kind and length of the payload that follows."""
+"""Kind and length of the following payload."""
 END_KIND = 0
 CHUNK_KIND = 2
 KNOWN_KINDS = (1, CHUNK_KIND, 3)
-"""Description of a store, a chunk of rows, choice of a layout."""
+"""Known kinds of messages: description of a store, chunk of rows, choice of a layout."""
 _FOOTER_SEED = 7850921
 """Rerun's seed for the checksum of its table of chunks."""
 FILE_MAGIC = b"RRF2"
-"""A file begins so."""
+"""First bytes of a file."""
 _TAIL = struct.Struct("<QQI8sI")
 TAIL_BYTES = _TAIL.size
 _MARK = b"RRF2FOOT"
 _MARK_BYTES = 12
-"""The mark stands this far before the end of the file."""
+"""Distance of the closing mark from the end of the file, in bytes."""
 
 
 class MessageSum(NamedTuple):
-    """A message in a file, without its bytes."""
+    """Checksum and length of a message in a file."""
 
     kind: int
     length: int
     """Length of the payload, in bytes."""
     crc32: int
-    """Over the message's header and payload."""
+    """CRC-32 of the message's header and payload."""
 
     @property
     def size(self) -> int:
-        """Length with the message's own header."""
+        """Length with the message's header, in bytes."""
         return MESSAGE_HEADER.size + self.length
 
     @property
@@ -62,12 +63,12 @@ class Tail(NamedTuple):
 
     @classmethod
     def of(cls, footer_start: int, footer: bytes) -> Self:
-        """Return the tail of a file whose end message begins with `footer`."""
+        """Return the tail of a file whose end message is at `footer_start` and begins with `footer`."""
         return cls(footer_start, len(footer), xxhash.xxh32_intdigest(footer, _FOOTER_SEED) if footer else 0)
 
     @classmethod
     def read(cls, data: bytes) -> Self | None:
-        """Read a tail, None if there is none."""
+        """Decode a tail; None if there is none."""
         if len(data) != TAIL_BYTES:
             return None
         tail = cls(*_TAIL.unpack(data)[:3])
@@ -75,30 +76,30 @@ class Tail(NamedTuple):
 
     def encoded(self) -> bytes:
         """Return the 32 bytes."""
-        # Without tables, Rerun walks over the messages.
+        # Without a table, Rerun iterates over the messages.
         tables = 1 if self.footer_bytes else 0
         return _TAIL.pack(*self, _MARK, tables)
 
 
 class RrdFraming(NamedTuple):
-    """How far a file is whole."""
+    """Result of checking how much of a file is complete."""
 
     messages: int
-    """Whole messages, without the last one that only closes the file."""
+    """Number of complete messages, without the end message."""
     whole_bytes: int
-    """Length of the header and these messages."""
+    """Length of the header and the complete messages, in bytes."""
     finished: bool
-    """The walk arrived at the end message, and behind it at the tail and at the end of the file."""
+    """Whether the end message was reached, and is followed by the tail and the end of the file."""
 
 
 def is_rrd(path: Path) -> bool:
-    """Tell whether the file begins as a Rerun file does."""
+    """Tell whether a file begins like a Rerun file."""
     with path.open("rb") as file:
         return file.read(len(FILE_MAGIC)) == FILE_MAGIC
 
 
 def is_finished(path: Path) -> bool:
-    """Tell whether the closing mark stands at the end of the file; quick."""
+    """Tell quickly whether the closing mark is at the end of the file."""
     with path.open("rb") as file:
         size = file.seek(0, 2)
         file.seek(max(0, size - _MARK_BYTES))
@@ -106,9 +107,9 @@ def is_finished(path: Path) -> bool:
 
 
 def walk_messages(file: BinaryIO, size: int) -> Iterator[MessageSum]:
-    """Yield the messages of a file of `size` bytes up to its end message or to where the walk cannot go on.
+    """Yield the messages of a file of `size` bytes, up to its end message or the first place that is not a message.
 
-    Reads everything. The place in the file is the walk's own between two messages.
+    Reads all bytes. Keeps its own position, so that callers may move the file's position between two messages.
     """
     position = HEADER_BYTES
     while position + MESSAGE_HEADER.size <= size:
@@ -136,12 +137,12 @@ class EndMessage(NamedTuple):
 
     @property
     def footer_is_right(self) -> bool:
-        """Rerun's table is as it was written. Takes 0.14 s for each of its megabytes."""
+        """Whether Rerun's table is unchanged. Takes 0.14 s per megabyte of the table."""
         return self.tail == Tail.of(self.tail.footer_start, self.footer)
 
     @property
     def appended(self) -> bytes:
-        """Return the bytes behind Rerun's table, which Rerun skips."""
+        """Return the bytes after Rerun's table, which Rerun skips."""
         return self.payload[self.tail.footer_bytes :]
 
     def encoded(self) -> bytes:
@@ -150,7 +151,7 @@ class EndMessage(NamedTuple):
 
 
 def read_end(file: BinaryIO, position: int, size: int) -> EndMessage | None:
-    """Read the end message, when it stands at `position` and nothing but the tail follows; else None."""
+    """Return the end message, if it is at `position` and is followed only by the tail; else None."""
     file.seek(position)
     header = file.read(MESSAGE_HEADER.size)
     if len(header) < MESSAGE_HEADER.size:

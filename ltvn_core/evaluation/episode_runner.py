@@ -120,7 +120,8 @@ class EpisodeRunner:
         self._next_frame = max(known.keyframes.frames) + 1
 
     def save_map(self, path: Path, settings: Mapping[str, Any], *, origin: Path) -> None:
-        """Save the map as changed by queries from the one at `origin`, with `settings` that describe these queries."""
+        """Save the current map; `settings` describe the queries that changed it, and `origin` is the file of the map
+        before them."""
         self.map.save(path, config={"verb": "lifelong", **settings}, origin=origin)
 
     def run(

@@ -24,7 +24,7 @@ from ltvn_core.structured_text import parse_json
 
 SUFFIX = ".gz"
 MAX_BYTES = 256_000_000
-"""Maximum size of an unpacked file; 50 times the largest result so far."""
+"""Maximum size of an unpacked file in bytes; 50 times the largest result so far."""
 
 
 def packed_path(path: Path) -> Path:
@@ -90,9 +90,9 @@ class MapTruthMetrics:
     goals_told: int | None = None
     """Number of goals that the map reports as doubtful before any drive; None in older results."""
     goals_told_rightly: int | None = None
-    """Number of doubtful goals to which no drivable path leads from most of the map."""
+    """Number of doubtful goals to which indeed no drivable path leads from most of the map."""
     goals_untold: int | None = None
-    """Number of goals without such a path that the map does not report as doubtful."""
+    """Number of goals to which no drivable path leads from most of the map, but that are not reported as doubtful."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,8 +131,8 @@ class TrialResult:
     """Fingerprint of the weights in use."""
     map: MapTruthMetrics
     floorplan: MapDrawing | None
-    """Drawing of the map; None in a file, because the drawing is a separate file (see `save_drawing`), except in older
-    ones."""
+    """Drawing of the map. None when read from a file, because the drawing is a separate file (see `save_drawing`);
+    older files contain it."""
     episodes: tuple[QueryResult, ...]
     wall_s: float
     """Real time of the episodes, summed over all processes, in seconds."""
@@ -243,7 +243,7 @@ def load_results(path: Path, kind: type) -> Any:
 
 
 _PER_METRE = 1000
-"""Resolution of stored poses and p, per metre, radian or 1: finer than any figure shows."""
+"""Number of steps per metre, per radian and per unit of p in stored drawings; finer than any figure shows."""
 
 
 def drawing_path(folder: Path, label: str, queries: int) -> Path:

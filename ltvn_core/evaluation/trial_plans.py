@@ -90,9 +90,10 @@ PARTS: dict[str, Callable[[Method], Method]] = {
     "expansion": _without_expansion,
     **{f"our-{group}": _as_in_paper(group, _thresholds(group)) for group in _GROUPS},
 }
-"""Parts that can be switched off, by their names on the command line; `our-driving` is our departures in driving."""
+"""Parts that can be switched off, by their names on the command line. `our-driving` stands for all our changes to the
+paper's driving."""
 RULES = {f"{group}.{name}": _as_in_paper(group, [name]) for group in _GROUPS for name in _departures(group)}
-"""Each of our departures by itself, such as "driving.swerve"; the command line also accepts these names."""
+"""Each of our changes to the paper by itself, such as "driving.swerve"; the command line also accepts these names."""
 
 
 _FINE_TUNING = "fine-tuning"

@@ -75,7 +75,7 @@ FIGURE_PALETTE = FigurePalette(palette.SOURCE.on_white, palette.TARGET.on_white,
 
 @contextmanager
 def documentation_style(palette: FigurePalette) -> Iterator[None]:
-    """Draw in the style of the documentation: white, few lines, text as large as a page's."""
+    """Draw in the style of the documentation: white background, few lines, and text in the size of the page's text."""
     settings: dict[str, Any] = {
         "font.family": "DejaVu Sans",
         "font.size": 10.5,
@@ -144,7 +144,7 @@ class ReportFigure:
     caption: str
     """Description in short sentences."""
     draw: Callable[[], Figure]
-    """Call it inside `drawing`."""
+    """Creates the figure; call it inside `drawing`."""
 
 
 def method_colours(methods: Sequence[str], palette: FigurePalette) -> dict[str, Colour]:

@@ -110,8 +110,10 @@ def _on_detours(found: WorldMetrics) -> str:
 
 
 def people_table(results: Sequence[WorldResult]) -> ReportTable:
-    """Return the encounters with people in each world, in each scene and, if there are several, over all; worlds
-    without encounters have no row."""
+    """Return the encounters with people in each world and scene and, if there are several scenes, over all scenes.
+
+    Worlds without encounters have no row.
+    """
     met = [result for result in results if any(query.people.encounters for query in result.queries)]
     body = tuple(_people_line(*group) for group in world_groups(met))
     caption = (

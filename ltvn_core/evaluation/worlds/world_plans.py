@@ -150,7 +150,7 @@ class Schedule:
 
     @property
     def changing(self) -> tuple[EdgeKey, ...]:
-        """Edges that are closed at one of these times and open at another, on which predictions are scored."""
+        """Edges that are closed at some of the scheduled times; predictions are scored on these edges."""
         closed = {edge for query in self.queries for edge in (*query.closed, *query.closed_later)}
         return tuple(edge for edge in self.edges if edge in closed)
 
@@ -206,7 +206,8 @@ def _draw(
     drive_truth: DriveGroundTruth,
     rng: np.random.Generator,
 ) -> tuple[EpisodePlan, float]:
-    """Draw a start from the images of the drive and a goal that can be reached from there, with its distance."""
+    """Draw a start from the images of the drive and a goal that can be reached from it; return the path length in
+    metres, too."""
     goals = truth.poses(nodes)
     for _ in range(_MOST_DRAWS):
         row = int(rng.integers(len(drive_truth.frames)))

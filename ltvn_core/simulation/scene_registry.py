@@ -185,7 +185,7 @@ def _generate(name: str) -> Scene:
 
 
 def _write_cache(scene: Scene, path: Path) -> None:
-    """Write a scene to the cache atomically; without a cache everything works, only slower."""
+    """Write a scene to the cache atomically; if the cache cannot be written, loading only takes longer."""
     surfaces = scene.surfaces
     # Room kinds are stored as indices, so members of RoomKind may not be reordered.
     room_kinds = np.array([[*RoomKind].index(room.kind) for room in scene.rooms])

@@ -40,7 +40,7 @@ _THINGS = (
 
 
 class Rectangle(NamedTuple):
-    """An upright rectangle of floor in metres."""
+    """An axis-aligned rectangle of floor; lengths in metres."""
 
     x0: float
     y0: float
@@ -92,7 +92,7 @@ class FreeFloor:
     def place(
         self, name: str, within: Rectangle, size: tuple[float, float], rng: np.random.Generator
     ) -> Rectangle | None:
-        """Place a rectangle with sides in metres within another one; return None if no place is found."""
+        """Place a rectangle with sides `size` in metres within another rectangle; return None if there is no room."""
         spare = within.x1 - within.x0 - size[0], within.y1 - within.y0 - size[1]
         if min(spare) <= 0:
             return None

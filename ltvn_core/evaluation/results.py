@@ -100,12 +100,12 @@ class MapDrawing:
     """A map over the floor plan of its scene, for drawing."""
 
     origin: tuple[float, float]
-    """x and y of the corner of the first cell, metres."""
+    """x and y of the lower corner of the first cell, in metres."""
     resolution_m: float
     free: tuple[str, ...]
     """Rows from low y to high y, one character per cell: "." is navigable, "#" is not."""
     nodes: tuple[tuple[int, float, float, float], ...]
-    """Node, exact x, y and yaw."""
+    """Number of each node, with its exact x and y in metres and yaw in radians."""
     edges: tuple[tuple[int, int, float, bool], ...]
     """Source, target, p, and whether it is spurious."""
 
@@ -124,7 +124,7 @@ class TrialResult:
     finetuned: bool
     seed: int
     queries: int
-    """Queries with maintenance before these episodes; 0 is the map as it was built."""
+    """Number of queries with maintenance before these episodes; 0 for the map as it was built."""
     images: int
     """Number of images of the mapping drive."""
     fingerprint: str

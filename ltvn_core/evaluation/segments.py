@@ -59,11 +59,11 @@ class QueryFiles(Protocol):
     """Paths of the maps and results of queries."""
 
     def map(self, queries: int) -> Path:
-        """Return the map after a number of queries."""
+        """Return the path of the map after a number of queries."""
         ...
 
     def query_batch(self, first: int, until: int) -> Path:
-        """Return the results of the queries from `first` up to `until`."""
+        """Return the path of the results of the queries from `first` up to `until`."""
         ...
 
 

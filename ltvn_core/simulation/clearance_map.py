@@ -144,8 +144,7 @@ class ClearanceMap:
         return poses[:count]
 
     def path(self, start: ArrayLike, goal: ArrayLike) -> NDArray[np.float64] | None:
-        """Return a path (M, 2) from start (2,) to goal (2,) that prefers the middle of free space; None if there is no
-        path.
+        """Return a path (M, 2) from start (2,) to goal (2,) through the middle of free space; None if there is no path.
 
         Not the shortest path: cells near obstacles cost up to four times as much. See `path_lengths` for lengths.
         """

@@ -299,7 +299,7 @@ class PlanarBody:
         return dx * dx + dy * dy < left_m * left_m
 
     def _nearest(self, x_m: float, y_m: float) -> _Obstacle:
-        """Return the obstacle nearest to a point; beyond the collected obstacles, the distance is a lower bound."""
+        """Return the obstacle nearest to a point; if there is none within reach, the distance is a lower bound."""
         if self._free_x == x_m and self._free_y == y_m:
             return self._last  # The last search of a tick is the one that the bumper and the next tick need.
         if abs(x_m - self._anchor_x) > _REACH_M / 2 or abs(y_m - self._anchor_y) > _REACH_M / 2:

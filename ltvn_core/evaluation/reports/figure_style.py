@@ -59,13 +59,13 @@ class FigurePalette:
     """Colours on white that are distinguishable with every common kind of colour blindness."""
 
     first: Colour
-    """Source images and the first series."""
+    """Colour of source images and of the first series."""
     second: Colour
-    """Target images and the second series."""
+    """Colour of target images and of the second series."""
     third: Colour
-    """Predictions of the network."""
+    """Colour of the network's predictions."""
     grey: Colour = (0.45, 0.47, 0.5)
-    """Series for comparison."""
+    """Colour of series for comparison."""
     text: Colour = (0.13, 0.15, 0.18)
 
 

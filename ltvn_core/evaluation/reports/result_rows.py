@@ -193,10 +193,10 @@ class MaintenanceInterval:
     """Numbers of queries before the first test and before the second test."""
     pruned: float
     pruned_bad: float
-    """Pruned edges that are spurious or that the robot could not drive."""
+    """Mean number of pruned edges that are spurious or that the robot could not drive."""
     added_edges: float
     added_spurious: float
-    """Added edges that are spurious."""
+    """Mean number of added edges that are spurious."""
 
 
 def group_lifelong(results: Iterable[LifelongResult]) -> tuple[LifelongGroup, ...]:

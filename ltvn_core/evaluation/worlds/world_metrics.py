@@ -34,9 +34,9 @@ class WorldMetrics:
     cut_off: int
     """Number of failures without an open path to the goal at their end."""
     blocked_tries_per_100: float
-    """Attempts along closed edges in 100 queries."""
+    """Mean number of attempts along closed edges in 100 queries."""
     door_tries_per_100: float
-    """Attempts along edges through closed doors in 100 queries."""
+    """Mean number of attempts along edges through closed doors in 100 queries."""
     reopened_after_queries: float | None
     """Mean number of queries until a reopened door is used again; None without such doors. Counts queries whose best
     path leads through the door, at least 1. Only doors that the robot had met closed are included. A door that closes

@@ -26,7 +26,7 @@ from ltvn_core.structured_text import parse_json
 
 log = logging.getLogger(__name__)
 _SURE = 1.3
-"""Ratio of level areas from which the other axis points up, and not the standard axis of the file format."""
+"""Least ratio of level areas, other axis to standard axis of the file format, at which the other axis points up."""
 _SLAB_M = 0.1
 """Thickness of a slab, in metres."""
 _LEAST_SPAN_M = 1.0
@@ -47,14 +47,14 @@ _FINE = 2
 _STEP_M = 0.06
 """Height above the floor below which surfaces are not obstacles (rugs, thresholds, noise of scans), in metres."""
 _HOLLOW_M = 0.1
-"""Depth below the floor's height to which surfaces still belong to the floor, in metres."""
+"""Greatest depth below the floor's height at which surfaces still belong to the floor, in metres."""
 _CEILING_M = 1.8
-"""Height above the floor from which surfaces are ceilings, in metres."""
+"""Least height above the floor of surfaces that are ceilings, in metres."""
 _HOLE_M = 0.5
-"""Half of the width of the largest hole in a ceiling below which the floor still counts as indoors, in metres."""
+"""Half of the greatest width of a ceiling's hole that is ignored, in metres; the floor below it counts as indoors."""
 _ROOFED_SHARE = 0.3
-"""Share of the free floor under a ceiling below which the mesh counts as having no ceiling; walls then decide what is
-indoors."""
+"""Least share of the free floor under a ceiling; with less, the mesh counts as having no ceiling, and walls decide what
+is indoors."""
 _LEVEL = 0.9
 """Vertical component of the unit normal above which a surface is level enough to be a floor."""
 _CANDIDATES = 6

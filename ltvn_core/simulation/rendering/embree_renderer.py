@@ -39,7 +39,7 @@ class MipmapTable:
         """
         chains = [_halvings(texture) for texture in textures]
         self.levels = max(len(chain) for chain in chains)
-        """Number of mip-map levels; a small texture repeats its last."""
+        """Number of mip-map levels; a small texture repeats its last level."""
         self._entries = np.zeros((len(textures) * self.levels, 4), np.int32)
         images: list[NDArray[np.float32]] = []
         end = 0

@@ -40,9 +40,9 @@ CROSSED_M = 0.72
 
 
 class Checkpoints:
-    """Checkpoints along the path to a goal; their crossed share measures the progress of a failed episode.
+    """Checkpoints along the path to a goal. The share that the robot crossed measures the progress of a failed episode.
 
-    The measure of VISTA (arXiv 2606.17294). Reads the ground truth; the robot does not use them.
+    The measure of VISTA (arXiv 2606.17294). Reads the ground truth; the robot does not use the checkpoints.
     """
 
     def __init__(self, clearance: ClearanceMap, start: Pose, goal: Pose) -> None:

@@ -25,7 +25,7 @@ from ltvn_core.navigation.events import (
 from ltvn_core.types import FrameId, Pose
 
 CAUSE_ORDER = (FailureCause.SPURIOUS_EDGE, FailureCause.MISLOCALISED, FailureCause.NO_PATH, FailureCause.COLLISION)
-"""Causes in causal order: each may lead to those after it."""
+"""Causes in causal order: each cause may lead to the causes after it."""
 
 
 @dataclass(slots=True)

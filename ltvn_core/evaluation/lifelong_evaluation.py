@@ -90,7 +90,7 @@ class LifelongDrive:
         self._runner.save_map(self._files.map(queries), settings, origin=self._files.map(self._first))
 
     def check(self, results: Sequence[QueryResult]) -> tuple[QueryResult, ...]:
-        """Check the pruned edges by driving them, and count the bad ones for the query that pruned them."""
+        """Check the pruned edges by driving them, and count the bad edges for the query that pruned them."""
         pruned = [self._pruned[result.query] for result in results]
         bad = bad_edges(self._runner, [edge for edges in pruned for edge in edges], self._plan.seed)
         counts = (sum((edge.source, edge.target) in bad for edge in edges) for edges in pruned)
@@ -204,7 +204,7 @@ class LifelongSchedule:
 
     @property
     def segments(self) -> tuple[Queries | Episodes, ...]:
-        """The static tests and the queries between them."""
+        """The segments of the schedule: static tests, and the queries between two tests."""
         tests = (Episodes(at, self.episodes) for at in self.points)
         return (*tests, *(Queries(first, until) for first, until in pairwise(self.points)))
 

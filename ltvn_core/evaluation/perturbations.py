@@ -171,7 +171,7 @@ class OtherLens:
     camera: CameraModel
     """The camera as calibrated."""
     focal_factor: float = 1.06
-    """Ratio of the focal length to the calibrated one."""
+    """Ratio of the focal length to that of the calibrated lens."""
     barrel: float = -0.08
     """First radial coefficient of the distortion, k1."""
 

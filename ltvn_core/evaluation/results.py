@@ -149,7 +149,7 @@ class TrialResult:
 
 @dataclass(frozen=True, slots=True)
 class EdgeCalibrationBin:
-    """Edges with p in one bin, and the number of drivable ones among them."""
+    """Edges with p in one bin, and the number of drivable edges among them."""
 
     low: float
     high: float

@@ -97,7 +97,8 @@ class Outlines:
         self._areas = areas
 
     def nearest(self, x_m: float, y_m: float) -> tuple[float, float, float]:
-        """Return the distance from a point to the nearest outline, 0 within an area, and the nearest point of it."""
+        """Return the distance from a point to the nearest outline, and the nearest point on it. The distance is 0
+        within an area."""
         if len(self._areas) and _contains(self._areas, np.array([x_m, y_m])).any():
             return 0.0, x_m, y_m
         to_x = x_m - self._x
@@ -272,7 +273,7 @@ class PlanarBody:
             normal_x = (x_m - nearest_x) / distance_m
             normal_y = (y_m - nearest_y) / distance_m
             along = (x_m - from_x) * -normal_y + (y_m - from_y) * normal_x
-            # Coulomb friction: the wall reduces the motion along it, by at most a share of the reduction across it.
+            # Coulomb friction: motion along the wall is reduced by at most a share of the reduction across the wall.
             held = math.copysign(min(abs(along), friction * depth_m), along)
             x_m += normal_x * depth_m + normal_y * held
             y_m += normal_y * depth_m - normal_x * held

@@ -98,9 +98,9 @@ def load_scene(name: str) -> Scene:
     """Return a scene by its name or path.
 
     Args:
-        name: One of `scene_names()`: ours are generated at the first call and then read from the user's cache, those of
-            other packages are created by them. Or the path of a mesh file (GLB, glTF, OBJ, PLY) or of a folder in
-            Gibson layout.
+        name: One of `scene_names()`, or the path of a mesh file (GLB, glTF, OBJ, PLY) or of a folder in Gibson layout.
+            Our own scenes are generated at the first call and then read from the user's cache. Other packages create
+            their own scenes.
 
     Raises:
         SceneError: There is no such scene, or its mesh cannot be used.

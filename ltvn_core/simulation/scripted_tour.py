@@ -205,7 +205,8 @@ def _stops(scene: Scene, rng: np.random.Generator, settings: TourSettings) -> li
 def _clear_points(
     clearance: ClearanceMap, edges: tuple[float, float, float, float], clearance_m: float
 ) -> NDArray[np.float64]:
-    """Return the navigable points (N, 2) in a rectangle with a clearance, or those with the most if none has it."""
+    """Return the navigable points (N, 2) in a rectangle that have a clearance; without any, the points with the
+    largest."""
     rows_columns = np.argwhere(clearance.navigable)
     points = clearance.origin + (rows_columns[:, ::-1] + 0.5) * clearance.resolution_m
     x0, y0, x1, y1 = edges

@@ -48,7 +48,7 @@ _PERTURBED_SHARE = 4
 """Divisor of the numbers of pairs that are compared under a perturbation."""
 _FEW_PAIRS = 100
 _SAME_D = 0.005
-"""Value of d (Eq. 2) between the motions in odometry and in truth, below which odometry is a copy of it."""
+"""Value of d (Eq. 2) between the motions in odometry and in truth, below which the motions count as equal."""
 
 
 class ProgressBars(Protocol):
@@ -66,7 +66,7 @@ class JudgementPlan:
     pairs: int = 20_000
     """Maximum number of far pairs. The maximum for near pairs, which take longer to predict, is an eighth of it."""
     left_out: float = 0.2
-    """Share of images, evenly spaced, that are left out of the map and localised in it."""
+    """Share of images, evenly spaced, that are localised in the map and not used to build it."""
     perturbations: tuple[str, ...] = ()
     """Names of perturbations, which change source images and not target images."""
     seed: int = 0
@@ -222,7 +222,8 @@ class _Judge:
             return localisation_accuracy(built, sources[self.rows.looks], views, progress=progress)
 
     def _rng(self, purpose: int) -> np.random.Generator:
-        """Return a separate random generator for one purpose, so that the results of others do not depend on it."""
+        """Return a random generator for one purpose, so that the draws for one purpose do not change those for
+        another."""
         return np.random.default_rng([self.plan.seed, purpose])
 
 
@@ -237,8 +238,8 @@ def judge(
 ) -> Judgement:
     """Evaluate a predictor on source images against target images.
 
-    If both are one sequence, the map is built from a part of it and the rest is localised in it; else the map is built
-    from all of `mapped`, and all of `looking` are localised in it.
+    If both sequences are the same, one part of its images builds the map and the other part is localised in it.
+    Otherwise, all images of `mapped` build the map, and all images of `looking` are localised in it.
 
     Raises:
         MapError: No map can be built from the images.

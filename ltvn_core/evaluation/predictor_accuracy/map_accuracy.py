@@ -34,7 +34,7 @@ _MOST_RECOGNISED = 100
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MapAccuracy:
-    """Figures of a map; those that need truth are None without it."""
+    """Figures of a map; figures that need truth are None without truth."""
 
     frames: int
     """Number of images that the map was built from."""

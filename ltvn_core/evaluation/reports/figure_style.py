@@ -170,7 +170,7 @@ def in_percent(axes: Axes, **limits: Any) -> None:
 
 
 def in_counts(axes: Axes) -> None:
-    """Write a logarithmic y axis in whole numbers, few of them. Call it when all is drawn."""
+    """Write a logarithmic y axis with a few whole numbers. Call it after everything is drawn."""
     low, high = axes.get_ylim()
     decades = math.log10(high / low)
     subs = (1.0,) if decades > 3 else (1.0, 2.0, 5.0) if decades > 1 else (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)

@@ -1,6 +1,6 @@
 """The tables of evaluations in changing worlds: metrics of each maintenance, and the commands that reproduce them.
 
-Where the robot met people, a table reports its distances to them, contacts and waiting times.
+For worlds with people, a table reports the robot's distances to people, contacts and waiting times.
 """
 
 from collections.abc import Iterable, Iterator, Sequence

@@ -90,7 +90,7 @@ class WorldDrive:
         self.closed_edges = ClosedEdges(scene, self.runner.truth)
 
     def run(self, query: int, on_event: EventCallback | None = None) -> QueryResult:
-        """Let time pass until a query, and drive it."""
+        """Let time pass until the start of a query, and drive the query."""
         runner = self.runner
         world = self.world
         scheduled = self._schedule.queries[query]

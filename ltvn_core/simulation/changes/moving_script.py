@@ -170,7 +170,7 @@ class _Household:
         self._count = 0
 
     def next_change(self) -> list[w.WorldChange]:
-        """Return the next changes; none if there is no room for them."""
+        """Return the next changes; empty if there is no room for them."""
         fewest = len(self._things) < _MOST_THINGS
         if not self._pieces or self._rng.random() < 0.5:
             return self._leave_something() if fewest and self._rng.random() < 0.65 else self._clear_away()

@@ -188,7 +188,7 @@ class World:
         self._tell([self._carry_out(change, by, self.time_s) for change in changes])
 
     def _scripted(self) -> Iterator[WorldChanged]:
-        """Apply the changes of the script, each as soon as neither robot nor person blocks it."""
+        """Apply the changes of the script that are due; a change waits while the robot or a person blocks it."""
         for timed in self._script.due(self.time_s):
             try:
                 check_change(timed.change, self.base, self.state)

@@ -121,7 +121,8 @@ class GltfFile:
         return _DRACO in self._required()
 
     def with_marked_integers(self) -> bytes | None:
-        """Return the file with marks at normalised integers, so that trimesh scales them; None if it has none."""
+        """Return the file with marks at normalised integers, so that trimesh scales them; None without such
+        integers."""
         accessors = self.header.get("accessors", [])
         ones = {
             str(place): _ONE[each["componentType"]]

@@ -3,8 +3,8 @@
 from typing import Literal, TypeAlias, get_args
 
 ConditionName: TypeAlias = Literal["slip", "one-loop", "half-light"]
-"""`slip`: the wheels slip, in the mapping drive and in the episodes. `one-loop`: the mapping drive is one round.
-`half-light`: the map is made in full light and the episodes are driven in half of it."""
+"""`slip`: the wheels slip, in the mapping drive and in the episodes. `one-loop`: the mapping drive has only one loop.
+`half-light`: the map is made in full light, and the episodes are driven at half of that brightness."""
 
 CONDITION_NAMES: tuple[str, ...] = get_args(ConditionName)
-"""All of them, in the order of tables."""
+"""Names of all conditions, in the order of the tables."""

@@ -83,7 +83,7 @@ def edge_accuracy(
 
 
 def _neighbours(graph: TopologicalGraph, truth: GroundTruth, near: float) -> Iterator[MissingEdge]:
-    """Yield the directed pairs that an edge could join; the path is not known yet."""
+    """Yield the directed pairs that an edge could join, still without the length of their path."""
     nodes = list(graph.nodes)
     poses = truth.poses(nodes)
     first, second = _near_pairs(poses, near)
@@ -96,7 +96,7 @@ def _neighbours(graph: TopologicalGraph, truth: GroundTruth, near: float) -> Ite
 def _near_pairs(poses: Pose, near: float) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     if not len(poses):
         return np.empty(0, np.intp), np.empty(0, np.intp)
-    # d is never less than the metres between two poses, so a search in the plane finds all.
+    # d (Eq. 2) is at least the distance in the plane, so a radius search in the plane finds all neighbours.
     pairs = KDTree(poses[:, :2]).query_pairs(near, output_type="ndarray")
     return np.concatenate([pairs[:, 0], pairs[:, 1]]), np.concatenate([pairs[:, 1], pairs[:, 0]])
 
@@ -123,7 +123,7 @@ class CalibrationAttempt(NamedTuple):
     """One attempt at an edge: its p before, the outcome by the robot's own criterion, and the true outcome."""
 
     instant: Instant
-    """Time of its end."""
+    """Time at the end of the attempt."""
     query: int
     edge: EdgeKey
     p: float

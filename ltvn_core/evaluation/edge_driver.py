@@ -113,9 +113,10 @@ class EdgeDriver:
         return MeasuredAttempt(edge=edge, succeeded=end.succeeded, arrived=arrived, end=end.end, reason=end.reason)
 
     def _map(self, edge: EdgeProposal, goal: FrameId) -> list[GraphDelta]:
-        """Return a map of the edge and a following one, so that the target of the edge is not the goal.
+        """Return a map with the edge and a second edge behind it, so that the target of the first edge is not the goal.
 
-        At a goal the navigator would check its arrival first, and not drive the edge if it seems to be there already.
+        At a goal, the navigator would check for arrival first, and would not drive the edge if it believed that it had
+        arrived.
         """
         believing = self._method.believing
         nodes = (edge.source, edge.target, goal)
@@ -134,7 +135,7 @@ class EdgeDriver:
         ]
 
     def _start(self, source: FrameId) -> Pose:
-        """Return where a drive to `source` would have ended, (3,)."""
+        """Return the pose (3,) at which a drive to `source` could have ended."""
         driving = self._method.driving
         exact = self._imaged_scene.poses[source]
         # A real drive ends with the error of a waypoint plus the tolerance of the controller.

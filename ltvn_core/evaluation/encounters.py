@@ -1,10 +1,10 @@
 """Encounters of the robot with people: how close they came, and whether an attentive driver would have avoided contact.
 
-A person never walks into the robot, and steps aside if it comes too close and there is room
-(`simulation.changes.people`). A contact was avoidable if the robot drove towards the person, and either drove
-backwards, without a view, or had the person unobstructed in its camera's view within the last seconds and early enough
-to brake. A contact is not avoidable if the robot stands or drives away, or if the person appears at the last moment.
-Reads exact poses; needs no navigation.
+A person never walks into the robot, and steps aside if the robot comes too close and there is room
+(`simulation.changes.people`). A contact is avoidable if the robot drove towards the person in one of two ways:
+backwards, where the camera sees nothing, or forwards after the camera had an unobstructed view of the person, within
+the last seconds and early enough to brake. A contact is not avoidable if the robot stands or drives away, or if the
+person appears at the last moment. Reads exact poses; needs no navigation.
 """
 
 import math
@@ -26,7 +26,7 @@ from ltvn_core.worlds import PersonMoved
 BEGINS_M, ENDS_M = 1.5, 2.0
 """Distances at which an encounter begins and ends, in metres; all distances here are from surface to surface."""
 _ATTENTION_S = 3.0
-"""Time for which a driver remembers a person after they left the view, in seconds."""
+"""Time for which a driver remembers a person who has left the view, in seconds."""
 _LOOK_S = 0.1
 """Reaction time of a driver before the robot brakes, in seconds."""
 _VIEWS = 40
@@ -46,7 +46,7 @@ class Encounter:
     avoidable: bool = False
     """Whether an attentive driver would not have touched the person."""
     stood_s: float = 0.0
-    """Time for which the robot stood still meanwhile, in seconds."""
+    """Time for which the robot stood still during the encounter, in seconds."""
     seen_s: deque[float] = field(default_factory=lambda: deque(maxlen=_VIEWS))
     """Last times at which the camera had the person in view, in seconds on the robot's clock."""
 
@@ -140,9 +140,9 @@ class EncounterLog:
         return self.over
 
     def _gap(self, robot: Pose, person: PersonMoved) -> Pose:
-        """Return the pose (3,) of a person in the robot's frame: the nearer of now and the previous step.
+        """Return the nearer of a person's poses (3,) now and at the previous step, in the robot's frame.
 
-        People step aside after the robot has moved, so that a contact may be over at the end of the step.
+        People step aside after the robot has moved, so a contact may already be over at the end of the step.
         """
         now = np.array(person.pose)
         gaps = relative(robot, np.array([now, self._places.get(person.person, now)]))

@@ -40,9 +40,9 @@ CROSSED_M = 0.72
 
 
 class Checkpoints:
-    """Checkpoints along the path to a goal; their crossed share measures the progress of a failed episode.
+    """Checkpoints along the path to a goal. The share that the robot crossed measures the progress of a failed episode.
 
-    The measure of VISTA (arXiv 2606.17294). Reads the ground truth; the robot does not use them.
+    The measure of VISTA (arXiv 2606.17294). Reads the ground truth; the robot does not use the checkpoints.
     """
 
     def __init__(self, clearance: ClearanceMap, start: Pose, goal: Pose) -> None:
@@ -120,7 +120,8 @@ class EpisodeRunner:
         self._next_frame = max(known.keyframes.frames) + 1
 
     def save_map(self, path: Path, settings: Mapping[str, Any], *, origin: Path) -> None:
-        """Save the map as changed by queries from the one at `origin`, with `settings` that describe these queries."""
+        """Save the current map; `settings` describe the queries that changed it, and `origin` is the file of the map
+        before them."""
         self.map.save(path, config={"verb": "lifelong", **settings}, origin=origin)
 
     def run(

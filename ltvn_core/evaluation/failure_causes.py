@@ -1,8 +1,8 @@
 """Classifies why an episode failed, from its events and the exact poses of the robot.
 
-An episode is divided into segments, each from one localisation to the next, with at most one cause: the first of
-`CAUSE_ORDER`. The rules by which the sums over segments name the cause of the failure are listed in
-`FailureClassifier.failure`.
+An episode is divided into segments, each from one localisation to the next. A segment has at most one cause: the first
+that applies, in the order of `CAUSE_ORDER`. `FailureClassifier.failure` lists the rules that derive the cause of the
+failure from sums over segments.
 """
 
 from collections import Counter
@@ -25,7 +25,7 @@ from ltvn_core.navigation.events import (
 from ltvn_core.types import FrameId, Pose
 
 CAUSE_ORDER = (FailureCause.SPURIOUS_EDGE, FailureCause.MISLOCALISED, FailureCause.NO_PATH, FailureCause.COLLISION)
-"""Causes in causal order: each may lead to those after it."""
+"""Causes in causal order: each cause may lead to the causes after it."""
 
 
 @dataclass(slots=True)
@@ -81,10 +81,10 @@ class FailureAttribution:
 
 
 class FailureClassifier:
-    """Follows the events of one episode; cheap enough for all episodes."""
+    """Follows the events of one episode; fast enough to run in every episode."""
 
     def __init__(self, truth: GroundTruth, graph: TopologicalGraph) -> None:
-        """Create a classifier for a robot in `graph`, which may change meanwhile."""
+        """Create a classifier for a robot in `graph`, which may change during the episode."""
         self._truth = truth
         self._graph = graph
         self._attribution = FailureAttribution()
@@ -115,10 +115,11 @@ class FailureClassifier:
             self._in_segment(self._segment, event)
 
     def failure(self, ended: QueryResult) -> FailureCause | None:
-        """Return the cause of a failure, None if the robot arrived and decided so. The first rule that applies:
+        """Return the cause of a failure; None if the robot arrived and decided so. The first rule that applies counts:
 
         1. The robot decided that it had arrived: WRONG_ARRIVAL.
-        2. It found no path: MISLOCALISED if it was mislocalised in at least half of these plans, else NO_PATH.
+        2. It found no path: MISLOCALISED if it was mislocalised in at least half of the plans without a path; else
+           NO_PATH.
         3. It was lost: MISLOCALISED if it did not recognise a node where it was; else the cause of the segment before;
            else NO_PATH, because the map does not contain that place.
         4. It collided too often: the cause with most collisions.
@@ -145,7 +146,7 @@ class FailureClassifier:
                 )
 
     def _localised(self, segment: EpisodeSegment, event: Localised, exact_pose: Pose | None) -> None:
-        """Check a localisation; a failed one away from all nodes is attributed to the segment before it."""
+        """Check a localisation; a failed localisation away from all nodes is attributed to the segment before it."""
         if event.node is not None:
             self._is_mislocalised = exact_pose is not None and not self._truth.is_at(exact_pose, event.node)
             self.localised += 1

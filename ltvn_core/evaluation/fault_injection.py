@@ -24,7 +24,7 @@ from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.types import NodeId, Pose, Predictor, Waypoint
 
 THROUGH_WALL_M = 2.5
-"""Greatest length of a spurious edge, in metres, so that only the wall makes it wrong."""
+"""Greatest length of a spurious edge, in metres; such an edge is spurious only because of the wall."""
 DETOUR_M = 3.5
 """Least length of the true path around the wall, in metres."""
 ALIAS_DISTANCE_M = 3.0
@@ -64,7 +64,7 @@ class Fault:
 def missing_edge(graph: TopologicalGraph, truth: GroundTruth) -> Fault:
     """Remove the minimum cut between the two nodes that are farthest apart, as if a passage was never mapped.
 
-    Raises MapError when every cut is too close to one of them.
+    Raises MapError if every cut is too close to the start or the goal.
     """
     nodes = list(graph.nodes)
     places = truth.poses(nodes)[:, :2]
@@ -81,9 +81,9 @@ def missing_edge(graph: TopologicalGraph, truth: GroundTruth) -> Fault:
 def spurious_edge(
     graph: TopologicalGraph, truth: GroundTruth, config: BeliefConfig, *, detour_m: float = DETOUR_M
 ) -> Fault:
-    """Connect two nodes on both sides of a wall with similar headings and the longest true path between them.
+    """Connect two nodes with similar headings and a wall between them: the pair with the longest true path.
 
-    Both are in one component of the map. Raises MapError when no true path is longer than `detour_m`.
+    Both nodes are in one component of the map. Raises MapError if no true path is longer than `detour_m`.
     """
     return spurious_edges(graph, truth, config, 1, detour_m=detour_m)[0]
 
@@ -91,7 +91,7 @@ def spurious_edge(
 def spurious_edges(
     graph: TopologicalGraph, truth: GroundTruth, config: BeliefConfig, count: int, *, detour_m: float = DETOUR_M
 ) -> tuple[Fault, ...]:
-    """Connect pairs of nodes as `spurious_edge` does, each from another place, the longest true path first.
+    """Connect pairs of nodes as `spurious_edge` does, at different places, starting with the longest true path.
 
     Raises MapError if there are fewer than `count` such pairs.
     """
@@ -118,7 +118,8 @@ def spurious_edges(
 def _hidden_pairs(
     truth: GroundTruth, poses: Pose, pieces: NDArray[np.intp], detour_m: float
 ) -> Iterator[tuple[int, int, float]]:
-    """Yield rows of poses (N, 3) with a wall between them, and the length of the true path if that is long enough."""
+    """Yield two rows of `poses` (N, 3) with a wall between them, and the length of the true path if it exceeds
+    `detour_m`."""
     for row, pose in enumerate(poses):
         ahead = _is_ahead(relative(pose, poses))
         hidden = ahead & (truth.clearance.along(np.broadcast_to(pose[:2], (len(poses), 2)), poses[:, :2]) <= 0)
@@ -139,7 +140,7 @@ def perceptual_alias(
 ) -> Fault:
     """Connect the two distant nodes, in one component of the map, with the highest predicted r and d < `near`.
 
-    Compares all pairs: 327 nodes take ten seconds. Raises MapError without any.
+    Compares all pairs; 327 nodes take ten seconds. Raises MapError if there is no such pair.
     """
     nodes = list(graph.nodes)
     poses = truth.poses(nodes)

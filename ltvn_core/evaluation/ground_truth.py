@@ -21,15 +21,16 @@ from ltvn_core.simulation.oracle_predictor import MIN_CLEARANCE_M, is_drivable, 
 from ltvn_core.types import FrameId, NodeId, Observation, Pose
 
 MISLOCALISED_M = 1.5
-"""Distance from a node beyond which a robot is not at it (ours; D_l is about 1 m)."""
+"""Distance beyond which a robot is not at a node, in metres (ours; D_l is about 1 m)."""
 MISLOCALISED_YAW_RAD = float(np.deg2rad(60))
-"""Difference of heading from a node beyond which a robot is not at it."""
+"""Difference in heading beyond which a robot is not at a node, in radians."""
 MISLOCALISED_PATH_M = 2.0
-"""Length of the path to a node, around a wall, beyond which a robot is not at it."""
+"""Length of the shortest path beyond which a robot is not at a node, in metres; it may lead around a wall."""
 AT_ONE_PLACE_M = 0.5
-"""Distance of two poses, without an obstacle between them, below which an edge is mainly a turn."""
+"""Greatest distance between two poses of an edge that is mainly a turn, in metres; there is no obstacle between
+them."""
 RECOGNISABLE_DISTANCE = 0.75
-"""d (Eq. 2) within which a robot should recognise a node: half a metre and 20 degrees (ours; within D_l)."""
+"""Value of d (Eq. 2) within which a robot should recognise a node: half a metre and 20 degrees (ours; within D_l)."""
 
 
 class GroundTruth:
@@ -82,14 +83,15 @@ class GroundTruth:
 
     def spurious(self, graph: TopologicalGraph) -> set[EdgeKey]:
         """Return the spurious edges of a map; the result for each edge is cached."""
-        driven = graph.driven_edges  # An action may lead where no floor does.
+        driven = graph.driven_edges  # An edge with an action, such as a lift, needs no floor between its nodes.
         self._judge_edges(driven)
         return {edge for edge in driven if not self._drivable[edge]}
 
     def is_at(self, robot: Pose, node: NodeId) -> bool:
-        """Return whether a localisation of a robot at (3,) at a node is correct.
+        """Return whether the robot at (3,) is at a node, so that a localisation there is correct.
 
-        It is closer than 1.5 m and 60 degrees, and the path there is shorter than 2 m, so not around a wall.
+        The robot is at a node if it is within 1.5 m and 60 degrees, and if the shortest path to the node is at most 2
+        m, so that no wall separates them.
         """
         gap = relative(robot, self.pose(node))
         if np.hypot(gap[0], gap[1]) > MISLOCALISED_M or abs(gap[2]) > MISLOCALISED_YAW_RAD:
@@ -127,7 +129,10 @@ def shortest_m(clearance: ClearanceMap, start: Pose, goal: Pose) -> float:
 
 
 def map_truth_metrics(graph: TopologicalGraph, truth: GroundTruth, goals: Sequence[NodeId]) -> MapTruthMetrics:
-    """Return the size of a map and its errors; a goal is connected if at least half of the other nodes lead to it."""
+    """Return the size of a map and its errors.
+
+    A goal is connected if a path leads to it from at least half of the other nodes.
+    """
     spurious = truth.spurious(graph)
     told = [standing is not Standing.HELD for standing in standings(graph, goals)]
     reachable = reached_from_most(graph, goals, lambda edge: (edge.source, edge.target) not in spurious)

@@ -1,8 +1,8 @@
 """The lifelong evaluation: queries with maintenance, and at intervals the static test with the current map.
 
-A query goes from a random image of the mapping drive to a random node. Edges that it prunes are driven afterwards to
-check whether they were bad; the map does not use the result. The queries of one map run one by one; those of different
-maps, and the static tests of existing maps, run in parallel.
+A query goes from a random image of the mapping drive to a random node. Edges that a query prunes are driven afterwards
+to check whether they were bad; the map does not use the result. The queries of one map run one by one. Queries of
+different maps, and static tests of existing maps, run in parallel.
 """
 
 from collections.abc import Iterable, Sequence
@@ -56,7 +56,7 @@ class LifelongDrive:
         self._runner = open_runner(plan, files, first, maintain=True)
         self._drive_truth = prepare(plan, files)
         self._pruned: dict[int, tuple[Edge, ...]] = {}
-        """The edges that each query pruned, in their state before the query."""
+        """Edges that each query pruned, in their state before the query."""
 
     def run(self, query: int) -> QueryResult:
         """Drive a query."""
@@ -90,7 +90,7 @@ class LifelongDrive:
         self._runner.save_map(self._files.map(queries), settings, origin=self._files.map(self._first))
 
     def check(self, results: Sequence[QueryResult]) -> tuple[QueryResult, ...]:
-        """Check the pruned edges by driving them, and count the bad ones for the query that pruned them."""
+        """Check the pruned edges by driving them, and count the bad edges for the query that pruned them."""
         pruned = [self._pruned[result.query] for result in results]
         bad = bad_edges(self._runner, [edge for edges in pruned for edge in edges], self._plan.seed)
         counts = (sum((edge.source, edge.target) in bad for edge in edges) for edges in pruned)
@@ -122,7 +122,7 @@ class LifelongDrive:
 ATTEMPTS_PER_EDGE = 4
 """Number of attempts at each edge (ours)."""
 _MAX_STARTS = 3 * ATTEMPTS_PER_EDGE
-"""Maximum number of starts per edge, more than attempts, because a robot that is not localised does not count."""
+"""Maximum number of starts per edge; more than the attempts, because a start without localisation does not count."""
 
 
 def bad_edges(runner: EpisodeRunner, pruned: Iterable[Edge], seed: int) -> set[EdgeKey]:
@@ -204,7 +204,7 @@ class LifelongSchedule:
 
     @property
     def segments(self) -> tuple[Queries | Episodes, ...]:
-        """The static tests and the queries between them."""
+        """The segments of the schedule: static tests, and the queries between two tests."""
         tests = (Episodes(at, self.episodes) for at in self.points)
         return (*tests, *(Queries(first, until) for first, until in pairwise(self.points)))
 
@@ -245,7 +245,7 @@ def _finish(plan: TrialPlan, files: TrialFiles, schedule: LifelongSchedule, comm
     if is_stored(_result_file(files, schedule)):
         return
     points = tuple(_point(plan, files, at, schedule.episodes, command) for at in schedule.points)
-    for at in (schedule.points[0], schedule.points[-1]):  # Figures show the map before and after.
+    for at in (schedule.points[0], schedule.points[-1]):  # Figures show the map before and after the queries.
         keep_drawing(plan, files, at)
     result = LifelongResult(
         scene=points[0].trial.scene,

@@ -45,11 +45,12 @@ class SceneFigures:
     scene: str
     images: int
     errors: Columns
-    """Per reachable pair: errors of position and d, straight distance, overlap, and whether it is an edge."""
+    """Per reachable pair: errors of position and d, straight distance, overlap, and whether the pair is an edge."""
     pairs: Columns
     """Per ordered pair: r, and whether it is reachable."""
     attempts: Columns
-    """Per driven edge: whether it is true, joined, judged a success, and truly reached."""
+    """Per driven edge: whether it is true, whether the method would add it, whether it was judged a success, and
+    whether the robot truly arrived."""
     not_begun: int
 
     def save(self, path: Path) -> None:
@@ -110,7 +111,7 @@ def scene_figures(
 
 DISTANCE_BINS_M = (0.0, 0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 2.5)
 OVERLAP_BINS = tuple(np.linspace(ReachabilityLimits().overlap, 1, 5).tolist())
-"""Limits of bins of overlap; pairs with less overlap are not reachable."""
+"""Limits of the bins of overlap; pairs below the lowest limit are not reachable."""
 
 AttemptCallback = Callable[[], object]
 """Called after every attempt."""
@@ -146,7 +147,7 @@ def measure_scene(
 def _drive_some(
     robot: EdgeDriver, edges: Iterator[EdgeProposal], count: int, progress: AttemptCallback
 ) -> Iterator[MeasuredAttempt | None]:
-    """Drive edges until the given number has started, or there are no more."""
+    """Drive edges until `count` of them have started, or until there are no more."""
     for edge in edges:
         done = robot.drive(edge)
         yield done

@@ -39,11 +39,15 @@ class EvaluationMetrics:
     failures: dict[str, int]
     """Number of failed episodes by cause, for all causes."""
     nodes: float
-    """Mean number of nodes over trials; the following fields are also means."""
+    """Mean number of nodes over trials."""
     edges: float
+    """Mean number of directed edges over trials."""
     spurious_edges: float
+    """Mean number of directed edges that are spurious."""
     pieces: float
+    """Mean number of strongly connected components."""
     goals_connected: float
+    """Mean number of goals that can be reached from most of the map."""
 
     @property
     def spurious_share(self) -> float:
@@ -188,12 +192,13 @@ class StaticTestMetrics:
     """Number of queries before the test."""
     success_rate: float
     success_low: float
-    """Lower end of the 95 % interval."""
+    """Lower end of the 95 % interval of the success rate."""
     success_high: float
     collisions_per_episode: float
     nodes: float
-    """Mean number of nodes over the maps; the number of edges is also a mean."""
+    """Mean number of nodes over the maps."""
     edges: float
+    """Mean number of directed edges over the maps."""
     spurious_share: float
     """Share of the edges that are spurious."""
 

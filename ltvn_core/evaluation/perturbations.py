@@ -29,7 +29,7 @@ class MotionBlur:
 
     camera: CameraModel
     swept_rad: float = 0.03
-    """Angle that the camera turns by during one exposure: one radian per second for 30 ms."""
+    """Angle of the camera's rotation during one exposure: one radian per second for 30 ms."""
 
     def __call__(self, seen: Observation, rng: np.random.Generator) -> Observation:
         """Return the observation with streaks."""
@@ -76,7 +76,7 @@ class Flare:
 
 @dataclass(frozen=True, slots=True)
 class SensorNoise:
-    """Sensor noise with few photons, as in a dark room; it grows with the square root of the light."""
+    """Noise of a sensor that receives few photons, as in a dark room; it grows with the square root of the light."""
 
     full_well: float = 400.0
     """Number of photons that make a pixel white; ten thousand in a good image."""
@@ -96,7 +96,7 @@ class WrongWhiteBalance:
     """Wrong white balance between lamp light and daylight: the ratio of red to blue is wrong."""
 
     gain: float = 1.35
-    """Red grows by this factor while blue shrinks by it, or the reverse; about 1,500 kelvin."""
+    """Factor by which red grows while blue shrinks, or the reverse; about 1,500 kelvin."""
 
     def __call__(self, seen: Observation, rng: np.random.Generator) -> Observation:
         """Return the observation too warm or too cold."""
@@ -119,7 +119,7 @@ class StrongCompression:
 
 
 def _light(rgb: Rgb) -> NDArray[np.float32]:
-    """Return the light (H, W, 3) that made a picture; 1 makes a pixel white."""
+    """Return the linear light (H, W, 3) of a picture; 1 makes a pixel white."""
     return (rgb.astype(np.float32) / np.float32(255)) ** np.float32(_GAMMA)
 
 
@@ -139,10 +139,11 @@ class DepthHoles:
     share: float = 0.4
     """Share of the pixels in holes."""
     noise_per_m: float = 0.003
-    """Standard deviation of depth, as a share of it per metre: a structured-light camera's grows with the square."""
+    """Standard deviation of depth at 1 m, in metres; it grows with the square of the depth, as in a structured-light
+    camera."""
 
     def __call__(self, seen: Observation, rng: np.random.Generator) -> Observation:
-        """Return the observation with worse depth; one without depth unchanged."""
+        """Return the observation with worse depth; an observation without depth is unchanged."""
         if seen.depth is None:
             return seen
         spread = self.noise_per_m * seen.depth**2
@@ -165,12 +166,12 @@ class DepthHoles:
 
 @dataclass(frozen=True, slots=True)
 class OtherLens:
-    """A lens other than the calibrated one: a little longer, and with uncorrected barrel distortion."""
+    """A lens that differs from the calibration: a slightly longer focal length, and uncorrected barrel distortion."""
 
     camera: CameraModel
     """The camera as calibrated."""
     focal_factor: float = 1.06
-    """Ratio of the focal length to the calibrated one."""
+    """Ratio of the focal length to that of the calibrated lens."""
     barrel: float = -0.08
     """First radial coefficient of the distortion, k1."""
 

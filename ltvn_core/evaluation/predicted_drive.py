@@ -1,9 +1,9 @@
 """A simulated mapping drive with labels and predictions for all ordered image pairs, and its edges for measuring Eq. 3.
 
 These are the edges that the method would add to a map, true and false ones. An edge is true if the pair is reachable in
-the direction of the prediction, or, if the method predicts both directions and drives one in reverse, in either one. It
-is false if the robot could not drive it. Pairs in between (drivable, but with too little overlap to be labelled
-reachable) are not evidence for Eq. 3. Drives no robot.
+the direction of the prediction. If the method predicts both directions and drives one of them in reverse, the pair may
+be reachable in either direction. An edge is false if the robot could not drive it. Some pairs are drivable, but have
+too little overlap to be labelled reachable; they are not evidence for Eq. 3. Drives no robot.
 """
 
 from collections.abc import Iterator, Mapping
@@ -95,7 +95,7 @@ def predict_drive(
     keyframes = KeyframeStore(predictor)
     keyframes.add(observations)
     first, second = np.divmod(np.arange(images**2), images)
-    # Labels depend on poses instead of cameras, so they are computed with depth of the dataset's camera.
+    # Labels depend on poses and not on cameras, so they use depth of the dataset's camera.
     depth_mm = np.rint(np.stack([renderer.render(pose, LOCOBOT.camera)[1] for pose in poses]) * 1000).astype(np.uint16)
     labels = label_image_pairs(
         DatasetScene(scene.name, scene.clearance, renderer), poses, depth_mm, first, second, ReachabilityLimits()
@@ -122,7 +122,7 @@ def _observe(renderer: Renderer, pose: Pose, frame: int, spec: RobotSpec) -> Obs
 
 
 _MIN_FRAME_GAP = 2
-"""Number of frames below which two pairs count as nearly the same, so that only one is used."""
+"""Length in frames of a block; of the pairs whose images lie in the same two blocks, only one is used."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -145,7 +145,8 @@ class EdgeProposals:
     """The edges of one drive."""
 
     def __init__(self, drive: PredictedDrive, predictor: Predictor, method: Method) -> None:
-        """Compare all pairs as the method would, without temporal support, which is computed per pair on demand."""
+        """Predict all pairs as the method would, but without temporal support, which is computed later for single
+        pairs."""
         self._drive = drive
         self._method = method
         self._matcher = Matcher(predictor, drive.keyframes, method.matching)
@@ -158,7 +159,7 @@ class EdgeProposals:
         self._false = ~self._true & ~_drivable(drive)
 
     def edges(self) -> NDArray[np.bool_]:
-        """Return which reachable pairs (N, N) become edges by r and d alone."""
+        """Return which reachable pairs (N, N) become edges, judged only by r and d."""
         return self._near() & (self._reachability > self._thresholds.connect_reachability) & self._drive.reachable
 
     def errors(self) -> Waypoint:
@@ -175,7 +176,8 @@ class EdgeProposals:
     def false_edges(self, rng: np.random.Generator) -> Iterator[EdgeProposal]:
         """Yield false edges: first those that the method would add, then the others in order of r.
 
-        Ends at the r below which the method would stop an attempt, because no edge of a map has a lower r.
+        Edges with an r so low that the method would stop an attempt are left out, because no edge of a map has such an
+        r.
         """
         likely = self._near() & (self._reachability > self._method.driving.lost_reachability)
         pairs = rng.permutation(np.argwhere(self._false & likely))
@@ -184,7 +186,7 @@ class EdgeProposals:
         yield from sorted(certain, key=lambda proposal: not proposal.connected)
 
     def _near(self) -> NDArray[np.bool_]:
-        """Return which pairs (N, N) are predicted to be close enough for an edge; the diagonal is not."""
+        """Return which pairs (N, N) are predicted to be close enough for an edge; False on the diagonal."""
         near = distance(self._waypoints) < self._thresholds.connect_distance
         np.fill_diagonal(near, False)
         return near
@@ -219,7 +221,7 @@ def _drivable(drive: PredictedDrive) -> NDArray[np.bool_]:
 
 
 def _most_reachable_direction(drive: PredictedDrive, method: Method) -> tuple[NDArray[np.float64], Waypoint]:
-    """Return r (N, N) and waypoints (N, N, 3) of the more reachable direction, if the method asks for both."""
+    """Return r (N, N) and waypoints (N, N, 3) of the more reachable direction, if the method predicts both."""
     r, ahead = drive.predicted
     if not method.matching.both_directions:
         return r, ahead
@@ -229,7 +231,7 @@ def _most_reachable_direction(drive: PredictedDrive, method: Method) -> tuple[ND
 
 
 def _scattered(pairs: NDArray[np.intp]) -> Iterator[tuple[int, int]]:
-    """Yield pairs (P, 2) without those that are nearly the same as an earlier one."""
+    """Yield pairs (P, 2), leaving out those that are nearly the same as an earlier pair."""
     seen: set[tuple[int, int]] = set()
     for i, j in pairs.tolist():
         if (i // _MIN_FRAME_GAP, j // _MIN_FRAME_GAP) not in seen:

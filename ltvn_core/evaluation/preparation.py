@@ -70,7 +70,7 @@ def prepare(plan: TrialPlan, files: TrialFiles) -> DriveGroundTruth:
 
 
 def _weights(plan: TrialPlan, files: TrialFiles, log: PreparationLog) -> Path:
-    """Return the weights of a plan, fine-tuned on its drive if the plan asks for it; equal plans share them."""
+    """Return the path of a plan's weights; fine-tune them on its drive first if the plan asks for it."""
     if not plan.finetuned:
         return plan.start_weights
     # Imported here, because learning takes long to import and an existing map does not need it.

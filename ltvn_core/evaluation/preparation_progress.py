@@ -26,7 +26,7 @@ class PreparationPart(Enum):
     MAP = (0.7, 1.0)
 
     def share(self, done: float) -> float:
-        """Return the finished share of the whole preparation if the share `done` of this part is finished."""
+        """Return the finished share of the whole preparation, given the finished share `done` of this part."""
         begin, end = self.value
         return begin + (end - begin) * min(max(done, 0.0), 1.0)
 

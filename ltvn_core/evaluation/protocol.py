@@ -45,10 +45,10 @@ class EvaluationProtocol:
     angle_noise: float = 0.01
     """Standard deviation of odometry's error in angle, as a share of the angle (ours)."""
     step_limit: int | None = None
-    """K: maximum number of control steps of 0.1 s in an episode; None is the paper's, 1,000 below 100 m2 of floor and
-    2,000 above."""
+    """K: maximum number of control steps of 0.1 s in an episode. None means the paper's values: 1,000 below 100 m2 of
+    floor, and 2,000 above."""
     collision_limit: int = 20
-    """Maximum number of collisions in an episode that does not fail (paper)."""
+    """Number of collisions above which an episode fails (paper)."""
     slips_per_m: float = 0.0
     """Number of wheel slips per metre driven or radian turned."""
     body: BodyName = "auto"
@@ -139,7 +139,7 @@ def _images_by_room(scene: "Scene", poses: Pose) -> list[np.ndarray]:
 
 
 def _apart(pool: np.ndarray, poses: Pose, chosen: Sequence[int], rng: np.random.Generator) -> int:
-    """Draw an image from a pool, far from those already chosen if possible."""
+    """Draw an image from a pool, if possible far from those already chosen."""
     if chosen:
         gaps = np.linalg.norm(poses[pool, None, :2] - poses[None, list(chosen), :2], axis=-1).min(1)
         pool = pool[gaps >= min(_MIN_GOAL_GAP_M, gaps.max())]
@@ -148,7 +148,7 @@ def _apart(pool: np.ndarray, poses: Pose, chosen: Sequence[int], rng: np.random.
 
 _OF_THE_DRIVE = ("slip", "one-loop")
 _SLIPPING = {"distance_noise": 0.05, "angle_noise": 0.03, "slips_per_m": 0.2}
-"""2.5 and 3 times the usual noise, and a slip every five metres or radians (ours)."""
+"""Values for `slip`: 2.5 and 3 times the usual noise, and a slip every five metres or radians (ours)."""
 _HALF_LIGHT = Light.of(0.5, 0.0)
 
 

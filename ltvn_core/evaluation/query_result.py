@@ -1,9 +1,9 @@
 """The result of a query, as one row of a table, and the log of such rows.
 
 Each runner of queries fills the columns that it knows. Field names are the keys of the JSON files and of the logs, so
-they must not change; `CONVERTER` reads older ones. The log of an unfinished test has one line of JSON per query, on
-disk as soon as the query is over: a restarted test reads it and runs only the missing queries. Several processes that
-share a folder may append to one log; if a query has two lines, the last one counts.
+they must not change; `CONVERTER` reads older keys. The log of an unfinished test has one line of JSON per query,
+written to disk as soon as the query is over. A restarted test reads the log and runs only the missing queries. Several
+processes that share a folder may append to one log; if a query has two lines, the last line counts.
 """
 
 import json
@@ -98,10 +98,12 @@ class QueryResult:
     query: int
     """Number of the query or episode in its test, from 0."""
     reached: bool
-    """Whether the robot ended within 0.72 m and 0.4 rad (paper), in episodes also by its own decision; without ground
-    truth, whether the robot believes so."""
+    """Whether the robot ended within 0.72 m and 0.4 rad of the goal (paper). In episodes, the robot must also have
+    decided that it arrived. Without ground truth, a person's judgement or the robot's own decision counts, see
+    `judged_by`."""
     outcome: str
-    """Outcome as the robot sees it, see `navigation.events.Outcome`; "gone" if the map had lost the goal."""
+    """Outcome by the robot's own judgement, see `navigation.events.Outcome`; "gone" if the map no longer had the
+    goal."""
     start: FrameId | None = None
     """Image of the mapping drive at whose exact pose the robot started."""
     goal: NodeId | None = None
@@ -125,7 +127,7 @@ class QueryResult:
     failure: FailureCause | None = None
     """Cause of the failure; None if the goal was reached."""
     trigger: FailureCause | None = None
-    """The first cause since the last correct localisation; may differ from the one with most steps."""
+    """The first cause since the last correct localisation; it may differ from the cause with the most steps."""
     shortest_m: float | None = None
     """Length of the shortest feasible path from start to goal when the query began."""
     position_error_m: float | None = None
@@ -140,7 +142,7 @@ class QueryResult:
     mislocalised: int | None = None
     """Number of localisations at a node where the robot was not, usually a perceptual alias."""
     spurious_edges: int = 0
-    """Number of spurious edges in the map afterwards."""
+    """Number of spurious edges in the map after the query."""
     pruned_bad: int = 0
     """Number of pruned edges that are spurious or could not be driven by the robot."""
     pruned_spurious: int = 0
@@ -152,24 +154,25 @@ class QueryResult:
     at_s: float = 0.0
     """Start of the query, in seconds from midnight of the first day."""
     cut_off: bool = False
-    """Whether it failed and no path to the goal was open at its end."""
+    """Whether the query failed and no path to the goal was open at its end."""
     detour_m: float = 0.0
-    """Additional length of the shortest path compared with the original scene, in metres."""
+    """Additional length of the shortest path compared with the unchanged scene, in metres."""
     blocked_tries: int = 0
     """Number of attempts along edges that were closed at that time."""
     door_tries: int | None = None
-    """Number of attempts through doors that were closed at that time; None in older results of worlds in which only
-    doors move, where it equals `blocked_tries`."""
+    """Number of attempts through doors that were closed at that time; None in older results. In those, only doors
+    change, so the number equals `blocked_tries`."""
     doors_tried: tuple[int, ...] = ()
-    """Closed doors that the robot met: on these edges, or on edges that the map learned to be closed."""
+    """Closed doors that the robot met: on edges that it tried to drive, or on edges that the map learned to be
+    closed."""
     doors_wanted: tuple[int, ...] = ()
-    """Doors on the best path in the map at the beginning, given which edges were truly open."""
+    """Doors on the best path through edges of the map that were truly open at the start of the query."""
     doors_used: tuple[int, ...] = ()
     """Doors on edges that were driven successfully."""
     now: PresenceScore | None = None
-    """Score of the predictions at the beginning for that time."""
+    """Score of the predictions that were made at the start of the query for that time."""
     later: PresenceScore | None = None
-    """Score of the predictions at the beginning for an hour later."""
+    """Score of the predictions that were made at the start of the query for one hour later."""
     lost_edges: int = 0
     """Number of true edges of the first map that are missing now."""
     people: EncounterCounts = EncounterCounts()
@@ -203,7 +206,7 @@ CONVERTER = cattrs.Converter(forbid_extra_keys=True)
 """Reads and writes results of evaluations; columns with default values are not written."""
 
 _OLDER_COLUMNS = {"episode": "query", "number": "query", "away_m": "position_error_m", "added": "added_edges"}
-"""Keys of older rows; `added` does not tell nodes from edges."""
+"""Keys of older rows. The older `added` counts nodes and edges together."""
 
 
 def _read_older(kind: type, older: Mapping[str, str]) -> None:
@@ -222,7 +225,7 @@ CONVERTER.register_unstructure_hook(
 
 
 def read_query_log(path: Path) -> list[QueryResult]:
-    """Return the finished queries in order; an incomplete line is ignored, so that its query runs again."""
+    """Return the finished queries in order; an incomplete line is ignored, so the query of that line runs again."""
     if not path.exists():
         return []
     found: dict[tuple[str, int], QueryResult] = {}

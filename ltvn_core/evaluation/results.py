@@ -24,7 +24,7 @@ from ltvn_core.structured_text import parse_json
 
 SUFFIX = ".gz"
 MAX_BYTES = 256_000_000
-"""Maximum size of an unpacked file; 50 times the largest result so far."""
+"""Maximum size of an unpacked file in bytes; 50 times the largest result so far."""
 
 
 def packed_path(path: Path) -> Path:
@@ -90,9 +90,9 @@ class MapTruthMetrics:
     goals_told: int | None = None
     """Number of goals that the map reports as doubtful before any drive; None in older results."""
     goals_told_rightly: int | None = None
-    """Number of doubtful goals to which no drivable path leads from most of the map."""
+    """Number of doubtful goals to which indeed no drivable path leads from most of the map."""
     goals_untold: int | None = None
-    """Number of goals without such a path that the map does not report as doubtful."""
+    """Number of goals to which no drivable path leads from most of the map, but that are not reported as doubtful."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,12 +100,12 @@ class MapDrawing:
     """A map over the floor plan of its scene, for drawing."""
 
     origin: tuple[float, float]
-    """x and y of the corner of the first cell, metres."""
+    """x and y of the lower corner of the first cell, in metres."""
     resolution_m: float
     free: tuple[str, ...]
     """Rows from low y to high y, one character per cell: "." is navigable, "#" is not."""
     nodes: tuple[tuple[int, float, float, float], ...]
-    """Node, exact x, y and yaw."""
+    """Number of each node, with its exact x and y in metres and yaw in radians."""
     edges: tuple[tuple[int, int, float, bool], ...]
     """Source, target, p, and whether it is spurious."""
 
@@ -124,15 +124,15 @@ class TrialResult:
     finetuned: bool
     seed: int
     queries: int
-    """Queries with maintenance before these episodes; 0 is the map as it was built."""
+    """Number of queries with maintenance before these episodes; 0 for the map as it was built."""
     images: int
     """Number of images of the mapping drive."""
     fingerprint: str
     """Fingerprint of the weights in use."""
     map: MapTruthMetrics
     floorplan: MapDrawing | None
-    """Drawing of the map; None in a file, because the drawing is a separate file (see `save_drawing`), except in older
-    ones."""
+    """Drawing of the map. None when read from a file, because the drawing is a separate file (see `save_drawing`);
+    older files contain it."""
     episodes: tuple[QueryResult, ...]
     wall_s: float
     """Real time of the episodes, summed over all processes, in seconds."""
@@ -149,7 +149,7 @@ class TrialResult:
 
 @dataclass(frozen=True, slots=True)
 class EdgeCalibrationBin:
-    """Edges with p in one bin, and the number of drivable ones among them."""
+    """Edges with p in one bin, and the number of drivable edges among them."""
 
     low: float
     high: float
@@ -243,7 +243,7 @@ def load_results(path: Path, kind: type) -> Any:
 
 
 _PER_METRE = 1000
-"""Resolution of stored poses and p, per metre, radian or 1: finer than any figure shows."""
+"""Number of steps per metre, per radian and per unit of p in stored drawings; finer than any figure shows."""
 
 
 def drawing_path(folder: Path, label: str, queries: int) -> Path:

@@ -1,10 +1,10 @@
 """Runs schedules: lists of segments, which are queries that change the map or episodes that do not.
 
-A static test is one segment of episodes, a lifelong test alternates both, and a test in a changing world is one segment
-of queries. Each finished batch is a file, so an interrupted test continues where it stopped, on all machines that share
-the folder: episodes are logged one by one, and a batch of queries starts with the map that the previous batch saved.
-Random generators, frame numbers and the world depend only on the number of the query, so interruptions do not change
-results.
+A static test is one segment of episodes, a lifelong test alternates both kinds, and a test in a changing world is one
+segment of queries. Each finished batch is a file, so an interrupted test continues where it stopped, on all machines
+that share the folder. Episodes are logged one by one; a batch of queries starts with the map that the previous batch
+saved. Random generators, frame numbers and the world depend only on the number of the query, so interruptions do not
+change results.
 """
 
 import time
@@ -30,12 +30,12 @@ from ltvn_core.predictors.opening import open_predictor
 from ltvn_core.simulation.scene_registry import load_scene
 
 BATCH_SIZE = 25
-"""Number of queries or episodes in a batch: an interruption loses few, the cores finish together, and maps are loaded
-rarely."""
+"""Number of queries or episodes in a batch. Small, so that an interruption loses few and all cores finish at nearly the
+same time; large enough that maps are rarely loaded."""
 
 
 def batch_ranges(first: int, until: int) -> list[tuple[int, int]]:
-    """Return the first query or episode of each batch, and the one after the last."""
+    """Return the number of the first query or episode of each batch, and the number after its last."""
     return [(begin, min(begin + BATCH_SIZE, until)) for begin in range(first, until, BATCH_SIZE)]
 
 
@@ -59,11 +59,11 @@ class QueryFiles(Protocol):
     """Paths of the maps and results of queries."""
 
     def map(self, queries: int) -> Path:
-        """Return the map after a number of queries."""
+        """Return the path of the map after a number of queries."""
         ...
 
     def query_batch(self, first: int, until: int) -> Path:
-        """Return the results of the queries from `first` up to `until`."""
+        """Return the path of the results of the queries from `first` up to `until`."""
         ...
 
 
@@ -95,7 +95,7 @@ class ScheduledTest:
     open_drive: Callable[[int], LearningDrive] | None = None
     """Opens the map after a number of queries for further ones; needed only by segments of queries."""
     query_files: QueryFiles | None = None
-    """Files of the maps and results of queries, if not the files of the plan."""
+    """Files of the maps and results of queries; None if these are the files of the plan."""
 
     @property
     def learned(self) -> QueryFiles:
@@ -103,7 +103,8 @@ class ScheduledTest:
         return self.query_files or self.files
 
     def jobs(self, kind: type[Queries | Episodes], first: int) -> Iterator[Any]:
-        """Yield the jobs of segments of a kind that begin with the map after `first` queries, for `joblib.Parallel`."""
+        """Yield the jobs, for `joblib.Parallel`, of all segments of one kind that begin with the map after `first`
+        queries."""
         for segment in self.segments:
             if segment.first != first or not isinstance(segment, kind):
                 continue

@@ -90,9 +90,10 @@ PARTS: dict[str, Callable[[Method], Method]] = {
     "expansion": _without_expansion,
     **{f"our-{group}": _as_in_paper(group, _thresholds(group)) for group in _GROUPS},
 }
-"""Parts that can be switched off, by their names on the command line; `our-driving` is our departures in driving."""
+"""Parts that can be switched off, by their names on the command line. `our-driving` stands for all our changes to the
+paper's driving."""
 RULES = {f"{group}.{name}": _as_in_paper(group, [name]) for group in _GROUPS for name in _departures(group)}
-"""Each of our departures by itself, such as "driving.swerve"; the command line also accepts these names."""
+"""Each of our changes to the paper by itself, such as "driving.swerve"; the command line also accepts these names."""
 
 
 _FINE_TUNING = "fine-tuning"
@@ -186,69 +187,70 @@ class TrialFiles:
 
     @classmethod
     def of(cls, plan: TrialPlan, folder: Path) -> "TrialFiles":
-        """Return the files of a plan below a folder."""
+        """Return the paths of a plan's files below a folder."""
         place = "-".join([Path(plan.scene).stem, *drive_conditions(plan.conditions), str(plan.seed)])
         return cls(folder / place, plan.label, network_owner(plan.system))
 
     @property
     def drive(self) -> Path:
-        """The recording of the mapping drive."""
+        """Path of the recording of the mapping drive."""
         return self.folder / "drive.rrd"
 
     @property
     def drive_truth(self) -> Path:
-        """The exact poses of the images of the drive."""
+        """Path of the exact poses of the drive's images."""
         return self.folder / "drive.json"
 
     @property
     def weights(self) -> Path:
-        """Weights fine-tuned on the drive."""
+        """Path of the weights that are fine-tuned on the drive."""
         return self.folder / f"{self.network_owner}.safetensors"
 
     def map(self, queries: int = 0) -> Path:
-        """Return the map after a number of queries."""
+        """Return the path of the map after a number of queries."""
         return self.folder / self.label / f"map-{queries:04d}.rrd"
 
     def built(self, digest: str) -> Path:
-        """Return the map shared by all methods that build it with the same settings."""
+        """Return the path of the map that all methods share if they build it with the same settings."""
         return self.folder / f"built-{digest}.rrd"
 
     @property
     def preparation(self) -> Path:
-        """Progress of a worker's preparation of drive, weights and map."""
+        """Path of a worker's progress in preparing drive, weights and map."""
         return self.folder / self.label / "preparation.txt"
 
     def drawing(self, queries: int = 0) -> Path:
-        """Return the drawing of that map, for figures."""
+        """Return the path of the drawing of the map after a number of queries."""
         return drawing_path(self.folder, self.label, queries)
 
     def episodes(self, queries: int, first: int, until: int) -> Path:
-        """Return the results of the episodes from `first` up to `until` with that map."""
+        """Return the path of the results of the episodes from `first` up to `until`, with the map after a number of
+        queries."""
         return self.folder / self.label / f"episodes-{queries:04d}-{first:04d}-{until:04d}.json"
 
     @staticmethod
     def unfinished_batch(episodes: Path) -> Path:
-        """Return the log of the finished episodes of an unfinished batch."""
+        """Return the path of the log of finished episodes, given the path of the results of an unfinished batch."""
         return episodes.with_suffix(".part")
 
     def unfinished_batches(self) -> Iterator[Path]:
-        """Yield all existing logs of unfinished batches."""
+        """Yield the paths of all existing logs of unfinished batches."""
         return (self.folder / self.label).glob("episodes-*.part")
 
     def query_batch(self, first: int, until: int) -> Path:
-        """Return the results of the queries from `first` up to `until`."""
+        """Return the path of the results of the queries from `first` up to `until`."""
         return self.folder / self.label / f"queries-{first:04d}-{until:04d}.json"
 
     def trial(self, episodes: int) -> Path:
-        """Return the result of the static test."""
+        """Return the path of the result of the static test."""
         return self.folder / f"{self.label}-{episodes}.trial.json"
 
     def lifelong(self, queries: int, every: int, episodes: int) -> Path:
-        """Return the result of the lifelong test."""
+        """Return the path of the result of the lifelong test."""
         return self.folder / f"{self.label}-{queries}-every-{every}-{episodes}.lifelong.json"
 
     def failure(self, episode: int) -> Path:
-        """Return the recording of a failed episode."""
+        """Return the path of the recording of a failed episode."""
         return self.folder / self.label / f"failure-{episode:04d}.rrd"
 
 

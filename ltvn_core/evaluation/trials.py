@@ -50,8 +50,8 @@ def run_trials(
 ) -> list[TrialResult]:
     """Run the static test of several plans, one scene and seed each; existing results are only read.
 
-    A `part` runs its share of the episodes, and returns the results of the plans that all parts together have finished.
-    Raises OptionError if the folder has results with other settings.
+    A `part` runs its share of the episodes. Returns the results of all plans that are finished, including the work of
+    other parts. Raises OptionError if the folder has results with other settings.
     """
     mine = _share(plans, episodes, part)
     jobs = prepare_all(list(dict.fromkeys(plan for plan, _ in mine)), folder, parallel, progress)
@@ -65,7 +65,7 @@ def run_trials(
 def _static_test(
     plan: TrialPlan, files: TrialFiles, episodes: int, mine: Sequence[tuple[TrialPlan, tuple[int, int]]]
 ) -> ScheduledTest:
-    """Return the static test of a plan with its batches among `mine`."""
+    """Return the static test of a plan with those of its batches that are in `mine`."""
     batches = tuple(batch for each, batch in mine if each == plan)
     return ScheduledTest(plan, files, (Episodes(0, episodes, batches),))
 
@@ -99,7 +99,7 @@ def prepare_all(
         claim_files(plan, files)
     without_data: set[str] = {plan.system for plan, files in jobs if plan.finetuned and not files.weights.exists()}
     for system in without_data:
-        system_training(system_entry(system)).rehearsal().prepare()  # Once for all processes.
+        system_training(system_entry(system)).rehearsal().prepare()  # Prepared once for all processes.
     with told_repeatedly(lambda: progress.preparing(sum(_share_prepared(files) for _, files in jobs) / len(jobs))):
         for ready, _ in enumerate(parallel(delayed(prepare)(plan, files) for plan, files in jobs), 1):
             progress.maps_ready(ready)

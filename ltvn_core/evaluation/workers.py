@@ -117,7 +117,7 @@ def _on_cluster(address: str) -> Iterator[Workers]:
 @contextmanager
 def _on_dask(address: str) -> Iterator[Workers]:
     with _needs("distributed", address):
-        dask: Any = import_module("dask.distributed")  # Its type hints describe the asynchronous interface.
+        dask: Any = import_module("dask.distributed")  # The type hints of dask describe its asynchronous interface.
 
     with ExitStack() as stack:
         if address.startswith("local:"):
@@ -149,7 +149,7 @@ def _on_ray(address: str) -> Iterator[Workers]:
 
 
 def _connect(ray: Any, address: str) -> None:
-    """Connect, with a second try if Ray's process for the client dies at its start, because gRPC may abort it."""
+    """Connect, and try once more if Ray's client process dies at its start, because gRPC may abort it."""
     try:
         ray.init(address)
     except ConnectionAbortedError:

@@ -23,8 +23,8 @@ PERSON_RADIUS_M = 0.25
 PERSON_HEIGHT_M = 1.7
 
 WALL_FRICTION = 0.3
-"""Coefficient of friction between body and walls: the robot slides along a wall that it meets at a flat angle, and
-stops at one that it meets head on."""
+"""Coefficient of friction between body and walls. The robot slides along a wall that it meets at a small angle, and
+stops at a wall that it meets head on."""
 CONTACT_GAP_M = 0.002
 """Distance below which the bumper is pressed, in metres."""
 

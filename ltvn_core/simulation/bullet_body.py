@@ -20,7 +20,7 @@ from ltvn_core.simulation.body import (
 from ltvn_core.types import Pose
 
 _FACES_PER_BODY = 40_000
-"""PyBullet limits the size of one mesh, so a large scene becomes several bodies."""
+"""Maximum number of faces per body; PyBullet limits the size of one mesh, so a large scene becomes several bodies."""
 
 
 class BulletBody:

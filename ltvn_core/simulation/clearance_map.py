@@ -93,7 +93,7 @@ class ClearanceMap:
             former = np.unique(components[self.floor])
             return np.isin(components, former[former > 0])
         sizes = np.bincount(components.ravel())
-        sizes[0] = 0  # Number 0 is the floor that is not free.
+        sizes[0] = 0  # Component 0 holds the cells that are not free.
         return components == int(sizes.argmax())
 
     def at(self, xy: ArrayLike) -> NDArray[np.float64]:
@@ -144,7 +144,7 @@ class ClearanceMap:
         return poses[:count]
 
     def path(self, start: ArrayLike, goal: ArrayLike) -> NDArray[np.float64] | None:
-        """Return a path (M, 2) from start (2,) to goal (2,) that prefers the middle of free space, or None.
+        """Return a path (M, 2) from start (2,) to goal (2,) through the middle of free space; None if there is no path.
 
         Not the shortest path: cells near obstacles cost up to four times as much. See `path_lengths` for lengths.
         """
@@ -173,7 +173,7 @@ class ClearanceMap:
             self.along(np.broadcast_to(start, goals.shape), goals) <= PLANNING_CLEARANCE_M
         )
         if blocked.any():
-            # A start or goal may be snapped to a cell nearer the other, so the straight line stays a lower bound.
+            # Snapping may move a start and a goal closer together, so the straight line stays a lower bound.
             lengths[blocked] = np.maximum(lengths[blocked], self._grid_lengths(start, goals[blocked], limit_m))
         return np.where(lengths <= limit_m, lengths, np.inf)
 

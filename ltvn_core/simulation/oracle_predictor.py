@@ -1,7 +1,7 @@
 """The oracle predictor: a `Predictor` that answers from exact poses and the clearance map instead of images.
 
-It separates errors of the network from errors of the method, and exists only in simulation. Also holds the ground truth
-by which evaluation calls an edge spurious.
+It separates errors of the network from errors of the method, and exists only in simulation. Also defines which edges
+are spurious, as ground truth for evaluation.
 """
 
 from collections.abc import Sequence
@@ -18,13 +18,15 @@ from ltvn_core.types import Features, Observation, Pose, Prediction, Waypoint
 
 REACHABLE = 0.97
 UNREACHABLE = 0.03
-"""The reachabilities that the oracle returns; not 0 and 1, because no evidence could revise such a belief."""
+"""The reachabilities that the oracle returns; they are not 0 and 1, because no evidence could revise a certain
+belief."""
 
 LIKELIHOODS = Likelihoods(0.98, 0.02, 1e-4)
 """Likelihoods of Eq. 3 and variance of Eq. 4 for a method with this predictor.
 
-Exact waypoints lead to their targets, and an exact r is low where the target was not reached. No likelihood is 0 or 1,
-and sigma is one centimetre instead of zero, because a map with certain beliefs could no longer change.
+With exact waypoints, the robot nearly always reaches a reachable target, and hardly ever an unreachable one. No
+likelihood is 0 or 1, and sigma is one centimetre instead of zero, because a map with certain beliefs could no longer
+change.
 """
 
 MAX_DISTANCE_M = 2.5
@@ -39,8 +41,8 @@ MIN_CLEARANCE_M = LOCOBOT.clear_radius_m
 SPURIOUS_DISTANCE_M = 2.8
 SPURIOUS_YAW_RAD = 1.6
 SPURIOUS_CLEARANCE_M = 0.15
-"""Limits for edges of the map. Looser than those of the predictor, so that an edge is not called spurious for a
-rounding of the clearance map or for a wall along which the robot slides."""
+"""Limits of distance, heading and clearance for drivable edges of the map. They are looser than those of the predictor,
+so that an edge is not spurious because of a rounding of the clearance map or a wall along which the robot slides."""
 
 
 class OraclePredictor:

@@ -97,7 +97,8 @@ class Outlines:
         self._areas = areas
 
     def nearest(self, x_m: float, y_m: float) -> tuple[float, float, float]:
-        """Return the distance from a point to the nearest outline, 0 within an area, and the nearest point of it."""
+        """Return the distance from a point to the nearest outline, and the nearest point on it. The distance is 0
+        within an area."""
         if len(self._areas) and _contains(self._areas, np.array([x_m, y_m])).any():
             return 0.0, x_m, y_m
         to_x = x_m - self._x
@@ -272,14 +273,14 @@ class PlanarBody:
             normal_x = (x_m - nearest_x) / distance_m
             normal_y = (y_m - nearest_y) / distance_m
             along = (x_m - from_x) * -normal_y + (y_m - from_y) * normal_x
-            # Coulomb friction: the wall reduces the motion along it, by at most a share of the reduction across it.
+            # Coulomb friction: motion along the wall is reduced by at most a share of the reduction across the wall.
             held = math.copysign(min(abs(along), friction * depth_m), along)
             x_m += normal_x * depth_m + normal_y * held
             y_m += normal_y * depth_m - normal_x * held
         return self.x_m, self.y_m
 
     def _way_out(self) -> tuple[float, float]:
-        """Return the next point on the way out of an obstacle to the nearest free place."""
+        """Return the next position of a body inside an obstacle, on its way to the nearest free place."""
         for ring in range(1, _RINGS):
             for dx, dy in _RING * ring * _RING_STEP_M:
                 if self._nearest(self.x_m + dx, self.y_m + dy).distance_m >= self._radius_m:
@@ -299,9 +300,9 @@ class PlanarBody:
         return dx * dx + dy * dy < left_m * left_m
 
     def _nearest(self, x_m: float, y_m: float) -> _Obstacle:
-        """Return the obstacle nearest to a point; if it is beyond the reach, the distance is a lower bound."""
+        """Return the obstacle nearest to a point; if there is none within reach, the distance is a lower bound."""
         if self._free_x == x_m and self._free_y == y_m:
-            return self._last  # A tick ends with the search that the bumper and the next tick need.
+            return self._last  # The last search of a tick is the one that the bumper and the next tick need.
         if abs(x_m - self._anchor_x) > _REACH_M / 2 or abs(y_m - self._anchor_y) > _REACH_M / 2:
             self._collect(x_m, y_m)
         best = _Obstacle(self._radius_m + _REACH_M / 4, x_m, y_m)

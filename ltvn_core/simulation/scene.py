@@ -1,6 +1,7 @@
-"""The type of a scene, whether generated or read from a mesh, what a person calls its doors, and its export.
+"""The type of a scene, generated or read from a mesh, with its export and display names for its doors.
 
-`scene_registry` finds scenes by name or by path. Viewers such as the page and Rerun take its surfaces as binary glTF.
+`scene_registry` finds scenes by name or by path. Viewers such as the page and Rerun take the surfaces of a scene as
+binary glTF.
 """
 
 import io
@@ -22,7 +23,8 @@ from ltvn_core.simulation.surfaces import PLAIN_LIGHT, Light, Surfaces, joined, 
 from ltvn_core.types import Rgb
 
 MAX_EXPORTED_TEXELS = 8_000_000
-"""Maximum number of texels of a file. A mesh scene with more is shown more coarsely than it is rendered."""
+"""Maximum number of texels of an exported file. A mesh scene with more texels is shown more coarsely than it is
+rendered."""
 
 
 CORNER_LIGHT = "_LIGHT"

@@ -98,9 +98,9 @@ def load_scene(name: str) -> Scene:
     """Return a scene by its name or path.
 
     Args:
-        name: One of `scene_names()`: ours are generated at the first call and then read from the user's cache, those of
-            other packages are created by them. Or the path of a mesh file (GLB, glTF, OBJ, PLY) or of a folder in
-            Gibson layout.
+        name: One of `scene_names()`, or the path of a mesh file (GLB, glTF, OBJ, PLY) or of a folder in Gibson layout.
+            Our own scenes are generated at the first call and then read from the user's cache. Other packages create
+            their own scenes.
 
     Raises:
         SceneError: There is no such scene, or its mesh cannot be used.
@@ -185,7 +185,7 @@ def _generate(name: str) -> Scene:
 
 
 def _write_cache(scene: Scene, path: Path) -> None:
-    """Write a scene to the cache atomically; without a cache everything works, only slower."""
+    """Write a scene to the cache atomically; if the cache cannot be written, loading only takes longer."""
     surfaces = scene.surfaces
     # Room kinds are stored as indices, so members of RoomKind may not be reordered.
     room_kinds = np.array([[*RoomKind].index(room.kind) for room in scene.rooms])

@@ -19,7 +19,7 @@ from ltvn_core.simulation.simulated_robot import SimulatedRobot
 from ltvn_core.types import CONTROL_STEP_S, Observation, Pose, Twist
 
 LED_M_S = 0.45
-"""Speed at which a person leads a robot along one way, in metres per second."""
+"""Speed at which a person leads a robot along a path, in metres per second."""
 
 
 class PathFollower:
@@ -69,9 +69,9 @@ class TourSettings:
     """Settings of the driving and of the images (all values are ours)."""
 
     image_every_m: float = IMAGE_EVERY_M
-    """Distance after which an image is taken."""
+    """Distance after which an image is taken, in metres."""
     image_every_rad: float = IMAGE_EVERY_RAD
-    """Change of heading after which an image is taken."""
+    """Change of heading after which an image is taken, in radians."""
     spin_loops: int = 2
     """Number of loops, from the first, with a full turn in each room, for images in all directions."""
     speed_m_s: float = 0.4
@@ -80,11 +80,11 @@ class TourSettings:
     turn_first_rad: float = 0.5
     """Heading error above which the robot turns on the spot."""
     arrived_m: float = 0.15
-    """Distance within which a stop is reached."""
+    """Distance within which a stop counts as reached, in metres."""
     stop_clearance_m: float = 0.34
     """Clearance of the stops, so that the robot can turn freely; less if a room has no such place."""
     large_room_m2: float = 14.0
-    """Area above which a room has two stops in each loop."""
+    """Area above which a room has two stops in each loop, in square metres."""
     back_off_steps: int = 8
     """Number of control steps for which the robot drives back after a collision."""
     timeout_factor: float = 4.0
@@ -205,7 +205,8 @@ def _stops(scene: Scene, rng: np.random.Generator, settings: TourSettings) -> li
 def _clear_points(
     clearance: ClearanceMap, edges: tuple[float, float, float, float], clearance_m: float
 ) -> NDArray[np.float64]:
-    """Return the navigable points (N, 2) in a rectangle with a clearance, or those with the most if none has it."""
+    """Return the navigable points (N, 2) in a rectangle that have a clearance; without any, the points with the
+    largest."""
     rows_columns = np.argwhere(clearance.navigable)
     points = clearance.origin + (rows_columns[:, ::-1] + 0.5) * clearance.resolution_m
     x0, y0, x1, y1 = edges

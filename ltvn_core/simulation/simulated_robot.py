@@ -270,7 +270,10 @@ class SimulatedRobot:
         self._body.close()
 
     def _follow(self, events: Sequence[WorldChanged]) -> None:
-        """Update body and camera to the current world; begin a new step, because an image of this one shows the old."""
+        """Update body and camera to the current world.
+
+        Begins a new step if this step already has an image, because that image shows the old world.
+        """
         assert self._follower is not None
         self._clearance = self._follower.follow()
         if self._observation is not None and self._observation.step == self._step:

@@ -2,7 +2,7 @@
 
 Errors are scale errors instead of jitter: wheels that measure 1 % too much do so for a while. Each error is drawn again
 after a metre driven or a radian turned. So the error of a short motion is proportional to its length, long drives drift
-like a random walk, and the result does not depend on the length of a simulation step. A slip is an error at once.
+like a random walk, and the result does not depend on the length of a simulation step. A slip is a sudden error.
 
 Independent of the drive lease, which decides about commands, and of the physics, which decides about motion.
 """

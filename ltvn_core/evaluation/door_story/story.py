@@ -28,11 +28,11 @@ _ENDS: dict[Outcome | None, str] = {
     Outcome.CANCELLED: "the robot is called back, because the demonstration is complete",
 }
 _SEVERAL = 3
-"""Number of new nodes from which a way counts as new in the map."""
+"""Number of new nodes at which a caption first mentions them."""
 MOST_TRIES = 2
-"""Number of times that the robot is sent out again if it took another path without having seen the closed door."""
+"""Maximum number of further tries if the robot took another path without seeing the closed door."""
 STEPS_AT_DOOR, STEPS_BEYOND_DOOR = 80, 250
-"""Number of control steps at a closed door, and beyond an open one, after which the robot is called back."""
+"""Numbers of control steps after which the robot is called back: at a closed door, and beyond an open door."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,11 +82,11 @@ class StoryFacts:
     absent: list[EdgeKey] = field(default_factory=list)
     """Edges that were seen blocked, or pruned, in this order."""
     returned: set[EdgeKey] = field(default_factory=set)
-    """Edges of these that were seen open later."""
+    """Edges of `absent` that were later seen open."""
     nodes_added: int = 0
     edges_added: int = 0
     rerouted: bool = False
-    """Whether a plan turned away from the door."""
+    """Whether the robot changed its plan to another path, without the closed door."""
 
     def take(self, event: Event) -> None:
         """Count one event."""
@@ -110,7 +110,7 @@ class DoorStory:
     """One story, from its beginning to its end."""
 
     def __init__(self, story_map: StoryMap, door_names: Sequence[str]) -> None:
-        """Play in a map with these names of doors."""
+        """Create a story in a map; `door_names` are the names of its doors in captions."""
         self._map = story_map
         self._door_names = door_names
         self.captions: list[str] = []
@@ -138,7 +138,7 @@ class DoorStory:
             self._tell_of_plan(self.stage)
         elif isinstance(event, QueryEnded) and self.stage is not None and self._is_own(event.outcome):
             self._outcome = event.outcome
-            self.next_step(is_idle=False)  # Tells of the end; what comes then waits for an idle robot.
+            self.next_step(is_idle=False)  # Adds the last caption; the next action waits for an idle robot.
 
     def next_step(self, *, is_idle: bool) -> StoryStep | None:
         """Return the next action, if any; `is_idle` is True while the robot waits for a goal."""
@@ -216,7 +216,10 @@ class DoorStory:
             self.captions.append(f"The robot gives up ({self._outcome}).")
 
     def _close_or_wait(self, stage: Stage) -> StoryStep | None:
-        """Close the door; a robot without another way may look at the door for a while, and is then called back."""
+        """Close the door when a plan leads through it.
+
+        If the map has no other path, the robot may observe the closed door for a while; then it is called back.
+        """
         if not self._is_closed and self._map.passes(self._plan, stage.door):
             self._is_closed = True
             self.captions.append(f"Somebody closes {self._door}. The robot does not know it yet.")
@@ -255,7 +258,7 @@ class DoorStory:
         self.captions.append(f"The story is over: {_ENDS.get(self._outcome, 'the robot stopped on its way')}.")
 
     def _drive_on_a_little(self) -> StoryStep | None:
-        """Let the robot arrive; if that takes too long, the story ends without the arrival."""
+        """Let the robot drive on after it saw the door open; call it back if it does not arrive in time."""
         if not self.facts.returned:
             return None
         self._steps_near += 1

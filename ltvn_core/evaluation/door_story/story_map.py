@@ -1,7 +1,7 @@
 """Search for a story in a map: its start, door and goal, and the time after which the map would try the door again.
 
-Owns the criteria of a good story: short, with another path, and with some distance before and behind the door. Reads
-exact poses to set up the story; the robot does not use them.
+Owns the criteria of a good story: it is short, the map has another path, and the door is not too close to the start or
+the goal. Reads exact poses to set up the story; the robot does not use them.
 """
 
 import itertools
@@ -24,28 +24,29 @@ from ltvn_core.simulation.changes.world import World
 from ltvn_core.types import FrameId, NodeId, Observation, Pose
 
 _SPEED_M_S, _BACKWARDS_M_S, _TURN_RAD_S = 0.35, 0.1, 0.6
-"""Approximate speeds of a robot that drives by its map: forwards, backwards and turning."""
+"""Approximate speeds of a robot that drives by its map: forwards and backwards in m/s, turning in rad/s."""
 _STANDING_M = 0.1
-"""Length below which backing up counts as standing, in metres."""
+"""Length of a backward motion below which the robot counts as standing, in metres."""
 _BESIDE_M = 0.15
-"""Greatest distance of a path from a doorway that it leads through, in metres; an edge is straight, a drive is not."""
+"""Greatest distance between a doorway and a path through it, in metres; an edge is straight, a drive is not."""
 BEFORE_DOOR_M, BEYOND_DOOR_M = 1.0, 0.6
 """Least lengths of the planned path before and behind the door, in metres."""
 _DETOUR_COST = 4.0
-"""Least additional cost of the other path, about as many metres; no plan takes it until the door was seen closed."""
+"""Least additional cost of the other path (one unit is about a metre), so that no plan takes it before the door was
+seen closed."""
 _BLIND_S = 60.0
-"""Time that a robot which backs up to a closed door needs to detect it, in seconds."""
+"""Time to detect a closed door for a robot that drives backwards, in seconds."""
 _S_PER_WIDTH_M = 20.0
-"""Time per metre of width of a doorway, because the robot tries one edge after the other, in seconds."""
+"""Time at a closed door per metre of its width, in seconds, because the robot tries one edge after the other."""
 MOST_GOALS = 30
 """Maximum number of nodes that are tried as goals."""
 START_WITHIN_M, RINGS, DIRECTIONS = 2.1, 3, 8
-"""Choice of starts: greatest distance from the way that the robot was led along, in metres, and numbers of distance
-rings and of viewing directions."""
+"""Choice of starts: greatest distance from the path along which the robot was led, in metres; number of distance rings;
+number of viewing directions."""
 NEAREST_M = 1.2
 """Greatest distance of the robot from a node, in metres."""
 _AHEAD = 10
-"""Index of the point of a path that defines its heading at the beginning."""
+"""Index of the path point that determines the heading at the start of the path."""
 _YAW_WEIGHT_M = 0.5
 """Length of path that counts as much as a turn by one radian, in metres."""
 _WAITS_S = (600.0, 1800.0, 3600.0, 2 * 3600.0, 4 * 3600.0, 8 * 3600.0, 16 * 3600.0, 24 * 3600.0)
@@ -59,7 +60,8 @@ class Stage:
     start: NodeId
     goal: NodeId
     duration_s: float
-    """Approximate time to the door, and from there to the goal by the other way if there is one, in seconds."""
+    """Approximate duration of the story, in seconds: to the door, and from there to the goal by the other path if there
+    is one."""
     has_way_round: bool
 
 
@@ -74,7 +76,7 @@ class _Crossing:
     before_s: float
     """Approximate time to that node, in seconds."""
     least_s: float
-    """Approximate time of the whole path if the door is open, in seconds; shorter than any other path."""
+    """Approximate time of the whole path if the door is open, in seconds; a lower bound on `Stage.duration_s`."""
 
 
 class StoryMap:
@@ -132,7 +134,8 @@ class StoryMap:
         return bool(self._edges_through(list(itertools.pairwise(nodes)), door))
 
     def wait_s(self, stage: Stage) -> float:
-        """Return the time in seconds after which the map would try the door of a story again; the longest if never."""
+        """Return the time in seconds after which the map would try the door again; the longest waiting time if it never
+        would."""
         presence = self.system.presence
         for wait_s in _WAITS_S:
             path = plan_by_presence(
@@ -148,7 +151,8 @@ class StoryMap:
         return _WAITS_S[-1]
 
     def _best_stage(self, starts: Sequence[NodeId]) -> Stage | None:
-        """Return the shortest story with another path from one of these nodes, or, without any, the shortest of all."""
+        """Return the shortest story with another path from one of these nodes; without another path, the shortest story
+        of all."""
         nodes = list(self.graph.nodes)
         goals = nodes[:: max(1, len(nodes) // MOST_GOALS)]
         planner = self._planner()
@@ -184,7 +188,8 @@ class StoryMap:
             yield _Crossing(door, there, place, before_s, before_s + _duration_s(behind))
 
     def _round_about(self, crossing: _Crossing, closing: Mapping[EdgeKey, float], planner: Planner) -> Stage | None:
-        """Return the story of a crossing, if another path to the goal costs clearly more; None otherwise."""
+        """Return the story of a crossing if there is another path to the goal and it costs clearly more; None
+        otherwise."""
         here = crossing.there[crossing.place]
         goal = crossing.there[-1]
         around = planner.plan(here, goal, closing)

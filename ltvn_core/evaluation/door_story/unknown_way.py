@@ -1,7 +1,7 @@
 """A path over the floor of a scene that a map lacks, possibly after a piece of furniture was removed.
 
-With only one path in the map, no plan can change; a robot that is driven along such a path once has two. Reads the
-clearance map to set up the story.
+A map with only one path cannot change its plan. After the robot was driven along such a missing path once, the map has
+two paths. Reads the clearance map to set up the story.
 """
 
 from collections.abc import Collection, Iterator
@@ -19,16 +19,17 @@ from ltvn_core.simulation.scene import Scene
 from ltvn_core.worlds import OWN_PREFIX, DoorMoved, ThingRemoved, WorldState
 
 UNKNOWN_M = 0.7
-"""Distance from all nodes beyond which floor is not in the map, in metres."""
+"""Distance from all nodes beyond which the floor counts as not mapped, in metres."""
 _BESIDE_DOOR_M = 0.6
 """Distance from a door at which the paths around it begin and end, in metres."""
 _POINTS_IN_DOOR = 20
 _LEAST_UNKNOWN_M, _MOST_UNKNOWN_M = 0.8, 6.0
-"""Least and greatest length of the part of a path that is not in the map, in metres."""
+"""Least and greatest length of the unmapped part of a path, in metres."""
 _BEFORE_M, _BEYOND_M = 0.9, 1.6
-"""The drive begins this far before the unknown floor and ends this far beyond it, in metres."""
+"""Lengths of the drive on mapped floor before and after the unmapped part, in metres."""
 _DOOR_NEAR_M = 1.5
-"""Distance of a door before the unknown floor within which the drive begins on the other side of it, in metres."""
+"""Distance before the unmapped part, in metres: if a door is nearer than this, the drive begins on the other side of
+the door."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,7 +39,7 @@ class UnknownWay:
     path: NDArray[np.float64]
     """(M, 2) x and y in metres; it begins and ends on floor that is in the map."""
     moved_away: str | None
-    """Name of the furniture that blocks the path at first; None without any."""
+    """Name of the piece of furniture that blocks the path at first; None if nothing does."""
 
     @property
     def length_m(self) -> float:
@@ -47,9 +48,10 @@ class UnknownWay:
 
 
 def find_unknown_way(scene: Scene, state: WorldState, mapped: NDArray[np.float64]) -> UnknownWay | None:
-    """Return the shortest unknown path in a world that closes a loop with paths through doors that the map contains.
+    """Return the shortest path that the map lacks and that closes a loop with mapped paths through doors.
 
-    `mapped` are the positions of the nodes, (N, 2). Ways without furniture to move are preferred; None without any.
+    `mapped` are the positions (N, 2) of the nodes. Paths without furniture to remove are preferred. Returns None if
+    there is no path.
     """
     scenes = ChangedScenes(scene)
     here = scenes.at(state)
@@ -88,7 +90,7 @@ def _wide_enough(clearance: ClearanceMap, piece: FurniturePiece | None) -> Mask:
 
 
 def _leads_round(floor: Mask, clearance: ClearanceMap, doorway: Doorway) -> bool:
-    """Tell whether floor (rows, columns) joins both sides of a door."""
+    """Tell whether the floor cells (rows, columns) connect both sides of a door."""
     pieces, _ = connected_components(floor)
     one, other = (pieces[_cell(clearance, side)] for side in _sides(doorway))
     return bool(one and one == other)
@@ -118,7 +120,8 @@ def _cell(clearance: ClearanceMap, point: NDArray[np.float64]) -> tuple[int, int
 def _unknown_part(
     loop: NDArray[np.float64], moved_away: str | None, scene: Scene, mapped: NDArray[np.float64]
 ) -> UnknownWay | None:
-    """Return the only part of a loop (M, 2) that is not in the map, with paths to it and from it; None for several."""
+    """Return the unmapped part of a loop (M, 2), with the mapped path before and after it; None if its length is
+    unsuitable."""
     away_m = np.hypot(*(loop[:-1, None] - mapped[None]).transpose(2, 0, 1)).min(1)
     to_middle = len(away_m) // 2 - int(away_m.argmax())
     loop, away_m = np.roll(loop[:-1], to_middle, axis=0), np.roll(away_m, to_middle)

@@ -34,7 +34,7 @@ class JudgedSequence:
     without_depth: int
     """Number of images left out because they have no depth and the predictor needs it."""
     skipped: int
-    """Number of images left out because the sequence has more than are judged."""
+    """Number of images left out because the sequence has more images than the maximum."""
     camera: CameraModel | None = None
     """The camera of the recording; None if it is the predictor's."""
     is_lens_known: bool = True

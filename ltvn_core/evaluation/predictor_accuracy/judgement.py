@@ -45,10 +45,10 @@ from ltvn_core.types import Features, Predictor
 
 _FAR_PER_NEAR = 8
 _PERTURBED_SHARE = 4
-"""Under a perturbation, one pair in this many is compared."""
+"""Divisor of the numbers of pairs that are compared under a perturbation."""
 _FEW_PAIRS = 100
 _SAME_D = 0.005
-"""d from the true poses, image by image, below which odometry is a copy of the truth."""
+"""Value of d (Eq. 2) between the motions in odometry and in truth, below which the motions count as equal."""
 
 
 class ProgressBars(Protocol):
@@ -64,9 +64,9 @@ class JudgementPlan:
     """Settings of the evaluation of a predictor."""
 
     pairs: int = 20_000
-    """Maximum number of far pairs; that of near pairs, which take a predictor longer, is an eighth of it."""
+    """Maximum number of far pairs. The maximum for near pairs, which take longer to predict, is an eighth of it."""
     left_out: float = 0.2
-    """Share of images, evenly spaced, that are left out of the map and localised in it."""
+    """Share of images, evenly spaced, that are localised in the map and not used to build it."""
     perturbations: tuple[str, ...] = ()
     """Names of perturbations, which change source images and not target images."""
     seed: int = 0
@@ -81,12 +81,12 @@ class Condition:
     """Results as recorded, or under one perturbation."""
 
     name: str
-    """Name of the perturbation; empty as recorded."""
+    """Name of the perturbation; empty for the results as recorded."""
     pairs: PairAccuracy | None
     """Accuracy of pairs; None without truth."""
     map: MapAccuracy
     localisation: LocalisationAccuracy | None
-    """None without truth."""
+    """Accuracy of localisation in the map; None without truth."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -167,7 +167,10 @@ class _Judge:
         )
 
     def _with_lost_frames(self, recorded: Condition, sources: Features) -> Condition:
-        """Evaluate a map of the images that arrived; the pairs are unchanged, because lost images change no others."""
+        """Evaluate a map built from the images that arrived; the accuracy of pairs is copied.
+
+        A lost frame does not change other images, so the accuracy of their pairs is the same.
+        """
         lost = FrameLoss().lost(len(self.mapped.observations), self._rng(4))
         arrived = self.rows.mapped[~lost[self.rows.mapped]]
         built = self._built(f"{DROPPED_FRAMES}: build", arrived)
@@ -219,7 +222,8 @@ class _Judge:
             return localisation_accuracy(built, sources[self.rows.looks], views, progress=progress)
 
     def _rng(self, purpose: int) -> np.random.Generator:
-        """Return a separate random generator for one purpose, so that the results of others do not depend on it."""
+        """Return a random generator for one purpose, so that the draws for one purpose do not change those for
+        another."""
         return np.random.default_rng([self.plan.seed, purpose])
 
 
@@ -234,8 +238,8 @@ def judge(
 ) -> Judgement:
     """Evaluate a predictor on source images against target images.
 
-    If both are one sequence, the map is built from a part of it and the rest is localised in it; else the map is built
-    from all of `mapped`, and all of `looking` are localised in it.
+    If both sequences are the same, one part of its images builds the map and the other part is localised in it.
+    Otherwise, all images of `mapped` build the map, and all images of `looking` are localised in it.
 
     Raises:
         MapError: No map can be built from the images.
@@ -248,7 +252,7 @@ def _taken(views: TrueViews | None, rows: NDArray[np.intp]) -> TrueViews | None:
 
 
 def _further(progress: Callable[[int], object]) -> ProgressCallback:
-    """Return a callback for numbers of done and all images that calls one for newly done images."""
+    """Return a callback with the numbers of finished and of all images; it calls `progress` with the newly finished."""
     last = 0
 
     def show(done: int, total: int) -> None:
@@ -291,7 +295,7 @@ def _map_findings(judgement: Judgement, mapped: JudgedSequence, predictor_name: 
         predictor_name=predictor_name,
         least_width_px=predictor_card(built.predictor).least_width_px,
     )
-    # The share is the one in the figures, so that both agree.
+    # The share is taken from the figures, so that the findings agree with them.
     return diagnose(drive, coverage._replace(share=judgement.conditions[0].map.largest_piece_share))
 
 

@@ -34,7 +34,7 @@ _MOST_RECOGNISED = 100
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MapAccuracy:
-    """Figures of a map; those that need truth are None without it."""
+    """Figures of a map; figures that need truth are None without truth."""
 
     frames: int
     """Number of images that the map was built from."""
@@ -45,12 +45,12 @@ class MapAccuracy:
     true_pieces: int | None
     """Number of parts of the drive itself: groups of images within D_c of each other."""
     largest_piece_share: float
-    """Share of the images, those of the largest part of the drive, that are in the map's largest piece or recognised
-    as one of its nodes."""
+    """Share of the images of the drive's largest part that are nodes in the map's largest piece or localised at one of
+    its nodes."""
     false_edges: int | None
     """Number of edges between far images, without turns on the spot."""
     perceptual_aliases: int | None
-    """Number of pairs of nodes that the method accepts as near but that are far."""
+    """Number of pairs of nodes that are far apart but that the method accepts as near."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -101,7 +101,7 @@ def build_judged_map(
     rng: np.random.Generator,
     progress: ProgressCallback,
 ) -> JudgedMap:
-    """Build a map from images (M of them) with their features (M, F); raises MapError as the builder does."""
+    """Build a map from M images with their features (M, F). Raises MapError as the builder does."""
     built = TopologicalMap.of(predictor, system)
     built.keyframes.add(observations, features)
     deltas = built.build(observations, rng=rng, progress=progress)
@@ -128,7 +128,7 @@ def map_accuracy(built: JudgedMap, *, progress: ProgressCallback) -> MapAccuracy
 
 
 def true_aliases(built: JudgedMap) -> tuple[PerceptualAlias, ...]:
-    """Return the pairs of nodes that the method accepts as near but that are truly far."""
+    """Return the pairs of nodes that the method accepts as near although they are far apart."""
     assert built.views is not None
     poses = {seen.step: pose for seen, pose in zip(built.observations, built.views.poses, strict=True)}
     keyframes = KeyframeStore(built.map.predictor)
@@ -179,17 +179,17 @@ def _recognised(built: JudgedMap, row: int) -> NodeId | None:
 
 LOCALISED_M = 0.5
 LOCALISED_RAD = float(np.deg2rad(20))
-"""An image is localised where the map says so within these of its true pose."""
+"""Greatest errors of a correctly localised image: distance in metres and heading in radians."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LocalisationAccuracy:
-    """Accuracy of localisation in a map. The four shares add up to 1; None without images."""
+    """Accuracy of localisation in a map. The four shares add up to 1; they are None without images."""
 
     looks: int
     """Number of images that were localised in the map."""
     looks_elsewhere: int
-    """Number of images left out because the map has no image within D_l of them."""
+    """Number of images left out because the map has no image within D_l of their true poses."""
     localised_share: float | None
     """Share of images localised within 0.5 m and 20 degrees of the truth."""
     wrong_place_share: float | None
@@ -217,8 +217,8 @@ def localisation_accuracy(
 ) -> LocalisationAccuracy:
     """Localise L images with features (L, F) in a map.
 
-    The position that the map gives is its node's true pose and the predicted waypoint from there, so that only the
-    predictor's errors count and not those of odometry.
+    The estimated pose of an image is computed from the true pose of its node and the predicted waypoint. So only the
+    errors of the predictor count, and not those of odometry.
 
     Args:
         built: A map with true views.

@@ -2,8 +2,8 @@
 
 All pairs are used if they are few; otherwise they are drawn evenly over sources and distances. A pair is accepted if
 the method would join its images by an edge: r > R_c and d < D_c. AUC, calibration and recall at a false-positive rate
-use r if d < D_c, and 0 otherwise, because a target that is truly farther away than D_c may be reachable. The same
-figures of r alone are also given.
+use a score: r if d < D_c, and 0 otherwise, because a far target may still be reachable. The same figures for r alone
+are also given.
 """
 
 from collections.abc import Callable, Iterator
@@ -67,10 +67,11 @@ class PairSample:
 
 
 def sample_pairs(sources: TrueViews, targets: TrueViews, *, most: PairCounts, rng: np.random.Generator) -> PairSample:
-    """Return at most `most` near and far pairs of S sources and T targets that were truly taken there.
+    """Return at most `most` near and far pairs of S sources and T targets, near and far by their true poses.
 
-    Pairs are taken at even steps from the list of all, ordered by source and then by distance, so that every source and
-    every distance has its share. An image is never paired with itself, because it is not in front of itself.
+    Pairs are taken at even steps from the list of all pairs, ordered by source and then by distance, so that every
+    source and every distance is represented. An image is never paired with itself, because it is not in front of
+    itself.
     """
     looking = _evenly(len(sources), _MOST_SOURCES)
     counts = np.array([[part.sum() for part in kinds] for _, _, kinds in _rows(sources, targets, looking)]).reshape(
@@ -100,7 +101,7 @@ def sample_pairs(sources: TrueViews, targets: TrueViews, *, most: PairCounts, rn
 def _rows(
     sources: TrueViews, targets: TrueViews, looking: NDArray[np.intp]
 ) -> Iterator[tuple[int, Waypoint, tuple[NDArray[np.bool_], NDArray[np.bool_]]]]:
-    """Yield each source that looks, its waypoints to all targets (T, 3), and which are near and far (T,)."""
+    """Yield each source in `looking`, its waypoints to all targets (T, 3), and which targets are near and far (T,)."""
     for first in range(0, len(looking), _ROWS_AT_ONCE):
         chunk = looking[first : first + _ROWS_AT_ONCE]
         moves = sources.take(chunk).moves_to(targets)
@@ -111,7 +112,7 @@ def _rows(
 
 
 def choose_evenly(rows: NDArray[np.intp], most: int, rng: np.random.Generator) -> NDArray[np.intp]:
-    """Return at most `most` of the rows, at even steps from a random start."""
+    """Return at most `most` of the rows, at even steps with a random offset."""
     if len(rows) <= most:
         return rows
     return rows[((np.arange(most) + rng.random()) * len(rows) / most).astype(np.intp)]
@@ -123,13 +124,14 @@ def _evenly(count: int, most: int) -> NDArray[np.intp]:
 
 _NEAR_AT_ONCE = 64
 _STRETCHES = 10
-"""Number of stretches of the sources for the interval of a share, because neighbouring images are nearly equal."""
+"""Number of blocks of consecutive sources that a share's interval is computed from, because neighbouring images are
+nearly equal and thus not independent."""
 _DISTANCES_M = (0.0, 0.1, 0.3, 0.6)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DistanceBin:
-    """Near pairs with the distance of the target between two limits."""
+    """Near pairs whose distance lies between two limits, in metres."""
 
     low_m: float
     high_m: float
@@ -204,7 +206,7 @@ class PairScores:
 
     @property
     def yaw_error_rad(self) -> NDArray[np.float64]:
-        """(P,)."""
+        """(P,) absolute error of yaw, in radians."""
         return np.abs(wrap_angle(self.waypoints[:, 2] - self.sample.waypoints[:, 2]))
 
 
@@ -282,7 +284,7 @@ def pair_accuracy(scores: PairScores, config: BuildingConfig, rng: np.random.Gen
 
 
 def _questions(sample: PairSample) -> Iterator[NDArray[np.intp]]:
-    """Yield rows of pairs that are predicted at once: some near pairs, or all far pairs of a source."""
+    """Yield rows of pairs that are predicted together: some near pairs, or all far pairs of a source."""
     near = np.flatnonzero(sample.is_near)
     for first in range(0, len(near), _NEAR_AT_ONCE):
         yield near[first : first + _NEAR_AT_ONCE]
@@ -292,7 +294,7 @@ def _questions(sample: PairSample) -> Iterator[NDArray[np.intp]]:
 
 
 def _share(accepted: NDArray[np.bool_], kind: NDArray[np.bool_], sample: PairSample) -> Estimate | None:
-    """Return the share of accepted pairs of a kind (P,); None without any."""
+    """Return the share of accepted pairs of a kind (P,), with its interval; None without such pairs."""
     if not kind.any():
         return None
     hits = accepted[kind].astype(np.float64)
@@ -305,7 +307,7 @@ def _share(accepted: NDArray[np.bool_], kind: NDArray[np.bool_], sample: PairSam
 
 
 def _recall_at(score: NDArray[np.float64], near: NDArray[np.bool_], far_fpr: float) -> float | None:
-    """Return the share of near pairs above the threshold that at most a share of the far pairs exceeds."""
+    """Return the share of near pairs above a threshold that at most a share `far_fpr` of the far pairs exceeds."""
     far = np.sort(score[~near])[::-1]
     allowed = int(far_fpr * len(far) + 1e-9)
     if not allowed or not near.any():

@@ -14,7 +14,8 @@ from ltvn_core.network.metrics import auc
 from ltvn_core.types import Features, Predictor
 
 _LEAST_GAP = 15
-"""Least number of images between a place and its revisit, because consecutive images show the same place anyway."""
+"""Least number of images between a place and its revisit, because images taken shortly after each other always show the
+same place."""
 _TEXTS = (".txt", ".csv")
 _MOST_BYTES = 100_000_000
 """Maximum size of a matrix file: 5,000 images, as text."""
@@ -110,7 +111,8 @@ def summarise_revisits(score: NDArray[np.float64], same_place: NDArray[np.bool_]
 
 
 def _average_precision(sure: NDArray[np.float64], right: NDArray[np.bool_], queries: int) -> float:
-    """Return the mean precision over the correct matches, by descending score; queries without one count as 0."""
+    """Return the mean precision over the correct matches, by descending score; queries without a correct match count as
+    0."""
     order = np.argsort(-sure, kind="stable")
     hits = right[order]
     precision = np.cumsum(hits) / np.arange(1, len(hits) + 1)

@@ -1,8 +1,8 @@
 """The figures of an evaluation report, with their names, titles and captions.
 
-Owns the drawing of those that compare methods (success, size of the graph, causes of failure) and of those of lifelong
-evaluations (success, map size and spurious edges over queries, and calibration of p). Those of maps over the floor plan
-are in `map_figures`. The numbers come from result rows and lifelong groups.
+Owns the drawing of two groups of figures. Those that compare methods show success, size of the graph and causes of
+failure. Those of lifelong evaluations show success, map size and spurious edges over queries, and the calibration of p.
+Figures of maps over the floor plan are in `map_figures`. The numbers come from result rows and lifelong groups.
 """
 
 from collections.abc import Callable, Iterable, Sequence

@@ -1,7 +1,7 @@
 """Finds the results of an evaluation in a folder, and the images and recordings of its failed episodes.
 
-Owns finding and checking, and the moment of a failure in the recording of an episode. What the results mean is
-elsewhere; drives and recordings are only read.
+Finds and checks the files, and finds the moment of a failure in the recording of an episode. Computes no metrics;
+drives and recordings are only read.
 """
 
 import re
@@ -34,7 +34,7 @@ from ltvn_core.navigation.events import AttemptEnded, Collided, GraphChanged, Qu
 from ltvn_core.types import FrameId
 
 BEFORE_S = 3.0
-"""Playback starts this long before the failure."""
+"""Time from the start of playback to the failure, in seconds."""
 TRIALS = "*.trial.json"
 LIFELONG = "*.lifelong.json"
 WORLDS = "*.world.json"
@@ -44,8 +44,8 @@ _Result = TypeVar("_Result", TrialResult, LifelongResult)
 def moment_s(recording: Path, failure: FailureCause | None) -> float | None:
     """Return the start of playback, in seconds after the recording's beginning; None if the recording is unreadable.
 
-    Playback starts shortly before the last collision, before the last failed attempt after a wrong turn, and shortly
-    before the end in all other cases.
+    Playback starts shortly before one of three events: the last collision, if the robot collided too often; the last
+    failed attempt, for spurious edges, wrong localisations and the step limit; the end of the query in all other cases.
     """
     try:
         opened = Recording.open(recording)
@@ -68,7 +68,7 @@ def _tells(stamped: StampedEvent, failure: FailureCause | None) -> bool:
 
 
 def _beginning_s(recording: Recording, events: list[StampedEvent]) -> float:
-    """Return the time at which driving began; images of a loaded map are older."""
+    """Return the stamp of the first image of the drive; images of a loaded map are older."""
     first = events[0]
     poses = recording.poses
     loaded = isinstance(first.event, GraphChanged) and first.event.delta.cause is Cause.LOAD
@@ -81,7 +81,7 @@ class FoundResults:
     """The results in a folder."""
 
     results: EvaluationResults
-    """The results as the files hold them."""
+    """The results as stored in the files."""
     drawn: EvaluationResults
     """The same results with the drawings of their maps, read from the files beside them."""
     failures: tuple[FailureRow, ...]
@@ -91,7 +91,8 @@ class FoundResults:
 
 
 def find_results(folder: Path) -> FoundResults:
-    """Read all results below a folder. Raises OptionError for an empty one, a broken file, or two of the same trial."""
+    """Read all results below a folder. Raises OptionError for an empty folder, a damaged file, or two results of one
+    trial."""
     if not folder.is_dir():
         raise OptionError(f"{folder} is no folder; name the one that `ltvn evaluate --folder` wrote to.")
     trials = _longest((path, _trial(path)) for path in stored_results(folder, TRIALS))
@@ -159,7 +160,7 @@ def _drawn_lifelong(path: Path, result: LifelongResult) -> LifelongResult:
 
 
 def _longest(found: Iterable[tuple[Path, _Result]]) -> dict[Path, _Result]:
-    """Keep the longest of several results of one plan; shorter ones contain its first episodes."""
+    """Keep the longest of several results of one plan; the shorter results contain its first episodes."""
     kept: dict[object, tuple[Path, _Result]] = {}
     for path, result in found:
         before, other = kept.get(key := _key(result), (path, result))

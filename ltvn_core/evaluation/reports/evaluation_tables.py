@@ -148,7 +148,7 @@ def recognition_table(rows: Sequence[ResultRow]) -> ReportTable:
 
 
 def lifelong_table(lifelong_groups: Iterable[LifelongGroup]) -> ReportTable:
-    """Return the tests of each lifelong group, with the changes by maintenance since the previous test."""
+    """Return the static tests of each lifelong group, with the changes by maintenance since the previous test."""
     head = (
         "scene",
         "method",
@@ -267,7 +267,11 @@ def _size(row: ResultRow) -> tuple[str, str]:
 
 
 def _goals(row: ResultRow) -> tuple[str, str]:
-    """Return the mean numbers of goals reported as doubtful (of these, rightly) and of missed goals, or dashes."""
+    """Return two mean numbers as text: of goals reported as doubtful, with the correct reports in brackets, and of
+    unreported ones.
+
+    Returns dashes if the results have no such counts.
+    """
     maps = [trial.map for trial in row.trials]
     counts = [(each.goals_told, each.goals_told_rightly, each.goals_untold) for each in maps]
     known = [[number for number in count if number is not None] for count in counts]

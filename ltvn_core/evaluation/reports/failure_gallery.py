@@ -16,7 +16,7 @@ from ltvn_core.evaluation.reports.result_rows import TrialSetup, order_of, scene
 from ltvn_core.evaluation.results import TrialResult
 
 _QUESTION = "edge"
-"""The debugger's “What about this edge?”."""
+"""Name of the debugger's question “What about this edge?”."""
 _MIME_TYPES = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg"}
 
 

@@ -59,13 +59,13 @@ class FigurePalette:
     """Colours on white that are distinguishable with every common kind of colour blindness."""
 
     first: Colour
-    """Source images and the first series."""
+    """Colour of source images and of the first series."""
     second: Colour
-    """Target images and the second series."""
+    """Colour of target images and of the second series."""
     third: Colour
-    """Predictions of the network."""
+    """Colour of the network's predictions."""
     grey: Colour = (0.45, 0.47, 0.5)
-    """Series for comparison."""
+    """Colour of series for comparison."""
     text: Colour = (0.13, 0.15, 0.18)
 
 
@@ -75,7 +75,7 @@ FIGURE_PALETTE = FigurePalette(palette.SOURCE.on_white, palette.TARGET.on_white,
 
 @contextmanager
 def documentation_style(palette: FigurePalette) -> Iterator[None]:
-    """Draw in the style of the documentation: white, few lines, text as large as a page's."""
+    """Draw in the style of the documentation: white background, few lines, and text in the size of the page's text."""
     settings: dict[str, Any] = {
         "font.family": "DejaVu Sans",
         "font.size": 10.5,
@@ -144,7 +144,7 @@ class ReportFigure:
     caption: str
     """Description in short sentences."""
     draw: Callable[[], Figure]
-    """Call it inside `drawing`."""
+    """Creates the figure; call it inside `drawing`."""
 
 
 def method_colours(methods: Sequence[str], palette: FigurePalette) -> dict[str, Colour]:
@@ -170,7 +170,7 @@ def in_percent(axes: Axes, **limits: Any) -> None:
 
 
 def in_counts(axes: Axes) -> None:
-    """Write a logarithmic y axis in whole numbers, few of them. Call it when all is drawn."""
+    """Write a logarithmic y axis with a few whole numbers. Call it after everything is drawn."""
     low, high = axes.get_ylim()
     decades = math.log10(high / low)
     subs = (1.0,) if decades > 3 else (1.0, 2.0, 5.0) if decades > 1 else (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)

@@ -135,8 +135,10 @@ def _groups(scores: PairScores, looking: JudgedSequence, mapped: JudgedSequence,
 
 
 def _worst(scores: PairScores, pairs: NDArray[np.intp], order: NDArray[np.float64], most: int) -> Sequence[int]:
-    """Return the pairs with the lowest `order` (P,). Each image is used once at most, because its neighbours look like
-    it."""
+    """Return the pairs with the lowest `order` (P,).
+
+    Each image is used at most once, so that the pairs show different places.
+    """
     shown: set[int] = set()
     found: list[int] = []
     for pair in pairs[np.argsort(order[pairs], kind="stable")]:

@@ -34,7 +34,7 @@ class MapLayout:
     title: str
     graph: TopologicalGraph
     plan: MapDrawing
-    """Nodes and edges; outside simulation without floor and without spurious edges."""
+    """Nodes and edges; outside simulation, without floor and without spurious edges."""
     simulated: bool
     """Whether the ground truth is known."""
     floor_plan: FloorPlan | None = None
@@ -178,7 +178,7 @@ def _floor_plan(plan: FloorPlan | None) -> Iterator[str]:
 
 
 def _edges(drawn: MapLayout) -> Iterator[str]:
-    """Draw one line per pair of nodes, in the colour of its less likely direction."""
+    """Draw one line per pair of nodes, in the colour of the direction with the lower p."""
     places = {node: (x, -y) for node, x, y, _ in drawn.plan.nodes}
     spurious = {(source, target) for source, target, _, wrong in drawn.plan.edges if wrong}
     for pair in dict.fromkeys((min(key), max(key)) for key in drawn.graph.edges):

@@ -52,7 +52,7 @@ class ResultRow:
 
     setup: TrialSetup
     trials: tuple[TrialResult, ...]
-    """One for each map seed; in a row over all scenes, for each scene and seed."""
+    """Trials, one for each map seed; in a row over all scenes, one for each scene and seed."""
 
     @cached_property
     def metrics(self) -> EvaluationMetrics:
@@ -173,7 +173,7 @@ class LifelongGroup:
     """One result for each map seed."""
 
     def points(self) -> tuple[ResultRow, ...]:
-        """Return the tests in between as rows, by the number of queries before them."""
+        """Return the static tests of all runs as rows, by the number of queries before each test."""
         found: dict[int, list[LifelongPoint]] = {}
         for run in self.runs:
             for point in run.points:
@@ -190,13 +190,13 @@ class MaintenanceInterval:
 
     first: int
     until: int
-    """Number of queries at the test before and at the one after."""
+    """Numbers of queries before the first test and before the second test."""
     pruned: float
     pruned_bad: float
-    """Pruned edges that are spurious or that the robot could not drive."""
+    """Mean number of pruned edges that are spurious or that the robot could not drive."""
     added_edges: float
     added_spurious: float
-    """Added edges that are spurious."""
+    """Mean number of added edges that are spurious."""
 
 
 def group_lifelong(results: Iterable[LifelongResult]) -> tuple[LifelongGroup, ...]:

@@ -1,6 +1,6 @@
 """The tables of evaluations in changing worlds: metrics of each maintenance, and the commands that reproduce them.
 
-Where the robot met people, a table reports its distances to them, contacts and waiting times.
+For worlds with people, a table reports the robot's distances to people, contacts and waiting times.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -110,8 +110,10 @@ def _on_detours(found: WorldMetrics) -> str:
 
 
 def people_table(results: Sequence[WorldResult]) -> ReportTable:
-    """Return the encounters with people in each world, in each scene and, if there are several, over all; worlds
-    without encounters have no row."""
+    """Return the encounters with people in each world and scene and, if there are several scenes, over all scenes.
+
+    Worlds without encounters have no row.
+    """
     met = [result for result in results if any(query.people.encounters for query in result.queries)]
     body = tuple(_people_line(*group) for group in world_groups(met))
     caption = (

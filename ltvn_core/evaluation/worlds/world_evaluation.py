@@ -1,6 +1,6 @@
-"""Evaluation in a changing world: drives the queries of a schedule, and judges each by the state of the world then.
+"""Evaluation in a changing world: drives scheduled queries, and judges each by the state of the world at its time.
 
-All maintenances get the same queries, each with its own map.
+All maintenances get the same queries, and each maintenance has its own map.
 """
 
 import itertools
@@ -60,7 +60,7 @@ from ltvn_core.types import FrameId, Pose, Predictor
 
 @dataclass(frozen=True, slots=True)
 class _Foretold:
-    """State before a query."""
+    """Predictions before a query, and the doors on its best path."""
 
     now: PresenceScore
     later: PresenceScore
@@ -68,7 +68,7 @@ class _Foretold:
 
 
 class WorldDrive:
-    """A map after some queries, and the world at the next one."""
+    """A map after some queries, in the world at the time of the next query."""
 
     def __init__(self, plan: WorldPlan, files: WorldFiles, first: int) -> None:
         """Load the map after `first` queries, with its scene and network."""
@@ -90,7 +90,7 @@ class WorldDrive:
         self.closed_edges = ClosedEdges(scene, self.runner.truth)
 
     def run(self, query: int, on_event: EventCallback | None = None) -> QueryResult:
-        """Let time pass until a query, and drive it."""
+        """Let time pass until the start of a query, and drive the query."""
         runner = self.runner
         world = self.world
         scheduled = self._schedule.queries[query]
@@ -146,7 +146,7 @@ class WorldDrive:
         return _Foretold(now, later, self._doors_wanted(scheduled))
 
     def _doors_wanted(self, scheduled: ScheduledQuery) -> frozenset[int]:
-        """Return the doors on the best path of the map from the node next to the start, given which edges are open."""
+        """Return the doors on the best path through open edges of the map, from the node nearest to the start."""
         graph = self.runner.map.graph
         truth = self.runner.truth
         system = self.runner.map.system
@@ -186,7 +186,7 @@ class WorldDrive:
 
 
 def _keep_informed(predictor: Predictor, world: World) -> None:
-    """Update an oracle predictor to the current world; a network sees it in its images."""
+    """Update an oracle predictor to the current world; a network sees changes in its images."""
     if isinstance(predictor, OraclePredictor):
         predictor.show(world.scene.clearance)
         world.follow(lambda _: predictor.show(world.scene.clearance))
@@ -202,7 +202,7 @@ def score_presence(
     edges: Sequence[EdgeKey],
     closed: Collection[EdgeKey],
 ) -> PresenceScore:
-    """Score a system's predictions for `edges` at a time, with `closed` as the edges that are closed."""
+    """Score a system's predictions for `edges` at a time; `closed` are the edges that are truly closed."""
     p = _predicted(system, graph, at_s, edges)
     closed = set(closed)
     is_open = np.array([edge not in closed for edge in edges], bool)
@@ -216,7 +216,8 @@ def score_presence(
 def _predicted(system: NavigationSystem, graph: TopologicalGraph, at_s: float, edges: Sequence[EdgeKey]) -> np.ndarray:
     """Return the probabilities (N,) that edges are open; 0 for an edge that was pruned.
 
-    Without a presence filter, the belief in an edge is used; a static map predicts that all edges are open.
+    Without a presence filter, the belief p of an edge is used. A map without maintenance predicts that all edges are
+    open.
     """
     if system.follows_presence:
         known = system.presence.probabilities(graph, at_s)

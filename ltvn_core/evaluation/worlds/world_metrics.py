@@ -20,27 +20,27 @@ class WorldMetrics:
     queries: int
     success_rate: float
     success_low: float
-    """95 % interval."""
+    """Lower end of the 95 % interval of the success rate."""
     success_high: float
     spl: float
     """Success weighted by path length, relative to the shortest path at that time."""
     spl_low: float
-    """95 % interval."""
+    """Lower end of the 95 % interval of the SPL."""
     spl_high: float
     detours: int
-    """Number of queries with a detour: the usual path was closed, and the shortest one longer by `LEAST_DETOUR_M`."""
+    """Number of queries whose shortest path was longer by at least `LEAST_DETOUR_M` than in the unchanged scene."""
     success_on_detours: float | None
     """Share of the detours whose goals were reached; None if there were none."""
     cut_off: int
     """Number of failures without an open path to the goal at their end."""
     blocked_tries_per_100: float
-    """Attempts along closed edges in 100 queries."""
+    """Mean number of attempts along closed edges in 100 queries."""
     door_tries_per_100: float
-    """Attempts along edges through closed doors in 100 queries."""
+    """Mean number of attempts along edges through closed doors in 100 queries."""
     reopened_after_queries: float | None
-    """Mean number of queries until a reopened door is used, over the doors that the robot had met closed: from the
-    first query whose best path leads through it, at least 1. A door that closes again unused counts one query more;
-    None without such doors."""
+    """Mean number of queries until a reopened door is used again; None without such doors. Counts queries whose best
+    path leads through the door, at least 1. Only doors that the robot had met closed are included. A door that closes
+    again unused counts one query more."""
     reopened: int
     """Number of reopened doors in this mean."""
     brier: float
@@ -48,7 +48,7 @@ class WorldMetrics:
     brier_later: float
     """Mean squared error of p(open) one hour after queries begin."""
     calibration: float
-    """Mean difference between p(open) and the share of edges that are open, in ten bins."""
+    """Mean absolute difference between p(open) and the share of edges that are open, in ten bins."""
     calibration_later: float
     """Calibration error of p(open) one hour after queries begin."""
     lost_edges_share: float
@@ -105,10 +105,10 @@ def world_metrics(results: Sequence[WorldResult]) -> WorldMetrics:
 
 
 def reopening_waits(queries: Sequence[QueryResult], doors: Sequence[DoorMove]) -> list[int]:
-    """Return the number of queries until each reopened door that the robot had met closed was used again.
+    """Return the number of queries until the robot used each reopened door that it had met closed.
 
-    Queries with a best path through the door count, until one drives through it or it closes again. Doors without such
-    queries are left out.
+    Counts the queries whose best path leads through the door, until one drives through it or the door closes again.
+    Doors without such queries are left out.
     """
     waits = []
     for opened in (move for move in doors if move.is_open):
@@ -123,7 +123,10 @@ def reopening_waits(queries: Sequence[QueryResult], doors: Sequence[DoorMove]) -
 
 
 def _wait(queries: Sequence[QueryResult], door: int) -> int:
-    """Return the number of the query that uses a door, among those whose best path leads through it; 0 without any."""
+    """Count the queries whose best path leads through a door, up to the query that uses the door.
+
+    Returns at least 1 if a query uses the door. Otherwise returns one more than the count, or 0 if the count is 0.
+    """
     wanted = 0
     for query in queries:
         wanted += door in query.doors_wanted

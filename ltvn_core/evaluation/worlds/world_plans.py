@@ -75,38 +75,38 @@ class WorldFiles:
     """The paths of the files of a plan."""
 
     trial: TrialFiles
-    """Drive, weights and first map, which do not depend on the maintenance."""
+    """Paths of drive, weights and first map, which do not depend on the maintenance."""
     world: Path
     """Folder of the script and the queries."""
     maintenance: str
 
     @classmethod
     def of(cls, plan: WorldPlan, trial: TrialFiles) -> "WorldFiles":
-        """Return the files of a plan; they are in the folder of its trial without maintenance."""
+        """Return the paths of a plan's files; they are in the folder of its trial without maintenance."""
         folder = f"world-{Path(plan.world).stem}-{plan.queries}-in-{plan.days:g}-days"
         return cls(trial, trial.folder / trial.label / folder, plan.maintenance)
 
     @property
     def settings(self) -> Path:
-        """Settings of the script and the queries."""
+        """Path of the settings of the script and the queries."""
         return self.world / "plan.json"
 
     @property
     def schedule(self) -> Path:
-        """Queries, and the edges that are closed at their starts."""
+        """Path of the queries, with the edges that are closed at the start of each query."""
         return self.world / "schedule.json"
 
     def map(self, queries: int) -> Path:
-        """Return the map after a number of queries."""
+        """Return the path of the map after a number of queries."""
         return self.world / self.maintenance / f"map-{queries:04d}.rrd" if queries else self.trial.map()
 
     def query_batch(self, first: int, until: int) -> Path:
-        """Return the results of the queries from `first` up to `until`."""
+        """Return the path of the results of the queries from `first` up to `until`."""
         return self.world / self.maintenance / f"queries-{first:04d}-{until:04d}.json"
 
     @property
     def result(self) -> Path:
-        """All results of this maintenance."""
+        """Path of all results of this maintenance."""
         return self.world / f"{self.maintenance}.world.json"
 
 
@@ -150,7 +150,7 @@ class Schedule:
 
     @property
     def changing(self) -> tuple[EdgeKey, ...]:
-        """Edges that are closed at one of these times and open at another, on which predictions are scored."""
+        """Edges that are closed at some of the scheduled times; predictions are scored on these edges."""
         closed = {edge for query in self.queries for edge in (*query.closed, *query.closed_later)}
         return tuple(edge for edge in self.edges if edge in closed)
 
@@ -206,7 +206,8 @@ def _draw(
     drive_truth: DriveGroundTruth,
     rng: np.random.Generator,
 ) -> tuple[EpisodePlan, float]:
-    """Draw a start from the images of the drive and a goal that can be reached from there, with its distance."""
+    """Draw a start from the images of the drive and a goal that can be reached from it; return the path length in
+    metres, too."""
     goals = truth.poses(nodes)
     for _ in range(_MOST_DRAWS):
         row = int(rng.integers(len(drive_truth.frames)))

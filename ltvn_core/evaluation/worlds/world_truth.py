@@ -67,13 +67,13 @@ class DoorWatch:
     """Counts attempts at closed edges and doors from events."""
 
     def __init__(self, world: World, closed_edges: ClosedEdges) -> None:
-        """Count for a robot in a world."""
+        """Count the attempts of a robot in a world."""
         self._world = world
         self._closed_edges = closed_edges
         self.blocked_tries = 0
         """Number of attempts along edges that were closed at that time."""
         self.door_tries = 0
-        """Number of these attempts at edges through closed doors."""
+        """Number of these attempts whose edges lead through a closed door."""
         self.met_closed: set[int] = set()
         """Closed doors on edges that were attempted, or that the map learned to be closed."""
         self.used: set[int] = set()
@@ -100,7 +100,7 @@ class DoorWatch:
 
 
 def true_presence(world: World, observation: Callable[[FrameId], Observation]) -> KnownPresence:
-    """Return a function that tells the open edges of a map; `observation` returns the images of its nodes."""
+    """Return the true presence of a map's edges in a world; `observation` returns the images of its nodes."""
     closed_edges = ClosedEdges(world.base, GroundTruth(world.base.clearance, observation))
     return KnownPresence(lambda graph: set(closed_edges.among(list(graph.edges), world.scene.clearance)))
 

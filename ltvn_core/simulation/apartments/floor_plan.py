@@ -19,7 +19,8 @@ from ltvn_core.simulation.clearance_map import connected_components, distance_tr
 from ltvn_core.simulation.rooms import Doorway, Room, RoomKind
 
 GRID_STEP_M = 0.05
-"""Everything that blocks the floor has its edges on multiples of this, so that the clearance map is exact."""
+"""Grid step in metres. Everything that blocks the floor has its edges on multiples of it, so that the clearance map is
+exact."""
 
 MIN_DOORWAY_M = 0.9
 
@@ -177,7 +178,7 @@ def common_wall(rooms: tuple[Room, ...], a: int, b: int) -> Doorway | None:
 
 
 def _preference(rooms: tuple[Room, ...], gap: Doorway) -> int:
-    """Return a rank for a doorway; smaller ones are chosen first."""
+    """Return the rank of a doorway; doorways of a smaller rank are chosen first."""
     kinds = {rooms[i].kind for i in gap.rooms}
     if kinds == {RoomKind.HALL} or kinds == {RoomKind.LIVING, RoomKind.KITCHEN}:
         return 0
@@ -187,7 +188,7 @@ def _preference(rooms: tuple[Room, ...], gap: Doorway) -> int:
 
 
 def _is_private(rooms: tuple[Room, ...], gap: Doorway) -> bool:
-    """Whether a doorway would lead to a bathroom or double a corridor; such doorways close no loops."""
+    """Whether a doorway leads to a bathroom or joins two corridors; such doorways close no loops."""
     kinds = {rooms[i].kind for i in gap.rooms}
     return RoomKind.BATH in kinds or kinds == {RoomKind.HALL}
 

@@ -85,7 +85,7 @@ class FurnitureKind:
     draw: DrawFurniture
     against_wall: bool = True
     tall: bool = False
-    """Whether it hides the wall behind it, so that nothing hangs there."""
+    """Whether the piece hides the wall behind it; nothing is hung on that part of the wall."""
 
     @property
     def usual_size(self) -> tuple[float, float]:

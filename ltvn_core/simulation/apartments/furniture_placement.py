@@ -15,7 +15,7 @@ from ltvn_core.simulation.rooms import FurniturePiece, Room, RoomKind
 from ltvn_core.simulation.surfaces import SurfaceBuilder, TextureIndex
 
 _TRIES = 14
-"""Random placements that are tried for one piece before it is left out."""
+"""Number of random placements that are tried for a piece before it is left out."""
 
 FURNITURE_BY_ROOM_KIND: dict[RoomKind, Sequence[FurnitureKind]] = {
     RoomKind.HALL: (f.CHEST, f.PLANT, f.LAMP),
@@ -42,7 +42,7 @@ class FurniturePlacer:
         """Pieces placed so far, in all rooms."""
 
     def place_furniture(self, rng: SeededRng, room: Room, sides: Sequence[WallSide]) -> list[list[tuple[float, float]]]:
-        """Place the furniture of a room's kind as far as it fits.
+        """Place the furniture that belongs to a room's kind; pieces that do not fit are left out.
 
         Returns:
             For each of the `sides`, the intervals (low, high) along the wall that tall pieces hide.

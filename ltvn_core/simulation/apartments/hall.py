@@ -43,7 +43,7 @@ _ISLAND_PITCH_M = 5.2
 """Least distance between the middles of islands, in metres, so that ways wider than a metre remain between them."""
 _ISLAND_SHIFT_M = 0.3
 _WALL_GAP_M = 0.6
-"""Extra distance between islands and walls, compared with the distance between islands, in metres."""
+"""Distance between the walls and the cells in which islands stand, in metres."""
 _ZONE_M = 6.0
 _PILLAR_M = 0.4
 _SMALL_ROOMS = (RoomKind.MEETING, RoomKind.STUDY, RoomKind.KITCHEN, RoomKind.LIBRARY)
@@ -115,7 +115,8 @@ def generate_hall(seed: int, area_m2: float) -> Building:
 
 
 def _edges(low: float, high: float, pitch_m: float) -> list[float]:
-    """Return the edges of equal parts: as many as fit with at least `pitch_m` each, or one."""
+    """Divide an interval into equal parts of at least `pitch_m`, as many as fit, or one; return the edges of the
+    parts."""
     parts = max(1, int((high - low) / pitch_m))
     return [snap(low + (high - low) * number / parts) for number in range(parts + 1)]
 

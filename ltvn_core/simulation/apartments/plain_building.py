@@ -1,6 +1,6 @@
 """Generates a plain building from a seed: bare grey walls and floors, no pictures, no windows, hardly any furniture.
 
-Places differ in little but the shape of their rooms. The same seed gives the same building on every machine, as with
+Places differ mainly in the shape of their rooms. The same seed gives the same building on every machine, as with
 apartments: the order of the draws is part of the format.
 """
 

@@ -1,8 +1,8 @@
 """Random draws that are bit-identical on every machine, for scene generation.
 
-All are computed from doubles in [0, 1) with exact arithmetic. Neither numpy's distributions nor transcendental
-functions are used, because their last bit may differ between processors and versions, and one bit is enough to generate
-another apartment.
+All draws are computed from doubles in [0, 1) with exact arithmetic. Neither numpy's distributions nor transcendental
+functions are used, because their last bit may differ between processors and versions, and a single bit can change the
+generated apartment.
 """
 
 from collections.abc import Sequence
@@ -25,7 +25,7 @@ class SeededRng:
         return low + (high - low) * float(self._rng.random())
 
     def uniform_multiple(self, low: float, high: float, step: float = 0.05) -> float:
-        """Draw a multiple of `step` between low and high; `low` itself, rounded up to a step, if there is none."""
+        """Draw a multiple of `step` between low and high; without one, return `low` rounded up to a multiple."""
         first = int(np.ceil(low / step - 1e-6))
         last = int(np.floor(high / step + 1e-6))
         return round((first + self.index(max(last - first, 0) + 1)) * step, 6)

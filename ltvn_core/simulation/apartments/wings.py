@@ -93,7 +93,8 @@ def generate_wings_plan(rng: SeededRng, area_m2: float) -> FloorPlan:
 
 
 def _halls(width: float, depth: float, broad: float, deep: float, count: int) -> tuple[tuple[Room, ...], list[Doorway]]:
-    """Return one corridor, or two corridors and the two that join them, with the openings between them."""
+    """Return one corridor, or two corridors and the two corridors that join their ends, with the openings between
+    them."""
     if count == 1:
         return (Room(RoomKind.HALL, 0.0, deep, width, snap(deep + broad)),), []
     halls = corridors(width, depth, broad, (deep, snap(3 * deep + broad)))
@@ -204,7 +205,7 @@ def _is_turned(plan: FloorPlan, number: int) -> bool:
 
 
 def _sides(plan: FloorPlan, number: int) -> tuple[WallSide, ...]:
-    """Return the walls of a room in the order that they have in an unturned room; the door is in the third one."""
+    """Return the walls of a room in the order of an unturned room; the door is in the third wall."""
     low_x, high_x, low_y, high_y = wall_sides(plan, number)
     if _is_turned(plan, number):
         return high_x, low_x, high_y, low_y

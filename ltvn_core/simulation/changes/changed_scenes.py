@@ -1,11 +1,12 @@
 """The scene of each state of a world: its surfaces, light and clearance map, with all changes.
 
-Owns the cells of the floor that solid objects block, moved furniture, other pictures and rugs, and the additions of a
-world: things, the leaves of closed doors, and people. Leaves slide out of the wall and fill the doorway, as thick as
-the wall. A person has two legs, a long wide coat, arms and a head, in individual clothes.
+Owns the changes of surfaces (moved furniture, other pictures and rugs, and added objects) and the cells of the floor
+that solid objects block. Added objects are things, the leaves of closed doors, and people. Leaves slide out of the wall
+and fill the doorway; they are as thick as the wall. A person has two legs, a long wide coat, arms and a head, in
+individual clothes.
 
-Parts that states share are created once: a repeated state gives the same arrays again, and the unchanged scene is the
-same object. The changes over time are in `world`.
+Parts that several states share are created once: a repeated state gives the same arrays again, and the unchanged scene
+is the same object. The changes over time are in `world`.
 """
 
 import zlib
@@ -230,7 +231,7 @@ _FLAT_M = 0.03
 _FINE = 5
 """Subdivisions of a cell's side when its covered share is measured."""
 _COVERED_SHARE = 0.5
-"""Least covered share of a blocked cell."""
+"""Least covered share of a cell that counts as blocked."""
 _KEPT = 32
 """Number of surfaces and clearance maps in the cache."""
 Made = TypeVar("Made")

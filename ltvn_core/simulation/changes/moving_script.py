@@ -40,7 +40,7 @@ _THINGS = (
 
 
 class Rectangle(NamedTuple):
-    """An upright rectangle of floor in metres."""
+    """An axis-aligned rectangle of floor; lengths in metres."""
 
     x0: float
     y0: float
@@ -92,7 +92,7 @@ class FreeFloor:
     def place(
         self, name: str, within: Rectangle, size: tuple[float, float], rng: np.random.Generator
     ) -> Rectangle | None:
-        """Place a rectangle with sides in metres within another one; return None if no place is found."""
+        """Place a rectangle with sides `size` in metres within another rectangle; return None if there is no room."""
         spare = within.x1 - within.x0 - size[0], within.y1 - within.y0 - size[1]
         if min(spare) <= 0:
             return None
@@ -170,7 +170,7 @@ class _Household:
         self._count = 0
 
     def next_change(self) -> list[w.WorldChange]:
-        """Return the next changes; none if there is no room for them."""
+        """Return the next changes; empty if there is no room for them."""
         fewest = len(self._things) < _MOST_THINGS
         if not self._pieces or self._rng.random() < 0.5:
             return self._leave_something() if fewest and self._rng.random() < 0.65 else self._clear_away()

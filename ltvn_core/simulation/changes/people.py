@@ -30,7 +30,7 @@ _ASIDE_M_S = 0.8
 _ASIDE_RAD = np.deg2rad((0.0, 45.0, -45.0, 90.0, -90.0))
 """Directions in which a person steps aside, relative to straight away from the robot; the first free one is taken."""
 _BODY_M = 0.2
-"""Clearance of a person who steps aside, in metres."""
+"""Clearance of the place to which a person steps aside, in metres."""
 _PAUSE_S = (2.0, 20.0)
 _PATIENCE_S = 4.0
 """Waiting time after which a person goes to another place, in seconds."""
@@ -46,13 +46,14 @@ class People:
     """All people who walk through one world."""
 
     def __init__(self, count: int, seed: int) -> None:
-        """Expect `count` people by day."""
+        """Create `count` people, who are present by day."""
         self._names = tuple(f"person-{number}" for number in range(count))
         self._rng = np.random.default_rng((seed, 17))
         self._walking: list[WalkingPerson] = []
 
     def among(self, present: Sequence[PersonMoved]) -> tuple[PersonMoved, ...]:
-        """Return the people who are present now, by name; of those `present` before, the ones placed by hand stay."""
+        """Return all people who are present now, sorted by name; people in `present` who were placed by hand are
+        kept."""
         others = [each for each in present if each.person not in self._names]
         return tuple(sorted((*others, *(each.moved for each in self._walking)), key=lambda each: each.person))
 
@@ -173,7 +174,7 @@ class WalkingPerson:
         return True
 
     def _choose_way(self, clearance: ClearanceMap, others: NDArray[np.float64]) -> None:
-        """Choose a goal, if possible with a way that is free of other people close ahead."""
+        """Choose a goal, if possible one whose path is not blocked by other people close ahead."""
         self._waited_s = 0.0
         for goal in clearance.sample_poses(self._rng, _CHOICES, min_clearance_m=ROOM_M):
             way = clearance.path(self.pose[:2], goal[:2])
@@ -197,7 +198,7 @@ class WalkingPerson:
         return np.array([x + length_m * direction[0], y + length_m * direction[1], yaw])
 
     def _is_too_near(self, place: NDArray[np.float64], others: NDArray[np.float64]) -> bool:
-        """Tell whether a place is too close to another body, and closer than the person is already."""
+        """Tell whether a place is too close to another body, and closer to that body than the person is now."""
         if not len(others):
             return False
         then_m = np.hypot(*(others[:, :2] - place).T)

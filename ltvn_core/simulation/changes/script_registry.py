@@ -87,7 +87,8 @@ def telegraph_doors(routes: OpenRoutes, rng: np.random.Generator, duration_s: fl
 
 
 def mixed_doors(routes: OpenRoutes, rng: np.random.Generator, duration_s: float) -> list[TimedChange]:
-    """Return changes of doors, some with opening hours and others random; one is closed for ever half way."""
+    """Return changes of doors: some have opening hours, others are random, and one closes for good after half of the
+    time."""
     doors = rng.permutation(routes.doors).tolist()
     closable = [door for door in doors if routes.remain([door])]
     for_good = closable[:1]
@@ -130,7 +131,7 @@ def _telegraph_closings(doors: Sequence[int], rng: np.random.Generator, duration
 
 
 def _carried_out(routes: OpenRoutes, closings: Sequence[_Closing]) -> list[TimedChange]:
-    """Return the changes of the closings that leave enough routes; the others are dropped."""
+    """Return the changes of all closings that leave enough routes; the other closings are dropped."""
     changes: list[TimedChange] = []
     closed_until: dict[int, float] = {}
     for begin_s, end_s, door in sorted(closings):

@@ -111,7 +111,10 @@ class World:
         self._followers = [each for each in self._followers if each != follower]
 
     def enter(self, body: RobotInside, radius_m: float) -> None:
-        """Add a robot, in place of any earlier one: nothing is placed on it, and its clock drives the world's."""
+        """Add a robot in place of any earlier one.
+
+        Nothing is placed on the robot, and its clock drives the time of the world.
+        """
         self._epoch_s = self.time_s - body.stamp
         self._stamp = body.stamp
         self._body = body
@@ -185,7 +188,7 @@ class World:
         self._tell([self._carry_out(change, by, self.time_s) for change in changes])
 
     def _scripted(self) -> Iterator[WorldChanged]:
-        """Apply the changes of the script, each as soon as neither robot nor person blocks it."""
+        """Apply the changes of the script that are due; a change waits while the robot or a person blocks it."""
         for timed in self._script.due(self.time_s):
             try:
                 check_change(timed.change, self.base, self.state)
@@ -254,7 +257,8 @@ class ScriptReader:
         """Postponed changes, by their subject."""
 
     def due(self, time_s: float) -> Iterator[TimedChange]:
-        """Yield postponed changes again, and then those of the script until now; each may be postponed again."""
+        """Yield postponed changes, and then the changes of the script up to `time_s`; the caller may postpone each of
+        them."""
         waiting, self._waiting = self._waiting, {}
         for change in waiting.values():
             yield TimedChange(time_s, change)
@@ -266,16 +270,16 @@ class ScriptReader:
             yield timed
 
     def put_off(self, change: w.WorldChange) -> None:
-        """Yield a change again the next time."""
+        """Postpone a change, so that the next call of `due` yields it again."""
         self._waiting[w.subject(change)] = change
 
     def forget(self, change: w.WorldChange) -> None:
-        """Drop a postponed change of the same subject, because this change is later."""
+        """Drop a postponed change of the same subject, because the given change is later."""
         self._waiting.pop(w.subject(change), None)
 
 
 def outline_of(change: w.WorldChange, base: Scene) -> w.Outline | None:
-    """Return the outline of a door, thing or person after a change in a scene; None without any."""
+    """Return the outline of a door, thing or person after a change in a scene; None if the change has no outline."""
     match change:
         case w.DoorMoved(door, is_open):
             return None if is_open else leaf_outline(base.parts.doors[door])
@@ -347,7 +351,7 @@ class WorldFollower:
         self._world = world
         self._body = body
         self._renderer = renderer
-        # The scene itself is large and rarely changes; the rest is small, and has its own group.
+        # The scene itself is large and rarely changes; added objects are few, so they form a group of their own.
         self._own = world.scene.clearance.blocked
         self._blocked = self._own
         self._shown: object = None

@@ -26,7 +26,7 @@ from ltvn_core.structured_text import parse_json
 
 log = logging.getLogger(__name__)
 _SURE = 1.3
-"""Least ratio of areas of level slabs for which up is the other axis and not the one of the format's standard."""
+"""Least ratio of level areas, other axis to standard axis of the file format, at which the other axis points up."""
 _SLAB_M = 0.1
 """Thickness of a slab, in metres."""
 _LEAST_SPAN_M = 1.0
@@ -47,13 +47,14 @@ _FINE = 2
 _STEP_M = 0.06
 """Height above the floor below which surfaces are not obstacles (rugs, thresholds, noise of scans), in metres."""
 _HOLLOW_M = 0.1
-"""Surfaces this far below the floor's height still belong to the floor."""
+"""Greatest depth below the floor's height at which surfaces still belong to the floor, in metres."""
 _CEILING_M = 1.8
-"""Surfaces higher than this are ceilings."""
+"""Least height above the floor of surfaces that are ceilings, in metres."""
 _HOLE_M = 0.5
-"""A hole in a ceiling up to twice this wide does not make the floor below it outdoors."""
+"""Half of the greatest width of a ceiling's hole that is ignored, in metres; the floor below it counts as indoors."""
 _ROOFED_SHARE = 0.3
-"""If less of the free floor is under a ceiling, the mesh has none, and walls decide what is indoors."""
+"""Least share of the free floor under a ceiling; with less, the mesh counts as having no ceiling, and walls decide what
+is indoors."""
 _LEVEL = 0.9
 """Vertical component of the unit normal above which a surface is level enough to be a floor."""
 _CANDIDATES = 6
@@ -63,7 +64,8 @@ _LEAST_FLOOR_M2 = 1.0
 _START_CLEARANCE_M = 0.4
 """Least clearance in metres of the widest place of a floor, so that a robot can turn there."""
 _GROUND_SHARE = 0.5
-"""Least share of a map's floor that is in the mesh; scans have holes, but not over half of the floor."""
+"""Least share of the floor in a map that must exist in the mesh, too; scans have holes, but not over half of the
+floor."""
 KnownFloor = Callable[[NDArray[np.float64], NDArray[np.float64]], Mask]
 """Returns for x (columns,) and y (rows,) in metres which cells (rows, columns) are known to be free floor."""
 

@@ -34,7 +34,8 @@ _MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression")
 _BASIS = "KHR_texture_basisu"
 _READ = (_DRACO, _BASIS, "KHR_mesh_quantization", "EXT_texture_webp", "KHR_materials_pbrSpecularGlossiness")
 _NORMALISED = "LTVN_normalised"
-"""Name of our mark on a primitive: its accessors of normalised integers, and the integer that means 1 in each."""
+"""Name of the extension that marks a primitive. It maps accessors with normalised integers to the integer that means
+1."""
 _ONE = {5120: 127, 5121: 255, 5122: 32767, 5123: 65535}
 """Component type -> the integer that means 1."""
 _MAGIC = b"glTF"
@@ -120,7 +121,8 @@ class GltfFile:
         return _DRACO in self._required()
 
     def with_marked_integers(self) -> bytes | None:
-        """Return the file with marks at normalised integers, so that trimesh scales them; None if it has none."""
+        """Return the file with marks at normalised integers, so that trimesh scales them; None without such
+        integers."""
         accessors = self.header.get("accessors", [])
         ones = {
             str(place): _ONE[each["componentType"]]
@@ -140,7 +142,7 @@ class GltfFile:
         return self._joined(marked) if count else None
 
     def texture_doubts(self) -> Iterator[str]:
-        """Yield what will look different from what the file says, in whole sentences."""
+        """Yield sentences about textures and surfaces that will look different from the description in the file."""
         images = [each for each in self.header.get("images", []) if self._is_ktx2(each)]
         if images:
             yield (

@@ -20,7 +20,8 @@ BACKGROUND = (30.0, 30.0, 30.0)
 """Colour of rays that leave the scene."""
 _LIGHT = np.array([0.32, 0.23, 0.92], np.float32)
 _FLATTEST = 0.15
-"""Cosine between ray and normal below which a surface is not blurred any further; floors would lose all texture."""
+"""Cosine between ray and normal below which a surface is not blurred further; otherwise floors would lose all
+texture."""
 MAX_DEPTH_M = 10.0
 """Range of the depth camera; depth is 0 beyond it."""
 _SURFACES_PER_LAYER = 1 << 26
@@ -38,7 +39,7 @@ class MipmapTable:
         """
         chains = [_halvings(texture) for texture in textures]
         self.levels = max(len(chain) for chain in chains)
-        """Number of mip-map levels; a small texture repeats its last."""
+        """Number of mip-map levels; a small texture repeats its last level."""
         self._entries = np.zeros((len(textures) * self.levels, 4), np.int32)
         images: list[NDArray[np.float32]] = []
         end = 0
@@ -239,7 +240,8 @@ class _Seen(NamedTuple):
 
 
 class EmbreeRenderer:
-    """Casts a ray through every pixel's centre, and `supersampling` squared more where surfaces meet."""
+    """Casts one ray through the centre of each pixel, and a grid of `supersampling` squared rays where surfaces
+    meet."""
 
     name = "Embree"
 
@@ -269,7 +271,7 @@ class EmbreeRenderer:
 
     def measure(self, pose: Pose, camera: CameraModel) -> tuple[Callable[[], Rgb], Depth]:
         """Return the same depth, and a function that renders the same rgb of the current scene, now or later."""
-        look = self._look  # Another thread may change the state meanwhile.
+        look = self._look  # Another thread may change the state during the measurement.
         pose = np.array(pose)
         seen = _trace(look.layers, pose, camera, pixel_rays(camera))
         depth = np.where(seen.depth <= MAX_DEPTH_M, seen.depth, np.float32(0))

@@ -25,7 +25,8 @@ _TIMED_IMAGES = 10
 _LOOKS = 12
 """Maximum number of places from which the scene is checked for visible surfaces."""
 _SEEN_SHARE = 0.05
-"""Least share of pixels with depth in a room; fewer mean the edge of a floor in the open."""
+"""Least share of pixels with depth in a room; a smaller share means that the camera looks over the edge of a floor into
+empty space."""
 _BLANK_SPREAD = 2.0
 """An image is blank if the standard deviation of its bytes is below this."""
 

@@ -27,7 +27,7 @@ class OperatorThresholds:
     merge_reachability: float
     """Least r for merging."""
     merge_yaw_rad: float
-    """Greatest yaw for merging."""
+    """Largest difference of heading for merging, in radians."""
     connect_distance: float
     """D_c."""
     connect_reachability: float
@@ -35,7 +35,7 @@ class OperatorThresholds:
 
     @classmethod
     def building(cls, config: BuildingConfig) -> "OperatorThresholds":
-        """Return the gates of Algorithm 1."""
+        """Return the thresholds of Algorithm 1."""
         return cls(
             config.merge_distance,
             config.merge_reachability,
@@ -45,7 +45,7 @@ class OperatorThresholds:
         )
 
     def for_novel_nodes(self, config: ExpansionConfig) -> "OperatorThresholds":
-        """Return the gates for novel nodes: D_c looser, D_m smaller."""
+        """Return the thresholds for novel nodes: D_c looser, D_m smaller."""
         return replace(
             self,
             merge_distance=self.merge_distance * config.merge_factor,

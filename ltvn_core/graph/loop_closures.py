@@ -32,7 +32,7 @@ class ObservationSequence:
     """The images shortly before and after one image of a drive, without that image."""
 
     features: Features
-    """(K, F)."""
+    """(K, F) features of the images."""
     poses: Waypoint
     """(K, 3) poses of these images by odometry, in the frame of that image."""
     tilts: NDArray[np.float64] | None = None

@@ -25,7 +25,7 @@ class Matches:
     """Answers of the predictor for one image and N nodes."""
 
     nodes: tuple[NodeId, ...]
-    """N nodes."""
+    """The N compared nodes."""
     reachability: NDArray[np.float64]
     """(N,) in [0, 1]."""
     waypoints: Waypoint

@@ -23,15 +23,15 @@ class OperatorThresholds:
     """The thresholds of the two operators."""
 
     merge_distance: float
-    """D_m."""
+    """D_m: greatest d for merging."""
     merge_reachability: float
     """Least r for merging."""
     merge_yaw_rad: float
     """Largest difference of heading for merging, in radians."""
     connect_distance: float
-    """D_c."""
+    """D_c: greatest d for an edge."""
     connect_reachability: float
-    """R_c."""
+    """R_c: least r for an edge."""
 
     @classmethod
     def building(cls, config: BuildingConfig) -> "OperatorThresholds":

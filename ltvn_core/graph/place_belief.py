@@ -36,7 +36,7 @@ class NodeLayout:
 
     nodes: tuple[NodeId, ...]
     poses: Pose
-    """(N, 3)."""
+    """(N, 3) poses of the nodes in that plane."""
 
 
 def lay_out(graph: TopologicalGraph) -> NodeLayout:
@@ -162,7 +162,7 @@ class _Places:
     poses: FloatArray
     """(M, 3) in the layout of the map."""
     log_weights: FloatArray
-    """(M,)."""
+    """(M,) ln of each hypothesis's weight."""
 
     def __len__(self) -> int:
         return len(self.poses)

@@ -159,9 +159,9 @@ class _Solver:
 
 class _Linearised(NamedTuple):
     jacobian: csc_array
-    """(3 M, 3 N)."""
+    """(3 M, 3 N) derivatives of the errors with respect to the poses."""
     errors: NDArray[np.float64]
-    """(3 M,)."""
+    """(3 M,) weighted errors."""
 
 
 def _linearised(poses: Pose, measured: RelativePoses, weights: NDArray[np.float64]) -> _Linearised:

@@ -40,7 +40,7 @@ class _Candidate:
     """(3,) pose of the image in the frame of the node."""
     observation: Observation
     features: Features
-    """(1, F)."""
+    """(1, F) features of the image."""
     path_m: float
     """Length that the robot had driven when the image was taken, in metres."""
 

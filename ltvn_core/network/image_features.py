@@ -43,7 +43,7 @@ class ImageFeatures(NamedTuple):
     descriptors: Tensor
     """(B, T, D) unit vectors, matched between images."""
     unmatched: Tensor
-    """(B, T) logit of a token that it has no match."""
+    """(B, T) logit that a token has no match."""
     saliency: Tensor
     """(B, T) logit of the weight of a token's match."""
     values: Tensor

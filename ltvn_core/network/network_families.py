@@ -127,7 +127,7 @@ class StackedFeatures(NamedTuple):
         return StackedFeatures(self.rgb[rows], self.depth[rows])
 
     def channels(self) -> Tensor:
-        """Return (B, 4, H, W): colour and depth, each about in [-1, 1]."""
+        """Return (B, 4, H, W): colour and depth, each roughly in [-1, 1]."""
         depth = self.depth.clamp(max=FARTHEST_DEPTH_M) * 0.4 - 1
         return torch.cat([self.rgb * 2 - 1, depth[:, None]], dim=1)
 

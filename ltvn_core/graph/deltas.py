@@ -174,7 +174,7 @@ class EdgeActionSet:
 
 @dataclass(frozen=True, slots=True)
 class PresenceObserved:
-    """An edge was seen to be open or blocked at a moment, which says nothing about its existence."""
+    """An edge was seen to be open or blocked at a moment; its existence is not affected."""
 
     source: NodeId
     target: NodeId

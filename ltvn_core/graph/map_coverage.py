@@ -175,7 +175,8 @@ def goal_reports(
     predictor: Predictor,
     system: NavigationSystem,
 ) -> tuple[GoalReport, ...]:
-    """Return what a map reports about each goal; `keyframes` holds the images of its nodes, and those of most goals."""
+    """Return the report of a map on each goal; `keyframes` contains the images of the map's nodes, and those of most
+    goals."""
     matcher = Matcher(predictor, keyframes, system.method.matching)
     localiser = Localiser(matcher, system.method.localising)
     reports = list[GoalReport]()

@@ -55,9 +55,10 @@ class BuildStrategy(Protocol):
         goals: Collection[FrameId] = (),
         progress: ProgressCallback | None = None,
     ) -> Deltas:
-        """Return the deltas of a new map; `keyframes` then holds its images, and all `goals` are nodes or in reserve.
+        """Return the deltas of a new map.
 
-        Raises MapError for an empty trajectory, frame numbers that repeat, and goals that are not frames.
+        Afterwards `keyframes` contains its images, and all `goals` are nodes or in the reserve. Raises MapError for an
+        empty trajectory, frame numbers that repeat, and goals that are not frames.
         """
         ...
 

@@ -93,7 +93,7 @@ def without_slips(
 ) -> Iterator[Observation]:
     """Yield images in their order, each with odometry corrected for the slips before it in its drive.
 
-    Odometry starts anew at `drive_starts`.
+    Odometry restarts at `drive_starts`.
     """
     tracker = SlipTracker(camera)
     for seen in observations:

@@ -25,7 +25,7 @@ class ActionRunner:
         self._query = query
 
     def run(self, edge: EdgeKey) -> EventGenerator[bool]:
-        """Have the action of an edge done, and tell whether it was; the robot stands still meanwhile.
+        """Run the action of an edge while the robot stands still; tell whether the action succeeded.
 
         Waiting does not count against the step limit, because a lift may take its time.
 

@@ -71,7 +71,7 @@ class PairNetwork(BaseNetwork[ImageFeatures]):
         return self.encoder(rgb, depth)
 
     def unpack(self, rows: Tensor) -> ImageFeatures:
-        """Return the features held in (B, F) rows, as float32."""
+        """Return the features stored in (B, F) rows, as float32."""
         return unpack(rows, self.size)
 
     def compare(self, source: ImageFeatures, target: ImageFeatures) -> PairOutput:
@@ -158,7 +158,7 @@ class StackedNetwork(BaseNetwork[StackedFeatures]):
         return StackedFeatures(rgb, depth)
 
     def unpack(self, rows: Tensor) -> StackedFeatures:
-        """Return the images held in (B, F) rows, as float32."""
+        """Return the images stored in (B, F) rows, as float32."""
         rgb, depth = rows.float().split([3 * _PIXELS, _PIXELS], dim=1)
         shape = (NETWORK_CAMERA.height, NETWORK_CAMERA.width)
         return StackedFeatures(rgb.reshape(-1, 3, *shape), depth.reshape(-1, *shape))

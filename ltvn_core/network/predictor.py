@@ -163,7 +163,7 @@ class NetworkPredictor:
         return self._network.place_keys(features)
 
     def predict_among(self, source: Features, held: HeldFeatures) -> Prediction:
-        """Compare a source (1, F) with N held images, as `predict` does; few of their features are read."""
+        """Compare a source (1, F) with N stored images, as `predict` does; few of their features are read."""
         if not self._is_filtered(len(held.rows)):
             return self.predict(source, held.features[held.rows])
         self._check(source, held.features)

@@ -52,8 +52,8 @@ def open_deltas(graph: TopologicalGraph, driven: EdgeKey, stamp: float) -> tuple
 def seen_open_deltas(graph: TopologicalGraph, seen: Collection[EdgeKey], stamp: float) -> tuple[PresenceObserved, ...]:
     """Return observations that edges seen free, and the other edges closed by the same thing, are open.
 
-    The other edges count as open only if a large enough share of the thing's edges was seen free, because a thing may
-    touch only one of the seen paths.
+    The other edges count as open only if a large enough share of the thing's edges was seen free, because a few paths
+    may be free although the thing is still there.
     """
     known = [key for key in seen if key in graph.presence]
     groups = _closed_together(graph, known)

@@ -15,8 +15,9 @@ def initial_belief(reachability: float, distance: float, config: BeliefConfig) -
 def update_existence(p: float, config: BeliefConfig, *, succeeded: bool, weight: float = 1.0) -> float:
     """Return p after one attempt, Eq. 3.
 
-    p' = p(s|r) p / (p(s|r) p + p(s|not r) (1 - p)), with 1 - p(s|.) in place of p(s|.) after a failure. The cap keeps
-    a long run of successes from making an edge immortal. `weight` is what the attempt counts of a full one (ours).
+    p' = p(s|r) p / (p(s|r) p + p(s|not r) (1 - p)), with 1 - p(s|.) in place of p(s|.) after a failure. The cap keeps p
+    below 1 after many successes, so that later failures can still prune the edge. `weight` is the share of a full
+    attempt that this one counts for (ours).
     """
     if_there = (config.p_success_if_reachable if succeeded else 1 - config.p_success_if_reachable) ** weight
     if_not = (config.p_success_if_not if succeeded else 1 - config.p_success_if_not) ** weight

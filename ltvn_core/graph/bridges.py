@@ -30,7 +30,7 @@ class Bridge(NamedTuple):
     matches: Matches
     """One image that is a node or merged."""
     by_odometry: bool = False
-    """Whether only odometry says how the two lie to each other."""
+    """Whether only odometry gives the relative pose of the two images."""
 
 
 class BridgeSearch:
@@ -44,7 +44,7 @@ class BridgeSearch:
         loop_closures: LoopClosureVerifier,
         thresholds: OperatorThresholds,
     ) -> None:
-        """Join images that are connectable by `thresholds`, those of the last pass."""
+        """Join images that are connectable by `thresholds`, the thresholds of the last pass."""
         self._frames = sorted(seen.step for seen in observations)
         self._row = {frame: row for row, frame in enumerate(self._frames)}
         self._matcher = matcher
@@ -54,9 +54,10 @@ class BridgeSearch:
         self._asked: dict[FrameId, set[FrameId]] = {}
 
     def by_merged_image(self, frame: FrameId, merged: Collection[FrameId]) -> Bridge | None:
-        """Return the most reachable merged image that a left-over one can be connected with; None without any.
+        """Return the bridge from a left-over image to the most reachable merged image; None if it can be connected with
+        none.
 
-        An image near in time is preferred, because two such are hardly perceptual aliases.
+        An image near in time is preferred, because two images near in time are hardly ever perceptual aliases.
         """
         beside = [other for other in self._beside(frame, REACH) if other in merged]
         return self._recognised(frame, beside) or self._recognised(frame, sorted(merged))
@@ -65,7 +66,8 @@ class BridgeSearch:
         """Return the shortest path by odometry from a left-over image to a node or a merged image; None if there is
         none.
 
-        An image that is recognised from no other leads nowhere, so it is not joined.
+        The left-over image must be recognised from another left-over image near it in time. Otherwise no other image
+        could join the map through it.
         """
         ways = [way for frame in left for way in self._ways(frame, placed)]
         for way in sorted(ways, key=lambda way: (way.matches.distances[0], way.frame)):
@@ -75,7 +77,7 @@ class BridgeSearch:
         return None
 
     def _beside(self, frame: FrameId, reach: int) -> Sequence[FrameId]:
-        """Return up to `reach` frames before and after one, without itself."""
+        """Return up to `reach` frames before and after a frame, without itself."""
         row = self._row[frame]
         return [*self._frames[max(row - reach, 0) : row], *self._frames[row + 1 : row + 1 + reach]]
 
@@ -89,7 +91,8 @@ class BridgeSearch:
         return Bridge(frame, found.take(np.array([found.reachability.argmax()]))) if len(found) else None
 
     def _ways(self, frame: FrameId, placed: Container[FrameId]) -> Iterator[Bridge]:
-        """Yield the paths to the next images before and after a frame that have a place in the map."""
+        """Yield the paths by odometry from a frame to the nearest placed image before it, and to the nearest one after
+        it."""
         row = self._row[frame]
         before = self._frames[max(row - REACH, 0) : row][::-1]
         for beside in (before, self._frames[row + 1 : row + 1 + REACH]):
@@ -97,5 +100,5 @@ class BridgeSearch:
             driven = None if other is None else self._odometry_gate.driven(frame, other)
             if other is None or driven is None or distance(driven) >= self._thresholds.connect_distance:
                 continue
-            # No image supports the edge, so it gets the least p of an edge that images support.
+            # No image supports the edge, so it gets the lowest p that an edge supported by images can have.
             yield Bridge(frame, Matches.of_one(other, self._thresholds.connect_reachability, driven), by_odometry=True)

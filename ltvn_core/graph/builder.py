@@ -1,7 +1,7 @@
 """Algorithm 1: a sparse map from a trajectory.
 
-Owns the passes over the images. Every image is encoded once and meets every node at most once. Does not own the two
-operators (`graph.operators`) nor the map itself: it returns deltas.
+Owns the passes over the images. Every image is encoded once and compared with every node at most once. Does not own the
+two operators (`graph.operators`) nor the map itself: it returns deltas.
 """
 
 from collections.abc import Callable, Collection, Iterator, Sequence
@@ -49,11 +49,11 @@ def build(
 ) -> tuple[GraphDelta, ...]:
     """Return the deltas that build a map from a trajectory, Algorithm 1.
 
-    The robust method first puts the odometry of the images right, as far as the drive passed places again, and in
-    `keyframes` they keep it so. Images of several drives, whose first frames `keyframes` knows, are joined where these
-    recognise each other, or by odometry where it goes on from one to the next. Puts the images into `keyframes` and
-    afterwards drops those that are neither nodes nor in reserve. Frames in `goals` never merge. Images without depth
-    are left out where the predictor needs it. Raises MapError as `usable_trajectory`.
+    The robust method first corrects odometry for wheel slips and by loop closures, and stores the corrected odometry in
+    `keyframes`. Images of several drives are joined where they recognise each other, or by odometry where a drive
+    continues the odometry of the one before; `keyframes` knows the first frame of each drive. Adds the images to
+    `keyframes`, and afterwards drops those that are neither nodes nor in the reserve. Frames in `goals` never merge.
+    Images without depth are left out if the predictor needs depth. Raises MapError as `usable_trajectory`.
     """
     observations = usable_trajectory(observations, predictor, goals)
     keyframes.add(observations)
@@ -91,7 +91,7 @@ class _Stage(Enum):
     FIRST = auto()
     """Algorithm 1: it merges with a node, or is connected with nodes."""
     SECOND = auto()
-    """It may be connected by the lower cut."""
+    """It may also be connected at the lower threshold of r."""
     BRIDGES = auto()
     """It may also be connected with merged images, which then become nodes."""
 
@@ -137,11 +137,11 @@ class _BuildRun:
         return (*self._deltas, *reserved)
 
     def run(self, rng: np.random.Generator, progress: ProgressCallback) -> None:
-        """Pass over the images until a pass adds nothing, then with the lower cut, then with bridges; then start
-        another piece.
+        """Pass over the images until a pass adds nothing, then with the lower threshold of r, then with bridges; then
+        start another piece.
 
-        An image that cannot be joined cuts off all images behind it. With one start, chance would decide whether the
-        map is the largest piece of the drive or a small one.
+        An image that cannot be joined cuts off all images behind it. With a single start, chance would decide whether
+        the map is the largest piece of the drive or a small one.
         """
         start: Observation | None = self._first_start(rng)
         while start is not None:
@@ -151,7 +151,7 @@ class _BuildRun:
             start = self._start_elsewhere(rng)
 
     def keep_largest_pieces(self) -> None:
-        """Drop the pieces of the map that are not the largest one of any drive; their images are left over again."""
+        """Drop each piece of the map that is not the largest piece of any drive; its images are left over again."""
         pieces = self._pieces()
         drive_of = self._matcher.keyframes.drive_of
         drives = {drive_of(seen.step) for seen in self._observations}
@@ -167,7 +167,7 @@ class _BuildRun:
         self._left += [seen for seen in self._observations if seen.step in dropped]
 
     def tie_goals(self) -> None:
-        """Make nodes of the goals that are still left over, and join each by the best way available."""
+        """Make nodes of the goals that are still left over, and join each by the best path available."""
         search = GoalTies(self._observations, self._matcher, self._odometry_gate, self._second_pass_thresholds)
         for goal in sorted(self._goals - self.nodes.keys()):
             for bridge in search.ties(goal, self.nodes.keys() | self._merged.keys()):
@@ -182,8 +182,8 @@ class _BuildRun:
     def _start_elsewhere(self, rng: np.random.Generator) -> Observation | None:
         """Draw an image that starts another piece of the map; None if no other piece is needed.
 
-        It is an image of a drive without any place in the map, or any left-over image while more are left over than the
-        largest piece contains.
+        The image is drawn from the drives that have no image in the map yet. Otherwise it is drawn from all left-over
+        images, if these outnumber the images of the largest piece.
         """
         drive_of = self._matcher.keyframes.drive_of
         placed = {drive_of(frame) for frame in (*self.nodes, *self._merged)}
@@ -219,7 +219,8 @@ class _BuildRun:
         return self._bridges.by_odometry(left, self.nodes.keys() | self._merged.keys())
 
     def _grow(self, stage: _Stage, rng: np.random.Generator, progress: ProgressCallback) -> None:
-        """Pass over the images until a pass adds no node, or no image at all where merged images can be joined."""
+        """Pass over the images until a pass adds no node; in the last stage, until a pass neither adds a node nor
+        merges an image."""
         before = -1
         while (grown := len(self.nodes) + (len(self._merged) if stage is _Stage.BRIDGES else 0)) > before:
             before = grown
@@ -237,7 +238,7 @@ class _BuildRun:
         self._left = left
 
     def _consumed(self, seen: Observation, stage: _Stage) -> bool:
-        """Merge, connect or bridge an image; tell whether it is dealt with."""
+        """Merge, connect or bridge an image; tell whether one of these succeeded."""
         for fresh in self._not_met(seen.step):
             found = self._matcher.match(self._matcher.keyframes.features([seen.step]), fresh)
             found = found.take(self._odometry_gate.plausible(seen.step, found))
@@ -274,9 +275,10 @@ class _BuildRun:
         self._enter(node_with_edges(seen, bridge.matches, config, cause, by_odometry=bridge.by_odometry))
 
     def _not_met(self, frame: FrameId) -> Iterator[tuple[NodeId, ...]]:
-        """Yield the nodes added since the last pass, those near in time first, because most images merge with these.
+        """Yield the nodes that a frame was not compared with yet, those near in time first, because most images merge
+        with one of these.
 
-        Where there are many other nodes, only those that may look alike are included.
+        If there are many other nodes, only those that may look like the frame are included.
         """
         nodes = tuple(self.nodes)
         fresh = self._odometry_gate.may_be_near(frame, nodes[self._met.get(frame, 0) :])

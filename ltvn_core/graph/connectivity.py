@@ -22,7 +22,7 @@ class CostMatrix(NamedTuple):
     """The edges of a graph as a sparse matrix of costs."""
 
     nodes: tuple[NodeId, ...]
-    """N nodes."""
+    """The N nodes, in the order of the rows."""
     costs: csr_array
     """(N, N) cost of each edge."""
 

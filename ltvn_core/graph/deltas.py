@@ -29,8 +29,7 @@ class Cause(StrEnum):
     LOAD = "load"
     """The map came out of a file."""
     SIGHT = "sight"
-    """An obstruction of one edge was also seen to block other edges, or to be gone; or the place of the robot looked
-    different."""
+    """The robot saw that an obstruction blocks other edges too or is gone, or that a place looks different."""
     HAND = "hand"
     """A person changed the map."""
 
@@ -61,7 +60,7 @@ class Belief:
 
 @dataclass(frozen=True, slots=True)
 class Node:
-    """A place: the image of this id."""
+    """A place, represented by the image with this id."""
 
     id: NodeId
     odometry: PoseRow
@@ -110,7 +109,7 @@ class NodeView:
 
 @dataclass(frozen=True, slots=True)
 class NodeAdded:
-    """A node came in, without edges yet."""
+    """A node was added, without edges yet."""
 
     node: Node
     cause: Cause
@@ -118,7 +117,7 @@ class NodeAdded:
 
 @dataclass(frozen=True, slots=True)
 class NodeDropped:
-    """A node left together with all its edges."""
+    """A node was removed together with all its edges."""
 
     node: NodeId
     cause: Cause
@@ -126,7 +125,7 @@ class NodeDropped:
 
 @dataclass(frozen=True, slots=True)
 class EdgeAdded:
-    """An edge came in; both its nodes are there already."""
+    """An edge was added; both its nodes are already in the map."""
 
     edge: Edge
     cause: Cause
@@ -146,7 +145,7 @@ class BeliefUpdated:
 
 @dataclass(frozen=True, slots=True)
 class EdgePruned:
-    """An edge left."""
+    """An edge was removed."""
 
     source: NodeId
     target: NodeId
@@ -175,7 +174,7 @@ class EdgeActionSet:
 
 @dataclass(frozen=True, slots=True)
 class PresenceObserved:
-    """An edge was seen to be open or blocked at a moment, which says nothing about its existence."""
+    """An edge was seen to be open or blocked at a moment; its existence is not affected."""
 
     source: NodeId
     target: NodeId
@@ -226,7 +225,7 @@ class ViewDropped:
 
 @dataclass(frozen=True, slots=True)
 class DriveBegun:
-    """Images from this frame on belong to another drive, whose odometry usually starts anew."""
+    """Images from this frame on belong to another drive, whose odometry usually restarts."""
 
     frame: FrameId
     """The first image."""
@@ -237,7 +236,7 @@ class DriveBegun:
 
 @dataclass(frozen=True, slots=True)
 class FramesReserved:
-    """Images joined T', the reserve from which the map can be expanded."""
+    """Images were added to T', the reserve from which the map can be expanded."""
 
     frames: tuple[FrameId, ...]
     cause: Cause
@@ -245,7 +244,7 @@ class FramesReserved:
 
 @dataclass(frozen=True, slots=True)
 class FramesReleased:
-    """Images left T', because they became nodes or were given up."""
+    """Images were removed from T', because they became nodes or were given up."""
 
     frames: tuple[FrameId, ...]
     cause: Cause

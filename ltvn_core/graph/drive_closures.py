@@ -30,9 +30,9 @@ log = logging.getLogger(__name__)
 def separate_contradicted_drives(
     observations: Sequence[Observation], matcher: Matcher, loop_closures: LoopClosureVerifier, config: BuildingConfig
 ) -> None:
-    """Restart odometry, in the matcher's keyframes, at drives whose images contradict the continued odometry.
+    """Restart odometry, in the matcher's keyframes, at each drive whose images contradict that it continues odometry.
 
-    Costs a few thousand comparisons for each drive that goes on after a pause of more than `PAUSE_S`.
+    Costs a few thousand comparisons for each drive that continues odometry after a pause of more than `PAUSE_S`.
     """
     ordered = sorted(observations, key=lambda seen: seen.step)
     keyframes = matcher.keyframes
@@ -62,15 +62,15 @@ def _is_allowed(link: DriveLink, gate: OdometryGate) -> bool:
 
 
 _KEY_GAP = 0.5
-"""Images of a drive nearer to each other than this d are compared only once."""
+"""Least d between two images of a drive that are both compared."""
 _AGAIN_M = 4.0
-"""Least distance driven between two images that say something about drift, in metres."""
+"""Least distance driven between two images whose match shows drift, in metres."""
 _BATCH = 200
-"""Number of images after which the closures found so far are applied."""
+"""Number of compared images after which the closures found so far are applied."""
 _CLOSURE_DEVIATIONS = (0.12, 0.12, 0.1)
 """Standard deviations of the network's waypoint over an edge, in m, m and rad."""
 _SAME_STRETCH_M, _MOST_IN_STRETCH = 2.0, 3.0
-"""Closures within this distance along a drive count as at most this number."""
+"""Closures within this distance along a drive, in metres, together weigh at most as much as this number of closures."""
 _LEAST_DEVIATIONS = (0.01, 0.01, 0.005)
 _DRIFT_M_PER_M, _DRIFT_RAD_PER_M, _DRIFT_PER_RAD = 0.03, 0.02, 0.01
 """Standard deviations of odometry: of distance and heading per metre driven, and of the angle turned."""
@@ -83,7 +83,7 @@ def with_closed_loops(
     method: Method,
     progress: Callable[[float], None],
 ) -> tuple[Sequence[Observation], OdometryGate]:
-    """Return the images with odometry corrected by loop closures, and what odometry knows afterwards.
+    """Return the images with odometry corrected by loop closures, and the odometry gate of the corrected images.
 
     The images in the matcher's keyframes are corrected, too. `progress` is called with the share that is done.
     """
@@ -110,7 +110,7 @@ def with_closed_loops(
 
 
 class ClosedDrives(NamedTuple):
-    """Images whose odometry agrees wherever a drive passed a place again."""
+    """Images with corrected odometry, and the closures that corrected it."""
 
     observations: Sequence[Observation]
     closures: tuple[DriveLink, ...]
@@ -139,7 +139,7 @@ class ClosureSearch:
         return ClosedDrives([corrected[seen.step] for seen in self.observations], tuple(closures))
 
     def _stretches(self) -> Iterator[list[Observation]]:
-        """Yield the images between which odometry does not break off."""
+        """Yield the stretches of images within which odometry is unbroken."""
         stretch = list[Observation]()
         for seen in sorted(self.observations, key=lambda seen: seen.step):
             if stretch and not self.gate.same_stretch(stretch[-1].step, seen.step):
@@ -177,7 +177,7 @@ class ClosureSearch:
     def _again(
         self, row: int, keys: Sequence[FrameId], driven_m: NDArray[np.float64], gate: OdometryGate
     ) -> list[DriveLink]:
-        """Return where the place of a key image was passed before, as far as that fits along both ways."""
+        """Return the loop closures from a key image to earlier images, verified along both stretches of driving."""
         frame = keys[row]
         earlier = keys[: int(np.searchsorted(driven_m, driven_m[row] - _AGAIN_M))]
         others = self.matcher.promising(frame, gate.may_be_near(frame, earlier))
@@ -187,7 +187,8 @@ class ClosureSearch:
 def _corrected(
     stretch: Sequence[Observation], odometry: NDArray[np.float64], rows: NDArray[np.intp], found: Sequence[DriveLink]
 ) -> ClosedDrives:
-    """Return the images where odometry (N, 3) and the closures found between those of `rows` agree best."""
+    """Correct the odometry (N, 3) of images by the closures found between those of `rows`, and drop the false
+    closures."""
     place = {stretch[row].step: k for k, row in enumerate(rows)}
     closures = RelativePoses(
         first=np.array([place[link.frame] for link in found]),
@@ -205,8 +206,8 @@ def _corrected(
 def _shares(driven_m: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the weight of each of K closures, given their position along the drive (K,).
 
-    An image that is mistaken for another place has neighbours that are mistaken, too, so nearby closures count as a
-    few.
+    If an image is mistaken for another place, so are its neighbours. So many nearby closures together have only the
+    weight of a few.
     """
     near = np.abs(driven_m[:, None] - driven_m) < _SAME_STRETCH_M
     return np.minimum(1.0, _MOST_IN_STRETCH / near.sum(axis=1))
@@ -226,7 +227,7 @@ def _driven_m(odometry: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _odometry_between(poses: NDArray[np.float64]) -> RelativePoses:
-    """Return what odometry measured between poses in a row (N, 3)."""
+    """Return the measurements of odometry between consecutive poses (N, 3)."""
     steps = relative(poses[:-1], poses[1:])
     driven = np.hypot(steps[:, 0], steps[:, 1])
     turned = np.abs(steps[:, 2])
@@ -238,7 +239,7 @@ def _odometry_between(poses: NDArray[np.float64]) -> RelativePoses:
 
 
 def _carried(odometry: NDArray[np.float64], rows: NDArray[np.intp], poses: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the poses of all images (N, 3), given key images at `poses` (K, 3); between two, both are interpolated."""
+    """Return the poses of all images (N, 3), interpolated between the key images at `poses` (K, 3)."""
     before = np.clip(np.searchsorted(rows, np.arange(len(odometry)), side="right") - 1, 0, max(len(rows) - 2, 0))
     after = np.minimum(before + 1, len(rows) - 1)
     ahead = compose(poses[before], relative(odometry[rows[before]], odometry))

@@ -1,8 +1,8 @@
 """Links between drives with unrelated odometry: pairs of images, one of each drive, that surely show one place.
 
-One match may be a perceptual alias. Several matches that agree on how the two odometry frames lie to each other are
-not, unless whole places look alike. So the matches vote, and the transform with the most votes counts if it has a few
-(ours). Owns that vote; the matches come from the network.
+One match may be a perceptual alias. Several matches that agree on the transform between the two odometry frames are
+not, unless whole areas look alike. So the matches vote, and the transform with the most votes counts if it has at least
+a few votes (ours). Owns that vote; the matches come from the network.
 """
 
 import math
@@ -22,13 +22,13 @@ from ltvn_core.graph.operators import OperatorThresholds, connectable
 from ltvn_core.types import FrameId, Observation
 
 _APART = 0.35
-"""Images of one drive nearer to each other than this d are compared only once."""
+"""Least d between two images of a drive that are both compared."""
 _MOST_ASKED, _MOST_MET = 60, 300
-"""Number of images of the later drive, evenly spread, and of the earlier one, that are compared."""
+"""Largest number of images of the later drive, and of the earlier one, that are compared, evenly spread."""
 _BEST = 3
 _MOST_MATCHES = 60
 _LEAST_AGREEING = 3
-"""Fewer matches that agree count as perceptual aliases."""
+"""Least number of matches that must agree; fewer count as perceptual aliases."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,7 +89,10 @@ def surest_links(
     *,
     gate: OdometryGate | None = None,
 ) -> list[DriveLink]:
-    """Return the best matches of an image that become edges and fit along both ways; with a `gate`, to odometry too."""
+    """Return the best matches of an image that may become edges, verified along both stretches of driving.
+
+    With a `gate`, odometry must allow them, too.
+    """
     thresholds = OperatorThresholds.building(config)
     found = matcher.match(matcher.keyframes.features([frame]), others)
     found = found.take(connectable(found, thresholds))
@@ -103,7 +106,7 @@ def surest_links(
 def _spread(drive: Sequence[Observation], most: int) -> list[FrameId]:
     """Return images of a drive that lie apart by odometry, evenly spread and limited in number.
 
-    A drive without odometry is used as it is.
+    All images of a drive without odometry count as apart.
     """
     kept = list(drive[:1])
     for seen in drive[1:]:
@@ -115,7 +118,7 @@ def _spread(drive: Sequence[Observation], most: int) -> list[FrameId]:
 
 
 def _gap(first: Observation, second: Observation) -> float:
-    """Return how far apart two images of a drive were taken, as d, by odometry and by the camera's tilt."""
+    """Return the distance d between two images of a drive, by odometry and by the camera's tilt."""
     gap = float(distance(relative(first.odometry, second.odometry)))
     if first.tilt is None or second.tilt is None:
         return gap

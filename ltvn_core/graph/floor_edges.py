@@ -1,10 +1,11 @@
 """Edges over floor that was seen free, between nodes that see nothing in common or that the drive never joined (ours).
 
-The network joins images that share a view, and the drive passed only here and there, so without these a robot that
-faces the wrong way drives to where the drive turned, and crosses a hall along the rounds of the drive. The corrected
-course of the drive says how two nodes lie to each other, and its depth images whether the floor between them is free.
-Of these edges only those are added that make a path much shorter: a greedy spanner (Althöfer, Das, Dobkin, Joseph
-and Soares, On Sparse Spanners of Weighted Graphs, 1993). Owns their choice; what is free is in `graph.free_floor`.
+The network joins only images that share a view, and the drive did not take every path. Without these edges, a robot
+that faces the wrong way first drives to where the drive turned, and a robot that crosses a hall follows the course of
+the drive. The corrected odometry gives the relative pose of two nodes, and the depth images show whether the floor
+between them is free. An edge is added only if it makes a path much shorter: a greedy spanner (Althöfer, Das, Dobkin,
+Joseph and Soares, On Sparse Spanners of Weighted Graphs, 1993). Owns the choice of these edges; `graph.free_floor`
+decides whether floor is free.
 """
 
 from collections.abc import Iterator
@@ -25,16 +26,18 @@ from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.types import NodeId
 
 _PLACE_M = 0.45
-"""Nodes nearer to each other than this are one place: robots on both sides of the thinnest wall are farther apart."""
+"""Distance in metres below which two nodes are one place: robots on both sides of the thinnest wall are farther
+apart."""
 _REACH_M = 2.5
-"""Length of the longest edge; a robot drives no farther without localising."""
+"""Length of the longest edge, in metres; a robot drives no farther without localising."""
 _REACH_RAD = 1.5
-"""Largest turn at the end of an edge; after a larger turn the robot's image shows nothing of the target."""
+"""Largest turn at the end of an edge, in radians; after a larger turn the robot's image shows nothing of the target."""
 _STRETCH = 1.2
 """Least ratio between the cost of the path without an edge and the cost of the edge; 1.5 lowers SPL
 (`docs/results.md`)."""
 _MOST_DRIVEN_M = 60.0
-"""Greatest distance along the drive over which odometry still locates two nodes."""
+"""Greatest length of the path along the drive over which odometry still gives the relative pose of two nodes, in
+metres."""
 _DOUBTED = 0.5
 """p of an edge that odometry does not know well; it is driven only where the detour is long."""
 
@@ -54,7 +57,7 @@ def floor_edges(graph: TopologicalGraph, gate: OdometryGate, floor: FreeFloor, m
 class _Pair:
     source: NodeId
     matches: Matches
-    """The one node it may be joined with."""
+    """The other node, as a single match."""
 
     @property
     def is_one_place(self) -> bool:
@@ -63,10 +66,10 @@ class _Pair:
 
 
 def _pairs(graph: TopologicalGraph, gate: OdometryGate, method: Method) -> Iterator[_Pair]:
-    """Yield each pair of near nodes once, as far as odometry knows, if no edge joins them."""
+    """Yield each pair of near nodes once, if odometry gives their relative pose and no edge joins them."""
     nodes = tuple(graph.nodes)
     places = np.array([node.odometry[:2] for node in graph.nodes.values()])
-    # No image supports the edge, so it gets the least p of an edge that images support.
+    # No image supports the edge, so it gets the lowest p that an edge supported by images can have.
     most = method.building.connect_reachability
     for k, beside in enumerate(KDTree(places).query_ball_point(places, _REACH_M, return_sorted=True)):
         others = [nodes[j] for j in beside if j > k and (nodes[k], nodes[j]) not in graph.edges]

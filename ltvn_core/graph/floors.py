@@ -12,7 +12,7 @@ from ltvn_core.types import NodeId
 def floors(graph: TopologicalGraph) -> tuple[frozenset[NodeId], ...]:
     """Return the floors of a map, the largest first: parts that only edges with an action join with each other.
 
-    A map without such edges is one floor. Pieces that no edge at all joins with the rest count to the largest floor.
+    A map without such edges is one floor. Pieces that no edge at all joins with the rest belong to the largest floor.
     Linear in nodes and edges.
     """
     nodes = np.array(list(graph.nodes), np.int64)

@@ -1,4 +1,4 @@
-"""Free floor: which floor the depth images of a drive saw free, as far as odometry knows where they were taken.
+"""Free floor: the part of the floor that the depth images of a drive show to be free, located by odometry.
 
 Owns when a straight line counts as free. Knows nothing of the graph.
 """
@@ -39,7 +39,8 @@ class FreeFloor:
         self._things = [scan.solid_points() for scan in scans]
 
     def joins(self, source: NodeId, target: Matches) -> bool:
-        """Tell whether the straight line from a node to the only target was seen free, and nothing near it."""
+        """Tell whether the straight line from a node to the only target was seen to be free, with no obstacle near
+        it."""
         way = _along(target.waypoints[0, :2])
         poses, driven_m = self._gate.seen_from(source, self._frames)
         near = np.flatnonzero((driven_m <= WELL_KNOWN_M) & (np.hypot(poses[:, 0], poses[:, 1]) < RANGE_M))
@@ -49,7 +50,8 @@ class FreeFloor:
         return not len(solid) or bool(KDTree(solid).query(way)[0].min() > _CLEAR_M)
 
     def _is_free(self, way: NDArray[np.float64], images: NDArray[np.intp], poses: Pose) -> bool:
-        """Tell whether each point (S, 2) was seen free by one of N images taken at poses (N, 3), or stood at."""
+        """Tell whether every point (S, 2) was seen to be free by one of N images at poses (N, 3), or lies where one was
+        taken."""
         offset = way - poses[:, None, :2]
         away_m = np.hypot(offset[..., 0], offset[..., 1])
         bearing = wrap_angle(np.arctan2(offset[..., 1], offset[..., 0]) - poses[:, 2:])
@@ -61,6 +63,6 @@ class FreeFloor:
 
 
 def _along(end: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return points (S, 2) from here to an end (2,)."""
+    """Return points (S, 2) on the straight line from the origin to an end (2,)."""
     count = max(int(np.hypot(*end) / _SPACING_M), 1) + 1
     return np.linspace(0, 1, count)[:, None] * end

@@ -21,9 +21,9 @@ UNSURE_P = 0.45
 _MAX_HOPS = 12
 """Number of images, about ten metres of driving, over which odometry is followed to a goal."""
 _MIN_AGREED = 0.2
-"""Least r, the smaller of both directions, of a node that a goal is tied to unsurely."""
+"""Least r of an unsure edge to a goal, as the smaller r of both directions."""
 _GAP_M, _GAP_RAD = 0.35, 0.35
-"""Largest disagreement between both directions."""
+"""Largest disagreement between the waypoints of both directions, in m and rad."""
 
 
 class GoalTies:
@@ -36,7 +36,7 @@ class GoalTies:
         odometry_gate: OdometryGate,
         thresholds: OperatorThresholds,
     ) -> None:
-        """Tie within the distance of `thresholds`, those of the last pass."""
+        """Tie goals within the distance D_c of `thresholds`, the thresholds of the last pass."""
         self._frames = sorted(seen.step for seen in observations)
         self._row = {frame: row for row, frame in enumerate(self._frames)}
         self._matcher = matcher
@@ -46,8 +46,8 @@ class GoalTies:
     def ties(self, goal: FrameId, placed: Collection[FrameId]) -> tuple[Bridge, ...]:
         """Return bridges from the images `placed` in the map to a goal, in the order in which to cross them.
 
-        They follow odometry if it gives a path, else lead from the best node with which the goal agrees; else there are
-        none.
+        The bridges follow odometry if it gives a path. Otherwise a single bridge joins the goal to the image that
+        agrees best with it, if there is one.
         """
         chains = [chain for step in (-1, 1) if (chain := self._chain(goal, placed, step))]
         if chains:

@@ -34,7 +34,7 @@ class KeyframeStore:
         self._features: FeatureRows | None = None
         self._keys: FeatureRows | None = None
         self._asked: tuple[tuple[FrameId, ...], NDArray[np.intp]] | None = None
-        """The frames that were last asked for, and their rows while these hold."""
+        """The frames of the last call of `held`, and their rows; None after a change."""
         self._has_odometry = False
         """Whether odometry ever moved; if not, it cannot tell which images are near each other."""
 
@@ -51,7 +51,7 @@ class KeyframeStore:
 
     @property
     def drive_starts(self) -> tuple[FrameId, ...]:
-        """The first frames of the drives, in order, where there are several."""
+        """The first frame of each drive, in order; empty for a single drive."""
         return tuple(self._drive_starts)
 
     @property
@@ -61,22 +61,22 @@ class KeyframeStore:
 
     @property
     def odometry_starts(self) -> tuple[FrameId, ...]:
-        """The first frames of the drives whose odometry starts anew, in order, where there are several drives."""
+        """The first frame of each drive whose odometry restarts, in order; empty for a single drive."""
         return tuple(frame for frame in self._drive_starts if frame not in self._resumed)
 
     def begin_drives(self, frames: Iterable[FrameId], *, resumed: Iterable[FrameId] = ()) -> None:
-        """Begin another drive at each of some frames: no image before is a neighbour in time of those after it.
+        """Begin another drive at each of some frames; images before and after such a frame are not neighbours in time.
 
         Args:
             frames: First frames of drives.
-            resumed: Those of them at which odometry goes on from the drive before, which `maps.joined_drives`
-                decides.
+            resumed: Those of `frames` whose drive continues the odometry of the drive before; `maps.joined_drives`
+                decides which.
         """
         self._drive_starts = sorted({*self._drive_starts, *frames})
         self._resumed = sorted({*self._resumed, *resumed})
 
     def restart_odometry(self, frame: FrameId) -> None:
-        """Make odometry start anew at the first frame of a drive."""
+        """Mark that odometry restarts at the first frame of a drive."""
         self._resumed = [other for other in self._resumed if other != frame]
 
     def drive_of(self, frame: FrameId) -> int:
@@ -97,7 +97,7 @@ class KeyframeStore:
 
     def correct(self, observations: Iterable[Observation]) -> None:
         """Replace the observations of frames; only their odometry may differ. Raises MapError if a frame is not
-        held."""
+        stored."""
         for seen in observations:
             self.observation(seen.step)
             self._observations[seen.step] = seen
@@ -116,21 +116,21 @@ class KeyframeStore:
         self.drop(set(self._rows) - set(frames))
 
     def observation(self, frame: FrameId) -> Observation:
-        """Return the image; raise MapError if it is not held."""
+        """Return the image; raise MapError if it is not stored."""
         try:
             return self._observations[frame]
         except KeyError:
             raise MapError(f"The image of frame {frame} is missing; a map must contain all its images.") from None
 
     def features(self, frames: Sequence[FrameId]) -> Features:
-        """Return (N, F) features; raise MapError if one is not held."""
+        """Return (N, F) features; raise MapError if one is not stored."""
         missing = [frame for frame in frames if frame not in self._rows]
         if self._features is None or missing:
             raise MapError(f"The images of frames {missing[:5]} are missing; a map must contain all its images.")
         return self._features.array[[self._rows[frame] for frame in frames]]
 
     def held(self, frames: tuple[FrameId, ...]) -> HeldFeatures | None:
-        """Return where the features of N frames lie; None if one is not held or the predictor makes no keys."""
+        """Return the rows of the features of N frames; None if one is not stored or the predictor makes no keys."""
         if self._features is None or self._keys is None:
             return None
         if self._asked is None or self._asked[0] is not frames:

@@ -31,7 +31,7 @@ class LocalisationPrior:
     plan: Sequence[NodeId] = ()
     """The nodes of the last plan."""
     doubted: Collection[NodeId] = ()
-    """Nodes that it no longer believes to be at."""
+    """Nodes that the robot is no longer believed to be at."""
     place: BelievedPlace | None = None
     """The probable place given all observations; None without a place belief."""
 
@@ -89,7 +89,8 @@ class Localiser:
     def _at_place(self, place: BelievedPlace, features: Features, prior: LocalisationPrior) -> Localisation:
         """Return the best of the nodes around a place, among those seen about where they are expected.
 
-        The place, not the image, decides how near they are: a corridor looks the same one metre on.
+        The distances of the nodes are taken from the place, not from the image, because a corridor looks the same one
+        metre farther on.
         """
         nodes = [node for node in place.nodes if node not in prior.doubted]
         matches = self._matcher.match(features, nodes)
@@ -108,7 +109,7 @@ class Localiser:
     def nearest_nodes(
         self, features: Features, graph: TopologicalGraph, count: int
     ) -> tuple[tuple[NodeId, float], ...]:
-        """Return the `count` nodes that resemble the image most (1, F), best first, with their reachability."""
+        """Return the `count` nodes that resemble an image (1, F) most, best first, with their reachability."""
         matches = self._matcher.match(features, tuple(graph.nodes))
         order = np.argsort(self._scores(matches), kind="stable")[:count]
         return tuple((matches.nodes[k], float(matches.reachability[k])) for k in order)
@@ -123,7 +124,7 @@ def near_enough(matches: Matches, config: LocalisingConfig) -> NDArray[np.bool_]
 
 
 def doubt(reachability: ArrayLike) -> NDArray[np.float64]:
-    """Return -ln r for r of any shape, finite."""
+    """Return -ln r for r of any shape, limited to finite values."""
     return np.asarray(-np.log(np.maximum(reachability, _MIN_REACHABILITY)), np.float64)
 
 
@@ -132,14 +133,14 @@ def best_localisation(
 ) -> Localisation:
     """Return the match with the lowest score (N,) among those that pass (N,), and its certainty.
 
-    If none passes, the best match is reported without a node, which shows by how much it failed.
+    If none passes, the best match is reported without a node, so that a reader sees by how much it failed.
     """
     if not len(matches):
         return Localisation(None, np.inf, 0.0, np.zeros(3), None, np.inf, scope)
     order = np.lexsort((scores, ~passing))
     best = order[0]
     second = order[1] if len(order) > 1 else None
-    # Where no match has a waypoint both scores are infinite, and nothing is ahead of anything.
+    # Without any waypoint both scores are infinite, and their difference is not a number.
     margin = np.inf if second is None or np.isinf(scores[best]) else float(scores[second] - scores[best])
     return Localisation(
         matches.nodes[best] if passing[best] else None,

@@ -1,8 +1,9 @@
-"""Loop closures: where two parts of a drive meet, the images must agree along both, not at one place alone.
+"""Verification of loop closures: where two parts of a drive meet, the images must agree along both parts, not at one
+place alone.
 
-Two rooms may look alike from one place; what is seen a metre on, or after a turn, tells them apart. Odometry over so
-short a stretch is exact, so a match foretells how the images around its ends lie to each other, and the network is
-asked whether they do. Owns that question (ours), for edges between two passes of a drive.
+Two rooms may look alike from one place, but the views one metre farther on, or after a turn, tell them apart. Odometry
+is exact over such a short stretch. So a match predicts the relative poses of the images around its two ends, and the
+network must confirm them. Owns this check (ours), for edges between two passes of a drive.
 """
 
 from dataclasses import dataclass, replace
@@ -20,20 +21,20 @@ _PAIRS = 8
 _NEAR = 0.9
 """Images expected within this d of each other are compared."""
 _GAP_M, _GAP_RAD = 0.35, 0.35
-"""Largest error of an answer."""
+"""Largest error of a waypoint that confirms a pair, in m and rad."""
 _MIN_REACHABILITY = 0.5
 _MIN_PAIRS = 3
-"""With fewer images that should see each other there is no verdict."""
+"""Least number of pairs for a verdict; with fewer, the match is accepted."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ObservationSequence:
-    """Images taken on the way past one place, without the one taken there."""
+    """The images shortly before and after one image of a drive, without that image."""
 
     features: Features
-    """(K, F)."""
+    """(K, F) features of the images."""
     poses: Waypoint
-    """(K, 3): where odometry puts them, seen from that place."""
+    """(K, 3) poses of these images by odometry, in the frame of that image."""
     tilts: NDArray[np.float64] | None = None
     """(K, 2) pitch and roll of the camera in rad; None if it cannot tilt, or the tilt is unknown."""
 
@@ -42,30 +43,32 @@ class LoopClosureVerifier:
     """Verifies a match along the two stretches of driving that it joins."""
 
     def __init__(self, matcher: Matcher) -> None:
-        """Ask through `matcher`, whose views hold the drives."""
+        """Compare through `matcher`, whose keyframes contain the drives."""
         self._matcher = matcher
         self._keyframes = matcher.keyframes
         self._reach = matcher.config.closure_reach
         self._min_share = matcher.config.closure_share
 
     def connections(self, frame: FrameId, matches: Matches, thresholds: OperatorThresholds) -> Matches:
-        """Return the matches of a held frame that become edges: connectable before and after `supported`."""
+        """Return the matches of a stored frame that become edges: those connectable before and after `supported` lowers
+        r."""
         supported = self.supported(frame, matches.take(connectable(matches, thresholds)), thresholds)
         return supported.take(connectable(supported, thresholds))
 
     def supported(self, frame: FrameId, matches: Matches, thresholds: OperatorThresholds) -> Matches:
-        """Return the matches of a held frame, each r lowered by contradicting evidence.
+        """Return the matches of a stored frame, each r lowered by contradicting evidence.
 
-        First by images near in time, see `Matcher.with_mutual_support`; then those still connectable by the drive, see
-        `verified`.
+        First the images near in time are compared, see `Matcher.with_mutual_support`. The matches that are then still
+        connectable are verified along the drive, see `verified`.
         """
         lowered = self._matcher.with_mutual_support(matches, frame)
         return self.verified(frame, lowered, connectable(lowered, thresholds))
 
     def verified(self, frame: FrameId, matches: Matches, asked: NDArray[np.bool_]) -> Matches:
-        """Return the matches of a held frame; r of those of `asked` (N,) that do not fit along the drive becomes 0.
+        """Return the matches of a stored frame, with r set to 0 for those of `asked` (N,) that do not fit along the
+        drive.
 
-        Images close in time need no such proof.
+        Matches with images close in time need no such proof.
         """
         if not self._reach or not asked.any():
             return matches
@@ -79,7 +82,8 @@ class LoopClosureVerifier:
         return matches.with_reachability(trusted)
 
     def _fits(self, here: ObservationSequence, node: FrameId, waypoint: Waypoint) -> bool:
-        """Tell whether a node at `waypoint` (3,) fits the stretch that leads here; True where that is unknown."""
+        """Tell whether a match with a node at `waypoint` (3,) fits along the drive; True if too few images overlap to
+        decide."""
         there = self._sequence_around(node)
         first, second, expected = _expected_overlaps(here, replace(there, poses=compose(waypoint, there.poses)))
         if len(first) < _MIN_PAIRS:
@@ -88,7 +92,7 @@ class LoopClosureVerifier:
         return bool(agreed.mean() >= self._min_share)
 
     def _sequence_around(self, frame: FrameId) -> ObservationSequence:
-        """Return what the drive saw before and after a frame."""
+        """Return the images of the drive shortly before and after a frame."""
         beside = self._keyframes.temporal_window(frame, self._reach)
         seen = [self._keyframes.observation(other) for other in beside]
         odometry = np.array([each.odometry for each in seen]).reshape(-1, 3)
@@ -111,7 +115,10 @@ class LoopClosureVerifier:
 def _expected_overlaps(
     here: ObservationSequence, there: ObservationSequence
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], Waypoint]:
-    """Return which images of two sequences, in one frame, should see each other, and their relative poses (P, 3)."""
+    """Return the rows (P,) of images of two sequences that should overlap, and their relative poses (P, 3).
+
+    Both sequences are in one frame.
+    """
     lie = relative(here.poses[:, None], there.poses[None])
     far = np.linalg.norm(here.poses[:, :2], axis=-1)[:, None] + np.linalg.norm(there.poses[:, :2], axis=-1)[None]
     first, second = np.nonzero(np.hypot(distance(lie), _tilt_distances(here, there)) < _NEAR)
@@ -127,7 +134,7 @@ def _tilt_distances(here: ObservationSequence, there: ObservationSequence) -> ND
 
 
 def _disjoint_pairs(first: NDArray[np.intp], second: NDArray[np.intp], order: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Return the first few pairs in which no image occurs twice."""
+    """Return the first few pairs, in the given order, in which no image occurs twice."""
     chosen = list[int]()
     used_first = set[int]()
     used_second = set[int]()

@@ -113,7 +113,8 @@ class OnlineBuilder:
             del self._merged[next(iter(self._merged))]
 
     def _bridged(self, frame: FrameId) -> list[GraphDelta]:
-        """Return the deltas that join a frame by way of a merged image, see `graph.bridges`; without any it waits."""
+        """Return the deltas that join a frame through a merged image, see `graph.bridges`; without such an image, keep
+        the frame pending."""
         graph = self._graph
         config = self._method
         known = [other for other, merging in self._merged.items() if merging.nodes[0] in graph.nodes]

@@ -18,7 +18,7 @@ from ltvn_core.types import Features, NodeId, Observation
 
 @dataclass(frozen=True, slots=True)
 class AttemptEvidence:
-    """An edge was driven."""
+    """Evidence from one attempt to drive an edge."""
 
     source: NodeId
     target: NodeId
@@ -28,8 +28,8 @@ class AttemptEvidence:
     failed_before: bool = False
     """Whether the edge failed earlier in this query."""
     hindered: bool = False
-    """Whether it failed for a reason that says little about the edge: an obstacle, driving in circles, or a target that
-    is hard to recognise where odometry expects it."""
+    """Whether the attempt failed for a reason that says little about the edge: an obstacle, driving in circles, or a
+    target that is hard to recognise where odometry expects it."""
     stamp: float = 0.0
     """End of the attempt, in seconds on the clock of the world."""
     obstruction: Obstruction | None = None
@@ -43,7 +43,7 @@ class AttemptEvidence:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class UnrecognisedObservation:
-    """No node is near enough to the current image, or none at a place where the robot can be."""
+    """An observation in which the robot recognised no node, or only nodes where it cannot be."""
 
     observation: Observation
     features: Features
@@ -55,8 +55,8 @@ class UnrecognisedObservation:
 def update_edge(graph: TopologicalGraph, attempt: AttemptEvidence, config: BeliefConfig) -> tuple[GraphDelta, ...]:
     """Return the new belief of the driven edge, Eq. 3 and Eq. 4, and its pruning after too many failures.
 
-    Nothing changes for an edge that has left the map meanwhile, nor for a second failure in one query if failures of
-    one query count once.
+    Nothing changes if the edge is no longer in the map. If the failures of one query count once, a second failure in
+    that query changes nothing either.
     """
     edge = graph.edges.get((attempt.source, attempt.target))
     if edge is None or (attempt.failed_before and not attempt.succeeded and config.one_failure_per_query):
@@ -98,5 +98,5 @@ def novel_node(
     if method.expanding.strict:
         chosen = matcher.with_node_support(chosen, unrecognised.features)
         chosen = chosen.take(connectable(chosen, thresholds))
-    # A node without an edge could never be used, so it waits until an edge joins it to the map.
+    # A node without an edge could never be used, so it is not added.
     return tuple(node_with_edges(observation, chosen, method.believing, Cause.NOVEL)) if len(chosen) else ()

@@ -1,7 +1,7 @@
-"""Findings about a map: what is doubtful, and likely causes why a drive gives a map that cannot be navigated.
+"""Findings about a map: its problems, and their likely causes in the drive that it was built from.
 
-Owns the checks, their limits and the advice. Asks the predictor about some consecutive images, because these are near
-each other if any are. Decides nothing: a doubtful map is kept and can be driven by.
+Owns the checks, their limits and the advice. Compares some consecutive images, because these are the most likely to be
+near each other. Decides nothing: a doubtful map is kept and can be driven by.
 """
 
 import math
@@ -26,7 +26,8 @@ from ltvn_core.types import Features, FrameId, Observation, Predictor, is_usable
 
 MANY_NODES = 6
 SMALL_PIECE = 0.5
-"""Number of nodes from which a map counts as broken if its largest piece has a smaller share of them."""
+"""Least number of nodes of a map that is checked for pieces, and share of its nodes below which its largest piece is
+too small."""
 MANY_IMAGES = 20
 """Number of images of a two-metre drive; a shorter drive may show a single place."""
 LITTLE_KNOWN = 0.8
@@ -34,11 +35,11 @@ LITTLE_KNOWN = 0.8
 PAIRS = 30
 """Number of pairs of consecutive images that are compared, spread over the drive."""
 RECOGNISED = 0.5
-"""Two images with a higher r show one place."""
+"""Value of r above which two images count as recognised."""
 FEW_RECOGNISED = 0.5
-"""Share of recognised pairs below which the predictor is why the map falls apart."""
+"""Share of recognised pairs below which the predictor is the likely cause of a map in pieces."""
 MOST_RECOGNISED = 0.95
-"""Share of recognised pairs below which the drive breaks where they are not recognised."""
+"""Share of recognised pairs below which the drive is said to break at the pairs that are not recognised."""
 GEOMETRIC = "geometric"
 """Predictor to suggest, unless it was used."""
 SEEN = 0.6
@@ -84,12 +85,12 @@ class MappedDrive:
 
 
 def map_findings(graph: TopologicalGraph, images: int, coverage: MapCoverage) -> tuple[Finding, ...]:
-    """Return what is doubtful about a map; nothing for a map in order, or of fewer than two images.
+    """Return the problems of a map; none if the map is in order or was built from fewer than two images.
 
     Args:
         graph: The map.
         images: Number of images that it was built from.
-        coverage: How much of them it knows.
+        coverage: Share of these images that the map knows.
     """
     if images < 2:
         return ()
@@ -97,7 +98,7 @@ def map_findings(graph: TopologicalGraph, images: int, coverage: MapCoverage) ->
 
 
 def _joints(graph: TopologicalGraph, images: int, coverage: MapCoverage) -> Iterator[Finding]:
-    """Yield what is doubtful of nodes and edges alone."""
+    """Yield the problems that nodes and edges alone show."""
     if len(graph.nodes) == 1:
         yield _one_node(images, coverage)
     elif len(graph.nodes) > 1 and not graph.edges:
@@ -144,7 +145,7 @@ def _coverage(coverage: MapCoverage) -> Iterator[Finding]:
 
 
 def diagnose(drive: MappedDrive, coverage: MapCoverage) -> tuple[Finding, ...]:
-    """Return what is doubtful about a map as a whole, then its causes in the drive; nothing for a map in order."""
+    """Return the problems of a map, then their likely causes in the drive; nothing for a map in order."""
     doubtful = map_findings(drive.graph, len(drive.observations), coverage)
     if not doubtful:
         return ()
@@ -255,7 +256,7 @@ def _look_alike(drive: MappedDrive) -> bool:
 
 
 def _overlap(drive: MappedDrive, recognised: NDArray[np.bool_] | None) -> Iterator[Finding]:
-    """Check whether consecutive images are recognised (P,), and whether they overlap enough to be."""
+    """Check whether most of P pairs of consecutive images are `recognised` (P,), and whether they overlap enough."""
     if recognised is None or recognised.mean() >= MOST_RECOGNISED:
         return
     text = f"{recognised.sum()} of {len(recognised)} pairs of consecutive images are recognised as the same place"
@@ -289,9 +290,9 @@ def _thin_less(drive: MappedDrive) -> str:
 
 
 def _one_way(drive: MappedDrive, coverage: MapCoverage, recognised: NDArray[np.bool_] | None) -> Iterator[Finding]:
-    """Check whether the images unknown to the map could be joined from one side only."""
+    """Check whether most images that the map does not know can be joined in one direction only."""
     if not coverage.lost or recognised is None or recognised.mean() < FEW_RECOGNISED:
-        return  # Where nothing is recognised, a second pass would be recognised as little.
+        return  # If consecutive images are not recognised, a second pass would not be recognised either.
     again = "Drive there again slowly, in both directions."
     once = _passed_once(drive, coverage.lost)
     if once >= MOST_ONE_WAY * len(coverage.lost):
@@ -311,7 +312,8 @@ def _one_way(drive: MappedDrive, coverage: MapCoverage, recognised: NDArray[np.b
 
 
 def _passed_once(drive: MappedDrive, lost: Sequence[FrameId]) -> int:
-    """Return the number of images taken where the drive passes once, by odometry; 0 if that is unknown."""
+    """Return how many of the lost images were taken where the drive passes only once, by odometry; 0 if that is
+    unknown."""
     if not _has_odometry(drive) or len(drive.graph.drives) > 1:
         return 0
     poses = np.array([seen.odometry for seen in drive.observations])
@@ -321,8 +323,8 @@ def _passed_once(drive: MappedDrive, lost: Sequence[FrameId]) -> int:
 
 
 def _recognised_one_way(drive: MappedDrive, lost: Sequence[FrameId]) -> tuple[int, int]:
-    """Return how many images are recognised in one direction only by the nodes next to them in time, and how many were
-    compared."""
+    """Return how many lost images are recognised in only one direction by the nodes next to them in time, and how many
+    were compared."""
     nodes = np.array(sorted(drive.graph.nodes))
     held = [frame for frame in lost if frame in drive.keyframes and frame not in drive.graph.nodes]
     held = [frame for frame in held if is_usable(drive.keyframes.observation(frame), drive.predictor)]

@@ -1,7 +1,7 @@
-"""Coverage: the share of a drive whose place is in the map's largest piece, and whether the map holds a goal.
+"""Coverage of a map: the share of its drive that its largest piece knows, and whether paths lead to its goals.
 
-A map holds a goal if a way leads there from most of the map, over edges with p of at least one half. These questions
-are put to the same localisation that a robot uses, so that the answers are known before a robot fails. Changes no map.
+A map holds a goal if paths lead there from most of the map, over edges with p of at least one half. Images are
+localised as a robot localises them, so that problems are known before a robot fails. Changes no map.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -29,7 +29,7 @@ _BESIDE_STEPS = 50
 """Control steps, five seconds of the drive, within which a robot hardly moves on."""
 _NEAREST_ASKED = 5
 _MOST = 0.5
-"""Share of the other nodes from which a way must lead to a goal."""
+"""Share of the other nodes from which a path must lead to a goal."""
 
 
 class Stretch(NamedTuple):
@@ -47,7 +47,7 @@ class MapCoverage(NamedTuple):
     share: float
     """Share of the images that are nodes of the map's largest piece or are recognised as one of them."""
     gap: Stretch | None
-    """The longest part of the drive that the piece does not know; None if it knows all."""
+    """The longest part of one drive that the piece does not know; None if it knows all."""
     lost: tuple[FrameId, ...] = ()
     """The images that the map does not know, in order."""
 
@@ -59,10 +59,10 @@ def map_coverage(
     predictor: Predictor,
     system: NavigationSystem,
 ) -> MapCoverage:
-    """Return what the largest piece of a map knows of the images that it was built from, in order.
+    """Return how much of the images that a map was built from its largest piece knows.
 
-    `keyframes` holds those of nodes and of the reserve. An image in neither has merged and was dropped, so it is known,
-    unless the predictor cannot use it.
+    `observations` are in order, and `keyframes` contains the images of nodes and of the reserve. An image in neither
+    has merged and was dropped, so its place is known, unless the predictor cannot use it.
     """
     pieces = strongly_connected_components(graph)
     piece = set(pieces[0]) if pieces else set[FrameId]()
@@ -89,8 +89,10 @@ def evenly(frames: Sequence[FrameId], most: int) -> list[FrameId]:
 def _known(
     observations: Sequence[Observation], answers: Mapping[FrameId, bool], in_reserve: set[FrameId], predictor: Predictor
 ) -> list[bool]:
-    """Tell for each image whether its place is known; reserved images that were not localised count as the last one
-    that was."""
+    """Tell for each image whether its place is known.
+
+    A reserved image that was not localised counts like the last one before it that was.
+    """
     known = list[bool]()
     last = True
     for seen in observations:
@@ -118,13 +120,13 @@ def _longest_gap(observations: Sequence[Observation], known: Sequence[bool], gra
 
 
 class Standing(StrEnum):
-    """How well a map holds a goal."""
+    """Whether paths of a map lead to a goal."""
 
     HELD = "held"
     UNSURE = "unsure"
-    """All ways to it lead over edges with p below one half."""
+    """Paths lead there from most of the map, but some of their edges have p below one half."""
     NOT_HELD = "not held"
-    """It is not a node, or no path leads there from most of the map."""
+    """The goal is not a node, or no paths lead there from most of the map."""
 
 
 class GoalReport(NamedTuple):
@@ -133,8 +135,8 @@ class GoalReport(NamedTuple):
     goal: FrameId
     standing: Standing
     nearest: NodeId | None = None
-    """The node with a way that was taken beside the goal on the drive, else the most similar one; None if the goal is
-    held, or there is no such node."""
+    """Node to drive to instead of the goal: one taken shortly before or after it on the drive, else the most similar
+    one. None if there is no such node, or if paths lead to the goal."""
     reachability: float = 0.0
     """r of that node seen from the goal, in [0, 1]."""
 
@@ -159,7 +161,7 @@ class GoalReport(NamedTuple):
 
 
 def standings(graph: TopologicalGraph, goals: Sequence[FrameId]) -> tuple[Standing, ...]:
-    """Return how well a map holds each goal; linear in edges for each goal."""
+    """Return for each goal whether paths lead there from most of the map; linear in edges for each goal."""
     likely = reached_from_most(graph, goals, lambda edge: edge.belief.p >= _LIKELY_P)
     every = reached_from_most(graph, goals)
     found = {True: Standing.HELD, False: Standing.UNSURE}
@@ -173,7 +175,8 @@ def goal_reports(
     predictor: Predictor,
     system: NavigationSystem,
 ) -> tuple[GoalReport, ...]:
-    """Return what a map reports about each goal; `keyframes` holds the images of its nodes, and those of most goals."""
+    """Return the report of a map on each goal; `keyframes` contains the images of the map's nodes, and those of most
+    goals."""
     matcher = Matcher(predictor, keyframes, system.method.matching)
     localiser = Localiser(matcher, system.method.localising)
     reports = list[GoalReport]()
@@ -207,7 +210,8 @@ def _held(graph: TopologicalGraph, nodes: Sequence[NodeId]) -> list[NodeId]:
 def reached_from_most(
     graph: TopologicalGraph, goals: Sequence[FrameId], over: Callable[[Edge], bool] = lambda edge: True
 ) -> list[bool]:
-    """Tell for each goal whether it is a node to which ways lead from half of the others, `over` these edges."""
+    """Tell for each goal whether it is a node and paths lead there from half of the other nodes, over the edges that
+    `over` accepts."""
     mirror, index = mirrored(graph, (key for key, edge in graph.edges.items() if over(edge)))
     enough = _MOST * (len(index) - 1)
     return [goal in index and len(rustworkx.ancestors(mirror, index[goal])) >= enough for goal in goals]

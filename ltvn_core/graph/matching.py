@@ -25,7 +25,7 @@ class Matches:
     """Answers of the predictor for one image and N nodes."""
 
     nodes: tuple[NodeId, ...]
-    """N nodes."""
+    """The N compared nodes."""
     reachability: NDArray[np.float64]
     """(N,) in [0, 1]."""
     waypoints: Waypoint
@@ -33,10 +33,10 @@ class Matches:
     distances: NDArray[np.float64]
     """(N,): d(w), Eq. 2."""
     ahead: NDArray[np.bool_]
-    """(N,) whether the predictor answered for image to node; where false, for node to image, and the waypoint was
-    inverted."""
+    """(N,) whether r is for the way from the image to the node; where false, it is for the way back, and the waypoint
+    was inverted."""
     images: tuple[FrameId, ...] = ()
-    """N images by which the nodes were recognised, some of them views; None if all are the nodes' own."""
+    """N images by which the nodes were recognised, some of them views; empty if all are the nodes' own."""
 
     @classmethod
     def of_one(cls, node: NodeId, reachability: float, waypoint: Waypoint) -> "Matches":
@@ -82,7 +82,7 @@ class Matches:
 
 
 class Matcher:
-    """Asks the predictor about pairs of images with known features."""
+    """Compares pairs of images with known features, using the predictor."""
 
     def __init__(
         self,
@@ -116,7 +116,7 @@ class Matcher:
         return self._with_views(features, found) if self._views else found
 
     def promising(self, frame: FrameId, nodes: Sequence[NodeId]) -> tuple[NodeId, ...]:
-        """Return the nodes that may look like a held frame; all of them where the predictor cannot tell cheaply."""
+        """Return the nodes that may look like a stored frame; all of them if the predictor has no cheap test."""
         may_match = getattr(self._predictor, "may_match", None)
         if may_match is None or not nodes:
             return tuple(nodes)
@@ -124,22 +124,23 @@ class Matcher:
         return tuple(node for node, is_likely in zip(nodes, likely, strict=True) if is_likely)
 
     def match_pairs(self, first: Features, second: Features) -> tuple[NDArray[np.float64], Waypoint]:
-        """Compare P images (P, F) with one image (P, F) each, both ways; return r (P,) and waypoints (P, 3)."""
+        """Compare P pairs of images (P, F), (P, F) in both directions; return the larger r (P,) and its waypoints (P,
+        3)."""
         there, back = self.match_both_ways(first, second)
         ahead = there.reachability >= back.reachability
         waypoints = np.where(ahead[:, None], there.waypoints, invert(back.waypoints))
         return np.maximum(there.reachability, back.reachability), waypoints
 
     def with_mutual_support(self, matches: Matches, frame: FrameId) -> Matches:
-        """Return `matches` of a held frame, each r lowered to the median over both images' neighbours in time.
+        """Return `matches` of a stored frame, each r lowered to the median over both images' neighbours in time.
 
-        A false match between perceptual aliases rarely survives a step to either side, a true one does.
+        A false match between perceptual aliases rarely survives a step to either side, but a true match does.
         """
         own = self._keyframes.temporal_neighbours(frame, self._config.support_gap)
         return self._with_support(matches, self._keyframes.features([frame]), own)
 
     def with_node_support(self, matches: Matches, features: Features) -> Matches:
-        """Return `matches` of a fresh image (1, F), each r lowered to the median over the nodes' neighbours in time."""
+        """Return `matches` of a new image (1, F), each r lowered to the median over the nodes' neighbours in time."""
         return self._with_support(matches, features, ())
 
     def _with_views(self, features: Features, found: Matches) -> Matches:
@@ -175,8 +176,10 @@ class Matcher:
         return self._both_ways(features, found, backward) if self._config.both_directions else found
 
     def _answers(self, features: Features, nodes: tuple[FrameId, ...]) -> tuple[Prediction, Prediction | None]:
-        """Compare with N nodes, and in the same call back from them if they are few, because a second call would cost
-        more."""
+        """Compare an image (1, F) with N nodes.
+
+        If they are few, the same call compares them with the image too, because a second call would cost more.
+        """
         if self._config.both_directions and len(nodes) <= _MAX_NODES_BOTH_WAYS_AT_ONCE:
             return self.match_both_ways(np.repeat(features, len(nodes), axis=0), self._keyframes.features(nodes))
         predict_among = getattr(self._predictor, "predict_among", None)
@@ -186,15 +189,16 @@ class Matcher:
         return predict_among(features, held), None
 
     def match_both_ways(self, first: Features, second: Features) -> tuple[Prediction, Prediction]:
-        """Ask about P pairs (P, F), (P, F) both ways in one call."""
+        """Compare P pairs of images (P, F), (P, F) in both directions in one call."""
         count = len(first)
         both = self._predictor.predict(np.concatenate([first, second]), np.concatenate([second, first]))
         return Prediction(*(part[:count] for part in both)), Prediction(*(part[count:] for part in both))
 
     def _both_ways(self, features: Features, found: Matches, answered: Prediction | None) -> Matches:
-        """Compare also from the nodes to the image, where it is near, and keep the more reachable answer."""
-        # The network measures a motion by aligning both images, so even where it calls the way there unreachable it
-        # knows how far that is, and only near nodes need the second question.
+        """Compare the near nodes with the image too, and keep the answer with the higher r."""
+        # The network measures a motion by aligning both images, so its waypoint is right even where r is low. So only
+        # the
+        # nodes that are near by this waypoint need the second comparison.
         close = np.flatnonzero(found.distances < self._config.reverse_within)
         if not len(close):
             return found
@@ -227,7 +231,8 @@ class Matcher:
     def _neighbouring_pairs(
         self, matches: Matches, features: Features, own: Sequence[FrameId]
     ) -> tuple[Features, Features, NDArray[np.intp]]:
-        """Return P pairs (P, F), (P, F) beside each match in time, and which match (P,) each pair belongs to."""
+        """Return P pairs of images (P, F), (P, F) that are neighbours in time of the matches, and the match (P,) of
+        each pair."""
         beside = [
             () if by_view else self._keyframes.temporal_neighbours(node, self._config.support_gap)
             for node, by_view in zip(matches.nodes, matches.by_view, strict=True)
@@ -246,5 +251,5 @@ class Matcher:
 
 
 def _has_no_waypoint(reachability: NDArray[np.float64], waypoints: Waypoint) -> NDArray[np.bool_]:
-    """Tell (N,) which pairs a predictor skipped: it calls them unreachable and gives a waypoint of zeros."""
+    """Tell (N,) which pairs a predictor skipped: for these it returns a low r and a waypoint of zeros."""
     return (reachability < 0.5) & ~waypoints.any(axis=1)

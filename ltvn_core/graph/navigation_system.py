@@ -1,8 +1,8 @@
-"""A navigation system as the paper's Table I takes it apart: five strategies that can be exchanged one by one, and what
-a system may have beside them: growing while somebody drives, presence of edges, a filter over places, views of nodes.
+"""A navigation system, divided as in the paper's Table I: five strategies that can be exchanged one by one, and four
+optional parts: online mapping, presence of edges, a place belief and views of nodes.
 
-Owns the interfaces alone. The paper's own strategies are put together in `graph.ltvn`, its baselines' in
-`ltvn_core.systems`, a file each; the navigator drives whatever `NavigationSystem` it is given:
+Owns the interfaces alone. `graph.ltvn` composes the paper's own system, and each file of `ltvn_core.systems` one of its
+baselines; the navigator works with any `NavigationSystem`:
 
 | system | build | edge_weight | subgoal | localise | maintenance |
 |---|---|---|---|---|---|
@@ -16,7 +16,7 @@ Owns the interfaces alone. The paper's own strategies are put together in `graph
 | BRM | Algorithm 1 | -ln p | first node | as LTVN | Bayes on noisy observations |
 | PlaceNav | Algorithm 1 | d | first node | discrete Bayes filter | as LTVN |
 
-Not here: LEAP, which has no map: `docs/method.md` says why it is not run.
+Not here: LEAP, which has no map; `docs/method.md` explains why it is not run.
 """
 
 from collections.abc import Callable, Collection, Sequence
@@ -43,7 +43,7 @@ Deltas: TypeAlias = tuple[GraphDelta, ...]
 
 
 class BuildStrategy(Protocol):
-    """Which images become nodes, and which edges join them."""
+    """Chooses which images become nodes, and which edges join them."""
 
     def __call__(
         self,
@@ -55,15 +55,16 @@ class BuildStrategy(Protocol):
         goals: Collection[FrameId] = (),
         progress: ProgressCallback | None = None,
     ) -> Deltas:
-        """Return the deltas of a new map; `keyframes` then holds its images, and all `goals` are nodes or in reserve.
+        """Return the deltas of a new map.
 
-        Raises MapError for an empty trajectory, frame numbers that repeat, and goals that are not frames.
+        Afterwards `keyframes` contains its images, and all `goals` are nodes or in the reserve. Raises MapError for an
+        empty trajectory, frame numbers that repeat, and goals that are not frames.
         """
         ...
 
 
 class OnlineStrategy(Protocol):
-    """How a map grows during driving."""
+    """Grows a map during driving."""
 
     def offer(self, observation: Observation) -> Deltas:
         """Return what one more image changes; apply the deltas before offering the next."""
@@ -74,33 +75,34 @@ class OnlineStrategyFactory(Protocol):
     """Starts the growth of one map."""
 
     def __call__(self, graph: TopologicalGraph, keyframes: KeyframeStore, predictor: Predictor) -> OnlineStrategy:
-        """Return the online strategy of `graph`, whose images `keyframes` holds."""
+        """Return the online strategy of `graph`, whose images are in `keyframes`."""
         ...
 
 
 class LocalisationStrategy(Protocol):
-    """Which node the robot is at."""
+    """Finds the node that the robot is at."""
 
     def __call__(
         self, features: Features, graph: TopologicalGraph, prior: LocalisationPrior, matcher: Matcher
     ) -> Localisation:
-        """Compare the current image (1, F) with the map, given what the query has shown so far."""
+        """Compare the current image (1, F) with the map, given the state of the query in `prior`."""
         ...
 
 
 class SubgoalStrategy(Protocol):
-    """Which node of a planned path the robot drives to next."""
+    """Chooses the node of a planned path that the robot drives to next."""
 
     def __call__(self, path: Sequence[NodeId], reachability: Callable[[NodeId], float]) -> int:
-        """Return an index of `path`, at least 1; the path has two nodes or more and begins where the robot is.
+        """Return the index in `path` of the node to drive to, at least 1.
 
-        `reachability` returns how reachable a node is from here; each call costs a comparison.
+        The path has two nodes or more and begins where the robot is. `reachability` returns how reachable a node is
+        from here; each call costs a comparison.
         """
         ...
 
 
 class MaintenanceStrategy(Protocol):
-    """How driving changes the map."""
+    """Updates the map from driving."""
 
     def after_attempt(self, graph: TopologicalGraph, attempt: AttemptEvidence) -> Deltas:
         """Learn from an attempt. Its ends need not be joined by an edge if the subgoal lies farther ahead."""
@@ -113,7 +115,7 @@ class MaintenanceStrategy(Protocol):
         ...
 
     def unrecognised(self, graph: TopologicalGraph, unrecognised: UnrecognisedObservation, matcher: Matcher) -> Deltas:
-        """Use an image that nothing recognised; if it becomes a node the navigator keeps its view."""
+        """Use an image in which no node was recognised; if it becomes a node, the navigator stores its image."""
         ...
 
 
@@ -144,7 +146,7 @@ def choose_first_node(path: Sequence[NodeId], reachability: Callable[[NodeId], f
 class NavigationSystem:
     """A navigation system: five strategies, four parts that a system may have, and the thresholds of all the rest.
 
-    The four parts, `online`, `presence`, `follows_places` and `views`, are off where nothing is said.
+    The four parts, `online`, `presence`, `follows_places` and `views`, are off by default.
     """
 
     name: str

@@ -15,7 +15,7 @@ from ltvn_core.graph.deltas import Cause, NodeView, ViewAdded, ViewDropped, View
 from ltvn_core.types import FrameId, NodeId
 
 Views: TypeAlias = Mapping[NodeId, tuple[NodeView, ...]]
-"""Views by node, of the nodes that have any."""
+"""The views of each node that has any."""
 
 NO_VIEWS: Views = MappingProxyType({})
 
@@ -51,7 +51,7 @@ class NodeViews:
     """The views of all nodes of one map."""
 
     def __init__(self) -> None:
-        """Begin without any."""
+        """Start without views."""
         self._by_node: dict[NodeId, tuple[NodeView, ...]] = {}
         self._owners: dict[FrameId, NodeId] = {}
 

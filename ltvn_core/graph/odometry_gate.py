@@ -1,9 +1,10 @@
 """The odometry gate: how far apart two images of one trajectory can be, allowing for drift.
 
-Owns that allowance. It is evidence against false edges between perceptual aliases, and saves comparing images that
-cannot be near; it places a node only where consecutive images show nothing in common (`graph.bridges`). Where odometry
-jumps, as after a restart, and between two drives only links connect it, unless one drive continues the odometry of the
-other (`maps.joined_drives`). A drive whose odometry never moves is a drive without odometry.
+Owns that allowance. Odometry is evidence against false edges between perceptual aliases, and saves comparing images
+that cannot be near. It joins nodes only in `graph.bridges`, `graph.goal_ties` and `graph.floor_edges`. Across a jump of
+odometry, as after a restart, and between two drives, relative poses are known only through links, unless one drive
+continues the odometry of the other (`maps.joined_drives`). A drive whose odometry never moves counts as a drive without
+odometry.
 """
 
 from collections.abc import Collection, Sequence
@@ -24,10 +25,11 @@ JUMP_M = 1.5
 _SLACK_M, _SLACK_RAD = 0.6, 0.6
 """Largest error of the predictor's waypoint, in m and rad."""
 PAUSE_S = 5.0
-"""Pause between two images in which a robot may be carried away unnoticed by its odometry, in seconds."""
+"""Least pause between two images, in seconds, in which somebody may have carried the robot without its odometry
+noticing."""
 _DRIFT_RAD_PER_M = 0.02
 _STEP_M = 0.05
-"""Length of a closure, as metres driven."""
+"""Length that a closure adds to a path along the drive, in metres."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,15 +55,15 @@ class OdometryGate:
         links: Sequence[DriveLink] | None = None,
         closures: Sequence[DriveLink] = (),
     ) -> None:
-        """Take the images in the order of their frames.
+        """Use the images in the order of their frames.
 
-        Odometry that was corrected by `closures` knows what it knows by the shortest path, of which they are steps.
+        If odometry was corrected by `closures`, drift grows along the shortest path, on which a closure is a step.
 
-        Images of linked stretches must fit to the link that is nearest along the ways. Images of two drives that no
-        link joins are held to be of different places if links were searched; `links` is None if no search was made. A
-        drive whose odometry does not move gives no evidence. `drive_starts` are where odometry begins anew, `resumed`
-        the first frames of drives that go on in the odometry of the drive before; a pause just before these was judged
-        already.
+        Images of two linked stretches must fit the link that is nearest along the path. If links were searched, images
+        of two drives without a link count as taken at different places; `links` is None if no search was made. A drive
+        whose odometry does not move gives no evidence. Odometry restarts at `drive_starts`. `resumed` are the first
+        frames of drives that continue the odometry of the drive before; the pause before such a frame is ignored,
+        because it was judged already.
         """
         ordered = sorted(observations, key=lambda seen: seen.step)
         self._row = {seen.step: k for k, seen in enumerate(ordered)}
@@ -109,7 +111,7 @@ class OdometryGate:
     def driven(self, frame: FrameId, other: FrameId) -> Waypoint | None:
         """Return the pose (3,) of an image seen from another, by odometry alone.
 
-        None if odometry is not used, jumps between the two, or cannot know because there is a pause between them.
+        None if odometry is not used, if it jumps between the two, or if a pause between them makes it uncertain.
         """
         here = self._row[frame]
         there = self._row[other]
@@ -121,10 +123,10 @@ class OdometryGate:
         return relative(self._poses[here], self._poses[there])
 
     def seen_from(self, frame: FrameId, nodes: Sequence[NodeId]) -> tuple[Waypoint, NDArray[np.float64]]:
-        """Return the poses of nodes seen from a frame (N, 3), and the length of the path by which odometry knows each
-        (N,), in metres.
+        """Return the poses (N, 3) of nodes seen from a frame, and the lengths (N,) in metres of the odometry paths to
+        them.
 
-        The length is infinite if it is unknown.
+        A length is infinite if the pose is unknown.
         """
         driven, path_m = self._way(self._row[frame], self._rows(nodes))
         return driven, np.where(np.isneginf(path_m), np.inf, path_m)
@@ -134,7 +136,7 @@ class OdometryGate:
         return bool(self._segment[self._row[frame]] == self._segment[self._row[other]])
 
     def knows(self, frame: FrameId, other: FrameId) -> bool:
-        """Tell whether odometry and links together know how two images lie to each other."""
+        """Tell whether odometry and links together give the relative pose of two images."""
         _, path_m = self._way(self._row[frame], self._rows([other]))
         return bool(np.isfinite(path_m[0]))
 
@@ -142,10 +144,10 @@ class OdometryGate:
         return np.array([self._row[node] for node in nodes], np.intp)
 
     def _way(self, here: int, there: NDArray[np.intp]) -> tuple[Waypoint, NDArray[np.float64]]:
-        """Return the poses of rows (N,) seen from one (N, 3), and the length of the path by which odometry knows each
-        (N,).
+        """Return the poses (N, 3) of the images in rows `there`, seen from that in row `here`, and the lengths (N,) in
+        metres of the odometry paths to them.
 
-        The length is infinite if it is unknown, and -infinite if the two are taken for different places.
+        A length is infinite if the pose is unknown, and -infinite if the two count as different places.
         """
         driven = relative(self._poses[here], self._poses[there])
         same = self._segment[there] == self._segment[here]
@@ -175,7 +177,7 @@ class _ShortestWays:
     """Lengths of the shortest paths along a drive, where closures are steps from one pass to another."""
 
     def __init__(self, path_m: NDArray[np.float64], closures: Sequence[tuple[int, int]]) -> None:
-        """Take (N,) how far had been driven at each image, and the rows of the images that closures join."""
+        """Use the distance (N,) driven before each image, in metres, and the rows of the images that closures join."""
         self._path_m = path_m
         self._ends = np.unique(np.array([row for pair in closures for row in pair], np.intp))
         if not len(self._ends):
@@ -185,12 +187,12 @@ class _ShortestWays:
         first = np.concatenate([chain, pairs[:, 0]])
         second = np.concatenate([chain + 1, pairs[:, 1]])
         lengths = np.concatenate([np.diff(path_m[self._ends]), np.zeros(len(pairs))])
-        lengths = np.maximum(lengths, _STEP_M)  # A length of zero would count as no way at all.
+        lengths = np.maximum(lengths, _STEP_M)  # A sparse graph would treat a length of zero as a missing edge.
         self._steps = csr_array(coo_array((lengths, (first, second)), shape=(len(self._ends), len(self._ends))))
         self._from_end: dict[int, NDArray[np.float32]] = {}
 
     def between(self, here: int, there: NDArray[np.intp]) -> NDArray[np.float64]:
-        """Return (M,) the lengths of the shortest paths from one row to others."""
+        """Return the lengths (M,) of the shortest paths from one row to others, in metres."""
         shortest = np.abs(self._path_m[there] - self._path_m[here])
         if not len(self._ends):
             return shortest
@@ -206,7 +208,7 @@ class _ShortestWays:
         return self._from_end[end]
 
     def _beside(self, rows: NDArray[np.intp]) -> tuple[tuple[NDArray[np.intp], NDArray[np.float64]], ...]:
-        """Return the next closure before and after each row (M,), and how far it is to them."""
+        """Return the nearest closure before and after each row (M,), and the distances to them in metres."""
         after = np.minimum(np.searchsorted(self._ends, rows), len(self._ends) - 1)
         before = np.maximum(after - 1, 0)
         return tuple((k, np.abs(self._path_m[self._ends[k]] - self._path_m[rows])) for k in (before, after))

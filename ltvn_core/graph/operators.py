@@ -23,19 +23,19 @@ class OperatorThresholds:
     """The thresholds of the two operators."""
 
     merge_distance: float
-    """D_m."""
+    """D_m: greatest d for merging."""
     merge_reachability: float
     """Least r for merging."""
     merge_yaw_rad: float
-    """Greatest yaw for merging."""
+    """Largest difference of heading for merging, in radians."""
     connect_distance: float
-    """D_c."""
+    """D_c: greatest d for an edge."""
     connect_reachability: float
-    """R_c."""
+    """R_c: least r for an edge."""
 
     @classmethod
     def building(cls, config: BuildingConfig) -> "OperatorThresholds":
-        """Return the gates of Algorithm 1."""
+        """Return the thresholds of Algorithm 1."""
         return cls(
             config.merge_distance,
             config.merge_reachability,
@@ -45,7 +45,7 @@ class OperatorThresholds:
         )
 
     def for_novel_nodes(self, config: ExpansionConfig) -> "OperatorThresholds":
-        """Return the gates for novel nodes: D_c looser, D_m smaller."""
+        """Return the thresholds for novel nodes: D_c looser, D_m smaller."""
         return replace(
             self,
             merge_distance=self.merge_distance * config.merge_factor,

@@ -1,9 +1,10 @@
 """Place belief: multi-hypothesis localisation, a Bayes filter over the places where the robot may be.
 
-Where rooms look alike one image says little: in an office of identical rooms 22 nodes resemble it, of which 2 or 3 are
-where the robot is. But all images of a query must fit one trajectory. So every place that resembles an image becomes a
-hypothesis that moves with odometry, and later images raise or lower its weight by whether they show what the map
-expects there (Jensfelt and Kristensen 2001, on metric maps). Owns the hypotheses and their weights (ours).
+Where rooms look alike, one image says little: in an office of identical rooms, 22 nodes resemble an image, but only 2
+or 3 of them are near the robot. But all images of a query must fit one trajectory. So every place that resembles an
+image becomes a hypothesis that moves with odometry. Later images raise or lower its weight, depending on whether they
+show what the map expects there (Jensfelt and Kristensen 2001, on metric maps). Owns the hypotheses and their weights
+(ours).
 """
 
 from collections.abc import Collection, Mapping
@@ -35,7 +36,7 @@ class NodeLayout:
 
     nodes: tuple[NodeId, ...]
     poses: Pose
-    """(N, 3)."""
+    """(N, 3) poses of the nodes in that plane."""
 
 
 def lay_out(graph: TopologicalGraph) -> NodeLayout:
@@ -54,7 +55,7 @@ def lay_out(graph: TopologicalGraph) -> NodeLayout:
 
 
 def _frames(poses: Pose, part_of: Rows, edges: Rows, waypoints: Waypoint) -> Pose:
-    """Return (P, 3) frames of the parts."""
+    """Return the origins (P, 3) of the parts' frames in the common plane."""
     count = int(part_of.max(initial=-1)) + 1
     joints = dict[tuple[int, int], Pose]()
     agreeing = dict[tuple[int, int], int]()
@@ -84,10 +85,10 @@ def _frames(poses: Pose, part_of: Rows, edges: Rows, waypoints: Waypoint) -> Pos
 
 
 def _joint(poses: Pose, edges: Rows, waypoints: Waypoint) -> tuple[Pose, int]:
-    """Return the frame (3,) of a second part in that of a first, by the edge that most edges agree with, and their
-    number.
+    """Return the frame (3,) of a second part in that of a first, from the edge that most other edges agree with, and
+    the number of edges that agree.
 
-    Edges lie far from where a frame begins, so they are compared where they end.
+    Edges lie far from the origins of the frames, so they are compared at their ends.
     """
     seen = compose(poses[edges[:, 0]], waypoints)
     frames = compose(seen, invert(poses[edges[:, 1]]))
@@ -120,7 +121,7 @@ _AGREES, _DISAGREES, _NOTHING_NEAR = float(np.log(0.85 / 0.45)), float(np.log(0.
 _NEW = -6.0
 """ln weight, relative to the best, of a new hypothesis."""
 _SAME_PLACE = (0.6, 0.4)
-"""A match within this of a hypothesis, in m and rad, starts no new one."""
+"""Distance from a hypothesis, in m and rad, within which a match starts no new hypothesis."""
 _MERGED = (0.3, 0.25)
 """Distance within which two hypotheses merge, in m and rad."""
 _TRUST_IN_MATCH = 0.5
@@ -132,21 +133,22 @@ _AROUND_M = 3.0
 AT_PLACE = (0.9, 0.5)
 """Largest error of a node's pose relative to the robot's place, in m and rad."""
 LIKELY, SURE = 0.5, 0.8
-"""Probability above which the robot drives by a place, and above which it judges by one."""
+"""Probability of a place above which the robot drives by it, and above which it judges attempts by it."""
 
 
 class BelievedPlace(NamedTuple):
-    """Where the robot probably is."""
+    """The place where the robot probably is."""
 
     nodes: Mapping[NodeId, Pose]
-    """The nodes around, each (3,) in the robot's frame, the nearest first."""
+    """Poses (3,) of the nodes around, in the robot's frame, the nearest first."""
     probability: float
     """Probability of this place among all hypotheses."""
     is_recognised: bool
     """Whether the last image shows a node where this place expects it; false where the world has changed."""
 
     def rules_out(self, node: NodeId, waypoint: Waypoint, probability: float) -> bool:
-        """Tell whether a node cannot be at a waypoint (3,), because this place is more certain."""
+        """Tell whether this place, if it is more probable than `probability`, contradicts that a node is at a waypoint
+        (3,)."""
         if self.probability <= probability or not self.is_recognised:
             return False
         known = self.nodes.get(node)
@@ -160,7 +162,7 @@ class _Places:
     poses: FloatArray
     """(M, 3) in the layout of the map."""
     log_weights: FloatArray
-    """(M,)."""
+    """(M,) ln of each hypothesis's weight."""
 
     def __len__(self) -> int:
         return len(self.poses)
@@ -195,7 +197,7 @@ class PlaceBelief:
     def nodes_to_ask(self, odometry: Pose) -> tuple[NodeId, ...]:
         """Return the nodes to compare with an image taken at an odometry pose (3,).
 
-        While the robot knows where it is these are the nodes near the hypotheses, else all.
+        While the robot knows where it is, these are the nodes near the hypotheses, otherwise all nodes.
         """
         if self._version != self._graph.version and self._layout.nodes != tuple(self._graph.nodes):
             self._lay_out()
@@ -209,8 +211,8 @@ class PlaceBelief:
     def see(self, odometry: Pose, matches: Matches, near_enough: NDArray[np.bool_]) -> None:
         """Weigh all hypotheses by an image taken at an odometry pose (3,), given its matches with `nodes_to_ask`.
 
-        Matches that are `near_enough` (N,) start new hypotheses. Images taken at one place are not independent, so give
-        only one of them.
+        Matches that are `near_enough` (N,) start new hypotheses. Images taken at one place are not independent, so only
+        one of them should be given.
         """
         self._move_to(odometry)
         begins = not len(self._places)
@@ -273,7 +275,7 @@ class PlaceBelief:
         return says == _AGREES
 
     def _begin_to_follow(self, matches: Matches) -> None:
-        """Start hypotheses at matches that have none."""
+        """Start a hypothesis at each match that is not near an existing one."""
         log_weight = self._places.log_weights.max() + _NEW if len(self._places) else 0.0
         poses = self._places.poses
         for k in np.argsort(matches.distances, kind="stable"):
@@ -305,21 +307,24 @@ class PlaceBelief:
 
 
 def is_where_expected(expected: Pose, seen: Pose, limits: tuple[float, float] = _GAP) -> NDArray[np.bool_]:
-    """Tell (...) which nodes are seen about where they are expected, (..., 3) each; limits are in m and rad."""
+    """Return a mask (...) of the nodes seen about where they are expected, from their poses (..., 3).
+
+    `limits` are the largest differences in m and rad.
+    """
     return _is_within(relative(expected, seen), limits)
 
 
 def _pairs(found: NDArray[np.object_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return which place and which node, for lists of the nodes that were found for each place."""
+    """Return all pairs of a place and a node, as rows (P,), from the list of nodes found for each place."""
     counts = [len(rows) for rows in found]
     return np.repeat(np.arange(len(found)), counts), np.array([row for rows in found for row in rows], np.intp)
 
 
 def _is_within(gap: FloatArray, limits: tuple[float, float]) -> NDArray[np.bool_]:
-    """Tell of waypoints (..., 3) which are no farther than limits, in m and rad; (...)."""
+    """Return a mask (...) of the waypoints (..., 3) that are within limits, in m and rad."""
     return (np.hypot(gap[..., 0], gap[..., 1]) < limits[0]) & (np.abs(wrap_angle(gap[..., 2])) < limits[1])
 
 
 def _apart(waypoint: FloatArray) -> FloatArray:
-    """Return the distance between poses, (..., 3) to (...), in metres; turns are converted to metres."""
+    """Return the lengths (...) in metres of waypoints (..., 3); turns are converted to metres."""
     return np.hypot(waypoint[..., 0], waypoint[..., 1]) + _M_PER_RAD * np.abs(wrap_angle(waypoint[..., 2]))

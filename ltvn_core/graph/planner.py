@@ -36,7 +36,7 @@ from ltvn_core.types import NodeId
 
 _MIN_P = 1e-3
 _LEAST_P = 1e-6
-"""Least p of a cost that depends only on the belief."""
+"""Lower limit of p in a cost that depends only on the belief."""
 
 EdgeWeight: TypeAlias = Callable[[Belief], float]
 """Returns the cost of an edge from its belief; finite and not negative."""
@@ -55,7 +55,7 @@ NO_PATH = GraphPath((), math.inf)
 
 
 def edge_cost(belief: Belief, config: PlanningConfig) -> float:
-    """Return mu, or mu - weight * ln p where the belief counts."""
+    """Return mu - weight * ln p, with the belief weight in `config`; mu alone if that is 0."""
     return belief.mu - config.belief_weight * math.log(max(belief.p, _MIN_P))
 
 
@@ -74,7 +74,7 @@ class Planner:
     rebuild."""
 
     def __init__(self, graph: TopologicalGraph, config: PlanningConfig, *, weight: EdgeWeight | None = None) -> None:
-        """Mirror `graph`, whose edges cost `weight` if that is given and else `edge_cost`."""
+        """Mirror `graph`; its edges cost `weight`, or `edge_cost` if no weight is given."""
         self._graph = graph
         self._weight = weight or partial(edge_cost, config=config)
         self._rebuild()
@@ -134,9 +134,9 @@ class Planner:
             case ViewAdded() | ViewUsed() | ViewDropped():
                 pass  # Views do not change where edges lead.
             case EdgeActionSet():
-                pass  # An action costs what its edge's belief says.
+                pass  # The cost of an action is the cost of its edge's belief.
             case NodeAdded() | NodeDropped():
-                return False  # It moves the rows, so the mirror is rebuilt.
+                return False  # Node indices change, so the mirror is rebuilt.
             case EdgeProtected() | NodeNamed() | DriveBegun() | FramesReserved() | FramesReleased():
                 return False
         return True

@@ -17,9 +17,10 @@ from ltvn_core.geometry import relative, wrap_angle
 from ltvn_core.types import Pose, Waypoint
 
 _TRUNCATED_ABOVE = 11.34
-"""Squared error, in standard deviations, above which a closure is false: 99 % of the true ones are below."""
+"""Squared error, in standard deviations, above which a closure counts as false; 99 % of the true ones stay below it."""
 _GROWTH = 1.2
-"""Many small rounds of one step find true closures that few large rounds of three steps lose, in half the solves."""
+"""Factor by which the control parameter grows per round. Many rounds of one step find true closures that a few rounds
+of three steps lose, in half the solves."""
 _MOST_ROUNDS = 200
 _LAST_STEPS = 10
 _CONVERGED = 1e-4
@@ -31,7 +32,7 @@ _LONGEST_WAY = 1.5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RelativePoses:
-    """Measurements of how pairs of poses lie to each other."""
+    """Measured relative poses of M pairs of poses."""
 
     first: NDArray[np.intp]
     """(M,) rows of the reference poses."""
@@ -50,7 +51,7 @@ class RelativePoses:
         return RelativePoses(self.first[rows], self.second[rows], self.poses[rows], self.deviations[rows], shares)
 
     def errors(self, poses: Pose) -> NDArray[np.float64]:
-        """Return the errors of poses (N, 3), (M, 3) in standard deviations."""
+        """Return the errors (M, 3) of the pairs among poses (N, 3), in standard deviations."""
         gap = relative(poses[self.first], poses[self.second]) - self.poses
         gap[:, 2] = wrap_angle(gap[:, 2])
         return gap / self.deviations
@@ -62,14 +63,14 @@ class OptimisedPoses(NamedTuple):
     poses: Pose
     """(N, 3); the first stays where it was."""
     kept: NDArray[np.bool_]
-    """(K,) which closures are believed."""
+    """(K,) whether each closure counts as true."""
 
 
 def optimise(poses: Pose, odometry: RelativePoses, closures: RelativePoses) -> OptimisedPoses:
-    """Return the poses that odometry and closures agree on, from a first guess (N, 3), without the false closures.
+    """Return the poses that agree best with odometry and the true closures, starting from a first guess (N, 3).
 
-    Odometry must be a chain that joins all poses in a row. Closures between places that lie farther apart than all that
-    was driven between them are false from the beginning: one of them would bend everything.
+    Odometry must be a chain that joins all poses in order. A closure between places farther apart than the distance
+    driven between them counts as false from the beginning, because one such closure would bend everything.
     """
     possible = _within_the_way(odometry, closures)
     found = _optimise_possible(poses, odometry, closures.among(possible))
@@ -79,7 +80,7 @@ def optimise(poses: Pose, odometry: RelativePoses, closures: RelativePoses) -> O
 
 
 def _within_the_way(odometry: RelativePoses, closures: RelativePoses) -> NDArray[np.bool_]:
-    """Return (K,) which closures join places no farther apart than the way between them allows."""
+    """Return a mask (K,) of the closures whose places are no farther apart than the driven distance allows."""
     driven_m = np.concatenate([[0.0], np.cumsum(np.hypot(odometry.poses[:, 0], odometry.poses[:, 1]))])
     way_m = np.abs(driven_m[closures.first] - driven_m[closures.second])
     apart_m = np.hypot(closures.poses[:, 0], closures.poses[:, 1])
@@ -104,7 +105,7 @@ def _optimise_possible(poses: Pose, odometry: RelativePoses, closures: RelativeP
 
 
 def _truncated_weights(squared: NDArray[np.float64], control: float) -> NDArray[np.float64]:
-    """Return the weights (K,) of closures with these squared errors: 1 for the small ones, 0 for the large."""
+    """Return the weights (K,) of closures with these squared errors: 1 for small errors, 0 for large ones."""
     between = np.sqrt(_TRUNCATED_ABOVE * control * (control + 1) / np.maximum(squared, 1e-12)) - control
     sure = _TRUNCATED_ABOVE * control / (control + 1)
     lost = _TRUNCATED_ABOVE * (control + 1) / control
@@ -158,9 +159,9 @@ class _Solver:
 
 class _Linearised(NamedTuple):
     jacobian: csc_array
-    """(3 M, 3 N)."""
+    """(3 M, 3 N) derivatives of the errors with respect to the poses."""
     errors: NDArray[np.float64]
-    """(3 M,)."""
+    """(3 M,) weighted errors."""
 
 
 def _linearised(poses: Pose, measured: RelativePoses, weights: NDArray[np.float64]) -> _Linearised:

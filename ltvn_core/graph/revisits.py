@@ -11,10 +11,11 @@ from ltvn_core.types import Pose
 
 NEAR_M = 0.6
 NEAR_RAD = math.radians(20)
-"""Two images within both limits can be compared; a map has edges between such."""
+"""Largest distance in metres, and largest difference of heading, of images that can be compared; edges join such
+images."""
 _REVISIT_PATH_M = 3.0
 _REVISIT_S = 10.0
-"""Distance, or time while turning on the spot, after which a place counts as revisited."""
+"""Distance in metres, or time in seconds while turning on the spot, after which a place counts as revisited."""
 
 
 def near_pairs(poses: Pose) -> NDArray[np.intp]:
@@ -29,7 +30,7 @@ def near_pairs(poses: Pose) -> NDArray[np.intp]:
 
 
 def revisits(pairs: NDArray[np.intp], poses: Pose, stamps: NDArray[np.float64]) -> NDArray[np.intp]:
-    """Return those of some near pairs (K, 2) of N images that lie on two passes of one place, the earlier row first.
+    """Return the near pairs (K, 2) whose images lie on two passes of one place, the earlier row first.
 
     Args:
         pairs: Rows, as `near_pairs` returns them.

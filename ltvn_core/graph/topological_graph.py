@@ -59,7 +59,7 @@ def edge_name(edge: Edge) -> str:
 
 
 def require(holds: bool, otherwise: str) -> None:
-    """Raise MapError with this message unless a condition holds."""
+    """Raise MapError with the message `otherwise` unless a condition holds."""
     if not holds:
         raise MapError(otherwise)
 
@@ -68,7 +68,7 @@ EdgeKey: TypeAlias = tuple[NodeId, NodeId]
 """Source and target, which name an edge."""
 
 MAX_ACTION_LENGTH = 200
-"""Characters of an edge's action."""
+"""Largest number of characters of an edge's action."""
 MOST_PRESENCE_OBSERVATIONS = 256
 """Number of latest observations of presence kept for an edge."""
 
@@ -118,7 +118,7 @@ class TopologicalGraph:
 
     @property
     def views(self) -> Views:
-        """How nodes looked at other times, of those that have such views; read only."""
+        """The views of each node that has any; read only."""
         return self._views.by_node
 
     @property
@@ -350,7 +350,7 @@ class TopologicalGraph:
 
 
 def is_action(text: str) -> bool:
-    """Tell whether a text can be an edge's action, or stand for none."""
+    """Tell whether a text can be an edge's action; an empty text, which stands for no action, can."""
     return len(text) <= MAX_ACTION_LENGTH and text.isprintable()
 
 

@@ -20,7 +20,7 @@ from ltvn_core.geometry import compose, invert, relative
 from ltvn_core.types import FrameId, Observation, Pose
 
 _APART_M, _APART_RAD = 0.4, 0.5
-"""Images taken farther apart than this share too little."""
+"""Largest motion between two compared images, in m and rad; images taken farther apart show too little in common."""
 _LOOK_M, _LOOK_RAD = 0.2, 0.2
 """Largest motion between two images of the tracker, in m and rad."""
 _AGREES_M = 0.045
@@ -31,7 +31,8 @@ _CAP_M = 0.25
 """Distance at which points without a counterpart are capped, in metres."""
 _LEAST_POINTS = 15
 _EDGE_RAD, _NEAR_M = 0.1, 0.35
-"""Points within this of the edge of the earlier image, or of its camera, may have no counterpart there."""
+"""Points within this of the edge of the earlier image, in rad, or of its camera, in m, may have no counterpart
+there."""
 _STEPS = ((0.05, 0.04), (0.0125, 0.01))
 """Step sizes of the search in m and rad: coarse, then fine."""
 _REACH = ((9, 9), (4, 4))
@@ -39,8 +40,9 @@ _REACH = ((9, 9), (4, 4))
 _COST_PER_M, _COST_PER_RAD = 0.02, 0.025
 """Cost of deviating from odometry, so that among equally good motions the nearest to it wins."""
 _SURFACE_GAP_M, _SURFACE_STEP_M = 0.8, 0.04
-"""Largest gap between neighbouring scan points that belong to one surface, and the spacing of points on it, in metres.
-Along a corridor bare points lie far apart, and two scans would agree best without any motion."""
+"""Largest gap between neighbouring scan points that belong to one surface, and the spacing of the points added to it,
+in metres. Without added points, scan points along a corridor lie far apart, and two scans agree best without any
+motion."""
 
 
 class SlipTracker:
@@ -54,7 +56,7 @@ class SlipTracker:
         """(3,) pose of the current odometry frame in the original one; None as long as nothing slipped."""
 
     def see(self, seen: Observation) -> Observation:
-        """Return the next image with corrected odometry."""
+        """Return the next image, with corrected odometry."""
         if self._last is None or seen.step != self._last[0].step:
             self._compare(seen)
         return seen if self._frame is None else replace(seen, odometry=self.mended(seen.odometry))
@@ -91,7 +93,7 @@ def without_slips(
 ) -> Iterator[Observation]:
     """Yield images in their order, each with odometry corrected for the slips before it in its drive.
 
-    Odometry starts anew at `drive_starts`.
+    Odometry restarts at `drive_starts`.
     """
     tracker = SlipTracker(camera)
     for seen in observations:
@@ -124,7 +126,7 @@ def motion_after_slip(before: DepthScan, after: DepthScan, moved: Pose) -> Pose 
 
 
 def _around(motion: Pose, steps: tuple[float, float], reach: tuple[int, int]) -> Pose:
-    """Return candidate motions (C, 3) that vary the distance along the heading and the turn of one (3,)."""
+    """Return candidate motions (C, 3) around one (3,), with other distances along the heading and other turns."""
     ahead, turn = np.meshgrid(*(step * np.arange(-n, n + 1) for step, n in zip(steps, reach, strict=True)))
     steps_there = np.stack([ahead.ravel(), np.zeros(ahead.size), turn.ravel()], axis=-1)
     return compose(motion, steps_there.astype(np.float64))
@@ -133,7 +135,7 @@ def _around(motion: Pose, steps: tuple[float, float], reach: tuple[int, int]) ->
 def _gaps(tree: KDTree, before: DepthScan, points: NDArray[np.float64], motions: Pose) -> NDArray[np.float64]:
     """Return (C,) the mean distance of a scan (M, 2) from an earlier one, for each motion (C, 3) between them.
 
-    Infinite where the earlier scan shows too little of it.
+    The distance is infinite if the earlier scan shows too few of the points.
     """
     cos, sin = np.cos(motions[:, 2:]), np.sin(motions[:, 2:])
     x = motions[:, :1] + cos * points[:, 0] - sin * points[:, 1]
@@ -148,7 +150,7 @@ def _gaps(tree: KDTree, before: DepthScan, points: NDArray[np.float64], motions:
 
 
 def _surface(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the points (K, 2) of a scan with those between neighbours that belong to one surface."""
+    """Return the points (K, 2) of a scan, with points added between neighbours that belong to one surface."""
     gaps = np.linalg.norm(np.diff(points, axis=0), axis=1)
     between = [
         points[k] + np.linspace(0, 1, int(gaps[k] / _SURFACE_STEP_M) + 2)[1:-1, None] * (points[k + 1] - points[k])

@@ -1,7 +1,7 @@
-"""Aligns drives for drawing: moves each as a whole to where the images place it.
+"""Aligns drives for drawing: moves each drive as a whole to where its recognised images place it.
 
-Relations within a drive's odometry are unchanged. Drives with continued odometry are moved together, and a drive
-without recognised images is placed beside the others. Owns how a drive is moved.
+The relative poses within a drive do not change. Drives with continued odometry are moved together, and a drive without
+recognised images is placed beside the others. Owns how a drive is moved.
 """
 
 from collections.abc import Callable, Sequence
@@ -20,20 +20,20 @@ from ltvn_core.types import FrameId, Observation, Pose, Predictor
 
 _APART_M = 2.0
 _OUTLIER = 3.0
-"""d at which errors are capped as outliers."""
+"""Greatest d of an error; the larger errors of outliers count as this."""
 
 Movements = dict[str, Callable[[Pose], Pose]]
 
 
 def drive_movements(graph: TopologicalGraph, drives: Sequence[JoinedDrive]) -> Movements:
-    """Return for the name of each drive the transform of its odometry poses (3,) into the frame of the first.
+    """Return for each drive, by name, the transform of its odometry poses (3,) into the frame of the first drive.
 
-    Linear in edges, and quadratic in those that join drives.
+    Linear in the number of edges, and quadratic in the number of edges that join drives.
     """
     poses = {node: np.array(held.odometry) for node, held in graph.nodes.items()}
     groups = _groups(drives)
     offsets = {drive.name: np.zeros(3) for drive in groups[0]}
-    for _ in groups:  # A drive may hang on one that hangs on another.
+    for _ in groups:  # A drive may be joined only to a drive that must be placed first.
         for group in groups:
             opinions = [] if group[0].name in offsets else _opinions(graph, group, drives, poses, offsets)
             if opinions:
@@ -45,7 +45,7 @@ def drive_movements(graph: TopologicalGraph, drives: Sequence[JoinedDrive]) -> M
 
 
 _Group: TypeAlias = list[JoinedDrive]
-"""Drives of one odometry, which are moved together."""
+"""Drives that share one odometry, so that they are moved together."""
 
 
 def _groups(drives: Sequence[JoinedDrive]) -> list[_Group]:
@@ -69,7 +69,7 @@ def _opinions(
     poses: dict[FrameId, Pose],
     offsets: dict[str, Pose],
 ) -> list[Pose]:
-    """Return the origin of a group's odometry according to each edge to a drive that is placed already."""
+    """Return the origins (3,) of a group's odometry, one from each edge to a drive that is already placed."""
     placed = [other for other in drives if other.name in offsets]
     found = []
     for (source, target), edge in graph.driven_edges.items():
@@ -81,7 +81,7 @@ def _opinions(
 
 
 def _most_agreed(opinions: Pose) -> Pose:
-    """Return of opinions (N, 3) the one that is nearest to all others, but for outliers."""
+    """Return the origin among (N, 3) that is nearest to all others, with outliers capped."""
     gaps = distance(relative(opinions[:, None], opinions[None]))
     return opinions[int(np.minimum(gaps, _OUTLIER).sum(axis=1).argmin())]
 
@@ -101,13 +101,13 @@ def _beside(group: _Group, drives: Sequence[JoinedDrive], poses: dict[FrameId, P
 
 
 def moved_observation(seen: Observation, drives: Sequence[JoinedDrive], movements: Movements) -> Observation:
-    """Return an image where the movement of its drive puts it."""
+    """Return an image, moved together with its drive."""
     drive = next((each for each in drives if each.holds(seen.step)), None)
     return seen if drive is None else replace(seen, odometry=movements[drive.name](seen.odometry))
 
 
 def moved_graph(graph: TopologicalGraph, keyframes: KeyframeStore) -> TopologicalGraph:
-    """Return the same map with its nodes where `keyframes` has their images."""
+    """Return the same map, with its nodes at the poses of their images in `keyframes`."""
     moved = []
     for delta in graph.deltas():
         if isinstance(delta, NodeAdded):
@@ -120,7 +120,7 @@ def moved_graph(graph: TopologicalGraph, keyframes: KeyframeStore) -> Topologica
 def moved_keyframes(
     keyframes: KeyframeStore, predictor: Predictor, drives: Sequence[JoinedDrive], movements: Movements
 ) -> KeyframeStore:
-    """Return the same images with their features, moved."""
+    """Return the same images and features, with moved poses."""
     moved = KeyframeStore(predictor)
     moved.begin_drives(keyframes.drive_starts, resumed=keyframes.resumed_starts)
     seen = [moved_observation(keyframes.observation(frame), drives, movements) for frame in keyframes.frames]

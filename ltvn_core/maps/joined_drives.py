@@ -1,7 +1,7 @@
 """Recordings of several drives as the images of one map: with unique numbers, on one clock, for one camera.
 
-Owns what images of different drives must not share: numbers and times. Their odometry is not changed; `is_continued`
-decides whether it continues from one drive to the next.
+Owns the numbers and times of the images, which must differ between drives. Their odometry is not changed;
+`is_continued` decides whether it continues from one drive to the next.
 """
 
 import math
@@ -25,9 +25,9 @@ from ltvn_core.preprocessing import recorded_observation
 from ltvn_core.types import FrameId, Observation, Pose, Waypoint
 
 LONGEST_PAUSE_S = 120.0
-"""Longest time between two drives of one odometry, in seconds."""
+"""Longest pause between two drives that share one odometry, in seconds."""
 _STOOD_M, _STOOD_RAD = 0.5, math.radians(30)
-"""A robot that moved by less than this, in metres and radians, stood still for all that a recording shows."""
+"""Motion, in metres and radians, up to which a robot counts as standing still between two recordings."""
 
 
 def is_continued(before: Recording, after: Recording) -> bool:
@@ -35,19 +35,20 @@ def is_continued(before: Recording, after: Recording) -> bool:
 
     Args:
         before: The drive that ended first.
-        after: The drive that may go on in its odometry.
+        after: The drive that may continue its odometry.
 
     Returns:
-        Whether both are of one place, source and frame of odometry; the second begins within two minutes of the end of
-        the first, on one clock; and its first pose is as near to the last one of the first as a robot can have come
-        since, and near neither the zero of odometry nor the first pose of the first.
+        True if all of these hold: both drives are of one place, one source and one frame of odometry. The second begins
+        within two minutes of the end of the first, on the same clock. A robot can have moved from the last pose of the
+        first to the first pose of the second in that time. The second does not begin near the zero of odometry, nor
+        near the first pose of the first.
     """
     if not may_be_one_place(before.meta, after.meta) or not _may_be_one_frame(before.meta, after.meta):
         return False
     earlier = before.poses
     later = after.poses
     if not (np.ptp(earlier.odometry, axis=0).any() and np.ptp(later.odometry, axis=0).any()):
-        return False  # Odometry that stands still is none.
+        return False  # Odometry that never changes is no odometry.
     pause_s = float(later.stamps[0] - earlier.stamps[-1])
     step = relative(earlier.odometry[-1], later.odometry[0])
     return _can_have_driven(step, pause_s) and not _may_be_restarted(earlier.odometry, later.odometry[0])
@@ -60,7 +61,7 @@ def may_be_one_place(one: RecordingMetadata, other: RecordingMetadata) -> bool:
 
 
 def _may_be_one_frame(one: RecordingMetadata, other: RecordingMetadata) -> bool:
-    """Tell whether odometry is of one kind, and of one frame where both recordings name theirs."""
+    """Tell whether the odometry of two recordings is of one kind, and in one frame if both name their frames."""
     here = _import_config(one)
     there = _import_config(other)
     named = here.get("odometry_frame"), there.get("odometry_frame")
@@ -73,7 +74,7 @@ def _import_config(meta: RecordingMetadata) -> Mapping[str, Any]:
 
 
 def _can_have_driven(step: Waypoint, pause_s: float) -> bool:
-    """Tell whether a robot can have come by a step (3,) in a pause; in a long one it must have stood."""
+    """Tell whether a robot can have moved by a step (3,) in a pause; in a long pause it must have stood still."""
     if not 0 < pause_s <= LONGEST_PAUSE_S:
         return False
     return _is_standing(step) or (pause_s <= PAUSE_S and float(distance(step)) < JUMP_M)
@@ -82,8 +83,8 @@ def _can_have_driven(step: Waypoint, pause_s: float) -> bool:
 def _may_be_restarted(before: Pose, pose: Pose) -> bool:
     """Tell whether odometry may have restarted at a pose (3,), rather than continued from poses (N, 3) before.
 
-    The recorded pose is the camera's, which at zero may be far from the middle of the robot and look aside; then both
-    drives start there.
+    The recorded pose is the camera's. At the zero of odometry the camera may be far from the middle of the robot and
+    look aside; then both drives start at that pose.
     """
     is_nearer_to_zero = float(distance(pose)) <= float(distance(relative(before[-1], pose)))
     return is_nearer_to_zero or _is_standing(pose) or _is_standing(relative(before[0], pose))
@@ -96,7 +97,7 @@ def _is_standing(step: Waypoint) -> bool:
 _PAUSE_S = 60.0
 """Least pause assumed between two drives if nothing more is known, in seconds."""
 _ROUND = 1000
-"""Images of a later drive are counted on from a multiple of this, so that a person sees which number was which."""
+"""The numbers of a later drive's images are raised by a multiple of this, so that a person still recognises them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -109,11 +110,12 @@ class JoinedDrive:
     last: FrameId
     """Frame id of its last image in the map."""
     added_steps: int = 0
-    """Offset of its steps against its recording."""
+    """Number that was added to the steps of its recording."""
     continues: str = ""
-    """Name of the drive before it whose odometry it continues; empty if its odometry starts anew."""
+    """Name of the drive before it whose odometry it continues; empty if its odometry restarts."""
     world_offset_s: float = 0.0
-    """Added to a stamp in the map it gives the time of the world, where its recording tells that."""
+    """Seconds to add to a stamp in the map to get the time of the world; 0 if its recording does not contain that
+    time."""
 
     def holds(self, frame: FrameId) -> bool:
         """Tell whether an image is of this drive."""
@@ -127,7 +129,7 @@ class JoinedDrives:
     observations: list[Observation]
     """The observations in order, as the camera of the first drive would have taken them."""
     drives: tuple[JoinedDrive, ...]
-    """Empty if there is only one."""
+    """The drives; empty if there is only one."""
     findings: tuple[Finding, ...]
     """Notes for the user."""
 
@@ -135,7 +137,7 @@ class JoinedDrives:
 def join_drives(recordings: Sequence[Recording]) -> JoinedDrives:
     """Read the images of one or more recordings; the first keeps its numbers and its times.
 
-    Raises MapError where a recording has no images, or is named twice.
+    Raises MapError if a recording has no images, or is named twice.
     """
     if len(recordings) == 1:
         only = recordings[0]
@@ -190,9 +192,10 @@ def _moved(recording: Recording, frame: FrameId, first: Recording, added_steps: 
 
 
 def _added_seconds(recording: Recording, first: Recording, before: Sequence[Observation]) -> float:
-    """Return the seconds to add to the clock of a drive so that it follows those before; mostly 0 for calendar time.
+    """Return the seconds to add to the clock of a drive so that it follows the drives before it.
 
-    Where the clocks of both start at zero, the calendar gives the time between the drives.
+    They are mostly 0 if the clocks show calendar time. If both clocks start at zero, the calendar gives the time
+    between the drives.
     """
     begins_s = float(recording.poses.stamps[0])
     if not before or begins_s > before[-1].stamp:
@@ -205,12 +208,12 @@ def _started_later(recording: Recording, first: Recording) -> float:
     try:
         began = [datetime.fromisoformat(each.meta.started_at) for each in (first, recording)]
         return (began[1] - began[0]).total_seconds()
-    except (ValueError, TypeError):  # A recording of another make says it in another way, or not at all.
+    except (ValueError, TypeError):  # Other software writes it in another form, or not at all.
         return 0.0
 
 
 def _world_offset_s(recording: Recording) -> float:
-    """Return the time of the world at stamp 0 of a recording, where it tells; else 0."""
+    """Return the time of the world at stamp 0 of a recording, in seconds; 0 if the recording does not contain it."""
     told = (stamped for stamped in recording.events if isinstance(stamped.event, WorldChanged))
     for stamped in told:
         assert isinstance(stamped.event, WorldChanged)
@@ -219,7 +222,7 @@ def _world_offset_s(recording: Recording) -> float:
 
 
 def _findings(recording: Recording, first: Recording) -> list[Finding]:
-    """Return reasons against joining two drives at all."""
+    """Return a finding if a recording seems to be of another place than the first."""
     here = recording.meta
     there = first.meta
     if may_be_one_place(here, there):

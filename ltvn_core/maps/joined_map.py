@@ -1,10 +1,10 @@
-"""Completes a map that was built from several drives: where drives begin, what they contradict, and how they are
-aligned.
+"""Completes a map that was built from several drives: marks where drives begin, finds what later drives contradict, and
+aligns the drives.
 
-Owns the order of these steps, the report of each drive, and what a later drive contradicts in the map of earlier ones:
-ways that are blocked now, or open again. A point in a depth image is new if no image of the earlier drives shows a
-solid point there; which edges it closes is `graph.presence.obstruction`. `graph.drive_links` joins drives while the map
-is built.
+Owns the order of these steps and the report of each drive. Also owns what a later drive contradicts in the map of
+earlier drives: paths that are blocked now, or open again. A point in a depth image is new if no image of the earlier
+drives shows a solid point there; `graph.presence.obstruction` finds the edges that new points close.
+`graph.drive_links` joins drives while the map is built.
 """
 
 from collections import Counter
@@ -33,45 +33,45 @@ from ltvn_core.maps.joined_drives import JoinedDrive
 from ltvn_core.types import NodeId, Observation, Pose, Predictor, Waypoint
 
 _FEW_RECOGNISED = 0.1
-"""Where less of a drive than this is recognised, the map hangs together by little."""
+"""Share of recognised images below which a drive is joined to the map by too little."""
 _RANGE_M = 2.5
-"""Things farther away are not placed well enough."""
+"""Range up to which depth locates obstacles well enough, in metres."""
 _KNOWN_WITHIN_M = 0.18
-"""Points within this of a point in an earlier image count as known."""
+"""Distance to a point in an earlier image within which a point counts as known, in metres."""
 _KNOWN_SHARE = 0.5
 """Share of known surroundings below which an image was probably taken elsewhere."""
 _LEAST_POINTS = 8
 _NODES, _IMAGES_AROUND = 12, 3
-"""Number of earlier nodes, and of images before and after each, that show what was there."""
+"""Number of earlier nodes, and of images before and after each node, that show the known obstacles."""
 _GRID_M = 0.05
 _ASK_EVERY = 0.35
-"""Images of a drive that are nearer to each other than this d are asked once."""
+"""Least d between two images of a drive that are both compared with the map."""
 _DRIVEN_ON = 2.5
-"""Distance d over which odometry locates an image after another that was recognised."""
+"""Greatest d over which odometry locates an image after another that was recognised."""
 _LEAST_LOOKS = 2
-"""Images that must agree that an edge is blocked."""
+"""Least number of images that must agree that an edge is blocked."""
 _ON_WAY_M = 0.25
-"""A robot within this of the middle of an edge drove along it."""
+"""Distance from the middle of an edge within which a robot drove along it, in metres."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriveReport:
-    """One drive in the map."""
+    """Report of one drive in the map."""
 
     name: str
     first: int
     """Frame id of its first image in the map."""
     added_steps: int
-    """Offset of its steps in the map against its recording."""
+    """Number that was added to the steps of its recording."""
     nodes: int
     joined_by: int
-    """Edges between its nodes and those of the drives before; 0 for the first."""
+    """Number of edges between its nodes and those of the drives before; 0 for the first."""
     joined_by_odometry: int
     """Number of these edges that only odometry supports."""
     continues: str
-    """Name of the drive before it whose odometry it continues; empty if its odometry starts anew."""
+    """Name of the drive before it whose odometry it continues; empty if its odometry restarts."""
     recognised: float | None
-    """Share of its images whose place the drives before had seen; None for the first."""
+    """Share of its images that were recognised in the drives before; None for the first."""
     blocked: tuple[EdgeKey, ...]
     """Edges of earlier drives that this drive saw blocked."""
     returned: tuple[EdgeKey, ...]
@@ -79,7 +79,7 @@ class DriveReport:
 
     @property
     def is_piece_of_its_own(self) -> bool:
-        """No image of it was recognised in the drives before, so nothing joins it to them."""
+        """Whether no image of it was recognised in the drives before, so that nothing joins it to them."""
         return self.recognised is not None and not self.joined_by and not self.recognised
 
     def __str__(self) -> str:
@@ -115,9 +115,10 @@ def join_map(
     predictor: Predictor,
     system: NavigationSystem,
 ) -> JoinedMap:
-    """Return the map that was built from `observations`, as the predictor sees them, with what it must know of drives.
+    """Return the map that was built from `observations`, completed with its drives.
 
-    Each drive after the first is compared with those before it; see `_Contradictions.compare` for the cost.
+    The `observations` are as the predictor sees them. Each drive after the first is compared with those before it; see
+    `_Contradictions.compare` for the cost.
     """
     for drive in drives:
         graph.apply(DriveBegun(drive.first, drive.name, Cause.BUILD))
@@ -179,7 +180,7 @@ class _Comparison:
 
     @property
     def share(self) -> float:
-        """Share of the images whose place was known."""
+        """Share of the compared images whose place was recognised."""
         return self.recognised / self.asked if self.asked else 0.0
 
 
@@ -224,7 +225,7 @@ class _Contradictions:
                 yield PresenceObserved(*key, present=True, stamp=stamp, cause=Cause.SIGHT)
 
     def _place(self, seen: Observation, earlier: Sequence[NodeId]) -> _Place | None:
-        """Return where an image was taken, as the images themselves and those around them say; None if unsure."""
+        """Return where an image was taken, judged by the image and those near it in time; None if unsure."""
         held = seen.step in self.keyframes
         features = self.keyframes.features([seen.step]) if held else self.predictor.encode([seen])
         matcher = Matcher(self.predictor, self.keyframes, self.system.method.matching)
@@ -272,14 +273,17 @@ class _Contradictions:
             yield image, relative(here, image.odometry)
 
     def _passed(self, place: _Place, first: int) -> set[EdgeKey]:
-        """Return the edges between earlier nodes on the middle of whose way the robot was."""
+        """Return the edges between earlier nodes whose middle the robot passed."""
         poses = nearby_poses(self.graph, place.node)
         near = [(node, target) for node in poses for target in self.graph.successors(node) if max(node, target) < first]
         return {key for key in near if _is_on_way(place.pose, poses[key[0]], np.array(self.graph.edges[key].waypoint))}
 
 
 def _report(graph: TopologicalGraph, drive: JoinedDrive, comparison: _Comparison | None) -> DriveReport:
-    """Return the report of a drive; `comparison` with those before is None for the first. Linear in the map."""
+    """Return the report of a drive from its `comparison` with the drives before, which is None for the first drive.
+
+    Linear in the map.
+    """
     crossing = [
         edge
         for key, edge in graph.edges.items()
@@ -301,7 +305,8 @@ def _report(graph: TopologicalGraph, drive: JoinedDrive, comparison: _Comparison
 
 
 def _driven_on(place: _Place, seen: Observation, now: Observation) -> _Place | None:
-    """Return where an image was taken that was not recognised, by odometry since the last one that was; None if far."""
+    """Return where an image that was not recognised was taken, by odometry since the last recognised one; None if
+    far."""
     driven = relative(seen.odometry, now.odometry)
     return _Place(place.node, compose(place.pose, driven)) if distance(driven) < _DRIVEN_ON else None
 
@@ -313,7 +318,7 @@ def _is_on_way(robot: Pose, start: Pose, waypoint: Waypoint) -> bool:
 
 
 def _spread(observations: Sequence[Observation]) -> list[Observation]:
-    """Return images that are apart from each other."""
+    """Return images that are apart from each other by at least `_ASK_EVERY`."""
     kept: list[Observation] = []
     for seen in observations:
         if not kept or distance(relative(kept[-1].odometry, seen.odometry)) >= _ASK_EVERY:

@@ -1,6 +1,7 @@
 """Builds a map from a recording: chooses the predictor, the system and the settings.
 
-Owns nothing of the method; `topological_map` builds. The verb and the page share this, so that both make the same map.
+Owns nothing of the method; `topological_map` builds the map. The command line and the page share this module, so that
+both make the same map.
 """
 
 import logging
@@ -33,7 +34,7 @@ class BuildOptions:
     predictor: str = AUTO
     """Name of the predictor that compares images."""
     weights: Path | None = None
-    """Weights instead of those that come with the system."""
+    """Path of weights to use instead of those that come with the system."""
     goals: tuple[FrameId, ...] = ()
     """Images that must become nodes because they are goals."""
     seed: int = 0
@@ -54,7 +55,7 @@ def build_recorded_map(
 ) -> RecordedMap:
     """Build a map from the images of one recording, or of several drives of one place.
 
-    `progress` is called with the images done and in all.
+    `progress` is called with the number of images done and the number of all images.
 
     Raises RecordingError, MapError, OptionError and WeightsError.
     """

@@ -1,7 +1,7 @@
 """A topological map with the images of its nodes: built from observations, saved to a file, loaded again.
 
 Owns no step of the method: Algorithm 1 is `graph.builder`, the file format is `data.recording.map_file`. Programs that
-build a map or drive by one hold this.
+build a map, or drive by a map, use this class.
 """
 
 import logging
@@ -41,7 +41,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class TopologicalMap(WithDoubts):
-    """Nodes, edges, and the images behind them."""
+    """A map: its nodes, its edges, and its images."""
 
     graph: TopologicalGraph
     """Nodes and directed edges with their beliefs; driving changes it."""
@@ -54,19 +54,19 @@ class TopologicalMap(WithDoubts):
     scene: str = ""
     """Place of the images: the name or file of a scene, or any name that a person gave."""
     camera: CameraModel | None = None
-    """The camera of the images; None is the predictor's."""
+    """The camera of the images; None if it is the predictor's camera."""
     predictor_name: str = ""
     """Name by which `predictor` can be opened again; empty if it has none."""
     scene_glb: bytes | None = None
-    """The scene as binary glTF, to be drawn with the map; None without a model of it."""
+    """The scene as binary glTF, to be drawn with the map; None if there is no model of it."""
     coverage: MapCoverage | None = None
     """Coverage of the drive when the map was built; None for a map that was loaded."""
     drives: tuple[DriveReport, ...] = ()
     """Reports of the drives when the map was built from several; empty for a single drive, or a map that was loaded."""
     goals: tuple[GoalReport, ...] = ()
-    """How each of the goals that were named stood to the map when it was built."""
+    """Reports about the named goals when the map was built."""
     findings: tuple[Finding, ...] = ()
-    """Doubts about the drive and the map when it was built, with likely causes and advice."""
+    """Problems of the drive and the map when it was built, with likely causes and advice."""
 
     @classmethod
     def of(
@@ -76,7 +76,7 @@ class TopologicalMap(WithDoubts):
         graph: TopologicalGraph | None = None,
         observations: Sequence[Observation] = (),
     ) -> Self:
-        """Hold a graph with the images of its frames; without one it is an empty map, to be built."""
+        """Return a map with a graph and the images of its frames; without a graph, return an empty map, to be built."""
         graph = TopologicalGraph() if graph is None else graph
         keyframes = KeyframeStore(predictor)
         keyframes.begin_drives(graph.drives)
@@ -96,14 +96,16 @@ class TopologicalMap(WithDoubts):
 
         Args:
             path: The file.
-            predictor: What compares images; None opens the one that made the map, with its shipped weights.
-            system: What drives by the map; None is the system that built it, with the `robust` preset.
-            with_reserve: Whether to encode the images of the reserve too; navigation needs them, finding a place
+            predictor: The predictor that compares images; None opens the one that made the map, with its shipped
+                weights.
+            system: The navigation system that drives by the map; None is the system that built it, with the `robust`
+                preset.
+            with_reserve: Whether to encode the images of the reserve too; navigation needs them, but finding a place
                 does not.
 
         Raises:
             RecordingError: The file is not a complete recording.
-            MapError: The file holds no map, or one that another predictor made.
+            MapError: The file contains no map, or another predictor made it.
             OptionError: The map's predictor or navigation system is not installed.
             WeightsError: The shipped weights are damaged.
         """
@@ -123,12 +125,12 @@ class TopologicalMap(WithDoubts):
         weights: Path | None = None,
         with_reserve: bool = True,
     ) -> Self:
-        """Open what a map needs that was read from a file: the predictor that made it, and the system that built it.
+        """Return a map that was read from a file, with the predictor that made it and the system that built it.
 
         Args:
-            loaded: What the file holds.
+            loaded: The contents of the file.
             preset: Name of the method's settings.
-            predictor: What compares images, by name; `auto` is the one that made the map.
+            predictor: Name of the predictor that compares images; `auto` is the one that made the map.
             weights: Weights to use instead of those that come with the map's system.
             with_reserve: Whether to encode the images of the reserve too.
 
@@ -148,7 +150,8 @@ class TopologicalMap(WithDoubts):
     def take(
         cls, loaded: LoadedMap, predictor: Predictor, system: NavigationSystem, *, with_reserve: bool = True
     ) -> Self:
-        """Hold a map that was read from a file. Raises MapError where another predictor made it."""
+        """Return a map that was read from a file, with its predictor and system. Raises MapError if another predictor
+        made it."""
         meta = loaded.meta
         graph = loaded.graph
         check_fingerprint(meta, predictor.fingerprint)
@@ -163,7 +166,8 @@ class TopologicalMap(WithDoubts):
 
     @property
     def images(self) -> list[Observation]:
-        """All images in memory, in the order they were taken; after building, also those that the map did not keep."""
+        """All images in memory, in the order they were taken; after building, these include images that the map did not
+        keep."""
         return [self.keyframes.observation(frame) for frame in self.keyframes.frames]
 
     def build(
@@ -174,9 +178,9 @@ class TopologicalMap(WithDoubts):
         goals: Collection[FrameId] = (),
         progress: ProgressCallback | None = None,
     ) -> Deltas:
-        """Build this map, which is empty, as its system does; returns the changes that make it.
+        """Build this empty map as its system does; return the changes that build it.
 
-        Raises MapError if there is no image, or a goal is none of them.
+        Raises MapError if there is no image, or if a goal is not one of the images.
         """
         deltas = self.system.build(
             observations, self.keyframes, self.predictor, rng=rng, goals=goals, progress=progress
@@ -186,17 +190,16 @@ class TopologicalMap(WithDoubts):
         return deltas
 
     def goal_reports(self, goals: Sequence[FrameId]) -> tuple[GoalReport, ...]:
-        """Return how each goal stands to the map, before any drive."""
+        """Return a report on each goal: whether paths lead there from most of the map."""
         return goal_reports(self.graph, goals, self.keyframes, self.predictor, self.system)
 
     def save(self, path: Path | str, *, config: Mapping[str, Any] | None = None, origin: Path | None = None) -> None:
-        """Write the map to a new file, which appears only when it is whole.
+        """Write the map to a new file, which appears only when it is complete.
 
         Args:
             path: The file to write; it must not exist yet. Its name ends in `.rrd`.
-            config: What else the file should say of how the map came about, as JSON holds it.
-            origin: A file whose images are copied as they lie there, because pictures lose a little each time they are
-                compressed.
+            config: Further information on how the map was built, to be stored as JSON.
+            origin: A file whose compressed images are copied unchanged, because each compression loses quality.
 
         Raises:
             MapError: An image of a node is missing.
@@ -233,9 +236,9 @@ class TopologicalMap(WithDoubts):
 
         Args:
             robot: The robot to drive.
-            seed: Draws which images of the reserve are tried where the map has no path; a generator is drawn from.
+            seed: Seed, or random generator, that draws the images of the reserve to try if the map has no path.
             bystanders: The people that the robot met before, under another navigator.
-            world_time: Tells the time in seconds where the world has another clock than the robot.
+            world_time: Returns the time of the world in seconds; needed if the world has another clock than the robot.
             actions: Performs the actions of edges, such as calling a lift; without it, each action fails.
         """
         return Navigator(
@@ -270,24 +273,24 @@ def build_map(
 
     Args:
         observations: RGB-D images with odometry, in any order; each has its own `step`, which names its node.
-            Those of several drives say nothing of each other by odometry unless one continues another, see `drives`.
-        predictor: What compares images; None loads the shipped network.
-        predictor_name: By what name it can be opened again, to be saved with the map.
+            Odometry does not relate images of different drives, unless one drive continues another, see `drives`.
+        predictor: The predictor that compares images; None loads the shipped network.
+        predictor_name: Name by which the predictor can be opened again, to be saved with the map.
         system: Strategies and thresholds; None is the paper's system with the `robust` preset.
-        scene: Where the images were taken, to be saved with the map.
-        camera: The camera of the images, `Recording.meta.camera`; they are rectified to the predictor's. None if
-            they are the predictor's already.
-        is_lens_known: Whether somebody said what the lens of that camera is; else it is named among the likely causes
-            of a map that is unfit for navigation.
-        seed: Draws the order in which images are sampled.
-        goals: Frames that must be nodes because somebody will want to go there.
-        drives: Which images are of which drive, where there are several, see `drives.joined_drives`. They are joined
-            where they recognise each other or where one continues another, and what a later drive finds blocked is
-            observed to be so.
-        progress: Called now and then with the number of images done and of images in all.
+        scene: Name of the place where the images were taken, to be saved with the map.
+        camera: The camera of the images, `Recording.meta.camera`; the images are rectified to the predictor's camera.
+            None if they were taken with that camera already.
+        is_lens_known: Whether the lens of the camera was given. An unknown lens is named among the likely causes of a
+            map that is unfit for navigation.
+        seed: Seed of the order in which images are sampled.
+        goals: Frames that must become nodes because they are goals.
+        drives: The drives of the images, if there are several, see `maps.joined_drives`. Drives are joined where they
+            recognise each other or where one continues another. Edges that a later drive finds blocked get an
+            observation that they are blocked.
+        progress: Called now and then with the number of images done and the number of all images.
 
     Raises:
-        MapError: There are no observations, their steps repeat, or a goal is none of them.
+        MapError: There are no observations, their steps repeat, or a goal is not one of them.
         WeightsError: The shipped weights are damaged.
     """
     if predictor is None:

@@ -1,6 +1,6 @@
-"""What does the actions that some edges need: a lift, a door, a person who carries the robot.
+"""Interface of the component that performs the actions of edges: a lift, a door, a person who carries the robot.
 
-Owns the contract alone. The navigator waits for it in `navigation.action_runner`.
+Owns the contract alone. `navigation.action_runner` waits until an action is done.
 """
 
 from enum import StrEnum
@@ -10,7 +10,7 @@ from ltvn_core.types import NodeId
 
 
 class ActionState(StrEnum):
-    """How far an action is."""
+    """State of an action."""
 
     PENDING = "pending"
     DONE = "done"
@@ -18,10 +18,11 @@ class ActionState(StrEnum):
 
 
 class ActionPerformer(Protocol):
-    """Does one action at a time. The navigator asks for its state at each control step, so no call may wait."""
+    """Performs one action at a time. The navigator asks for its state at each control step, so no call may wait."""
 
     def begin(self, source: NodeId, target: NodeId, action: str) -> None:
-        """Begin an action for a robot that stands still at `source`; an earlier action that is pending is over."""
+        """Begin an action for a robot that stands still at `source`; an earlier action that is still pending is
+        cancelled."""
         ...
 
     def state(self) -> ActionState:

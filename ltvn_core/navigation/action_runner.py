@@ -1,6 +1,7 @@
-"""Waits at the source of an edge until the edge's action is done.
+"""Runs the action of an edge while the robot waits at the source of the edge.
 
-Owns the events of an action and what it teaches. Where the robot stands before and afterwards is the query's matter.
+Owns the events of an action and the belief update after it. The query decides where the robot stands before and
+afterwards.
 """
 
 from ltvn_core.graph.deltas import BeliefUpdated
@@ -14,17 +15,17 @@ from ltvn_core.navigation.perception import Perception
 
 
 class ActionRunner:
-    """Has the actions of one query done."""
+    """Runs the actions of one query."""
 
     def __init__(self, context: NavigationContext, motion: MotionExecutor, perception: Perception, query: int) -> None:
-        """Ask the performer of `context`; without one, every action fails at once."""
+        """Use the action performer of `context`; without one, every action fails at once."""
         self._context = context
         self._motion = motion
         self._perception = perception
         self._query = query
 
     def run(self, edge: EdgeKey) -> EventGenerator[bool]:
-        """Have the action of an edge done, and tell whether it was; the robot stands still meanwhile.
+        """Run the action of an edge while the robot stands still; tell whether the action succeeded.
 
         Waiting does not count against the step limit, because a lift may take its time.
 
@@ -47,14 +48,14 @@ class ActionRunner:
         return succeeded
 
     def _perform(self, edge: EdgeKey, action: str) -> EventGenerator[ActionState]:
-        yield from self._motion.wait_one_step()  # So that the robot stands, and no plan is tried for ever.
+        yield from self._motion.wait_one_step()  # So that the robot stands, and no plan is repeated without end.
         performer = self._context.actions
         if performer is None:
             return ActionState.FAILED
         performer.begin(*edge, action)
         while (state := performer.state()) is ActionState.PENDING:
             yield from self._motion.stand_by()
-        yield from self._motion.stand_by()  # So that the robot sees and feels where it is now.
+        yield from self._motion.stand_by()  # So that the robot reads its sensors where it is now.
         return state
 
     def _ended(self, edge: EdgeKey, failure: str) -> ActionEnded:
@@ -62,7 +63,10 @@ class ActionRunner:
         return ActionEnded(self._query, *edge, frame, succeeded=not failure, reason=failure)
 
     def _learn(self, edge: EdgeKey, *, succeeded: bool) -> EventGenerator[None]:
-        """Update the belief in the edge's existence; its length was not measured, and only a person removes it."""
+        """Update the belief in the edge's existence.
+
+        The length of the edge was not measured, and only a person may remove it.
+        """
         context = self._context
         known = context.graph.edges.get(edge)
         if known is None:

@@ -38,7 +38,7 @@ _CAREFUL_M, _SLOW_M_S, _SLOWER_1_S = 0.25, 0.15, 0.5
 """Speed limit near people: the second value up to the first distance; beyond it, the third is added per metre."""
 _TURNED_RAD, _SLOWEST_TURN_RAD_S = 0.05, 0.2
 _ARC_ROOM_M = 0.2
-"""Length of free way that a car needs for one arc of a turn, in metres."""
+"""Length of free path that a car needs for one arc of a turn, in metres."""
 _FINAL_APPROACH_M = 0.3
 """Distance within which the waypoint is not predicted again, in metres."""
 
@@ -65,7 +65,7 @@ class AttemptDriver:
         *,
         bystanders: Bystanders | None = None,
     ) -> None:
-        """Drive with `motion`, looking through `perception`; `bystanders` are the people met before."""
+        """Drive with `motion`, using the images of `perception`; `bystanders` are the people met before."""
         self._motion = motion
         self._perception = perception
         self._turning = TurningCircle(spec.speeds)
@@ -117,7 +117,7 @@ class AttemptDriver:
         return AttemptResult(AttemptEnd.TIMEOUT, config.leg_steps, goal)
 
     def _lets_pass(self, twist: Twist) -> bool:
-        """Tell whether to stop because something moves close ahead, as long as this attempt has patience left."""
+        """Tell whether to stop because something moves close ahead, while this attempt may still wait."""
         may_wait = twist.linear_m_s > 0 and self._patience_steps > 0
         return may_wait and self._obstacles.moves_ahead(self._motion.odometry)
 
@@ -157,7 +157,7 @@ class AttemptDriver:
         self._patience_steps = round(self._config.patience_s / CONTROL_STEP_S)
 
     def _is_narrow(self, target: NodeId, waypoint: Waypoint) -> bool:
-        """Tell whether the way backwards is narrow, by images of the mapping drive, because the camera faces ahead."""
+        """Tell whether the path backwards is narrow, by images of the mapping drive, because the camera faces ahead."""
         if not self._config.back_up_clearance_m:
             return False
         spec = self._spec
@@ -185,7 +185,10 @@ class AttemptDriver:
                 return AttemptEnd.BLOCKED
 
     def _try_another_way(self, goal: Pose) -> bool:
-        """Turn round if backing up is blocked, because the camera faces ahead; otherwise plan a detour, a few times."""
+        """Turn round if backing up is blocked, because the camera faces ahead; otherwise plan a detour.
+
+        Returns False after a few tries, or without a detour.
+        """
         if not self._detours_left:
             return False
         if self._backwards:
@@ -256,7 +259,7 @@ class AttemptDriver:
         return self._obstacles.nearby_points(self._motion.odometry, keeping_from_people=False)
 
     def wander(self, length_m: float) -> Generator[Event | Tick, None, None]:
-        """Drive straight on at half speed while nothing is in the way; stop when a person approaches."""
+        """Drive straight on at half speed while the path is free; stop when a person approaches."""
         ahead = Twist(self._config.speed_m_s / 2, 0.0)
         if self.avoid_obstacles(ahead, length_m) == ahead:
             yield from self._motion.drive_straight(length_m, ahead.linear_m_s, goes_on=self._nobody_comes)

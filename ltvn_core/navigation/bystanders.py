@@ -65,7 +65,7 @@ class Bystanders:
         self._moved_s = stamp
 
     def look(self, scan: DepthScan, moving: NDArray[np.float64]) -> None:
-        """Update the people from an image: its scan, and its moving points (M, 2) in the odometry frame."""
+        """Update the people with an image: its scan, and its moving points (M, 2) in the odometry frame."""
         stamp = scan.stamp
         seen = [Bystander(_centred(_middle(scan, body), scan), stamp) for body in _bodies(moving)]
         if seen:
@@ -100,7 +100,7 @@ def _middle(scan: DepthScan, body: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _looked_for(known: Bystander, scan: DepthScan) -> Bystander | None:
-    """Return a person as an image shows them: still there, moved, or unchanged if out of view; None if gone."""
+    """Return a person after a look at an image: still there, moved, or unchanged if out of view; None if gone."""
     ahead, left, _ = relative(scan.pose, np.array([*known.place, 0.0]))
     away_m = math.hypot(ahead, left)
     half_rad = math.asin(min(1.0, _MIDDLE_M / max(away_m, _MIDDLE_M)))
@@ -112,14 +112,14 @@ def _looked_for(known: Bystander, scan: DepthScan) -> Bystander | None:
     if nearest_m > away_m - _THROUGH_M:
         return None
     if nearest_m < away_m - 2 * BODY_M:
-        return known  # Something hides the place.
+        return known  # Something hides the person.
     gap = known.place - scan.pose[:2]
     place = scan.pose[:2] + gap / max(away_m, 1e-6) * (nearest_m + BODY_M)
     return Bystander(_centred(place, scan), scan.stamp)
 
 
 def _centred(place: NDArray[np.float64], scan: DepthScan) -> NDArray[np.float64]:
-    """Return the middle (2,) of the body that a scan shows at `place` (2,); `place` if its width is not a body's."""
+    """Return the middle (2,) of the body that a scan shows at `place` (2,); `place` itself if no body is that wide."""
     bearings, ranges_m = scan.things()
     gap = place - scan.pose[:2]
     aside = np.stack([np.cos(bearings), np.sin(bearings)], axis=-1) * ranges_m[:, None] - gap

@@ -25,7 +25,7 @@ from ltvn_core.types import Predictor
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NavigationContext:
-    """Everything that outlives one query."""
+    """The objects that outlive one query."""
 
     graph: TopologicalGraph
     keyframes: KeyframeStore
@@ -41,7 +41,7 @@ class NavigationContext:
     world_time: Callable[[], float] | None = None
     """Returns the time of the world in seconds; None if the robot's clock shows the time of the world."""
     actions: ActionPerformer | None = None
-    """Performs the actions of edges; None if nobody does, so that each action fails."""
+    """Performs the actions of edges; if None, each action fails."""
     attempt_numbers: Iterator[int] = field(default_factory=lambda: itertools.count(1))
     """Numbers of the next attempts."""
 

@@ -37,7 +37,7 @@ class DeadReckoning:
     """Dead reckoning from the last place where the robot was recognised."""
 
     def __init__(self, context: NavigationContext, motion: MotionExecutor, perception: Perception) -> None:
-        """Know nothing yet."""
+        """Start without an estimate."""
         self._context = context
         self._motion = motion
         self._perception = perception
@@ -64,8 +64,8 @@ class DeadReckoning:
         """Tell whether the robot is at the last node of a segment by odometry, and remember the arrival.
 
         The place must also be recognised, or have changed. An edge that was never driven may be false, and at the end
-        of a false edge every place looks changed; on such edges `fits_depth` must confirm that the surroundings are
-        those of the node at a waypoint (3,).
+        of a false edge every place looks changed. So at the end of such an edge, `fits_depth` must confirm by depth
+        that the node is at a waypoint (3,).
         """
         graph = self._context.graph
         target = segment[-1]
@@ -83,7 +83,7 @@ class DeadReckoning:
         return False
 
     def take_arrival(self) -> Localisation | None:
-        """Return the last arrival by dead reckoning, once, if the robot has not moved since."""
+        """Return the last arrival by dead reckoning if the robot has not moved since, and forget it."""
         arrival, self._arrival = self._arrival, None
         if arrival is None or arrival[0] not in self._context.graph.nodes:
             return None
@@ -110,7 +110,7 @@ class DeadReckoning:
     def places(self, *, without: Collection[EdgeKey] = ()) -> dict[NodeId, Waypoint]:
         """Return the waypoints (3,) by odometry of the nodes around the last recognised one; empty if there is none.
 
-        `without`: edges that are left out.
+        `without` are edges to leave out.
         """
         if (
             not self._context.system.follows_presence
@@ -124,7 +124,8 @@ class DeadReckoning:
         return {other: relative(here, pose) for other, pose in poses.items()}
 
     def _looks_different(self, node: NodeId, waypoint: Waypoint) -> bool:
-        """Compare the distances to the nearest obstacle in each direction, now and in the node's image."""
+        """Tell whether the distances to the nearest obstacles differ from those in the node's image, in enough
+        directions."""
         camera = self._context.spec.camera
         seen = self._perception.observation
         image, _ = next(self._perception.observations_around(node, 0))

@@ -14,7 +14,7 @@ _DETOUR_RANGES_M = np.array([0.1, 0.2, 0.3, 0.45, 0.6, 0.8])
 _DETOUR_BEARINGS_RAD = np.deg2rad(np.arange(-120.0, 121.0, 10.0))
 """Bearings of via points relative to the waypoint's; limited, because the area behind the robot is unseen."""
 _GOAL_OFFSETS_M = np.array([0.0, 0.03, -0.03, 0.06, -0.06])
-"""Sideways offsets of the end of a path from the waypoint, which is a prediction."""
+"""Sideways offsets of the end of a path from the waypoint, in metres, because the waypoint is only a prediction."""
 _SAMPLES = 24
 _FAR_M = 0.5
 """Distance from a way beyond which obstacles are ignored, in metres."""
@@ -38,8 +38,8 @@ def find_detour(
     places, ends = _candidates(goal)
     here = np.zeros_like(places)
     now_m = float(_obstacle_distances_m(tree, here[:1])[0])
-    # A robot that is already too close may move away, but not closer.
-    ways = len(places) // len(_GOAL_OFFSETS_M)  # The way to the via point does not depend on the end of the way.
+    # A robot that is already too close to an obstacle may move away from it, but not closer.
+    ways = len(places) // len(_GOAL_OFFSETS_M)  # The path to the via point does not depend on the end of the path.
     first_m = np.tile(_path_clearances_m(tree, here[:ways], places[:ways]), len(_GOAL_OFFSETS_M))
     open_at_first = first_m > min(least_m, now_m - CLEARANCE_TOLERANCE_M)
     if not open_at_first.any():

@@ -17,7 +17,7 @@ from ltvn_core.types import NodeId
 from ltvn_core.worlds import change_text
 
 _MAX_NODES = 8
-"""A longer path is described by its first and last nodes."""
+"""Number of nodes above which a path is described by its first and last nodes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +39,7 @@ class EventDescription:
 
 
 def describe_event(event: e.Event) -> EventDescription:
-    """Put an event into words."""
+    """Describe an event in words."""
     match event:
         case e.StateChanged(state):
             return EventDescription(f"now {state}")
@@ -86,7 +86,7 @@ def describe_event(event: e.Event) -> EventDescription:
 
 
 def describe_delta(delta: d.GraphDelta) -> EventDescription:
-    """Put a change of the map into words, with its cause in brackets."""
+    """Describe a change of the map in words, with its cause in brackets."""
     match delta:
         case d.NodeAdded(node, cause):
             return EventDescription(f"node {node.id} added ({cause})", node=node.id)

@@ -241,7 +241,8 @@ class WorldChanged:
     change: WorldChange
     by: ChangedBy = ChangedBy.SCRIPT
     at_s: float = 0.0
-    """Time of the world in seconds from midnight of its first day; the robot's clock may stand still meanwhile."""
+    """Time of the world in seconds from midnight of its first day; while it passes, the robot's clock may stand
+    still."""
     outline: Outline | None = None
     """Outline of the door, thing or person now, for viewers without a model of the scene; None if there is none."""
 

@@ -33,7 +33,8 @@ class GoalCheck:
     ) -> None:
         """Check for `goal`.
 
-        `reckoning` locates a goal that has changed beyond recognition; `place` returns the robot's most probable place.
+        `reckoning` locates a goal that has changed so much that it is not recognised; `place` returns the robot's most
+        probable place.
         """
         self._method = method
         self._perception = perception
@@ -42,7 +43,8 @@ class GoalCheck:
         self._place = place
 
     def check(self) -> EventGenerator[bool]:
-        """Tell whether this is the goal: its image and its neighbours in time match, and the place belief allows it."""
+        """Tell whether the robot is at the goal: its image and its neighbours in time match, and the place belief
+        allows it."""
         seen = self._perception.node_match(self._goal)
         if not is_at_goal(seen.reachability, seen.waypoint, self._method.judging):
             return self._reckoning.is_at(self._goal)
@@ -81,8 +83,8 @@ def judge_attempt(
     """Judge an attempt by the arrival image o_d: it succeeded if the target is reachable and near.
 
     `odometry_error`: (3,) rest of the waypoint by odometry. `fits_place`: the place belief does not exclude the target.
-    `hindered`: an obstacle or the step limit ended the attempt. `driven_too_often`: the attempts along the edge exceed
-    their limit in this query.
+    `hindered`: an obstacle, a collision or the step limit ended the attempt. `driven_too_often`: the attempts along the
+    edge exceed their limit in this query.
     """
     judging = method.judging
     within = judging.success_distance or method.building.connect_distance
@@ -114,4 +116,4 @@ def is_at_goal(reachability: float, waypoint: Waypoint, config: JudgingConfig) -
 
 
 _AT_TARGET_DISTANCE = 0.3
-"""The robot is at a target that is nearer than this d."""
+"""Distance d below which the robot is at the target."""

@@ -23,7 +23,7 @@ from ltvn_core.navigation.query_memory import MOST_OBSTRUCTIONS, QueryMemory
 from ltvn_core.types import NodeId, Waypoint
 
 _STEPS_OF_A_WAY = 10
-"""Number of control steps from which the robot counts as having left the place of the last attempt."""
+"""Number of control steps after which the robot counts as having left the place of the last attempt."""
 _EDGES_IN_SIGHT = 4
 """Number of edges at the beginning of a plan that are checked for obstacles."""
 
@@ -62,11 +62,11 @@ class MapLearner:
         return self._obstructions.knows_surroundings(source)
 
     def fits_depth(self, node: NodeId, waypoint: Waypoint) -> bool:
-        """Tell whether the robot's surroundings are those in the images of a node at a waypoint (3,) from here."""
+        """Tell whether the images of a node, at a waypoint (3,) from here, show the robot's surroundings."""
         return self._obstructions.fits_depth(node, waypoint)
 
     def look(self, path: GraphPath) -> Generator[Event, None, bool]:
-        """Look for obstacles before an attempt; tell whether a new one closes the way, so that the robot replans."""
+        """Look for obstacles before an attempt; tell whether a new one closes the path, so that the robot replans."""
         context = self._context
         presence = context.system.presence
         now_s = self._now_s
@@ -85,7 +85,7 @@ class MapLearner:
             return False
         self._memory.obstructions += 1
         for edge in across:
-            self._memory.record_failure(edge)  # So that in this query other ways are tried first.
+            self._memory.record_failure(edge)  # So that this query tries other paths first.
         return True
 
     def learn(
@@ -104,7 +104,7 @@ class MapLearner:
         if not verdict.succeeded:
             memory.record_failures(segment)
             blocked = result.end in OBSTRUCTED_ENDS
-            # A robot that is stopped before it moves is still stopped by the same obstacle as before.
+            # A robot that is stopped before it moves is stopped by the same obstacle as before.
             came = blocked and result.steps >= _STEPS_OF_A_WAY
             again = came and memory.record_stop((segment[0], segment[-1]))
             obstruction = self._obstructions.find(segment, blocked=blocked, again=again)

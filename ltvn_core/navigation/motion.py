@@ -82,12 +82,17 @@ class MotionExecutor:
         yield from self._update_state()
 
     def wait_one_step(self) -> Iterator[Event | Tick]:
-        """Stand still for one control step; it counts against the step limit, so that no loop is endless."""
+        """Stand still for one control step.
+
+        The step counts against the step limit, so that no loop is endless.
+        """
         yield from self.move(ZERO_TWIST)
 
     def stand_by(self) -> Iterator[Event | Tick]:
-        """Let one control step pass while the robot may be carried: it counts neither as a step to the limit nor as way
-        driven."""
+        """Let one control step pass while the robot may be carried.
+
+        It counts neither against the step limit nor as driven distance.
+        """
         driven_m = self.path_m
         self._uncounted += 1
         yield from self.move(ZERO_TWIST)
@@ -120,5 +125,5 @@ class MotionExecutor:
             self.observe()
 
     def _mended(self, state: RobotState) -> RobotState:
-        """Return a state of the robot with corrected odometry."""
+        """Return a state of the robot with odometry corrected for wheel slips."""
         return state if self._slips is None else state._replace(odometry=self._slips.mended(state.odometry))

@@ -1,6 +1,7 @@
 """Observation trail: the last few observations of a query, with the odometry of each.
 
-Owns which observations are kept. Odometry drifts, so only the last metres say anything about where the robot is now.
+Owns which observations are kept. Odometry drifts, so only the observations of the last metres show where the robot is
+now.
 """
 
 from collections import deque
@@ -12,7 +13,7 @@ from ltvn_core.types import Features, Pose
 _MAX_OBSERVATIONS = 24
 """Maximum number of observations kept."""
 _MIN_SPACING = 0.2
-"""Greatest d to the last observation at which a new one is not kept."""
+"""Least d from the last kept observation at which a new one is kept."""
 
 
 class ObservationTrail:

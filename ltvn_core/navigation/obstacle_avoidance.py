@@ -44,7 +44,7 @@ def collision_free_command(
 def _clear_m(clear_m: float, now_m: float) -> float:
     """Return the distance to keep from obstacles, in metres, if the nearest one is `now_m` away.
 
-    A robot that is already too close may move away, but not closer.
+    A robot that is already too close to an obstacle may move away from it, but not closer.
     """
     return min(clear_m, now_m - CLEARANCE_TOLERANCE_M)
 
@@ -66,6 +66,6 @@ def _arc(twist: Twist, reach_m: float) -> NDArray[np.float64]:
 def _obstacle_distances_m(places: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return (P,) distances in metres from places (P, 2) to the nearest obstacle, without noise."""
     ahead, left = (places[:, None, axis] - points[:, axis] for axis in (0, 1))
-    # Squares are ordered as distances are, and only one root for each place is needed.
+    # Squared distances have the same order, so only one root for each place is needed.
     squares = np.partition(ahead**2 + left**2, MAX_NOISE_POINTS, axis=1)
     return np.sqrt(squares[:, MAX_NOISE_POINTS])

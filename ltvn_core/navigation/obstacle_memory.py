@@ -46,7 +46,7 @@ class MovingObstacles:
     def moving(self, scan: DepthScan, things: NDArray[np.float64], nearby: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Return (M,) which solid points (M, 2) of an image, in the odometry frame, have moved; remember the image.
 
-        Where nothing as large as a person moves, only points that are `nearby` (M,) can be a person.
+        If the moving points are not as wide as a person, only those that are `nearby` (M,) can be a person.
         """
         moved = self._moved(scan.stamp, things)
         if _are_somebody(things[moved], scan):
@@ -88,19 +88,19 @@ def _votes(scan: DepthScan, points: NDArray[np.float64]) -> tuple[NDArray[np.boo
 
 
 _REMEMBERED_IMAGES = 40
-"""Number of images that are remembered; they cover the last metres and a full turn."""
+"""Number of images that are remembered; together they cover the last metres and a full turn."""
 _UPDATE_AFTER_M = 0.07
 _UPDATE_AFTER_RAD = 0.08
-"""Turn after which the memory is updated; an image stays valid for longer than a control step, and each update costs as
-much as the rest of the step."""
+"""Turn after which the memory is updated, in radians. An image stays valid for longer than a control step, and an
+update costs as much as the rest of the step."""
 _COLLISION_MEMORY_STEPS = 100
 """Control steps after which a collision is forgotten, because its assumed place may block a door."""
 _BUMPER_MARGIN_M = 0.02
 """Distance outside the robot at which a collision is assumed, in metres."""
 _AHEAD_M, _ASIDE_M = 1.1, 0.5
-"""Length and half width of the area in front of the robot in which moving things are close ahead, in metres."""
+"""Length and half width of the area in front of the robot in which moving things count as close ahead, in metres."""
 _ATTENTIVE_S = 0.08
-"""Age at which an image is replaced if people are near, even if the robot has not moved, in seconds."""
+"""Age at which an image is replaced if people are near, in seconds, even if the robot has not moved."""
 _KEEP_M = 0.12
 """Extra distance that the robot keeps from people, in metres."""
 _NEXT_TO_M = 0.1
@@ -112,7 +112,7 @@ as noise."""
 _SIDES_M = 0.15 * np.array([(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)])
 """Extra distance that the robot keeps from moving things, in metres."""
 _HIT_WIDTH_M, _HIT_POINTS = 0.5, 11
-"""Assumed width of an obstacle that was hit, and the number of points that represent it."""
+"""Assumed width of an obstacle that was hit, in metres, and the number of points that represent it."""
 _COLLISION_BEARINGS_RAD = np.deg2rad(np.repeat([-12.0, 0.0, 12.0], 3))
 """Bearings of the points of a collision; each point counts three times, so that it is not filtered as noise."""
 
@@ -150,7 +150,7 @@ class ObstacleMemory:
     def is_outdated(self, odometry: Pose, stamp: float) -> bool:
         """Tell whether a robot at `odometry` (3,) at `stamp` seconds needs a new image.
 
-        It does after it has moved, and again and again while people are near.
+        A new image is needed after each motion, and at short intervals while people are near.
         """
         if self._last_pose is None:
             return True
@@ -160,7 +160,7 @@ class ObstacleMemory:
         return stamp - self._last_stamp > _ATTENTIVE_S and len(self.people(stamp)) > 0
 
     def add(self, observation: Observation) -> None:
-        """Remember the obstacles in an image; a repeated image, or one without depth, leaves them unchanged."""
+        """Remember the obstacles in an image; an image that repeats the last one, or has no depth, adds none."""
         if observation.step == self._last_step:
             return
         while self._collisions and observation.step - self._collisions[0].step > _COLLISION_MEMORY_STEPS:
@@ -171,7 +171,7 @@ class ObstacleMemory:
         if not observation.has_depth:
             return
         scan, things, nearby = self._read(observation)
-        # Points that are gone, or were never there, are dropped once an image shows their place again.
+        # Points that an image shows to be free are dropped: the obstacle is gone, or was never there.
         for k, points in enumerate(self._seen):
             self._seen[k] = points[~scan.looks_past(points)]
         if self._movement is None:
@@ -223,7 +223,7 @@ class ObstacleMemory:
     def hit_points(self, odometry: Pose) -> NDArray[np.float64]:
         """Return (M, 2) points of a recent collision, in the frame of a robot at `odometry` (3,).
 
-        The obstacle is assumed straight across the robot's way, about as wide as the robot.
+        The obstacle is assumed to lie straight across the robot's path, about as wide as the robot.
         """
         if not self._collisions:
             return np.empty((0, 2))
@@ -237,8 +237,8 @@ class ObstacleMemory:
     ) -> NDArray[np.float64]:
         """Return all remembered points (M, 2) near a robot at `odometry` (3,), in its frame.
 
-        Collisions from backing up count only for backing up, because the camera shows obstacles ahead better. With
-        `keeping_from_people`, points are added around each person at the distance to keep.
+        Collisions during backing up count only for backing up, because ahead the camera shows obstacles better. With
+        `keeping_from_people`, points are added around each person, at the distance to keep.
         """
         collision_points = [bump.rim for bump in self._collisions if backwards or not bump.backwards]
         people = [place + _RING for place in self.people(self._last_stamp)] if keeping_from_people else []

@@ -1,7 +1,8 @@
 """Finds obstacles around the robot that were not there when the map was made.
 
-Owns the distinction between new and known obstacles, and between obstacles on the way and beside it. The edges that
-they close are found by `graph.presence.obstruction`. `FreeView` holds how far the floor is free in each direction.
+Owns the distinction between new and known obstacles, and between obstacles on the path and beside it.
+`graph.presence.obstruction` finds the edges that they close. `FreeView` knows how far the floor is free in each
+direction.
 """
 
 import itertools
@@ -33,19 +34,19 @@ from ltvn_core.navigation.perception import Perception
 from ltvn_core.types import Depth, NodeId, Pose, Waypoint
 
 _BEARING_STEP_RAD = math.radians(2.2)
-"""Width of one direction; wider than two pixels, so that every direction contains some."""
+"""Width of one direction, in radians; wider than two pixels, so that every direction contains some pixels."""
 _EDGE_RAD = math.radians(3.0)
 """Margin at the edge of an image within which nothing is known, in radians."""
 _FREE_RANGE_M = 3.5
 """Range up to which floor may count as free, in metres; farther away, a door leaf seen at an angle looks like a gap."""
 _BEHIND_M = 0.15
-"""A place is free if nothing is seen up to this distance behind it, in metres."""
+"""Distance behind a place up to which nothing may be seen if the place is free, in metres."""
 _BEYOND_M = 0.25
-"""Length before and behind a way that must also be free, in metres."""
+"""Length before and behind a path that must also be free, in metres."""
 _UNDERFOOT_M = 0.3
 """Radius of the area that the robot itself covers, in metres."""
 _STEP_M = 0.08
-"""Spacing of the places at which a way is checked, in metres."""
+"""Spacing of the places at which a path is checked, in metres."""
 
 
 class FreeView:
@@ -92,13 +93,14 @@ _RANGE_M = 2.5
 _KNOWN_WITHIN_M = 0.18
 """Distance to a point in an image of the map within which a point counts as known, in metres."""
 _NODES = 12
-"""Number of nearest nodes whose images show what was there."""
+"""Number of nearest nodes whose images show the known obstacles."""
 _IMAGES_AROUND = 3
 """Number of images of the mapping drive before and after each of these nodes that are also used."""
 _SURE_REACHABILITY = 0.8
 _KNOWN_SHARE, _KNOWN_SHARE_IF_UNSURE = 0.5, 0.75
-"""Share of known surroundings below which the robot's localisation is probably wrong. In 62 checks in two apartments
-with closed doors, these rules accepted all 50 at the right place and none of the 12 at a wrong one."""
+"""Share of known surroundings below which the robot's localisation is probably wrong; the second is for an unsure
+localisation. In 62 checks in two apartments with closed doors, these limits accepted all 50 at the right place and none
+of the 12 at a wrong place."""
 _LEAST_POINTS = 8
 """Minimum number of new points that count as an obstruction."""
 _LEAST_ON_WAY = 4
@@ -115,7 +117,7 @@ class ObstructionFinder:
     def __init__(
         self, context: NavigationContext, motion: MotionExecutor, perception: Perception, driver: AttemptDriver
     ) -> None:
-        """Look through `perception`; obstacles seen on the way are remembered by `driver`."""
+        """Use the images of `perception`; `driver` remembers obstacles seen on the way."""
         self._context = context
         self._motion = motion
         self._perception = perception
@@ -134,7 +136,7 @@ class ObstructionFinder:
         self._departure = (localisation.waypoint, self._motion.odometry) if is_of_use else None
 
     def open_ways(self) -> list[EdgeKey]:
-        """Return the edges that were last seen closed, and whose ways are now seen to be free."""
+        """Return the edges that were last seen closed, but whose paths are now seen to be free."""
         if self._departure is None or self._node is None:
             return []
         graph = self._context.graph
@@ -148,7 +150,7 @@ class ObstructionFinder:
         return [key for key, way in ways.items() if view.shows_free(transform_points(way, back))]
 
     def look(self, segment: Sequence[NodeId]) -> Obstruction | None:
-        """Return the result of `find` if anything lies across the way of a nearby edge, which is cheap to check."""
+        """Return the result of `find` if anything lies across the path of a nearby edge, which is cheap to check."""
         if self._departure is None or len(segment) < 2:
             return None
         solid = self._solid_points(self._here())
@@ -164,16 +166,17 @@ class ObstructionFinder:
         return bool(self._is_new(solid, source, here).sum() <= (1 - self._needed_share) * len(solid))
 
     def fits_depth(self, node: NodeId, waypoint: Waypoint) -> bool:
-        """Tell whether the surroundings are those in the images of a node, if it is at a waypoint (3,) from here."""
+        """Tell whether the images of a node, at a waypoint (3,) from here, show the robot's surroundings."""
         solid = self._solid_points(invert(waypoint))
         new = _is_new_to(solid, self._images_of([(node, np.zeros(3))]))
         return len(solid) >= _LEAST_POINTS and bool(new.mean() <= 1 - _KNOWN_SHARE_IF_UNSURE)
 
     def find(self, segment: Sequence[NodeId], *, blocked: bool = False, again: bool = False) -> Obstruction | None:
-        """Return the new obstacles around the robot on its way along nodes; None without any.
+        """Return the new obstacles around the robot on its path along nodes; None without any.
 
-        Nothing is reported while the robot's place is uncertain. `blocked`: an obstacle stopped the robot; `again`: it
-        did so before, so it counts as being in the way even if no image shows it there.
+        Nothing is reported while the robot's place is uncertain. `blocked` means that an obstacle stopped the robot.
+        `again` means that one stopped it on this edge before; the obstacle then counts as being in the way, even if no
+        image shows it there.
         """
         if self._departure is None or len(segment) < 2:
             return None
@@ -202,15 +205,15 @@ class ObstructionFinder:
         return _thinned(transform_points(np.concatenate([seen, self._driver.solid_points()]), here))
 
     def _hit_unseen(self, node: NodeId, here: Pose) -> NDArray[np.float64]:
-        """Return (M, 2) points of a collision that no image showed, as in backing up, in the frame of a node.
+        """Return (M, 2) points of a collision with an obstacle that no image showed, in the frame of a node.
 
-        Collisions with known obstacles, or beside them, are left out.
+        This happens when the robot backs up. Collisions with known obstacles, or beside them, are left out.
         """
         hit = transform_points(self._driver.hit_points(), here)
         return hit if self._is_new(hit, node, here).all() else hit[:0]
 
     def _is_new(self, points: NDArray[np.float64], node: NodeId, here: Pose) -> NDArray[np.bool_]:
-        """Return which points (M,), in the frame of a node, are near to no point in the images of the map."""
+        """Return which points (M,), in the frame of a node, are far from all points in the images of the map."""
         poses = nearby_poses(self._context.graph, node)
         nearest = sorted(poses, key=lambda other: float(np.hypot(*(poses[other] - here)[:2])))[:_NODES]
         return _is_new_to(points, self._images_of([(other, poses[other]) for other in nearest]))
@@ -227,7 +230,7 @@ class ObstructionFinder:
         )
 
     def _is_on_way(self, points: NDArray[np.float64], segment: Sequence[NodeId]) -> bool:
-        """Tell whether points in the frame of the first node lie where the robot's body would pass."""
+        """Tell whether points in the frame of the first node lie in the path of the robot's body."""
         start = np.zeros(3)
         for edge in itertools.pairwise(segment):
             end = compose(start, np.array(self._context.graph.edges[edge].waypoint))
@@ -238,7 +241,7 @@ class ObstructionFinder:
 
 
 def _is_new_to(points: NDArray[np.float64], mapped: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return which points (M,) are near to none of the mapped points (N, 2)."""
+    """Return which points (M,) are far from all mapped points (N, 2)."""
     mapped = _thinned(mapped)
     if not len(mapped) or not len(points):
         return np.ones(len(points), np.bool_)

@@ -25,7 +25,8 @@ class PassiveLocaliser:
         self._places = PlaceTracker(graph, self._matcher, system)
 
     def localise(self, seen: Observation) -> Localisation | None:
-        """Return where the next image of the drive was taken; None if it cannot be compared, as without depth."""
+        """Return where the next image of the drive was taken; None if it cannot be compared, such as an image without
+        depth."""
         if not is_usable(seen, self._predictor):
             return None
         features = self._predictor.encode([seen])

@@ -38,7 +38,7 @@ class Perception:
     def __init__(
         self, motion: MotionExecutor, predictor: Predictor, matcher: Matcher, on_look: Callable[[Observation], None]
     ) -> None:
-        """Observe through `motion`; every new observation goes to `on_look`."""
+        """Observe through `motion`; `on_look` is called with every new observation."""
         self._motion = motion
         self._predictor = predictor
         self._matcher = matcher
@@ -64,11 +64,11 @@ class Perception:
 
     @property
     def is_usable(self) -> bool:
-        """Whether the current observation can be compared at all; without depth it may not, see `types.is_usable`."""
+        """Whether the predictor can compare the current observation; some need depth, see `types.is_usable`."""
         return is_usable(self.observation, self._predictor)
 
     def can_compare(self) -> Generator[Note, None, bool]:
-        """Return whether the current observation is usable; yield a note at the first one in a row that is not."""
+        """Return whether the current observation is usable; yield a note if it is not but the one before was."""
         usable = self.is_usable
         if not usable and not self._told_of_no_depth:
             text = f"Image {self.observation.step} has no depth; the robot continues with its previous belief."
@@ -103,12 +103,12 @@ class Perception:
             yield image, relative(odometry, image.odometry)
 
     def with_node_support(self, node: NodeId) -> NodeMatch:
-        """Compare the current observation with a node; r is limited to what the node's neighbours in time support."""
+        """Compare the current observation with a node; r is lowered to what the node's neighbours in time support."""
         supported = self._matcher.with_node_support(self._match(node), self.features)
         return self.node_match(node)._replace(reachability=float(supported.reachability[0]))
 
     def _match(self, node: NodeId) -> Matches:
-        image = self.features  # First, because a new observation clears the comparisons of the last one.
+        image = self.features  # Encode first, because a new observation clears the comparisons of the last one.
         if node not in self._matches:
             self._matches[node] = self._matcher.match(image, (node,))
         return self._matches[node]

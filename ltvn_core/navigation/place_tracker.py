@@ -25,14 +25,15 @@ class PlaceTracker:
         self._seen = self._beginnings = 0
 
     def begin_at(self, node: NodeId, trail: ObservationTrail, odometry: Pose) -> None:
-        """Believe that the robot, at an odometry pose (3,), stands at a node, whatever the trail shows so far."""
+        """Believe that the robot, at an odometry pose (3,), stands at a node, whatever the observations so far show."""
         if self._belief is not None:
             self._belief.begin_at(node, odometry)
         self._seen = trail.count
         self._beginnings = trail.beginnings
 
     def place(self, trail: ObservationTrail, odometry: Pose, doubted: Collection[NodeId] = ()) -> BelievedPlace | None:
-        """Return the most probable place of a robot at an odometry pose (3,), given the trail; None if unknown."""
+        """Return the most probable place of a robot at an odometry pose (3,), given the trail of observations; None if
+        unknown."""
         if self._belief is None:
             return None
         if trail.beginnings != self._beginnings:

@@ -1,7 +1,7 @@
 """Memory of one query: which edges were driven and which failed. It is discarded after the query.
 
-Owns the rules against driving in circles: penalties, the limit of repeats, and the node that the robot is assumed at
-after an attempt without a step. Beliefs that outlive the query belong to the map.
+Owns the rules against driving in circles: penalties, the limit of repeats, and the assumed node after an attempt that
+took no step. Beliefs that outlive the query belong to the map.
 """
 
 import itertools
@@ -19,7 +19,7 @@ MOST_OBSTRUCTIONS = 4
 
 
 _MOST_FRESH_HOPES = 2
-"""Number of times that closed ways may be tried again, each after a full look around."""
+"""Number of times that closed edges may be tried again, each after a full look around."""
 
 
 class QueryMemory:
@@ -39,20 +39,20 @@ class QueryMemory:
         self.plan: tuple[NodeId, ...] = ()
         """Nodes of the last plan; localisation searches around them first."""
         self.assumed_node: NodeId | None = None
-        """Node that the robot is assumed at, because an attempt to reach it took no step; used once."""
+        """Node where the robot is assumed to be, because an attempt to reach it took no step; used once."""
         self.consecutive_failures = 0
         """Consecutive observations without a node or without a path."""
         self.give_up_outcome = Outcome.LOST
         """Outcome if the query is given up; `NO_PATH` takes precedence over `LOST`."""
         self.approached: NodeId | None = None
-        """The node that was approached last instead of its successor."""
+        """The node that the robot last approached before driving to its successor."""
         self.obstructions = 0
         """Number of obstructions met so far."""
         self._fresh_hopes = 0
         self.saw_change = False
         """Whether an obstacle was seen to close an edge, so that places nearby may look different."""
         self.felt_closed: set[EdgeKey] = set()
-        """Edges that are closed by an obstacle that stopped the robot; an image of a free way does not reopen them."""
+        """Edges closed by an obstacle that stopped the robot; an image of a free path does not reopen them."""
         self.doubted: set[NodeId] = set()
         """Nodes that localisation excludes, because attempts from them or to them failed."""
 
@@ -62,7 +62,7 @@ class QueryMemory:
         return 0 < self._config.repeat_limit < self._driven[edge]
 
     def should_expand_from(self, start: NodeId) -> bool:
-        """Tell whether a search for a path from a start is new; True once per start."""
+        """Tell whether no path was searched from a start yet; True once per start."""
         fresh = start not in self._searched
         self._searched.add(start)
         return fresh
@@ -78,12 +78,12 @@ class QueryMemory:
             self.penalties[edge] = self.penalties.get(edge, 0.0) + self._config.failure_penalty
 
     def close(self, edge: EdgeKey) -> None:
-        """Plan no way along an edge for the rest of the query."""
+        """Exclude an edge from all plans for the rest of the query."""
         self._failed.add(edge)
         self.penalties[edge] = math.inf
 
     def arrive_elsewhere(self, node: NodeId) -> None:
-        """Remember that the robot was taken to a node, where nothing is known of before."""
+        """Remember that the robot was taken to a node; what was known about its place before no longer holds."""
         self.assumed_node = node
         self.approached = None
         self.saw_change = False
@@ -107,7 +107,7 @@ class QueryMemory:
             self.doubted.add(node)
 
     def begin_anew(self) -> None:
-        """Trust all nodes again and, a few times per query, allow closed ways again; the penalties are kept."""
+        """Trust all nodes again and, a few times per query, allow closed edges again; the penalties are kept."""
         self._fresh_hopes += 1
         if self._fresh_hopes <= _MOST_FRESH_HOPES:
             self.obstructions = 0
@@ -123,6 +123,6 @@ class QueryMemory:
         self.plan = ()
 
     def take_assumed_node(self) -> NodeId | None:
-        """Return the node that the robot is assumed at, and forget it."""
+        """Return the assumed node of the robot, and forget it."""
         node, self.assumed_node = self.assumed_node, None
         return node

@@ -42,7 +42,7 @@ from ltvn_core.navigation.way_planner import WayPlanner
 from ltvn_core.types import NodeId, Waypoint
 
 _AT_NODE_DISTANCE = 0.3
-"""A node nearer than this d is not approached before its successor."""
+"""Greatest d at which a node is not approached before its successor."""
 _INCONCLUSIVE_ENDS = (AttemptEnd.BLOCKED, AttemptEnd.COLLISION, AttemptEnd.TIMEOUT)
 """Ends of attempts that say something about the surroundings, not about the edge."""
 _AT_TARGET_M = 0.35
@@ -70,7 +70,7 @@ class QueryRunner:
         self._know_nothing_by_odometry()
 
     def _know_nothing_by_odometry(self) -> None:
-        """Begin with fresh parts, for those that follow the robot by odometry."""
+        """Replace the parts that follow the robot by odometry by new ones, which know nothing yet."""
         context = self._context
         motion = self._motion
         perception = self._perception
@@ -150,7 +150,7 @@ class QueryRunner:
         return Localisation(node, match.distance, match.reachability, match.waypoint, None, np.inf, LOCAL)
 
     def _plan(self, start: NodeId) -> EventGenerator[GraphPath]:
-        """Find the cheapest path; if there is none, the system may extend the map."""
+        """Find the cheapest path; if there is none, let the system extend the map."""
         yield from self._enter(NavigatorState.PLANNING)
         context = self._context
         stamp = self._perception.observation.stamp
@@ -172,14 +172,14 @@ class QueryRunner:
         return path
 
     def _stands_at_node(self, localisation: Localisation) -> bool:
-        """Tell whether the robot needs no approach to the node it is at."""
+        """Tell whether the robot is close enough to its node to need no approach."""
         node = localisation.node
         known = None if node is None else self._known_waypoint(node, SURE)
         is_there = known is not None and np.hypot(known[0], known[1]) < _AT_TARGET_M
         return is_there or localisation.distance <= _AT_NODE_DISTANCE or self._reached == node
 
     def _act(self, source: NodeId, target: NodeId) -> EventGenerator[None]:
-        """Have the action of an edge done; the robot is then at its target, though its wheels did not move."""
+        """Run the action of an edge; afterwards the robot is at the edge's target, though its wheels did not move."""
         yield from self._enter(NavigatorState.ACTING)
         edge = (source, target)
         self._reached = None
@@ -193,7 +193,7 @@ class QueryRunner:
             self._places.begin_at(target, self._perception.trail, self._motion.odometry)
 
     def _follow(self, localisation: Localisation, path: GraphPath) -> EventGenerator[bool]:
-        """Drive to the subgoal; tell whether the robot is at the goal and has nothing left to drive."""
+        """Drive to the subgoal; tell whether the robot already is at the goal, so that nothing is left to drive."""
         segment = self._subgoal_segment(path)
         node_match = self._departure(localisation, segment)
         if node_match is None:
@@ -214,7 +214,7 @@ class QueryRunner:
             # The same attempt would be blocked again, so the robot turns to look for another way.
             yield from self._recovery.turn()
             return False
-        # An attempt without a step would be repeated for ever, so the robot counts as arrived.
+        # An attempt without a step would be repeated without end, so the robot counts as arrived.
         self._memory.assumed_node = target
         return source is None and target == self._goal
 
@@ -226,7 +226,8 @@ class QueryRunner:
         return path.nodes[: chosen + 1]
 
     def _departure(self, localisation: Localisation, segment: tuple[NodeId, ...]) -> NodeMatch | None:
-        """Return the prediction of the target at departure; None if the robot should first approach its own node."""
+        """Return the prediction of the target at departure; None if the robot should first approach the node that it is
+        at."""
         source, target = _ends(segment)
         node_match = self._perception.node_match(target)
         driving = self._method.driving
@@ -245,7 +246,8 @@ class QueryRunner:
         return node_match.with_waypoint(self._along(localisation.waypoint, segment))
 
     def _along(self, waypoint: Waypoint, nodes: Sequence[NodeId]) -> Waypoint:
-        """Return the waypoint (3,) of the last of `nodes`, by the edges from the first one at `waypoint` (3,)."""
+        """Return the waypoint (3,) of the last of `nodes`, by the edges from the first one, which is at `waypoint`
+        (3,)."""
         for edge in itertools.pairwise(nodes):
             waypoint = compose(waypoint, np.array(self._context.graph.edges[edge].waypoint))
         return waypoint
@@ -273,17 +275,18 @@ class QueryRunner:
         yield self._ended(attempt, source, target, result.end, verdict)
         usable = yield from self._perception.can_compare()
         if verdict.succeeded and not result.steps and self._context.system.follows_presence:
-            return result  # Without moving, the robot has learned nothing about open edges.
+            return result  # A robot that did not move has learned nothing about open edges.
         if source is not None and usable:
             yield from self._map_learner.learn(attempt, segment, node_match, verdict, result)
         elif source is not None:
-            self._memory.record_failures(segment)  # So that it is not driven for ever; the map stays unchanged.
+            self._memory.record_failures(segment)  # So that it is not driven without end; the map stays as it is.
         elif self._context.system.follows_presence and result.end in OBSTRUCTED_ENDS:
-            self._memory.doubted.add(target)  # Its approach is blocked, so the robot is probably not there.
+            self._memory.doubted.add(target)  # The way to the target is blocked, so the robot is probably not there.
         return result
 
     def _is_by_odometry(self, segment: Sequence[NodeId]) -> bool:
-        """Tell whether a segment has an edge by odometry, whose two images may show nothing in common."""
+        """Tell whether a segment has an edge that only odometry supports, so that its two images may show nothing in
+        common."""
         return any(self._context.graph.edges[edge].by_odometry for edge in itertools.pairwise(segment))
 
     def _judge(self, segment: Sequence[NodeId], result: AttemptResult) -> AttemptVerdict:
@@ -307,7 +310,7 @@ class QueryRunner:
         known = self._known_waypoint(target, SURE) if is_unsure and source is not None else None
         if known is not None and np.hypot(known[0], known[1]) < _AT_TARGET_M:
             if not self._is_recognised(seen):
-                self._memory.assumed_node = target  # The image does not show the target, so only the place counts.
+                self._memory.assumed_node = target  # The image does not show the target, only the belief does.
             why = "the images of the whole query say that the robot is there"
             return AttemptVerdict(True, why, rule="localising.follow_places")
         may_have_arrived = is_unsure and source is not None and self._map_learner.knows_surroundings(source)

@@ -26,7 +26,7 @@ class Recovery:
         memory: QueryMemory,
         query: int,
     ) -> None:
-        """Recover with `driver`, given what `memory` holds of the query."""
+        """Recover with `driver`, given the `memory` of the query."""
         self._context = context
         self._config = context.method.recovering
         self._motion = motion
@@ -36,7 +36,7 @@ class Recovery:
         self._query = query
 
     def recover(self, why: Outcome) -> EventGenerator[None]:
-        """Turn on the spot to look again; after a full turn move on a little; finally give up.
+        """Turn on the spot to look again; after a full turn, also move on a little; finally give up.
 
         Raises:
             QueryAborted: If the robot has looked around often enough.
@@ -50,7 +50,7 @@ class Recovery:
             raise QueryAborted(memory.give_up_outcome)
         around = memory.consecutive_failures % self._config.looks_per_turn == 0
         if around:
-            # The robot may be wrong about the way here, the doubted nodes, and closed ways.
+            # The robot may be wrong about its way here, about doubted nodes, and about closed edges.
             self._perception.trail.clear()
             memory.begin_anew()
         if self._config.wander_m and around and usable:
@@ -60,12 +60,12 @@ class Recovery:
     def turn_to_see(self) -> EventGenerator[None]:
         """Turn as a lost robot does, but keep the plan, because localisation searches around it first."""
         plan = self._memory.plan
-        self._memory.assumed_node = None  # After a turn the assumed node no longer holds.
+        self._memory.assumed_node = None  # After a turn the robot is no longer at the assumed node.
         yield from self.recover(Outcome.LOST)
         self._memory.plan = plan
 
     def turn(self) -> Iterator[Event | Tick]:
-        """Turn on the spot to the direction of the next observation."""
+        """Turn on the spot towards the direction of the next observation."""
         yield from self._driver.turn(self._config.turn_rad)
 
     def _remember_novel(self) -> Iterator[Event]:

@@ -52,7 +52,7 @@ def steer(
     turn = _limited(_BEARING_GAIN_1_S * bearing, config.turn_rad_s)
     if abs(bearing) > turn_first_rad:
         return Twist(0.0, turn)
-    # The fourth power keeps the robot from cutting corners: it hardly moves before it faces its way.
+    # The fourth power keeps the robot from cutting corners: it hardly moves before it faces the target.
     speed = config.speed_m_s * np.cos(bearing) ** 4 * min(1.0, away_m / _SLOW_DOWN_M + 0.2)
     return Twist(float(-speed if backwards else speed), turn)
 
@@ -68,7 +68,7 @@ class TurningCircle:
 
     @property
     def legs(self) -> int:
-        """Factor by which this body may take longer than one that turns on the spot."""
+        """Largest factor by which this body takes longer than one that turns on the spot."""
         return _CAR_LEGS if self._limits.turning_radius_m else 1
 
     def steer(self, error: Waypoint, config: DrivingConfig, *, backwards: bool) -> Twist | None:

@@ -40,7 +40,7 @@ class _Candidate:
     """(3,) pose of the image in the frame of the node."""
     observation: Observation
     features: Features
-    """(1, F)."""
+    """(1, F) features of the image."""
     path_m: float
     """Length that the robot had driven when the image was taken, in metres."""
 
@@ -89,7 +89,8 @@ class ViewLearner:
             self._look(config)
 
     def arrive(self, goal: NodeId) -> Iterator[Event]:
-        """Check candidates at the goal, whose recognition is stronger evidence than that of a node on the way."""
+        """Check candidates at the goal, because recognising the goal is stronger evidence than recognising a node on
+        the way."""
         match = self._perception.node_match(goal)
         if self._config is not None and match.reachability > self._context.method.judging.arrive_reachability:
             yield from self._prove(goal, match.waypoint, self._config, after_m=0.0)
@@ -102,7 +103,7 @@ class ViewLearner:
             yield from self._context.apply_deltas([used], self._query)
 
     def _prove(self, node: NodeId, waypoint: Waypoint, config: ViewConfig, *, after_m: float) -> Iterator[Event]:
-        """Make candidates views if a node is recognised where odometry expects it; discard all of them if it is not."""
+        """Make candidates views if a node is recognised where odometry expects it; otherwise discard all candidates."""
         if not self._candidates:
             return
         expected = self._reckoning.places().get(node)

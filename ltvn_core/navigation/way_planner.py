@@ -48,7 +48,10 @@ class WayPlanner:
         return path if path.nodes else self._hope(start, open_now)
 
     def _hope(self, start: NodeId, open_now: EdgeProbabilities) -> GraphPath:
-        """Return the path that is most probably open although some edges seem closed, a few times per query."""
+        """Return the path that is most probably open although some of its edges seem closed.
+
+        This is done only a few times per query.
+        """
         context = self._context
         memory = self._memory
         if memory.obstructions >= MOST_OBSTRUCTIONS:
@@ -60,5 +63,5 @@ class WayPlanner:
         return context.planner.plan(start, self._goal, costs)
 
     def exists(self, start: NodeId) -> bool:
-        """Tell whether the map has any path to the goal, open or closed."""
+        """Tell whether the map has any path to the goal, over open or closed edges."""
         return bool(self._context.planner.plan(start, self._goal, self._memory.penalties).nodes)

@@ -66,7 +66,7 @@ class BaseNetwork(nn.Module, Generic[FeaturesT]):
 
     @abstractmethod
     def unpack(self, rows: Tensor) -> FeaturesT:
-        """Return the features held in (B, F) rows, as float32."""
+        """Return the features stored in (B, F) rows, as float32."""
 
     @abstractmethod
     def compare(self, source: FeaturesT, target: FeaturesT) -> PairOutput:

@@ -1,7 +1,8 @@
 """Baselines: the training plans, the evaluation and the model card of their networks.
 
-A baseline learns from time alone, so it must not use poses or maps. Its plans are ours without hard-negative mining,
-and no pair within one scene counts as far because of its poses. `ltvn_core.network.weights_file` writes the card.
+A baseline learns from time alone, so it must not use poses or maps. Its training plans are those of our network without
+hard-negative mining, and no pair within one scene counts as far because of its poses. `ltvn_core.network.weights_file`
+writes the card.
 """
 
 from collections.abc import Mapping, Sequence

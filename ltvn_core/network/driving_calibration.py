@@ -41,8 +41,8 @@ class DrivingMeasurements:
     arrival_if_not: SuccessRate
     """Share of attempts that truly ended within 0.72 m and 0.4 rad of the edge's end, for edges that do not exist."""
     connected_if_not: int
-    """Number of driven edges that do not exist but that the method would add to a map; the other driven ones have the
-    next highest r."""
+    """Number of driven edges that do not exist, but that the method would add to a map. The other driven edges that do
+    not exist are those with the next highest r."""
     not_begun: int
     """Number of edges not driven because the robot did not localise at their source."""
     distance_sigma: float

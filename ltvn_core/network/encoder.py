@@ -108,7 +108,7 @@ class Encoder(nn.Module):
         )
 
     def channels(self, rgb: Tensor, depth: Tensor) -> Tensor:
-        """Return (B, 6, H, W): colour, depth, height and whether there is depth, each about in [-1, 1]."""
+        """Return (B, 6, H, W): colour, depth, height and whether there is depth, each roughly in [-1, 1]."""
         has_depth = (depth > 0).to(depth.dtype)
         height = (depth * self.rays[2]).clamp(-1, 2)
         extra = torch.stack([depth * 0.4 - 1, height, has_depth], dim=1)

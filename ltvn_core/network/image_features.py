@@ -43,7 +43,7 @@ class ImageFeatures(NamedTuple):
     descriptors: Tensor
     """(B, T, D) unit vectors, matched between images."""
     unmatched: Tensor
-    """(B, T) logit of a token that it has no match."""
+    """(B, T) logit that a token has no match."""
     saliency: Tensor
     """(B, T) logit of the weight of a token's match."""
     values: Tensor
@@ -78,7 +78,7 @@ def join(parts: Sequence[FeaturesT]) -> FeaturesT:
 
 
 def unpack(rows: Tensor, architecture: PairArchitecture) -> ImageFeatures:
-    """Return the features held in (B, F) rows, as float32."""
+    """Return the features stored in (B, F) rows, as float32."""
     parts = torch.split(rows.float(), _lengths(architecture), dim=1)
     return ImageFeatures._make(
         [part.unflatten(1, shape) for part, shape in zip(parts, _shapes(architecture), strict=True)]

@@ -14,7 +14,8 @@ from ltvn_core.network.image_features import ImageFeatures
 from ltvn_core.network.pair_head import PlanarMotion, TokenMatching
 
 _OPPOSITE_COS = -0.17
-"""Images turned by more than about 100 degrees share no surface: close points are on opposite sides of a wall."""
+"""Cosine of a turn of about 100 degrees. Images with a larger turn share no surface: their close points are on opposite
+sides of a wall."""
 
 
 def pair_loss(

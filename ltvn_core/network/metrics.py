@@ -100,7 +100,7 @@ def auc(scores: NDArray[np.float64], positive: NDArray[np.bool_]) -> float:
     if positives == 0 or negatives == 0 or np.isnan(scores).any():
         return float("nan")
     others = np.sort(scores[~positive])
-    # Twice the pairs in order, where a tie counts half.
+    # Twice the number of pairs in the right order, where a tie counts half.
     ordered = sum(np.searchsorted(others, scores[positive], side=side).sum() for side in ("left", "right"))
     return float(ordered / (2 * positives * negatives))
 

@@ -71,7 +71,7 @@ class PairNetwork(BaseNetwork[ImageFeatures]):
         return self.encoder(rgb, depth)
 
     def unpack(self, rows: Tensor) -> ImageFeatures:
-        """Return the features held in (B, F) rows, as float32."""
+        """Return the features stored in (B, F) rows, as float32."""
         return unpack(rows, self.size)
 
     def compare(self, source: ImageFeatures, target: ImageFeatures) -> PairOutput:
@@ -127,7 +127,7 @@ class StackedFeatures(NamedTuple):
         return StackedFeatures(self.rgb[rows], self.depth[rows])
 
     def channels(self) -> Tensor:
-        """Return (B, 4, H, W): colour and depth, each about in [-1, 1]."""
+        """Return (B, 4, H, W): colour and depth, each roughly in [-1, 1]."""
         depth = self.depth.clamp(max=FARTHEST_DEPTH_M) * 0.4 - 1
         return torch.cat([self.rgb * 2 - 1, depth[:, None]], dim=1)
 
@@ -158,7 +158,7 @@ class StackedNetwork(BaseNetwork[StackedFeatures]):
         return StackedFeatures(rgb, depth)
 
     def unpack(self, rows: Tensor) -> StackedFeatures:
-        """Return the images held in (B, F) rows, as float32."""
+        """Return the images stored in (B, F) rows, as float32."""
         rgb, depth = rows.float().split([3 * _PIXELS, _PIXELS], dim=1)
         shape = (NETWORK_CAMERA.height, NETWORK_CAMERA.width)
         return StackedFeatures(rgb.reshape(-1, 3, *shape), depth.reshape(-1, *shape))

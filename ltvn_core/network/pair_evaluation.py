@@ -23,15 +23,15 @@ class LabelledDrive:
 
     name: str
     rgb: NDArray[np.uint8]
-    """(N, H, W, 3)"""
+    """(N, H, W, 3) colours."""
     depth_mm: NDArray[np.uint16]
-    """(N, H, W)"""
+    """(N, H, W) depth in millimetres; 0 where missing."""
     near: NDArray[np.bool_]
-    """(N, N), see `ltvn_core.network.training_data.pose_sampling.NearFarLimits`."""
+    """(N, N) near pairs, see `ltvn_core.network.training_data.pose_sampling.NearFarLimits`."""
     far: NDArray[np.bool_]
-    """(N, N)"""
+    """(N, N) far pairs."""
     poses: Pose
-    """(N, 3)"""
+    """(N, 3) poses of the images."""
     reachable: NDArray[np.bool_]
     """(N, N): labels of all ordered pairs by the criteria of the dataset."""
 

@@ -150,7 +150,7 @@ class GeometricVerification(nn.Module):
         within = torch.minimum(pixel.clamp(min=0), self.last)
         column, row = within.long().unbind(2)
         observed = torch.gather(depth, -1, row * self.columns + column)
-        # What needed no clamping is in the image.
+        # A pixel that needed no clamping is in the image.
         inside = (within == pixel).all(2) & valid & (away > _NEAREST_M) & (observed > 0)
         # In units of a tolerance that grows with distance, as the errors of depth and of the motion do.
         excess = (observed - away) / (0.1 + 0.1 * away.clamp(min=0)) * inside
@@ -171,7 +171,8 @@ class GeometricVerification(nn.Module):
         return torch.tanh(nearest - ahead_m).where(inside, -1.0)
 
     def clearance(self, points: Tensor, valid: Tensor, shift: Tensor) -> Tensor:
-        """Return the metres (2, P), at most 0.6, between the line and the nearest obstacle of points (2, P, 3, G)."""
+        """Return the distances (2, P) in metres, at most 0.6, from the straight line to the nearest obstacle of points
+        (2, P, 3, G)."""
         floor = points[:, :, :2]
         height = points[:, :, 2] + self.camera.height_m
         solid = valid & (height > ROBOT_LOW_M) & (height < ROBOT_HIGH_M)
@@ -200,12 +201,13 @@ class TokenMatching(NamedTuple):
     """(P, T): strength of "no match" for target tokens."""
 
     def gather(self, known: Tensor) -> tuple[Tensor, Tensor]:
-        """Return the mean point and value matched to each source token (P, T, 3 + V), and its mass with depth (P, T).
+        """Return the mean point and value matched to each source token (P, T, 3 + V), and the matched mass that has
+        depth (P, T).
 
         Each match is weighted by the probability that both tokens choose each other; `known` is the result of
         `what_matches_tell`.
         """
-        # The totals divide the two thin sides of the product, which saves two passes over all pairs of tokens.
+        # Dividing the two thin factors of the product by the totals saves two passes over all pairs of tokens.
         total = (self.strength * self.strength) @ (known / self.column_total[..., None]) / self.row_total[..., None]
         return total[..., 1:] / (total[..., :1] + 1e-3), total[..., 0]
 

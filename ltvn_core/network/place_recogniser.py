@@ -22,8 +22,8 @@ INPUT_PX = (224, 168)
 GEM_POWER = 3.0
 """Exponent of GeM pooling (generalised mean): 1 is the mean, infinity the maximum; Radenović et al., 2019."""
 EVEN_SIMILARITY = 0.72
-"""Similarity of two images at which the probability of one place is 0.5: between the similarities of near pairs and of
-the most similar far pairs, which are about the same in simulation, in a hospital and at a desk."""
+"""Similarity of two images at which the probability that they show one place is 0.5. It lies between the similarities
+of near pairs and of the most similar far pairs. These are about the same in simulation, in a hospital and at a desk."""
 SLOPE = 20.0
 """Slope of the logistic function from the similarity of two images to the probability that they show one place."""
 _LEAST = 1e-6

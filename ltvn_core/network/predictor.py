@@ -69,18 +69,18 @@ class _ComparisonSteps(nn.Module):
 
 def _record(steps: nn.Module, sources: Tensor, targets: Tensor) -> torch.jit.ScriptModule:
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # It recommends alternatives that need a compiler and take minutes.
+        warnings.simplefilter("ignore")  # The warning recommends alternatives that need a compiler and take minutes.
         recorded = torch.jit.trace(steps, (sources, targets), check_trace=False)
     assert isinstance(recorded, torch.jit.ScriptModule)
     return recorded
 
 
 PREFILTER_FROM = 200
-"""Number of targets from which on a single source is compared in full with only the most similar ones."""
+"""Number of targets from which on a single source is compared in full only with the most similar ones."""
 PREFILTER_KEEP = 96
 """Number of targets that the prefilter keeps for the full comparison."""
 PLACE_KEEP, _PLACE_SHARE = 2_000, 0.05
-"""Number of targets that are kept by place score for the prefilter, and share of them if that is more.
+"""Number of targets that are kept by place score for the prefilter, and the share of all targets, if that is more.
 
 Among 5,100 images of two apartments, the best node for each of 90 images was always among the first 241 by place score.
 """
@@ -163,7 +163,7 @@ class NetworkPredictor:
         return self._network.place_keys(features)
 
     def predict_among(self, source: Features, held: HeldFeatures) -> Prediction:
-        """Compare a source (1, F) with N held images, as `predict` does; few of their features are read."""
+        """Compare a source (1, F) with N stored images, as `predict` does; few of their features are read."""
         if not self._is_filtered(len(held.rows)):
             return self.predict(source, held.features[held.rows])
         self._check(source, held.features)

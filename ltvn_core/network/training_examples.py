@@ -44,21 +44,21 @@ class TrainingBatch(NamedTuple):
     """B images and P pairs of them."""
 
     rgb: NDArray[np.uint8]
-    """(B, H, W, 3)"""
+    """(B, H, W, 3) colours."""
     depth_mm: NDArray[np.uint16]
-    """(B, H, W)"""
+    """(B, H, W) depth in millimetres; 0 where missing."""
     poses: Pose
-    """(B, 3), each in its scene's frame."""
+    """(B, 3) poses, each in its scene's frame."""
     scene: NDArray[np.intp]
-    """(B,)"""
+    """(B,) number of each image's scene."""
     sources: NDArray[np.intp]
-    """(P,) rows of the images."""
+    """(P,) rows of the source images."""
     targets: NDArray[np.intp]
-    """(P,)"""
+    """(P,) rows of the target images."""
     reachable: NDArray[np.bool_]
-    """(P,)"""
+    """(P,) whether each pair is reachable."""
     apart: NDArray[np.bool_] | None = None
-    """(B, B) pairs that are certainly not reachable; None if poses and scenes decide it."""
+    """(B, B) whether two images are certainly not reachable from each other; None if poses and scenes decide it."""
 
     def waypoints(self, sources: NDArray[np.intp], targets: NDArray[np.intp]) -> Waypoint:
         """Return targets in the sources' frames (P, 3); meaningless between scenes."""
@@ -111,7 +111,7 @@ class BatchSampler:
     ) -> TrainingBatch:
         """Draw about `groups` clusters, and the given number of labelled pairs from each, balanced over distance.
 
-        Clusters are drawn two by two, with a labelled pair across the two if there is one. The clusters of both
+        Clusters are drawn in twos, with a labelled pair from one to the other if there is one. The clusters of both
         images of each confusion are added, and the confusion becomes one of the pairs.
         """
         chosen = {(c.scene, int(self.scenes[c.scene].group[row])) for c in confusions for row in (c.source, c.target)}
@@ -180,7 +180,8 @@ def _rows_by_group(group: NDArray[np.int32], scene: SceneExamples) -> list[NDArr
 
 
 def _pair_weights(scenes: Sequence[SceneExamples], within: Sequence[NDArray[np.bool_]]) -> list[NDArray[np.float64]]:
-    """Return the weight of each pair: reachable pairs uniform over distance, and together as much as all others."""
+    """Return the weight of each pair: reachable pairs are uniform over distance, and together weigh as much as all
+    others."""
     bins = []
     for scene in scenes:
         waypoints = relative(scene.poses[scene.sources], scene.poses[scene.targets])
@@ -311,14 +312,16 @@ def _joined(simulated: TrainingBatch, simulated_apart: NDArray[np.bool_], own: T
 
 
 def _pair_table(drive: LabelledTrajectory, reach: int) -> NDArray[np.int64]:
-    """Return (N, 2 reach + 1): the labelled pair from each image to those up to `reach` before or after it, or -1."""
+    """Return a table (N, 2 reach + 1): the labelled pair from each image to those up to `reach` before or after it, or
+    -1."""
     table = np.full((len(drive.poses), 2 * reach + 1), -1)
     table[drive.sources, drive.targets - drive.sources + reach] = np.arange(len(drive.sources))
     return table
 
 
 def _even_weights(drive: LabelledTrajectory) -> NDArray[np.float64]:
-    """Return the weight of each labelled pair: positives uniform over distance, with the total weight of negatives."""
+    """Return the weight of each labelled pair: positives are uniform over distance, and together weigh as much as
+    negatives."""
     waypoints = relative(drive.poses[drive.sources], drive.poses[drive.targets])
     bins = np.digitize(np.hypot(waypoints[:, 0], waypoints[:, 1]), DISTANCE_BINS_M)
     kind = np.where(drive.reachable, bins, len(DISTANCE_BINS_M) + 1)

@@ -31,9 +31,10 @@ def save_weights(
 ) -> str:
     """Write weights, and their card if there is one, and return the fingerprint.
 
-    For a network that was `added_to` shipped weights, only the tensors that those lack are written, matrices in half
-    precision. Old files stay until the new ones are complete on disk. A card of other weights is deleted before the new
-    weights replace the old ones, even if they have no card. Raises WeightsError if the files cannot be written.
+    For a network that was `added_to` shipped weights, only the tensors that differ from these are written, matrices in
+    half precision. Old files stay until the new ones are complete on disk. A card of other weights is deleted before
+    the new weights replace the old ones, even if the new weights have no card. Raises WeightsError if the files cannot
+    be written.
     """
     from safetensors import SafetensorError
     from safetensors.torch import save_file

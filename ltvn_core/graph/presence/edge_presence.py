@@ -83,13 +83,13 @@ class FilteredPresence:
         return dict(zip(self._known, map(float, found), strict=True))
 
     def observe(self, graph: TopologicalGraph, obstruction: Obstruction, stamp: float) -> tuple[PresenceObserved, ...]:
-        """Return observations of all edges that it closes as blocked."""
+        """Return observations that all edges closed by the obstacle are blocked."""
         return obstructed_deltas(graph, obstruction, stamp)
 
     def observe_open(
         self, graph: TopologicalGraph, seen: Collection[EdgeKey], stamp: float
     ) -> tuple[PresenceObserved, ...]:
-        """Return observations that these edges are open, and the others that the same obstacle closed."""
+        """Return observations that these edges, and others closed by the same obstacle, are open."""
         return seen_open_deltas(graph, seen, stamp)
 
 
@@ -101,7 +101,7 @@ class KnownPresence:
         self._closed_edges = closed_edges
 
     def probabilities(self, graph: TopologicalGraph, now_s: float) -> EdgeProbabilities:
-        """Return the edges that are closed, each with 0."""
+        """Return the closed edges, each with p(open) = 0."""
         return dict.fromkeys(self._closed_edges(graph), 0.0)
 
     def observe(self, graph: TopologicalGraph, obstruction: Obstruction, stamp: float) -> tuple[PresenceObserved, ...]:

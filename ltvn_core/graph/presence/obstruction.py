@@ -30,8 +30,8 @@ _LEAST_IN_MIDDLE = 2
 _BARRIER_M = 0.35
 """Largest distance, along the path, of points that belong to the same barrier, in metres."""
 _END_M = 0.2
-"""Largest distance, behind the end of a path, of an obstacle that leaves the robot no room there, such as a door behind
-its sill, in metres."""
+"""Largest distance behind the end of a path, in metres, of an obstacle that leaves the robot no room there, such as a
+door behind its sill."""
 _SAME_THING_M = 0.3
 """Largest distance between neighbouring points of one thing, in metres."""
 _SHORTEST_M = 0.05
@@ -118,7 +118,7 @@ def distances_to_way(points: FloatArray, start: FloatArray, end: FloatArray) -> 
 def nearby_poses(graph: TopologicalGraph, node: NodeId, *, without: Collection[EdgeKey] = ()) -> dict[NodeId, Pose]:
     """Return the poses (3,) of the nodes near a node, in its frame, along the shortest chains of waypoints.
 
-    They are in order of the length of these chains. Chains use no edge in `without`, in either direction.
+    The nodes are ordered by the length of their chains. Chains use no edge in `without`, in either direction.
     """
     left_out = {*without, *((target, source) for source, target in without)}
     found: dict[NodeId, Pose] = {}
@@ -142,7 +142,7 @@ def nearby_poses(graph: TopologicalGraph, node: NodeId, *, without: Collection[E
 
 
 def _edges_at(graph: TopologicalGraph, node: NodeId) -> list[Edge]:
-    """Return the edges from and to a node that are driven; those by an action say nothing about where places are."""
+    """Return the driven edges from and to a node; edges with an action do not show where places are."""
     keys = [(node, other) for other in graph.successors(node)] + [(other, node) for other in graph.predecessors(node)]
     edges = graph.edges
     return [edge for key in keys if not (edge := edges[key]).action]

@@ -41,7 +41,8 @@ def _moment(graph: TopologicalGraph, keys: Collection[EdgeKey], stamp: float) ->
 
 
 def open_deltas(graph: TopologicalGraph, driven: EdgeKey, stamp: float) -> tuple[PresenceObserved, ...]:
-    """Return observations that a driven edge and all edges closed by the same thing are open; none if never blocked."""
+    """Return observations that a driven edge and all edges closed by the same thing are open; none if the driven edge
+    was never blocked."""
     if driven not in graph.presence:
         return ()
     together = itertools.chain.from_iterable(_closed_together(graph, {driven}))
@@ -49,9 +50,10 @@ def open_deltas(graph: TopologicalGraph, driven: EdgeKey, stamp: float) -> tuple
 
 
 def seen_open_deltas(graph: TopologicalGraph, seen: Collection[EdgeKey], stamp: float) -> tuple[PresenceObserved, ...]:
-    """Return observations that edges seen free are open, and the other edges that the same thing closed.
+    """Return observations that edges seen free, and the other edges closed by the same thing, are open.
 
-    The others need a large enough share of these edges to be seen free, because a thing may only touch a single path.
+    The other edges count as open only if a large enough share of the thing's edges was seen free, because a few paths
+    may be free although the thing is still there.
     """
     known = [key for key in seen if key in graph.presence]
     groups = _closed_together(graph, known)
@@ -61,9 +63,10 @@ def seen_open_deltas(graph: TopologicalGraph, seen: Collection[EdgeKey], stamp: 
 
 
 def _closed_together(graph: TopologicalGraph, keys: Collection[EdgeKey]) -> list[set[EdgeKey]]:
-    """Return, for each moment at which one of `keys` was seen closed, the edges whose last closing was then.
+    """Return, for each moment at which one of `keys` was seen closed, all edges that were last seen closed at that
+    moment.
 
-    An edge that was closed again at another moment is closed by something else.
+    An edge that was seen closed again later is closed by something else.
     """
     groups = {seen.stamp_s: set[EdgeKey]() for key in keys for seen in graph.presence[key] if not seen.present}
     for key, history in graph.presence.items() if groups else ():

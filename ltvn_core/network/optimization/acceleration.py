@@ -59,7 +59,7 @@ class DistributedContext:
         return DistributedDataParallel(step, broadcast_buffers=False)
 
     def broadcast_from_leader(self, number: float) -> float:
-        """Return the leader's number."""
+        """Return the leader's number, in every process."""
         if self.size == 1:
             return number
         shared = torch.tensor(number, dtype=torch.float64, device=self.device)
@@ -151,7 +151,7 @@ def choose_precision(network: BaseNetwork[FeaturesT]) -> MixedPrecision:
         step = _training_step(network, MixedPrecision(bfloat16), rgb, depth)
         step()
         seconds[bfloat16] = min(_seconds(step) for _ in range(2))
-    network.load_state_dict(state)  # Batch normalisation has seen noise meanwhile.
+    network.load_state_dict(state)  # Its batch normalisation has seen noise.
     network.zero_grad(set_to_none=True)
     choice = MixedPrecision(seconds[True] < 0.9 * seconds[False])
     log.info(

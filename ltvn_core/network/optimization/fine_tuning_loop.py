@@ -297,7 +297,7 @@ class _FineTuningRun(LearningLoop):
 
 
 def _require_same_run(path: Path, run: dict[str, str]) -> None:
-    """Raise WeightsError if a folder holds a run from other weights or on another drive."""
+    """Raise WeightsError if a folder contains a run from other weights or on another drive."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         if not path.exists():

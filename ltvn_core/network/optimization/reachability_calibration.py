@@ -46,7 +46,7 @@ def calibrate_after_fine_tuning(
 def calibrate_reachability(network: AnyNetwork, chosen: Sequence[PairSelection]) -> None:
     """Fit the network's calibration on chosen labelled pairs of scenes."""
     network.calibration.copy_(torch.tensor([1.0, 0.0]))
-    # The logits are recovered from r, so the calibration must be the identity meanwhile.
+    # The logits are recovered from r, so the calibration must be the identity until it is fitted.
     parts = [_logits_and_labels(network, scene, pairs) for scene, pairs in chosen]
     logits, positive = (np.concatenate(column) for column in zip(*parts, strict=True))
     network.calibration.copy_(torch.tensor(fit_platt(logits, positive)))
@@ -66,7 +66,7 @@ def _logits_and_labels(
 def fit_platt(logits: NDArray[np.float64], positive: NDArray[np.bool_]) -> tuple[float, float]:
     """Return the scale (> 0) and offset that minimise the cross-entropy of logits (N,) against labels (N,)."""
     if positive.all() or not positive.any():
-        return 1.0, 0.0  # With one class only the optimum is at infinity.
+        return 1.0, 0.0  # With only one class, the optimum is at infinity.
 
     def cross_entropy(numbers: NDArray[np.float64]) -> float:
         scaled = np.exp(numbers[0]) * logits + numbers[1]

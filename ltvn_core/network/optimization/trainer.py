@@ -58,7 +58,8 @@ class Hyperparameters:
     pairs_per_group: int = 18
     """Number of labelled pairs per cluster."""
     evened: bool = True
-    """Draw positives uniformly over distance and as many negatives; False draws pairs as often as they occur."""
+    """Whether to draw positives uniformly over distance, and as many negatives; False draws pairs as often as they
+    occur."""
     confusions: int = 2
     """Number of mined hard negatives per step; the clusters of both images are added to the batch."""
     hard: int = 40
@@ -125,7 +126,7 @@ class TrainingStep(nn.Module):
         return precision.encode(self.network, rgb, depth), mirrored
 
     def _pairs(self, batch: TrainingBatch, rough: Tensor, generator: torch.Generator) -> tuple[Tensor, Tensor, Tensor]:
-        """Return sources, targets and labels (P,) of the batch's pairs and of further far ones."""
+        """Return sources, targets and labels (P,) of the batch's pairs and of additional far pairs."""
         device = rough.device
         far = self._far(batch)
         hard = sample_hardest(rough, far, self.plan.hard, generator, self.plan.hardness)
@@ -221,7 +222,7 @@ class Trainer:
 
     @torch.no_grad()
     def _update_average(self) -> None:
-        # The average of the first steps forgets faster, or the random initial weights would stay in it for long.
+        # In the first steps the average forgets faster. Otherwise the random initial weights would stay in it for long.
         keep = min(self.plan.average, (1 + self.steps) / (10 + self.steps))
         for mean, value in zip(self.average.state_dict().values(), self.network.state_dict().values(), strict=True):
             if mean.is_floating_point():

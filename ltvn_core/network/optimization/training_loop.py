@@ -99,7 +99,7 @@ class TrainingResult:
     weights: Path
     """The best weights, calibrated."""
     best: ValidationMetrics | None
-    """Their metrics on validation, before calibration; only the leading process has them."""
+    """Metrics of these weights on the validation data, before calibration; None in all processes but the leader."""
     steps: int
     """Total number of steps."""
     pairs: int

@@ -1,4 +1,4 @@
-"""What sampling and labelling of training poses ask of a scene's free space. A simulated scene implements it."""
+"""Interface of a scene's free space, for sampling and labelling training poses. A simulated scene implements it."""
 
 from typing import Protocol
 

@@ -150,7 +150,7 @@ OPPOSITE_RAD = np.radians(120)
 """Smallest difference between opposite headings, in radians."""
 
 _ALIAS_CANDIDATES = 5
-"""A perceptual alias is drawn from this many of the most similar far images."""
+"""Number of the most similar far images from which a perceptual alias is drawn."""
 
 _CELL_PX = 12
 """Side in pixels of the squares whose mean colour and central depth form the descriptor of an image."""

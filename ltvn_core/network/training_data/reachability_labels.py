@@ -22,7 +22,8 @@ POINT_STEP = 3
 
 _HORIZON_ABOVE_PX = 3
 _HORIZON_BELOW_PX = 10
-"""Rows around the horizon in which a camera at the target would appear; its mast extends below it."""
+"""Number of rows above and below the horizon in which a camera at the target would appear; its mast extends below
+it."""
 
 OBSTACLE_LOW_M = 0.1
 OBSTACLE_HIGH_M = 0.9

@@ -51,29 +51,29 @@ class Shard:
     """The images of one scene and labelled pairs of them."""
 
     name: str
-    """The scene."""
+    """Name of the scene."""
     recipe: str
     """JSON text of the recipe that generated the shard; a shard with another recipe is generated again."""
     rgb: NDArray[np.uint8]
-    """(N, H, W, 3)."""
+    """(N, H, W, 3) colours."""
     depth_mm: NDArray[np.uint16]
-    """(N, H, W); 0 = no return."""
+    """(N, H, W) depth in millimetres; 0 where missing."""
     poses: Pose
-    """(N, 3) in the scene's frame."""
+    """(N, 3) poses in the scene's frame."""
     group: NDArray[np.int32]
     """(N,) cluster of each image."""
     sources: NDArray[np.int32]
-    """(P,) rows of the images."""
+    """(P,) rows of the source images."""
     targets: NDArray[np.int32]
-    """(P,)"""
+    """(P,) rows of the target images."""
     reachable: NDArray[np.bool_]
-    """(P,)"""
+    """(P,) whether each pair is reachable."""
     failed: NDArray[np.uint8]
     """(P,) flags of `ltvn_core.network.training_data.reachability_labels.FailedCriteria`."""
     overlap: NDArray[np.float32]
-    """(P,) nan where not measured."""
+    """(P,) share of the target's points that the source sees; nan where not measured."""
     path_ratio: NDArray[np.float32]
-    """(P,) nan where not measured."""
+    """(P,) ratio of the path to the straight line; nan where not measured."""
 
 
 _ARRAYS = tuple(field.name for field in fields(Shard) if field.name not in ("name", "recipe"))

@@ -60,7 +60,7 @@ class TemporalClosenessRule(TemporalLabelRule):
     near_steps: int = 5
     """Largest number of steps after its source at which a target is reachable."""
     margin: int = 5
-    """Factor of `near_steps` from which on a target is not reachable."""
+    """Multiple of `near_steps` from which on a target is not reachable."""
 
     @property
     def far_steps(self) -> int:

@@ -53,9 +53,9 @@ class Trajectory:
 
     name: str
     rgb: NDArray[np.uint8]
-    """(N, H, W, 3)"""
+    """(N, H, W, 3) colours."""
     depth_mm: NDArray[np.uint16]
-    """(N, H, W); 0 = no return."""
+    """(N, H, W) depth in millimetres; 0 where missing."""
     poses: Pose
     """(N, 3) poses by odometry, which drifts; comparable within one piece only."""
     piece: NDArray[np.int32]
@@ -139,7 +139,7 @@ def odometry_steps(odometry: Pose) -> tuple[NDArray[np.float64], NDArray[np.floa
 
 
 def odometry_jumps(odometry: Pose, selection: KeyframeSelection) -> NDArray[np.bool_]:
-    """Return between which consecutive images the odometry jumped, as a mask (N - 1,)."""
+    """Return a mask (N - 1,) of the steps between consecutive images at which odometry jumped."""
     driven, turned = odometry_steps(odometry)
     return (driven > selection.jump_m) | (turned > selection.jump_rad)
 
@@ -218,7 +218,8 @@ class OdometryLabelRule:
     horizon: int = 15
     """H: an image is reachable from the H images before it (section III-B)."""
     gated: bool = True
-    """Check odometry and depth as well; False labels all 0 < j - i <= H reachable and all others not reachable."""
+    """Whether to check odometry and depth as well. False labels a pair as reachable if 0 < j - i <= H, and as not
+    reachable otherwise."""
     limits: ReachabilityLimits = field(default_factory=ReachabilityLimits)
     """Limits of the reachability criteria, the same as in simulation."""
     far_m: float = 3.0
@@ -260,11 +261,11 @@ class TrajectoryPairs:
     trajectory: Trajectory
     rule: LabelRule
     sources: NDArray[np.int32]
-    """(P,) rows of pairs at most H images apart whose label is known."""
+    """(P,) rows of the source images of pairs at most H images apart whose label is known."""
     targets: NDArray[np.int32]
-    """(P,)"""
+    """(P,) rows of the target images."""
     reachable: NDArray[np.bool_]
-    """(P,)"""
+    """(P,) whether each pair is reachable."""
 
     @property
     def name(self) -> str:

@@ -131,7 +131,7 @@ def _is_at(camera: viser.CameraHandle, places: Sequence[NDArray[np.float64]]) ->
 def _between(corners: NDArray[np.float64], across: NDArray[np.float64], slope: float) -> tuple[float, float]:
     """Return the camera's coordinate along `across`, and its least distance, for a view of all corners (N, 3).
 
-    `slope` is the tangent of half the angle of view.
+    `slope` is the tangent of half the angle of view, reduced by the margin.
     """
     low, high = (float((side * corners @ across + slope * corners @ BACK).max()) for side in (-1, 1))
     return (high - low) / 2, (high + low) / 2 / slope

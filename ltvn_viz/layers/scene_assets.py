@@ -1,9 +1,9 @@
 """Scenes for drawing on the page: cut open like a doll's house, with shading that is computed in advance.
 
-Then the page computes no lighting. A browser without a GPU draws a lit scene many times slower than a scene with fixed
-shading; and with fixed shading, the scene looks like the robot's camera images. The shading is stored in the vertices.
-In the textures it would need three copies of each, and the page would draw three times as many parts. The top face of
-each solid object is lowered to the height of the cut, as a lid.
+The page itself computes no lighting. A browser without a GPU draws a lit scene many times slower than a scene with
+fixed shading; and with fixed shading, the scene looks like the robot's camera images. The shading is stored in the
+vertices. If it were stored in the textures, each texture would need three copies, and the page would draw three times
+as many parts. The top face of each solid object is lowered to the height of the cut, as a lid.
 """
 
 import json
@@ -143,7 +143,7 @@ def face_light(surfaces: Surfaces) -> NDArray[np.floating]:
 
 
 def _shown_share(light: Light) -> NDArray[np.float64]:
-    """Return the factors (3,) for red, green and blue on the page, in [0, 1], of perceived brightness.
+    """Return the perceived brightness of red, green and blue on the page (3,), as shares in [0, 1].
 
     A dark scene is drawn brighter than the camera sees it, so that a person can still recognise it. No factor exceeds
     1.

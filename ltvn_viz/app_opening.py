@@ -72,9 +72,10 @@ logger = logging.getLogger(__name__)
 def open_app_state(
     options: AppOptions, stack: ExitStack, thumbnails: ThumbnailStore, say: Callable[[str], None] = lambda _: None
 ) -> AppState:
-    """Open what the options name, to be closed by `stack`; `say` gets each slow step as it begins. Raises LtvnError.
+    """Open the parts that the options name, to be closed by `stack`; `say` gets the name of each slow step. Raises
+    LtvnError.
 
-    What a person can get wrong is looked at first, and cheap things before dear ones.
+    The options that a person may get wrong are checked first, and fast steps come before slow ones.
     """
     library = RecordingLibrary(options.recordings)
     if options.replay is not None:
@@ -164,7 +165,7 @@ def _link(backend: Backend) -> RobotLink | None:
 
 
 def _check_same_scene(named: str, chosen: LoadedMap, own_robot: Robot | None) -> None:
-    """Raise OptionError where --scene names another scene than the map's; a robot of one's own is anywhere."""
+    """Raise OptionError if --scene names another scene than the map's, unless the user's own robot drives."""
     if not named or own_robot is not None or named == chosen.meta.scene:
         return
     if _scene_address(named) != _scene_address(chosen.meta.scene):
@@ -175,7 +176,7 @@ def _check_same_scene(named: str, chosen: LoadedMap, own_robot: Robot | None) ->
 
 
 def _check_same_system(options: AppOptions, chosen: LoadedMap) -> None:
-    """Raise OptionError where --system names another system than the one that built the map."""
+    """Raise OptionError if --system names another system than the one that built the map."""
     own = recorded_system(chosen.meta.config).name
     if options.system not in (DEFAULT_SYSTEM, own):
         raise OptionError(
@@ -185,7 +186,7 @@ def _check_same_system(options: AppOptions, chosen: LoadedMap) -> None:
 
 
 def _scene_address(name: str) -> str:
-    """Return by what recordings know a scene; a name that no scene has stands for itself."""
+    """Return the address that recordings use for a scene; an unknown name is returned unchanged."""
     from ltvn_core.simulation.scene_registry import load_scene, scene_names
 
     try:
@@ -216,21 +217,22 @@ def _open_learning(options: AppOptions) -> FineTuning:
 def _image_source(
     options: AppOptions, library: RecordingLibrary, own_robot: Robot | None, chosen: LoadedMap | None
 ) -> ImageSource | None:
-    """Return the source of the images: the map's recording, a robot of one's own, or the recording to watch; None for
-    the simulator, whose camera is made to suit the predictor.
+    """Return the source of the images: the map's recording, the user's own robot, or the recording to watch.
+
+    None means the simulator, whose camera is chosen to suit the predictor.
     """
     if chosen is not None:
         return ImageSource.of(chosen.meta)
     if own_robot is not None:
         return ImageSource(camera=own_robot.spec.camera)
     if options.replay is not None:
-        with suppress(RecordingError):  # Who opens it to be watched says what is wrong with it.
+        with suppress(RecordingError):  # The code that opens it for the page reports the error.
             return ImageSource.of(Recording.open(library.path(options.replay)).meta)
     return None
 
 
 def _as_the_robots(meta: RecordingMetadata) -> None:
-    """Compare a recording's images as the robot's are, because a person named the predictor."""
+    """Choose the robot's method for every recording, because a person named the predictor."""
 
 
 def _open_system(options: AppOptions, predictor: Predictor) -> NavigationSystem:
@@ -240,14 +242,14 @@ def _open_system(options: AppOptions, predictor: Predictor) -> NavigationSystem:
 
 
 def _reopen_with(options: AppOptions, weights: Path, camera: CameraModel) -> tuple[Predictor, NavigationSystem]:
-    """Open other weights just as a new start of the app with them would."""
+    """Open other weights in the same way as a restart of the app with them."""
     changed = replace(options, weights=weights, replay=None)
     predictor = predictor_for(changed, camera)
     return predictor, _open_system(changed, predictor)
 
 
 def _ready_made(options: AppOptions, predictor: Predictor) -> LoadedMap | None:
-    """Return the demo scene's map, None elsewhere and where other weights are in use."""
+    """Return the ready-made map of the demo scene; None in other scenes, and if the weights or the system differ."""
     if options.scene != DEMO_SCENE or options.replay is not None or options.robot is not None:
         return None
     own = options.recordings / DEMO_MAP
@@ -350,7 +352,7 @@ def _driven_floor(state: AppState, options: AppOptions) -> tuple[Pose, Pose] | N
         return None
     try:
         replay = state.open_replay(options.replay)
-    except RecordingError:  # Who opens it to be watched says what is wrong with it.
+    except RecordingError:  # The code that opens it for the page reports the error.
         return None
     places = np.concatenate([replay.course, moment_of(replay.timeline).graph.poses])[:, :2]
     if not len(places):
@@ -362,13 +364,13 @@ def _driven_floor(state: AppState, options: AppOptions) -> tuple[Pose, Pose] | N
 
 
 def _floor_around(pose: Pose) -> tuple[Pose, Pose]:
-    """Return two corners (x_m, y_m) of a floor of which nothing is known but that a robot at `pose` (3,) is on it."""
+    """Return two corners (x_m, y_m) around a robot at `pose` (3,), for a floor whose extent is unknown."""
     middle = np.nan_to_num(pose[:2])
     return middle - UNKNOWN_FLOOR_M, middle + UNKNOWN_FLOOR_M
 
 
 class _Screen:
-    """Joins session and painter, each of which needs the other first."""
+    """Connects session and painter, each of which needs the other to be created."""
 
     painter: Painter
 

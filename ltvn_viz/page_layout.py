@@ -1,7 +1,7 @@
-"""The page's composition: which layers and panels there are, where they stand, and the thread that draws them.
+"""The page's composition: the layers and panels, their places, and the thread that draws them.
 
-Owns the layout and the theme. What each shows is in `layers` and `panels`. The newest snapshot wins, so a slow page, or
-a big map that has just changed, holds up neither the robot nor the person who drives it.
+Owns the layout and the theme; the content is in `layers` and `panels`. Only the newest snapshot is drawn, so neither a
+slow page nor a change of a big map delays the robot or its driver.
 """
 
 import logging
@@ -64,14 +64,14 @@ class OwnParts:
         make: Callable[[viser.ClientHandle], Sequence[PagePart]],
         number_of: Callable[[int], ClientId | None],
     ) -> None:
-        """Let `make` add the parts of a page; `number_of` returns our number of a page by viser's."""
+        """Create the parts of a page by `make`; `number_of` converts viser's number of a page to ours."""
         self._clients = clients
         self._make = make
         self._number_of = number_of
         self._parts: dict[int, Sequence[PagePart]] = {}
 
     def show(self, snapshot: Snapshot) -> None:
-        """Show each page its own."""
+        """Show each page its own parts."""
         clients = {client.client_id: client for client in self._clients()}
         for gone in self._parts.keys() - clients.keys():
             del self._parts[gone]
@@ -83,11 +83,11 @@ class OwnParts:
                 part.show(own)
 
     def _welcome(self, client: viser.ClientHandle) -> bool:
-        """Make the parts of a page; return whether it is still there."""
+        """Make the parts of a page; return whether the page is still connected."""
         self._parts[client.client_id] = self._make(client)
         if any(each.client_id == client.client_id for each in self._clients()):
             return True
-        # viser forgets what a page had when it left, and not what it gets afterwards.
+        # viser removes a page's controls when the page disconnects, but not those that are added later.
         client.gui.reset()
         return False
 
@@ -98,10 +98,10 @@ class OwnParts:
 
 
 class Painter:
-    """Hands the newest snapshot to all layers and panels."""
+    """Draws the newest snapshot by all layers and panels."""
 
     def __init__(self, parts: Sequence[PagePart], batch: "Batch") -> None:
-        """Draw `parts`, in this order, each time within `batch()` so that the page applies it as one."""
+        """Draw `parts` in this order, within `batch()`, so that the page applies all changes of a snapshot at once."""
         self._parts = parts
         self._batch = batch
         self._change = threading.Condition()
@@ -114,7 +114,7 @@ class Painter:
         self._thread.start()
 
     def publish(self, snapshot: Snapshot) -> None:
-        """Take a snapshot to draw, in place of one that is still waiting. Never blocks for long."""
+        """Set the snapshot to draw next, in place of one that is still waiting. Never blocks for long."""
         with self._change:
             self._newest = snapshot
             self._change.notify()
@@ -148,7 +148,7 @@ class Painter:
 
 
 class Batch(Protocol):
-    """Groups what is sent to the page, such as `viser.ViserServer.atomic`."""
+    """Groups messages to the page, such as `viser.ViserServer.atomic`."""
 
     def __call__(self) -> AbstractContextManager[None]:
         """Begin a group."""
@@ -160,21 +160,22 @@ TITLE = "Lifelong Topological Visual Navigation"
 
 @dataclass(frozen=True, slots=True)
 class PageAssets:
-    """Static parts that are drawn from files."""
+    """Functions and data from which the static parts of the page are drawn."""
 
     scene_glb: Callable[[str, WorldState], bytes]
-    """Loads the scene of a name as it is in a state of its world, ceiling cut away; raises SceneError."""
+    """Returns a scene, given its name and state, as binary glTF without the ceiling; raises SceneError."""
     robot_glb: bytes | None
-    """The robot's body; None draws a plain one of its size."""
+    """The robot's body as binary glTF; None draws a cylinder of its size."""
     robot: RobotSpec = LOCOBOT
     scene_picture: Callable[[str, WorldState], FloorPicture | None] = lambda _name, _state: None
-    """Draws that scene from above, for pages that draw slowly; None if nobody can. Raises SceneError."""
+    """Draws a scene from above, for pages that draw slowly; None if it cannot be drawn. Raises SceneError."""
     added_glb: Callable[[str, WorldState], bytes | None] = lambda _name, _state: None
-    """Loads what stands in that scene for now; None if nothing does. Raises SceneError."""
+    """Returns the temporary parts of a scene, such as closed doors and people; None if there are none. Raises
+    SceneError."""
 
 
 class Pages(Protocol):
-    """Who the pages are, and what they ask for."""
+    """The pages: their numbers, their requests, and messages to all of them."""
 
     def send_upload(self, command: Command) -> None:
         """Send the command of an uploaded file; the page's guard has checked that it comes from the page with the
@@ -183,38 +184,38 @@ class Pages(Protocol):
         ...
 
     def ask(self, action: Action, value: Value = None) -> None:
-        """Ask for something from the driver's seat; the page's guard has seen to it."""
+        """Request an action from the driver's seat; the page's guard has checked that the page has it."""
         ...
 
     def ask_from(self, viser_client: int, action: Action, value: Value = None) -> None:
-        """Ask for something that a page without the seat may have in its own view."""
+        """Request an action that a page without the seat may have in its own view."""
         ...
 
     def number_of(self, viser_client: int) -> ClientId | None:
-        """Return our number of a page by viser's."""
+        """Convert viser's number of a page to ours."""
         ...
 
     def file_address(self, address: str) -> str:
-        """Return the address of a served file as a picture in a panel may have it."""
+        """Return the address of a served file with the key that a picture in a panel needs."""
         ...
 
     def show_picture(self, jpeg: bytes) -> None:
-        """Show all pages what the robot sees, colours beside depth."""
+        """Show the robot's camera picture on all pages, with colours and depth side by side."""
         ...
 
     def tell_moment(self, message: str) -> None:
-        """Tell all pages which moment is on show."""
+        """Send the moment on show to all pages."""
         ...
 
     def tell_activity(self, message: str) -> None:
-        """Tell all pages the robot's current activity."""
+        """Send the robot's current activity to all pages."""
         ...
 
 
 def build_layout(server: viser.ViserServer, pages: Pages, assets: PageAssets, floor: Floor) -> Sequence[PagePart]:
-    """Put all layers and panels onto a page that begins with a view of a floor.
+    """Add all layers and panels to the page, which begins with a view of `floor`.
 
-    Returns them in the order in which they should be drawn.
+    Returns them in drawing order.
     """
     floor.begin(server)
     accent = (palette.ACCENT.red, palette.ACCENT.green, palette.ACCENT.blue)

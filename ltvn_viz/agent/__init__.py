@@ -1,1 +1,1 @@
-"""Programs that work by a language model ask about recordings here; they look, and change nothing."""
+"""Read-only tools with which the program of a language model asks about recordings."""

@@ -12,7 +12,7 @@ from ltvn_core.errors import OptionError
 from ltvn_core.terminal_text import which_name
 
 LARGEST_NODE = 2**53
-"""Larger numbers are not the same in every program."""
+"""Largest number of a node; not every JSON reader represents larger integers exactly."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,7 +23,7 @@ class Parameter:
     schema: Mapping[str, Any]
     """JSON Schema of the value, with its description."""
     read: Callable[[object], Any]
-    """Returns the value; raises ValueError with what would be valid."""
+    """Function that returns the checked value; it raises ValueError with a description of valid values."""
     required: bool = False
 
 
@@ -40,7 +40,7 @@ def text(name: str, about: str, *, longest: int, required: bool = False) -> Para
 
 
 def number(name: str, about: str) -> Parameter:
-    """Return a parameter that takes a number, not negative."""
+    """Return a parameter that takes a number of 0 or more."""
 
     def read(given: object) -> float:
         if isinstance(given, bool) or not isinstance(given, int | float) or not 0 <= given <= LARGEST_NODE:
@@ -51,7 +51,7 @@ def number(name: str, about: str) -> Parameter:
 
 
 def whole(name: str, about: str, *, least: int = 0, most: int = LARGEST_NODE, required: bool = False) -> Parameter:
-    """Return a parameter that takes a whole number."""
+    """Return a parameter that takes an integer from `least` to `most`."""
     schema = {"type": "integer", "minimum": least, "maximum": most, "description": about}
     return Parameter(name=name, schema=schema, read=lambda given: _whole(given, least, most), required=required)
 
@@ -70,7 +70,7 @@ def edge(name: str, about: str) -> Parameter:
 
 
 def choices(name: str, about: str, known: Sequence[str]) -> Parameter:
-    """Return a parameter that takes a list of words out of some."""
+    """Return a parameter that takes a list of words, each of them from `known`."""
 
     def read(given: object) -> tuple[str, ...]:
         if not isinstance(given, list) or len(given) > len(known) or not all(each in known for each in given):
@@ -93,7 +93,7 @@ def object_schema(parameters: Sequence[Parameter]) -> dict[str, Any]:
 
 
 def read_arguments(parameters: Sequence[Parameter], given: Mapping[str, object]) -> dict[str, Any]:
-    """Return the values of the arguments that were given; null stands for not given. Raises OptionError."""
+    """Return the values of the given arguments; an argument that is null counts as missing. Raises OptionError."""
     known = {each.name: each for each in parameters}
     for name in given:
         if name not in known:

@@ -1,6 +1,7 @@
-"""The files that a program may ask about: those that were named at the start, and no others.
+"""The files that a program may ask about: only those that were named at the start.
 
-Owns their names and which of them are open. A name that comes from a program is only ever looked up in the list.
+Owns their names, and the choice of which files stay open. A name from a program is only looked up in the list; it is
+never used as a path.
 """
 
 from collections import OrderedDict
@@ -18,10 +19,10 @@ _SHOWN = 20
 
 
 class NamedFiles:
-    """Recordings and maps by the names under which a program knows them. For one thread at a time."""
+    """Recordings and maps, each with the name that a program uses for it. For one thread at a time."""
 
     def __init__(self, paths: Iterable[Path]) -> None:
-        """Take files, and all recordings that lie in the folders among them now. Raises OptionError."""
+        """Use the given files; a folder stands for all recordings that are in it now. Raises OptionError."""
         found = dict.fromkeys(path for named in paths for path in _recordings(named))
         if not found:
             raise OptionError(
@@ -32,7 +33,7 @@ class NamedFiles:
         self._open: OrderedDict[tuple[str, int, int], FileCase] = OrderedDict()
 
     def case(self, name: str) -> FileCase:
-        """Return an open file. Raises OptionError for another name, and RecordingError for a damaged file."""
+        """Return an open file. Raises OptionError for an unknown name, and RecordingError for a damaged file."""
         path = self.path(name)
         try:
             stat = path.stat()
@@ -47,7 +48,7 @@ class NamedFiles:
         return self._open[key]
 
     def path(self, name: str) -> Path:
-        """Return where a file lies. Raises OptionError for any other name than those that there are."""
+        """Return the path of a file. Raises OptionError for an unknown name."""
         if name not in self.by_name:
             listed = [*self.by_name][:_SHOWN]
             raise OptionError(
@@ -57,7 +58,7 @@ class NamedFiles:
 
 
 class _NamedLibrary(RecordingLibrary):
-    """The named files in place of a folder."""
+    """A library of the named files, in place of a folder."""
 
     def __init__(self, by_name: Mapping[str, Path]) -> None:
         super().__init__(next(iter(by_name.values())).parent)
@@ -86,6 +87,7 @@ def _recordings(named: Path) -> list[Path]:
 
 
 def _short_names(paths: list[Path]) -> dict[str, Path]:
-    """Name files by their last part, or by the whole path where two have the same."""
+    """Return the files by name: the last part of the path, or the whole path if several files have the same last
+    part."""
     names = [path.name for path in paths]
     return {path.name if names.count(path.name) == 1 else str(path): path for path in paths}

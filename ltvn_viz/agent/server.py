@@ -1,7 +1,7 @@
-"""Brings the tools to programs by the Model Context Protocol, over standard input and output.
+"""Serves the tools to programs by the Model Context Protocol (MCP), over standard input and output.
 
-Owns the protocol; the one home of the library `mcp`. Calls are done one after another in a thread of their own, so that
-the program is heard meanwhile.
+Owns the protocol; no other module imports the library `mcp`. Tool calls run one after another in a separate thread, so
+that the server can read new messages during a call.
 """
 
 import base64

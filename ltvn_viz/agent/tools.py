@@ -1,7 +1,7 @@
-"""The tools that programs call: which files there are, what is in them, and the debugger's answers and pictures.
+"""The tools that programs call: they list and describe files, and return the debugger's answers and images.
 
-Owns what each tool takes and gives, and how much of it. All of them only look. They know nothing of the protocol that
-brings the calls, which is `server`'s.
+Owns the arguments and the result of each tool, and the limits of its size. All tools are read-only. They are
+independent of the protocol, which is in `server`.
 """
 
 import io
@@ -31,11 +31,11 @@ MOST_QUERIES = 50
 MOST_MARKS = 500
 MOST_LINKS = 40
 LONGEST_ANSWER = 12_000
-"""Letters of an answer, about 3000 words for a language model."""
+"""Maximum number of characters of an answer, about 3000 tokens of a language model."""
 LARGEST_IMAGE = 768
-"""Pixels of the longer side."""
+"""Maximum length of the longer side of an image, in pixels."""
 LONGEST_S = 60.0
-"""Programs that call tools wait about as long."""
+"""Time limit for an answer, in seconds; programs that call tools seldom wait longer."""
 _MARKS = 100
 _LOG = logging.getLogger(__name__)
 
@@ -45,7 +45,7 @@ _AT = a.number("at_s", "Seconds after the beginning of the recording; the end if
 
 @dataclass(frozen=True, kw_only=True)
 class ToolImage:
-    """A picture as the answer of a tool."""
+    """An image as the result of a tool."""
 
     data: bytes
     mime_type: str
@@ -53,7 +53,7 @@ class ToolImage:
 
 @dataclass(frozen=True, kw_only=True)
 class ToolError:
-    """Why there is no answer, and what would be valid."""
+    """The reason why there is no answer, and a description of valid arguments."""
 
     text: str
 
@@ -63,27 +63,27 @@ ToolResult = dict[str, Any] | ToolImage | ToolError
 
 @dataclass(frozen=True, kw_only=True)
 class Tool:
-    """Something that a program may call."""
+    """A function that a program may call."""
 
     name: str
     about: str
     parameters: tuple[Parameter, ...]
     do: Callable[..., dict[str, Any] | ToolImage]
-    """Takes the arguments by name. Raises LtvnError."""
+    """Function that takes the arguments by name. Raises LtvnError."""
 
 
 class RecordingTools:
     """The tools for some files. For one thread at a time."""
 
     def __init__(self, files: NamedFiles) -> None:
-        """Let them read these files alone."""
+        """Let the tools read only these files."""
         self._files = files
         self.calls = 0
         self.refused = 0
         self.tools: Mapping[str, Tool] = {tool.name: tool for tool in self._tools()}
 
     def call(self, name: str, given: Mapping[str, object]) -> ToolResult:
-        """Check what a program sent and do it; whatever goes wrong is a ToolError."""
+        """Check the arguments from a program and call the tool; every failure is returned as a ToolError."""
         self.calls += 1
         try:
             if name not in self.tools:
@@ -92,7 +92,7 @@ class RecordingTools:
             return tool.do(**read_arguments(tool.parameters, given))
         except (LtvnError, OSError) as error:
             text = str(error)
-        except Exception as error:  # Nothing that a program sends may end the server.
+        except Exception as error:  # No request of a program may end the server.
             _LOG.exception("The tool %.60s failed", name)
             text = f"This could not be answered ({type(error).__name__}); ask with other arguments."
         self.refused += 1
@@ -188,7 +188,7 @@ class RecordingTools:
 
 
 _EARLY_S = 1e-3
-"""Times are written with three digits."""
+"""Tolerance of the time limits in seconds, because times in results are rounded to milliseconds."""
 
 _FRAME = a.whole("frame", "The number of an image; the number of a node is the number of its image.", required=True)
 _TIMELINE = (
@@ -256,7 +256,7 @@ def _mark_row(case: FileCase, mark: Mark) -> dict[str, Any]:
 
 
 def _links(said: FileAnswer) -> list[dict[str, Any]]:
-    """Return what the links of an answer lead to, each once."""
+    """Return the targets of an answer's links, each target once."""
     found: dict[str, dict[str, Any]] = {}
     for link in said.answer.links():
         following = said.asked.following(link.to)

@@ -18,7 +18,7 @@ _LOG = logging.getLogger(__name__)
 
 
 class BackgroundCache:
-    """Cached answers by their questions."""
+    """A cache of answers by their questions."""
 
     def __init__(self, worker: JobQueue, on_answer: Callable[[], None]) -> None:
         """Compute in `worker`; `on_answer` is called in the session's thread when there is a new answer."""
@@ -54,7 +54,7 @@ class BackgroundCache:
         self._asked.discard(question)
         self._left.discard(question)
         if answer is _LEFT:
-            self._on_answer()  # The person may have returned to the question meanwhile.
+            self._on_answer()  # The person may have returned to the question after abandoning it.
             return
         self._known[question] = answer
         while len(self._known) > _KEPT:

@@ -90,7 +90,7 @@ def _v(y: Axis, value: float) -> str:
 
 
 def _dots(points: Sequence[tuple[float, float]], x: Axis, y: Axis, colour: Rgb8) -> str:
-    """Mark each point, with its numbers on hover, if there are few points."""
+    """Draw a dot for each point, with its numbers on hover; draw no dots if there are too many points."""
     if len(points) > 40:
         return ""
     return "".join(

@@ -1,4 +1,4 @@
-"""Compare: the differences between this map and another one, or its own past, as figures and colours.
+"""Compare: the differences between this map and another one, or its own past, as numbers and colours.
 
 This includes changes since an earlier time: edges that are closed now or open again, and new nodes and edges.
 """
@@ -247,7 +247,7 @@ def _difference(builder: AnswerBuilder, found: MapComparison, selection: Selecti
 
 def _new_nodes(difference: MapDifference) -> dict[NodeId, Rgb8]:
     if difference.matched_by is not MatchedBy.ID:
-        return {}  # The map of another drive has hardly a node of this one.
+        return {}  # The map of another drive shares hardly any nodes with this one.
     return dict.fromkeys(difference.nodes_only_a[:_STROKES], palette.EDGE_ADDED)
 
 

@@ -128,9 +128,10 @@ class DebugContext:
         return self.timeline.frames.pose(node)
 
     def revision(self, *kinds: type) -> tuple[int, int]:
-        """Return the number of map changes and of events of these kinds so far.
+        """Return two numbers: the map changes so far, and the events of these kinds so far.
 
-        An answer about both is out of date when this changes. Linear in the events.
+        An answer that depends on the map and these events is out of date when either number changes. Linear in the
+        events.
         """
         before = self.timeline.count_until(self.instant)
         events = self.timeline.events[:before]

@@ -1,4 +1,5 @@
-"""Explains by expected costs why the robot took an edge that was seen blocked, or a detour around it."""
+"""Explains plans by expected costs: why the robot drove an edge that was last seen blocked, or made a detour around
+it."""
 
 import itertools
 from collections.abc import Sequence
@@ -26,7 +27,7 @@ from ltvn_viz.debugger.question import AnswerBuilder, edge_link, time_link
 from ltvn_viz.session.inspection import Stroke, stroke
 
 _PLANS = 40
-"""Number of plans before the moment that are searched."""
+"""Number of the latest plans up to the moment that are searched."""
 _ROWS = 8
 _TITLE = "Why did the robot try it, or go around?"
 
@@ -40,9 +41,11 @@ class EdgeDecisionsPart:
         self._run: object = None
 
     def add(self, context: DebugContext, edge: EdgeKey | None, builder: AnswerBuilder) -> tuple[Stroke, ...]:
-        """Explain the last such plan up to the moment, for an edge or for any, offer others, and return the strokes.
+        """Explain the last plan in which an edge was driven or avoided although it was last seen blocked; return the
+        strokes.
 
-        Adds nothing if the edge was never observed, or plans ignore presence.
+        Without `edge`, explain the last such plan of any edge. Earlier such plans are listed with links. Adds nothing
+        if the edge was never observed, or plans ignore presence.
         """
         if context.presence_filter is None or not _was_seen(context, edge):
             return ()
@@ -84,13 +87,13 @@ def _decided(
     presence_filter: PresenceFilter,
     weight: EdgeWeight,
 ) -> list[PresenceDecision]:
-    """Run in the worker's thread."""
+    """Return the explanations of the plans that met an edge seen blocked; runs in the worker's thread."""
     made = (presence_decision(timeline, plan, method.planning, presence_filter, weight=weight) for plan in plans)
     return [each for each in made if each is not None]
 
 
 def _was_seen(context: DebugContext, edge: EdgeKey | None) -> bool:
-    """Tell whether an edge, or any edge for None, was observed up to the moment."""
+    """Tell whether an edge was observed up to the moment; for None, whether any edge was."""
     if edge is None:
         return bool(context.graph.presence)
     return bool(observed_presence(context.timeline, *edge, context.instant))

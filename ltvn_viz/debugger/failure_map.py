@@ -43,7 +43,7 @@ def _search(graph: TopologicalGraph, failure: FailedQuery) -> Callable[[], MapFa
     start: NodeId | None = failure.node if is_without_way else None
 
     def search() -> MapFaults:
-        """Run in the worker's thread."""
+        """Search for the faults; runs in the worker's thread."""
         gap = None if start is None else map_gap(graph, start, failure.query.goal)
         return MapFaults(contradicted=contradicted_edges(graph), gap=gap)
 

@@ -266,7 +266,7 @@ def _dip(context: DebugContext, strip: LifelongSuccess, dip: SuccessDip, builder
 
 
 def _touched(context: DebugContext, dip: SuccessDip) -> list[tuple[EdgeKey, str]]:
-    """Return the edges that changed most often in a dip, and how each ended; pruned ones first."""
+    """Return the edges that changed most often during a dip, each with its last change; pruned edges come first."""
     timeline = context.timeline
     counts = Counter[EdgeKey]()
     ends = dict[EdgeKey, str]()

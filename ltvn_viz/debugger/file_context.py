@@ -149,11 +149,12 @@ class FileCase:
 
 
 _ROUNDING_S = 0.1
-"""Tolerance in seconds, because times are written with one decimal and may be rounded to after the end."""
+"""Tolerance in seconds: times are written with one decimal, so rounding may move the last one past the end."""
 
 
 def _file_method(meta: RecordingMetadata) -> ReplayMethod:
-    """Return the method of a recording's images; if it cannot be opened, one that compares nothing and says why."""
+    """Return the method of a recording's images; a stand-in that compares nothing and says why if it cannot be
+    opened."""
     defaults = AppOptions(replay="")
     try:
         choice = ImageSource.of(meta).choose()

@@ -34,7 +34,7 @@ LONGEST_TEXT = 200
 
 @dataclass(frozen=True, kw_only=True)
 class FileAsk:
-    """A question about a file. Without the name of a question, the selection decides which."""
+    """A question about a file; without the name of a question, the selection determines which question it is."""
 
     question: str = ""
     """Word of the question."""
@@ -83,7 +83,7 @@ class FileAsk:
         return shlex.join(words)
 
     def following(self, command: object) -> Self | None:
-        """Return the question that follows a link; None if only the page can follow it."""
+        """Return the question that a link asks; None if only the page can follow the link."""
         match command:
             case Seek(time_s=time_s):
                 return replace(self, at_s=time_s, query=None)
@@ -183,7 +183,7 @@ def _known_nodes(case: FileCase) -> str:
 
 
 def _time(case: FileCase, asked: FileAsk) -> float:
-    """Return the time in seconds after the beginning: the given one, the end of the query, or the end."""
+    """Return the time in seconds after the beginning: the given time, the end of the query, or the end of the file."""
     query = None if asked.query is None else _query(case, asked.query)
     if asked.at_s is not None:
         return asked.at_s

@@ -68,7 +68,7 @@ class GroundTruthQuestion(Question[Never]):
         if self._offered[0] != run and nodes:
             seen = next((image for node in nodes if (image := context.observation(node)) is not None), None)
             if seen is None:
-                return True  # This is unknown so far.
+                return True  # No image is in memory yet, so there may be true poses.
             self._offered = run, seen.exact_pose is not None
         return bool(nodes) and self._offered[1]
 

@@ -152,7 +152,8 @@ def _ghosts(context: DebugContext, pruned: Sequence[Mark]) -> tuple[Stroke, ...]
 
 
 def _young(context: DebugContext) -> tuple[NodeId, ...]:
-    """Return the nodes that were added since the beginning of the last query but one, not with a whole map."""
+    """Return the nodes that were added since the second-to-last query began, except those of a map that was added at
+    once."""
     starts = context.timeline.marks_until(context.instant, MarkKind.QUERY_START)[-NEW_FOR_QUERIES:]
     if not starts:
         return ()

@@ -177,7 +177,8 @@ class Inspector:
         self._key = None
 
     def point_at(self, node: NodeId, target: NodeId | None = None) -> None:
-        """Select a node, or the edge from it to `target`; the second of two joined nodes selects the edge between."""
+        """Select a node, or the edge from it to `target`; if an edge leads to it from the node selected before, select
+        that edge."""
         first = self.shown.selection.node
         if target is not None:
             selection = Selection(None, (node, target))

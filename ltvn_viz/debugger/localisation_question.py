@@ -207,7 +207,7 @@ def _heat(
     seen: Observation, nodes: tuple[NodeId, ...], keyframes: KeyframeStore, predictor: Predictor, method: Method
 ) -> Callable[[], ColouredHeat | str]:
     def compare() -> ColouredHeat | str:
-        """Run in the worker's thread, which owns the images."""
+        """Compare the image; runs in the worker's thread, which owns the images."""
         known = [node for node in nodes if node in keyframes]
         if not known:
             return "There are no images of the nodes to compare with."
@@ -226,7 +226,7 @@ def _colours(found: LocalisationHeatMap, scale: float) -> dict[NodeId, Rgb8]:
 
 
 def _say(found: LocalisationHeatMap, count: int, builder: AnswerBuilder) -> None:
-    """List the best of the compared nodes; during the comparison, these are the best so far."""
+    """List the best of the nodes that were compared up to now."""
     if len(found.nodes) < count:
         builder.add_line(
             f"So far, {len(found.nodes)} of {count} nodes are compared: the images of the others are missing."
@@ -253,7 +253,7 @@ def _alias_search(
     graph: TopologicalGraph, keyframes: KeyframeStore, predictor: Predictor, method: Method
 ) -> Callable[[], tuple[PerceptualAlias, ...] | str]:
     def search() -> tuple[PerceptualAlias, ...] | str:
-        """Run in the worker's thread, which owns the images."""
+        """Search for look-alike places; runs in the worker's thread, which owns the images."""
         try:
             return find_perceptual_aliases(
                 graph, Matcher(predictor, keyframes, method.matching), method, candidates=_CANDIDATES

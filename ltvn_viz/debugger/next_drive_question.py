@@ -70,7 +70,7 @@ def _advise(
     live_map: LiveMap, graph: TopologicalGraph, seen: Observation, predictor: Predictor, method: Method
 ) -> Callable[[], MappingAdvice]:
     def look_over() -> MappingAdvice:
-        """Run in the worker's thread, which owns the images."""
+        """Compute the advice; runs in the worker's thread, which owns the images."""
         drive = {each.step: each.odometry for each in live_map.observations() if each.step <= seen.step}
         drive[seen.step] = seen.odometry
         steps = sorted(drive)

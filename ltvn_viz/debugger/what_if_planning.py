@@ -101,7 +101,7 @@ def count_rebuilt_nodes(context: DebugContext, changed: Method) -> Callable[[], 
     assert live_map is not None
 
     def count() -> str:
-        """Run in the worker's thread, which owns the images."""
+        """Count the nodes of both maps; runs in the worker's thread, which owns the images."""
         rng = np.random.default_rng(0)
         try:
             seen = live_map.observations()

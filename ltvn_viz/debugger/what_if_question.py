@@ -1,4 +1,4 @@
-"""The question “What if”: old and new plan side by side, and the effect of other thresholds on the map."""
+"""What if: the old and the new plan side by side, and the effect of other thresholds on the map."""
 
 from collections.abc import Hashable
 from dataclasses import dataclass

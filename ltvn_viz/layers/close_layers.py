@@ -1,7 +1,7 @@
 """Layers that depend on the camera of each page: the robot's marker, and the headings of nearby nodes.
 
-The marker can be found at every zoom: it is above all walls, never smaller than half a metre, and grows with the
-distance of the camera, so that it has about one size on the screen.
+The marker is visible at every zoom: it is above all walls, at least half a metre large, and grows with the distance of
+the camera, so that its size on the screen stays about the same.
 """
 
 from functools import partial
@@ -17,21 +17,21 @@ from ltvn_viz.layers.shapes import LineSegments, Mesh, disc_mesh, marker_mesh, p
 from ltvn_viz.session.snapshot import Snapshot
 
 MARKER_Z = CUT_HEIGHT_M + 0.25
-"""Above walls as they are cut, and above the handles of doors."""
+"""Height of the marker in metres: above the walls, which are cut, and above the handles of doors."""
 LEAST_MARKER_M = 0.5
 MARKER_PER_DISTANCE = 0.045
-"""Size of the marker by how far the camera is from it."""
+"""Size of the marker per distance of the camera, both in metres."""
 _RESIZE_FROM = 1.1
-"""A change of size by less than this factor is not worth a message."""
+"""Least factor by which the size must change before it is sent to the page."""
 _STEM_M = 0.03
 HEADINGS_WITHIN_M = 4.0
 """Greatest distance between the camera and its target at which the headings of nodes are drawn."""
 _TICK_M = 0.13
-"""Length of a heading."""
+"""Length of the line that shows a heading, in metres."""
 
 
 class RobotMarker:
-    """A bright arrow in a bright ring above the robot, on a stem that stands where the robot is."""
+    """A bright arrow in a bright ring above the robot, with a stem that ends at the robot's position."""
 
     def __init__(self, client: viser.ClientHandle) -> None:
         """Add the marker, hidden until there is a pose."""
@@ -52,10 +52,10 @@ class RobotMarker:
             receive_shadow=False,
         )
         self.size_m = 0.0
-        """Radius of the marker, about."""
+        """Approximate radius of the marker in metres."""
 
     def show(self, snapshot: Snapshot) -> None:
-        """Move the marker to the robot, in a size that suits the camera."""
+        """Move the marker to the robot, and adapt its size to the camera's distance."""
         pose = snapshot.moment.robot
         if pose is not None:
             self.place.position = points(pose, 0.0)
@@ -73,7 +73,7 @@ class RobotMarker:
 
 
 class HeadingsLayer:
-    """Where each node looks, as a short line, drawn only while the page looks at a few of them from near."""
+    """The heading of each node as a short line, drawn only while the camera is near."""
 
     def __init__(self, client: viser.ClientHandle) -> None:
         """Add the lines, hidden."""

@@ -1,7 +1,6 @@
 """Overlay of a debugger question on the map.
 
-The edge that a person selected keeps the colour of its p, and a white halo marks it: another colour would show a wrong
-p.
+The selected edge keeps the colour of its p and gets a white halo, because another colour would show a wrong p.
 """
 
 from collections.abc import Sequence
@@ -19,17 +18,17 @@ from ltvn_viz.session.inspection import EMPTY_OVERLAY, Label, Overlay, Stroke
 from ltvn_viz.session.snapshot import Snapshot
 
 _LABELS = 24
-"""More labels than this say nothing."""
+"""Maximum number of labels; more would be hard to read."""
 _OVERLAY_Z = PLAN_Z + 0.03
 _HALO_BELOW_M = 0.01
 _SAME_PLACE_M = 1e-6
 
 
 class DebuggerLayer:
-    """The drawing of the tool on show."""
+    """The drawing of the question on show."""
 
     def __init__(self, scene: viser.SceneApi) -> None:
-        """Add the empty parts."""
+        """Add the parts, all empty."""
         self._scene = scene
         self.strokes = LineSegments(scene, "/debugger/strokes", thickness_px=7.0)
         self.halo = LineSegments(scene, "/debugger/halo", thickness_px=13.0)

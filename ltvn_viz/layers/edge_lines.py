@@ -1,7 +1,8 @@
-"""Edges of a map as lines whose colour and width both say how probable they are.
+"""Edges of a map as lines whose colour and width both show their probability.
 
-Owns the widths. A node of viser has lines of one width, so there are three nodes, each with its dark rim. An edge whose
-p moves within its width costs a colour; only one that changes its width has the lines of two nodes sent again.
+Owns the widths. All lines of a viser node have the same width, so there are three nodes, each with a dark rim. If the p
+of an edge changes but its width does not, only the colours of a node are sent again; if the width changes, the lines of
+two nodes are sent again.
 """
 
 from typing import NamedTuple
@@ -19,7 +20,7 @@ class EdgeWidth(NamedTuple):
 
     name: str
     from_p: float
-    """The least p that is drawn so wide."""
+    """Least p of an edge with this width."""
     thickness_px: float
 
 
@@ -42,7 +43,7 @@ class EdgeLines:
         )
 
     def draw(self, segments: NDArray[np.float32], p: NDArray[np.float64]) -> None:
-        """Replace all edges: their ends (N, 2, 3) and how probable each is (N,)."""
+        """Replace all edges, given their ends (N, 2, 3) and their probabilities (N,)."""
         colours = palette.probability_colours(p)
         widths = np.searchsorted([width.from_p for width in EDGE_WIDTHS[1:]], p, side="right")
         for number, batch in enumerate(self.batches):

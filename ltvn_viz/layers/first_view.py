@@ -1,6 +1,6 @@
-"""The view that a page begins with: the whole floor, as large as the page's scene allows.
+"""The initial view of a page: the whole floor, as large as the scene's part of the page allows.
 
-Owns where the camera stands. Once a person has moved it, it is theirs.
+Owns the position of the camera until a person moves it.
 """
 
 from collections import deque
@@ -18,9 +18,9 @@ from ltvn_viz.layers.scene_assets import CUT_HEIGHT_M
 from ltvn_viz.session.snapshot import Snapshot
 
 MARGIN = 0.02
-"""Share of the scene that stays empty on each side, at least."""
+"""Least share of the scene's width and height that stays empty on each side."""
 USUAL_ASPECT = 1.35
-"""Width by height of an unknown scene, and of an exported map."""
+"""Ratio of width to height that is assumed for an unknown window, and for an exported map."""
 BACK = np.array([0.0, -0.35, 1.0]) / np.hypot(0.35, 1.0)
 """Unit vector from the floor to the camera; steep, so that walls hide little."""
 RIGHT = np.array([1.0, 0.0, 0.0])
@@ -28,16 +28,16 @@ UP = np.cross(BACK, RIGHT)
 _SAME_PLACE_M = 1e-3
 _REMEMBERED = 32
 _STORY_MARGIN_M = 1.8
+"""Margin of floor around the robot and the door of a story, in metres."""
 _MAP_MARGIN_M = 1.0
 """Margin of floor around the nodes of one floor, in metres."""
-"""Margin of floor around the robot and the door of a story, in metres."""
 
 Corner = ArrayLike
-"""(2,) x_m, y_m."""
+"""Position (x, y) in metres, shape (2,)."""
 
 
 class View(NamedTuple):
-    """Where a camera stands and what it looks at, each (3,), metres."""
+    """Position of a camera and the point that it looks at, each (3,), in metres."""
 
     position: NDArray[np.float64]
     look_at: NDArray[np.float64]
@@ -45,17 +45,17 @@ class View(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Floor:
-    """Extent of the scene: the floor between two corners, with walls as they are drawn."""
+    """Extent of the scene: the floor between two corners, with walls up to the height at which they are cut."""
 
     low: Corner
     high: Corner
 
     def view(self, aspect: float, fov: float) -> View:
-        """Return the nearest view of all of it.
+        """Return the nearest view that shows the whole scene.
 
         Args:
-            aspect: Width of the scene by its height.
-            fov: Vertical angle of the camera, radians.
+            aspect: Ratio of width to height of the view.
+            fov: Vertical angle of view of the camera, in radians.
         """
         (x0, y0), (x1, y1) = np.asarray(self.low, float), np.asarray(self.high, float)
         corners = np.array(list(product((x0, x1), (y0, y1), (0.0, CUT_HEIGHT_M))))
@@ -66,7 +66,7 @@ class Floor:
         return View(position, position - BACK * position[2] / BACK[2])
 
     def begin(self, server: viser.ViserServer) -> None:
-        """Let pages begin with a view that suits most of them."""
+        """Set the initial view of new pages to one that suits most windows."""
         first = server.initial_camera
         view = self.view(USUAL_ASPECT, first.fov)
         first.position = tuple(view.position)
@@ -74,9 +74,10 @@ class Floor:
 
 
 class FirstView:
-    """Fits the view of one page to its scene, again when the window changes, until a person moves it.
+    """Fits the view of one page to its scene, also after a change of the window's size, until a person moves the
+    camera.
 
-    A view that came with a link stays as it is.
+    A view that was given in a link stays as it is.
     """
 
     def __init__(self, floor: Floor, server: viser.ViserServer, client: viser.ClientHandle) -> None:
@@ -92,7 +93,7 @@ class FirstView:
         """Fit the view: to the place of a running story, else to the floor on show."""
         camera = self._camera
         if snapshot.story_goes_on and self._story is None:
-            self._ours.append(np.asarray(camera.position))  # Who began a story wants to see it.
+            self._ours.append(np.asarray(camera.position))  # A new story may move the camera.
         self._story = _story_floor(snapshot, self._story) if snapshot.story_goes_on else None
         floor = self._floor if snapshot.floor is None else _around(snapshot.moment.graph.poses)
         view = (self._story or floor).view(camera.aspect, camera.fov)
@@ -104,7 +105,7 @@ class FirstView:
 
 
 def _story_floor(snapshot: Snapshot, before: Floor | None) -> Floor | None:
-    """Return the floor around the robot and the door of the story; the same for as long as both are well inside."""
+    """Return the floor around the robot and the story's door; it stays the same while both are well inside."""
     doors = () if snapshot.world is None else snapshot.world.doors
     places = [(each.x, each.y) for each in doors if each.door == snapshot.story_door]
     if snapshot.moment.robot is not None:
@@ -119,7 +120,7 @@ def _story_floor(snapshot: Snapshot, before: Floor | None) -> Floor | None:
 
 
 def _around(poses: Pose) -> Floor:
-    """Return the floor around nodes (N, 3)."""
+    """Return the floor around nodes with poses (N, 3)."""
     return Floor(poses[:, :2].min(axis=0) - _MAP_MARGIN_M, poses[:, :2].max(axis=0) + _MAP_MARGIN_M)
 
 
@@ -128,9 +129,9 @@ def _is_at(camera: viser.CameraHandle, places: Sequence[NDArray[np.float64]]) ->
 
 
 def _between(corners: NDArray[np.float64], across: NDArray[np.float64], slope: float) -> tuple[float, float]:
-    """Return where a camera stands along `across`, and how far back at least, so that it sees all corners (N, 3).
+    """Return the camera's coordinate along `across`, and its least distance, for a view of all corners (N, 3).
 
-    It sees what is at most `slope` times as far to a side as in front of it.
+    `slope` is the tangent of half the angle of view, reduced by the margin.
     """
     low, high = (float((side * corners @ across + slope * corners @ BACK).max()) for side in (-1, 1))
     return (high - low) / 2, (high + low) / 2 / slope

@@ -17,17 +17,17 @@ FLOOR_PLAN_NAME = "/floor-plan"
 ABOVE_FLOOR_M = 0.005
 """Height of the image in metres: above the floor of the scene, and below everything of the map."""
 _SHEET_M = 0.04
-"""Thickness of the sheet that takes the clicks on the plan, in metres: it covers the nodes."""
+"""Thickness in metres of the sheet that receives the clicks on the plan; the sheet covers the nodes."""
 _MARK_M = 0.1
 
 
 class FloorPlanLayer:
-    """The plan, the clicked points, and while a place is expected a coloured sheet that takes the click."""
+    """The plan and the clicked points; while a click on the plan is expected, also a coloured sheet that receives
+    it."""
 
     def __init__(self, scene: viser.SceneApi, on_place: Callable[[tuple[float, float], int], None]) -> None:
-        """Draw nothing yet; `on_place` gets a place (x, y) in metres and viser's number of the page, and must return at
-        once.
-        """
+        """Start without a drawing; `on_place` gets a place (x, y) in metres and viser's number of the page, and must
+        return at once."""
         self._scene = scene
         self._on_place = on_place
         self._shown: FloorPlanView | None = None
@@ -36,7 +36,7 @@ class FloorPlanLayer:
         self.marks = Markers(scene, f"{FLOOR_PLAN_NAME}-marks", disc_mesh(_MARK_M, corners=16), palette.ACCENT)
 
     def show(self, snapshot: Snapshot) -> None:
-        """Draw the plan where it lies now; nothing without a plan."""
+        """Draw the plan at its current pose; nothing without a plan."""
         view = snapshot.floor_plan
         if view is None or view == self._shown:
             return

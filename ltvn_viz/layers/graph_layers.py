@@ -1,6 +1,6 @@
-"""The map, and what just changed of it.
+"""The map and its recent changes.
 
-Pruned edges rise and fade out magenta, new ones appear in green.
+Removed edges rise and fade out in magenta; new edges appear in green.
 """
 
 import time
@@ -21,15 +21,15 @@ from ltvn_viz.session.snapshot import Snapshot
 from ltvn_viz.timeline.run_moment import FADE_S
 
 REDRAW_EVERY_S = 0.6
-"""The page rebuilds all lines of a node when any changes, which is slow for a big map."""
+"""Least interval between two redraws of the edges in seconds; the page is slow to rebuild the lines of a big map."""
 BLOCKED_Z = EDGE_Z + 0.03
 _DROP_ABOVE_M = 0.05
 LANE_OFFSET_M = 0.025
-"""An edge keeps to the right by this much, so that there and back are two lines."""
+"""Distance in metres by which an edge is shifted to its right, so that the two directions are separate lines."""
 
 
 class NodesLayer:
-    """All nodes as one batch of dots, the selected one with its heading; clicking one names it."""
+    """All nodes as one batch of dots, with the heading of the selected node; a click on a dot reports its node."""
 
     def __init__(self, scene: viser.SceneApi, on_pick: Callable[[NodeId, int], None]) -> None:
         """Add the empty batch; `on_pick` gets the node and viser's number of the page, and must return at once."""
@@ -45,7 +45,7 @@ class NodesLayer:
                 on_pick(int(graph.ids[event.instance_index]), event.client_id)
 
     def show(self, snapshot: Snapshot) -> None:
-        """Draw the nodes of the map; the goal and the node where the robot thinks it is stand out."""
+        """Draw the nodes of the map; the goal and the robot's localised node have their own colours."""
         graph = snapshot.moment.graph
         progress = snapshot.moment.progress
         here = progress.localised.node if progress.localised is not None else None
@@ -69,7 +69,7 @@ class NodesLayer:
 
 
 class EdgesLayer:
-    """All edges, likely ones as thicker lines, and those with an action as dashed ones."""
+    """All edges: likely ones as thicker lines, and edges with an action as dashed lines."""
 
     def __init__(self, scene: viser.SceneApi, clock: Callable[[], float] = time.monotonic) -> None:
         """Add the empty lines."""
@@ -93,7 +93,7 @@ class EdgesLayer:
 
 
 class BlockedEdgesLayer:
-    """Edges that were seen blocked when they were seen last, drawn over the others."""
+    """Edges whose latest observation was blocked, drawn over the other edges."""
 
     def __init__(self, scene: viser.SceneApi) -> None:
         """Add the empty batch."""
@@ -101,7 +101,7 @@ class BlockedEdgesLayer:
         self._drawn: frozenset[EdgeKey] = frozenset()
 
     def show(self, snapshot: Snapshot) -> None:
-        """Draw them again when they have changed."""
+        """Redraw the edges if they changed."""
         blocked = snapshot.moment.progress.blocked
         graph = snapshot.moment.graph
         if blocked == self._drawn:
@@ -114,7 +114,7 @@ class BlockedEdgesLayer:
 
 
 def offset_right(segments: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Shift segments (N, 2, 2) to the right of their direction."""
+    """Shift segments (N, 2, 2) to the right, as seen in their direction."""
     along = segments[:, 1] - segments[:, 0]
     length = np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-9)
     right = np.stack([along[:, 1], -along[:, 0]], axis=1) / length
@@ -136,7 +136,7 @@ RISE_M = 0.35
 
 
 class ChangesLayer:
-    """Two small batches that are animated, so that the big one need not be."""
+    """Two small animated batches with the recent changes, so that the large batch of all edges needs no animation."""
 
     def __init__(self, scene: viser.SceneApi) -> None:
         """Add the two empty batches."""
@@ -145,7 +145,7 @@ class ChangesLayer:
         self._blank = False
 
     def show(self, snapshot: Snapshot) -> None:
-        """Draw the edges that came or went lately, by age."""
+        """Draw the edges that were added or removed recently, with colours and heights by age."""
         added_edges = snapshot.moment.added_edges
         removed_edges = snapshot.moment.removed_edges
         blank = not len(added_edges.ages_s) and not len(removed_edges.ages_s)
@@ -157,7 +157,7 @@ class ChangesLayer:
 
     @staticmethod
     def _draw(lines: LineSegments, fading: FadingEdges, colour: palette.Rgb8, *, rise_m: float) -> None:
-        # Ages in tenths of a second: the page gets ten small updates a second, not thirty.
+        # Ages are rounded to tenths of a second, so that the page gets ten small updates per second and not thirty.
         ages = np.round(fading.ages_s, 1)
         segments = points(offset_right(fading.segments), CHANGE_Z)
         segments[..., 2] += (rise_m * ages / FADE_S)[:, None].astype(np.float32)

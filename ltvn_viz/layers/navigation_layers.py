@@ -12,7 +12,7 @@ from ltvn_viz.layers.shapes import LineSegments, marker_mesh, points, wxyz
 from ltvn_viz.session.snapshot import Snapshot
 
 PIN_HEIGHT_M = 1.3
-"""Height of the goal's pin: it must show above the furniture."""
+"""Height of the goal's pin in metres; the pin must be visible above the furniture."""
 
 
 class PlanLayer:
@@ -69,10 +69,10 @@ class GoalLayer:
 
 
 class GhostLayer:
-    """A see-through robot base where the network predicts the subgoal."""
+    """A translucent robot base at the predicted pose of the subgoal."""
 
     def __init__(self, scene: viser.SceneApi, spec: RobotSpec) -> None:
-        """Add the hidden ghost of a robot of that size."""
+        """Add a hidden ghost of the size in `spec`."""
         self.ghost = scene.add_frame("/ghost", show_axes=False, visible=False)
         scene.add_cylinder(
             "/ghost/base",
@@ -96,7 +96,7 @@ class GhostLayer:
         )
 
     def show(self, snapshot: Snapshot) -> None:
-        """Put the ghost at the predicted waypoint while an edge is driven."""
+        """Move the ghost to the predicted waypoint while an edge is driven."""
         pose = snapshot.moment.predicted_subgoal
         if pose is not None:
             self.ghost.position = points(pose, 0.0)

@@ -1,4 +1,4 @@
-"""The robot, the pyramid of what its camera sees, and where it drove or is going to drive."""
+"""The robot, the pyramid of its camera's field of view, and lines along the driven and the recorded path."""
 
 import time
 from collections.abc import Callable
@@ -16,9 +16,9 @@ from ltvn_viz.layers.shapes import LineSegments, marker_mesh, points, wxyz
 from ltvn_viz.session.snapshot import Snapshot
 
 FORWARD_CAMERA_WXYZ = (0.5, -0.5, 0.5, -0.5)
-"""Turns a camera that looks along z, with y down, into one that looks along the robot's x."""
+"""Rotation from a camera that looks along z, with y down, to one that looks along the robot's x."""
 MAST_X_M = 0.06
-"""Distance of the camera before the robot's middle, in metres."""
+"""Distance of the camera in front of the robot's centre, in metres."""
 
 
 class RobotLayer:
@@ -95,7 +95,7 @@ def _add_plain_body(scene: viser.SceneApi, spec: RobotSpec) -> None:
 
 REDRAW_EVERY_S = 0.4
 JUMP_M = 1.5
-"""Points further apart were not driven: the robot was set down elsewhere."""
+"""Least distance between two poses, in metres, that counts as a jump: the robot was put elsewhere and did not drive."""
 
 
 class TrajectoryLayer:
@@ -119,7 +119,7 @@ class TrajectoryLayer:
 
 
 class CourseLayer:
-    """A thin line along all poses of an open recording, so that one sees at its beginning already where it leads."""
+    """A thin line along all poses of an open recording, which shows the whole path from the beginning of playback."""
 
     def __init__(self, scene: viser.SceneApi) -> None:
         """Add the empty line."""
@@ -134,7 +134,7 @@ class CourseLayer:
 
 
 def _draw(lines: LineSegments, poses: NDArray[np.float64], height_m: float, colour: palette.Rgb8) -> None:
-    """Draw a line along poses (T, 3), with a gap where the robot was set down elsewhere."""
+    """Draw a line along poses (T, 3), with a gap where the robot was put elsewhere."""
     line = points(poses, height_m)
     segments = np.stack([line[:-1], line[1:]], axis=1) if len(line) > 1 else np.empty((0, 2, 3), np.float32)
     segments = segments[np.linalg.norm(segments[:, 0] - segments[:, 1], axis=1) < JUMP_M]

@@ -1,9 +1,9 @@
-"""Scenes as the page draws them: cut open as a doll's house, and with their light painted in.
+"""Scenes for drawing on the page: cut open like a doll's house, with shading that is computed in advance.
 
-So the page need not compute any light. A browser without a GPU draws a lit scene many times slower than a painted one;
-and painted, it looks like what the robot's camera sees. The shades are in the corners and not in the textures: of each
-texture there would be three, and the page would draw three times as many parts. Whatever is solid gets its own top back
-as a lid, let down to the cut.
+The page itself computes no lighting. A browser without a GPU draws a lit scene many times slower than a scene with
+fixed shading; and with fixed shading, the scene looks like the robot's camera images. The shading is stored in the
+vertices. If it were stored in the textures, each texture would need three copies, and the page would draw three times
+as many parts. The top face of each solid object is lowered to the height of the cut, as a lid.
 """
 
 import json
@@ -27,35 +27,35 @@ from ltvn_core.types import Rgb
 from ltvn_core.worlds import AS_MADE, OWN_PREFIX, WorldState
 
 FACE_BRIGHTNESS = (0.95, 0.8, 0.68)
-"""How bright faces are: level ones, those that look along x, and those that look along y."""
+"""Brightness of faces by their orientation: horizontal, normal along x, and normal along y."""
 PICTURE_PX = 2048
-"""Pixels of the longer side of a scene's picture from above."""
+"""Length of the longer side of a scene's picture from above, in pixels."""
 UNLIT_EXTENSION = "KHR_materials_unlit"
 _GAMMA = 2.2
 _JSON_CHUNK = 0x4E4F534A
 
 
 class FloorPicture(NamedTuple):
-    """A scene from straight above, and where it lies."""
+    """A scene from straight above, and its extent."""
 
     rgb: Rgb
-    """(H, W, 3), x to the right and y up."""
+    """Picture (H, W, 3) with x to the right and y up."""
     low: NDArray[np.floating]
-    """(2,) corner with the least x and y, metres."""
+    """Corner (2,) with the least x and y, in metres."""
     high: NDArray[np.floating]
-    """(2,) corner with the largest."""
+    """Corner (2,) with the largest x and y, in metres."""
 
 
 def scene_glb(name: str, state: WorldState = AS_MADE) -> bytes:
-    """Return a scene as binary glTF, cut open and with its light painted in; raises SceneError for an unknown one.
+    """Return a scene as binary glTF, cut open and with fixed shading; raises SceneError for an unknown scene.
 
-    Leaves of closed doors, things and people of that state are not in it.
+    It does not contain the doors that are closed in `state`, nor its objects and people.
     """
     return marked_unlit(_own_glb(name, _bare(state)), Light.of(state.light.level, state.light.warmth))
 
 
 def added_glb(name: str, state: WorldState) -> bytes | None:
-    """Return what stands in a scene for now as binary glTF: leaves, things and people; None if nothing does.
+    """Return the doors, objects and people that `state` adds to a scene, as binary glTF; None if it adds nothing.
 
     Raises SceneError for an unknown scene.
     """
@@ -80,7 +80,8 @@ def _cut_scene(name: str, state: WorldState) -> Surfaces:
 
 
 def _bare(state: WorldState) -> WorldState:
-    """Return a state with what belongs to the scene alone: no leaves, no things put down, no people, plain light."""
+    """Return the part of a state that belongs to the scene itself, without closed doors, added objects, people, and
+    light."""
     own = tuple(each for each in state.things if each.thing.startswith(OWN_PREFIX))
     return replace(AS_MADE, things=own, missing=state.missing, pictures=state.pictures)
 
@@ -95,10 +96,10 @@ def _glb(surfaces: Surfaces) -> bytes:
 
 
 def scene_picture(name: str, state: WorldState = AS_MADE) -> FloorPicture | None:
-    """Return a scene from above as one picture, for pages that draw slowly; None if Embree is not installed.
+    """Return a picture of a scene from above, for pages that draw slowly; None if Embree is not installed.
 
-    Of the state, what moved, the pictures on the floor and the light are shown; states that agree in these share one
-    picture. Raises SceneError for an unknown scene.
+    The picture shows the moved furniture, the pictures on the floor and the light of `state`. States that agree in
+    these share one picture. Raises SceneError for an unknown scene.
     """
     return _lit_picture(name, _bare(state), Light.of(state.light.level, state.light.warmth))
 
@@ -123,7 +124,8 @@ def _own_picture(name: str, state: WorldState) -> FloorPicture | None:
 
 
 def floor_bounds(name: str) -> tuple[NDArray[np.floating], NDArray[np.floating]] | None:
-    """Return the low and the high corner (x_m, y_m) of a scene, None for an unknown one."""
+    """Return the corners (x_m, y_m) of a scene with the least and the largest coordinates; None for an unknown
+    scene."""
     try:
         vertices, _ = load_scene(name).collision_triangles()
     except SceneError:
@@ -132,27 +134,28 @@ def floor_bounds(name: str) -> tuple[NDArray[np.floating], NDArray[np.floating]]
 
 
 def face_light(surfaces: Surfaces) -> NDArray[np.floating]:
-    """Return how much light faces send back (F,), in [0, 1], by where they look."""
+    """Return the share of light that each face reflects (F,), in [0, 1], by its orientation."""
     a, b, c = np.moveaxis(surfaces.vertices[surfaces.faces], 1, 0)
     normal = np.abs(np.cross(b - a, c - a))
     shade = np.select([normal[:, 2] >= normal[:, :2].max(axis=1), normal[:, 0] >= normal[:, 1]], [0, 1], 2)
-    # Brightness is what the eye sees; glTF counts light itself.
+    # FACE_BRIGHTNESS is perceived brightness; glTF needs linear light.
     return np.asarray(FACE_BRIGHTNESS)[shade] ** _GAMMA
 
 
 def _shown_share(light: Light) -> NDArray[np.float64]:
-    """Return how much of red, green and blue a page shows (3,), in [0, 1] and as the eye sees it.
+    """Return the perceived brightness of red, green and blue on the page (3,), as shares in [0, 1].
 
-    Only half of the light is missing that the camera lacks, so that a person still finds the way; and more than all of
-    it is not allowed.
+    A dark scene is drawn brighter than the camera sees it, so that a person can still recognise it. No factor exceeds
+    1.
     """
     return np.minimum(light, 1.0) ** 0.5
 
 
 def marked_unlit(glb: bytes, light: Light = PLAIN_LIGHT) -> bytes:
-    """Mark all materials of a binary glTF as showing their textures as they are, in some light.
+    """Mark all materials of a binary glTF as unlit, so that their textures are shown as they are, in the colour of
+    `light`.
 
-    What `to_glb` wrote of the light of faces becomes their colour.
+    The shading of faces that `to_glb` wrote becomes their vertex colour.
     """
     (length,) = struct.unpack_from("<I", glb, 12)
     described = parse_json(glb[20 : 20 + length])
@@ -162,29 +165,29 @@ def marked_unlit(glb: bytes, light: Light = PLAIN_LIGHT) -> bytes:
     for material in described["materials"]:
         material.setdefault("extensions", {})[UNLIT_EXTENSION] = {}
         if light != PLAIN_LIGHT:
-            # glTF counts light itself, textures count what the eye sees of it.
+            # glTF factors are linear light; textures store perceived brightness.
             factors = (_shown_share(light) ** _GAMMA).tolist()
             material.setdefault("pbrMetallicRoughness", {})["baseColorFactor"] = [*factors, 1.0]
     described["extensionsUsed"] = sorted({*described.get("extensionsUsed", ()), UNLIT_EXTENSION})
     text = json.dumps(described, separators=(",", ":")).encode()
-    text += b" " * (-len(text) % 4)  # glTF wants chunks in whole words.
+    text += b" " * (-len(text) % 4)  # glTF needs chunks whose length is a multiple of four bytes.
     body = struct.pack("<II", len(text), _JSON_CHUNK) + text + glb[20 + length :]
     return struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body
 
 
 CUT_HEIGHT_M = 1.35
-"""Above tables, window sills and the robot; low enough to look over."""
+"""Height in metres at which walls are cut: above tables, window sills and the robot, but low enough to look over."""
 MIN_LID_NORMAL_Z = 0.95
-"""Upward part of the normal of what counts as a lid."""
+"""Least upward component of the unit normal of a face that becomes a lid."""
 LID_SQUEEZE = 0.01
-"""Lids keep a little of their distance to each other, so that they do not flicker."""
+"""Factor for the height differences of lids; it is not zero, because lids at the same height flicker."""
 
 Corners = NDArray[np.float32]
-"""(F, 3, 5): position and texture coordinates of each corner."""
+"""Position and texture coordinates of each corner of faces, shape (F, 3, 5)."""
 
 
 def cut_away(surfaces: Surfaces, height_m: float = CUT_HEIGHT_M) -> Surfaces:
-    """Return surfaces without all that is higher than `height_m`, closed by lids."""
+    """Return surfaces without the parts above `height_m`, closed by lids."""
     shown = surfaces.without_overhead()
     corners = np.concatenate([shown.vertices[shown.faces], shown.corner_uv], axis=2)
     above = (corners[:, :, 2] > height_m).sum(axis=1)
@@ -211,7 +214,7 @@ def cut_away(surfaces: Surfaces, height_m: float = CUT_HEIGHT_M) -> Surfaces:
 
 
 def _lids(corners: Corners, high: NDArray[np.bool_], height_m: float) -> tuple[Corners, NDArray[np.int64]]:
-    """Return the tops among the high faces, let down, and which faces they were."""
+    """Return the top faces above the cut, lowered to lids, and their row numbers."""
     edges = corners[:, 1:, :3] - corners[:, :1, :3]
     normal = np.cross(edges[:, 0], edges[:, 1])
     upward = np.abs(normal[:, 2]) / np.maximum(np.linalg.norm(normal, axis=1), 1e-12)
@@ -228,7 +231,7 @@ def _turned(corners: Corners, is_odd: NDArray[np.bool_]) -> Corners:
 
 
 def _between(low: NDArray[np.float32], high: NDArray[np.float32], height_m: float) -> NDArray[np.float32]:
-    """Return where the edges (F, 5) from `low` to `high` pass the height."""
+    """Return the points where the edges (F, 5) from `low` to `high` reach the height."""
     share = (height_m - low[:, 2]) / (high[:, 2] - low[:, 2])
     return (low + share[:, None] * (high - low)).astype(np.float32)
 
@@ -244,7 +247,7 @@ def _below_one_high(corners: Corners, height_m: float) -> Corners:
 
 
 def _below_two_high(corners: Corners, height_m: float) -> Corners:
-    """Keep the first corner alone."""
+    """Keep the part of each triangle at its first corner."""
     bottom = corners[:, 0]
     left = corners[:, 1]
     right = corners[:, 2]
@@ -252,6 +255,6 @@ def _below_two_high(corners: Corners, height_m: float) -> Corners:
 
 
 def add_lights(scene: viser.SceneApi) -> None:
-    """Light what has no light painted into it."""
+    """Light the objects that have no fixed shading."""
     scene.configure_default_lights(cast_shadow=False)
     scene.configure_environment_map("warehouse", environment_intensity=0.35)

@@ -1,6 +1,6 @@
-"""A map in its scene as one HTML file that needs no network: viser's own client with all it shows.
+"""A map in its scene as one HTML file that needs no network: viser's client with all data included.
 
-Owns what is put into that file: walls, nodes, edges, a legend, and a policy that lets no request out. The flat
+Owns the content of the file: walls, nodes, edges, a legend, and a content policy that allows no requests. The flat
 figure, with the numbers of every node and edge, is `evaluation.reports.map_svg`.
 """
 
@@ -32,15 +32,16 @@ POLICY = (
 """Content security policy: everything is in the file, so the browser loads nothing else."""
 
 BAR_BEFORE_M, BAR_TICK_M = 0.4, 0.12
-"""Distance of the scale bar before the floor, and half the length of its ticks, in metres."""
+"""Distance of the scale bar in front of the floor, and half the length of its ticks, in metres."""
 
 
 def scene_html(recording: Recording, drawn: MapLayout) -> str:
-    """Return a page in which one orbits, moves and zooms by mouse and touch. Takes seconds; raises ServerError.
+    """Return a page with a 3D view that one rotates, moves and zooms by mouse or touch. Takes seconds; raises
+    ServerError.
 
-    A scene that is neither at hand nor in the recording is left out.
+    If the scene is neither installed nor in the recording, the page shows the map without it.
     """
-    # Only a server can export viser's scene. Its key stays here, so nobody else can connect.
+    # Only a server can export viser's scene. Its key is never shown, so nobody else can connect.
     with GuardedServer(drives=False) as server:
         walls = _walls(recording)
         if walls is not None:
@@ -80,7 +81,7 @@ def _draw(scene: viser.SceneApi, drawn: MapLayout, poses: NDArray[np.float64]) -
 
 
 def _lay_scale_bar(scene: viser.SceneApi, low: NDArray[np.floating], high: NDArray[np.floating]) -> None:
-    """Lay a bar of known length onto the floor, in front of its corner `low` (2,)."""
+    """Add a bar of known length on the floor, in front of the corner `low` (2,)."""
     length = bar_length_m(float(high[0] - low[0]))
     start = np.array([low[0], low[1] - BAR_BEFORE_M, 0.0], np.float32)
     end = start + np.array([length, 0, 0], np.float32)
@@ -91,7 +92,7 @@ def _lay_scale_bar(scene: viser.SceneApi, low: NDArray[np.floating], high: NDArr
 
 
 def _finished(html: str, drawn: MapLayout) -> str:
-    """Give viser's page its name, its legend and its policy."""
+    """Add title, legend and content policy to viser's page."""
     if html.count("<title>Viser</title>") != 1 or html.count("<body>") != 1 or html.count("<head>") != 1:
         raise RuntimeError(f"viser {viser.__version__} has another page than expected")
     graph = drawn.graph

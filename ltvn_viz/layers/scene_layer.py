@@ -1,4 +1,4 @@
-"""The scene with its ceiling cut away and what stands in it for now, or a plain floor if there is no model."""
+"""The scene without its ceiling, and the objects that were added to it; a plain floor if the scene is unknown."""
 
 import time
 from collections.abc import Callable
@@ -15,14 +15,14 @@ LINGER_S = 1.5
 """Time for which the old scene stays under the new one, in seconds, because a page takes a while to unpack it."""
 NAMES = ("/apartment", "/apartment-again")
 PICTURE_NAME = "/picture"
-"""The scene from above; `static/drawing.js` hides the scene itself where a page draws slowly."""
+"""Name of the picture from above; `static/drawing.js` hides the scene itself if a page draws slowly."""
 BELOW_FLOOR_M = 0.02
 LYING = (0.0, 1.0, 0.0, 0.0)
-"""wxyz: viser's images look down; turned about x they look up, with their upper side towards y."""
+"""Rotation (wxyz) about x by which an image faces up, with its upper side towards y; viser's images face down."""
 
 
 class SceneLayer:
-    """The place in which all of it happens; exchanged when a replay was made elsewhere."""
+    """The scene around the map; replaced if a recording was made in another scene."""
 
     def __init__(
         self,
@@ -32,9 +32,10 @@ class SceneLayer:
         load_picture: Callable[[str, WorldState], FloorPicture | None] = lambda _name, _state: None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """Remember how to `load` the GLB of a scene by its name and state, and its picture from above.
+        """Load the GLB of a scene by `load`, and its picture from above by `load_picture`, from the scene's name and
+        state.
 
-        Only the hidden floor is drawn yet.
+        At first there is only the floor, which is hidden.
         """
         self._load_picture = load_picture
         self._scene = scene
@@ -54,17 +55,17 @@ class SceneLayer:
         )
         self.handle: viser.GlbHandle | None = None
         self.picture: viser.ImageHandle | None = None
-        """The scene from above."""
+        """The picture of the scene from above."""
         self._picture_due: tuple[str, WorldState] | None = None
         self._drawn_picture: FloorPicture | None = None
         self._before: viser.GlbHandle | None = None
         self._before_until = 0.0
 
     def show(self, snapshot: Snapshot) -> None:
-        """Draw the scene that the snapshot names; for one that this machine does not have, a floor in metres."""
+        """Draw the scene that the snapshot names; a floor with a grid in metres if that scene is not installed."""
         self._draw_due_picture()
         world = snapshot.moment.progress.world
-        # What stands in it is `AddedLayer`'s.
+        # `AddedLayer` draws added objects.
         own = tuple(each for each in world.things if each.kind is ThingKind.FURNITURE)
         shown = snapshot.scene, replace(world, closed_doors=frozenset(), things=own, people=())
         if self._before is not None and self._clock() >= self._before_until:
@@ -76,7 +77,7 @@ class SceneLayer:
         try:
             glb = self._load(*shown)
         except LtvnError:
-            glb = None  # A robot of one's own and a foreign recording are worth seeing without walls.
+            glb = None  # The user's own robot and recordings of unknown scenes are shown without walls.
         self.floor.visible = glb is None
         if self.handle is not None:
             self.handle.visible = glb is not None
@@ -89,7 +90,7 @@ class SceneLayer:
             self._take_before_away()
 
     def _exchange(self, glb: bytes) -> None:
-        """Draw another scene, over the one that is drawn."""
+        """Draw another scene; the old one stays below it for a while."""
         self._take_before_away()
         free = next(name for name in NAMES if self.handle is None or name != self.handle.name)
         self._before = self.handle
@@ -97,9 +98,10 @@ class SceneLayer:
         self.handle = self._scene.add_glb(free, glb, cast_shadow=False, receive_shadow=False)
 
     def _draw_due_picture(self) -> None:
-        """Draw the scene from above a little below its floor, where it is seen when a page hides the scene itself.
+        """Draw the picture a little below the floor of the scene, so that it is visible when a page hides the scene
+        itself.
 
-        It takes a second to make, so the scene is on its way to the pages before it.
+        The picture takes a second to make, so it is drawn one snapshot after the scene.
         """
         if self._picture_due is None:
             return
@@ -130,17 +132,17 @@ class SceneLayer:
 
 
 class AddedLayer:
-    """Leaves of closed doors, things and people, as they are at the moment on show."""
+    """Closed doors, added objects and people at the moment on show."""
 
     def __init__(self, scene: viser.SceneApi, load: Callable[[str, WorldState], bytes | None]) -> None:
-        """Remember how to `load` their GLB by the scene's name and state; nothing is drawn yet."""
+        """Load their GLB by `load`, from the scene's name and state; nothing is drawn yet."""
         self._scene = scene
         self._load = load
         self._shown: tuple[str, WorldState] = ("", AS_MADE)
         self.handle: viser.GlbHandle | None = None
 
     def show(self, snapshot: Snapshot) -> None:
-        """Draw what stands there; nothing in a scene that this machine does not have."""
+        """Draw the added parts; nothing in a scene that is not installed."""
         shown = snapshot.scene, replace(snapshot.moment.progress.world, missing=frozenset(), pictures=None)
         if shown == self._shown:
             return

@@ -1,4 +1,4 @@
-"""Shapes for the layers: positions and rotations of poses, and nodes of many lines, dots or drops, changed in place."""
+"""Shapes for the layers: positions and rotations of poses, and batches of lines, dots or drops that change in place."""
 
 from collections.abc import Callable, Coroutine
 
@@ -20,14 +20,14 @@ def points(xy: ArrayLike, height_m: float) -> NDArray[np.float32]:
 
 
 def wxyz(yaw_rad: ArrayLike) -> NDArray[np.float32]:
-    """Return (..., 4) quaternions of turns about the vertical."""
+    """Return quaternions (..., 4) of rotations about the vertical axis."""
     half = np.asarray(yaw_rad, np.float64) / 2
     zero = np.zeros_like(half)
     return np.stack([np.cos(half), zero, zero, np.sin(half)], axis=-1).astype(np.float32)
 
 
 def marker_mesh(length_m: float, thickness_m: float) -> Mesh:
-    """Return vertices (V, 3) and faces (F, 3) of a flat drop that points along x, so that a place shows its view."""
+    """Return vertices (V, 3) and faces (F, 3) of a flat drop that points along x, which shows the heading of a pose."""
     angles = np.linspace(np.pi / 3, 2 * np.pi - np.pi / 3, 11)
     radius = length_m * 0.45
     rim = np.concatenate([radius * np.stack([np.cos(angles), np.sin(angles)], axis=1), [[length_m, 0.0]]])
@@ -44,7 +44,7 @@ def marker_mesh(length_m: float, thickness_m: float) -> Mesh:
 
 
 def disc_mesh(radius_m: float, corners: int = 8) -> Mesh:
-    """Return vertices (V, 3) and faces (F, 3) of a flat dot, with few faces since a map has many."""
+    """Return vertices (V, 3) and faces (F, 3) of a flat dot, with few faces because a map has many dots."""
     angles = np.linspace(0, 2 * np.pi, corners, endpoint=False)
     rim = np.stack([radius_m * np.cos(angles), radius_m * np.sin(angles), np.zeros(corners)], axis=1)
     first = np.zeros(corners - 2, int)
@@ -70,7 +70,7 @@ class LineSegments:
         if len(segments):
             self.handle.points = segments
             self.handle.colors = np.repeat(palette.srgb_to_linear(colours)[:, None], 2, axis=1)
-        # A node without geometry is not something the page can draw, so an empty one is hidden.
+        # The page cannot draw a node without geometry, so an empty node is hidden.
         self.handle.visible = bool(len(segments))
         self._draw_outline(segments)
 
@@ -92,14 +92,14 @@ def _line_batch(scene: viser.SceneApi, name: str, thickness_px: float) -> viser.
 
 
 _RIM_M = 0.02
-"""Width of the dark rim that separates dots from a floor of their own colour."""
+"""Width in metres of the dark rim that separates dots from a floor of the same colour."""
 _DOT_M = 0.045
-"""Radius of a dot."""
+"""Radius of a dot, in metres."""
 _DROP_THICK_M = 0.03
 
 
 class Markers:
-    """A batch of the same flat shape at many poses: one draw call, whatever their number."""
+    """A batch of the same flat shape at many poses, drawn by a single draw call."""
 
     def __init__(self, scene: viser.SceneApi, name: str, mesh: Mesh, colour: palette.Rgb8) -> None:
         """Add the node, empty and hidden."""
@@ -117,7 +117,7 @@ class Markers:
         )
 
     def place(self, poses: Pose, height_m: float) -> None:
-        """Put the shapes at poses (N, 3), as many as there are; none hides the node."""
+        """Place one shape at each of the poses (N, 3); without poses, the node is hidden."""
         if len(poses):
             self.handle.batched_positions = points(poses, height_m)
             self.handle.batched_wxyzs = wxyz(poses[:, 2])
@@ -130,25 +130,25 @@ class Markers:
 
 
 def drops(scene: viser.SceneApi, name: str, length_m: float, colour: palette.Rgb8 = palette.NODE) -> Markers:
-    """Add flat drops that point where poses look."""
+    """Add flat drops that point along the headings of poses."""
     return Markers(scene, name, marker_mesh(length_m, _DROP_THICK_M), colour)
 
 
 class Dots:
-    """A batch of small dots, and a batch of larger dark ones right below, which is their outline."""
+    """A batch of small dots, and below it a batch of larger dark dots as their outline."""
 
     def __init__(self, scene: viser.SceneApi, name: str) -> None:
-        """Add both, empty and hidden."""
+        """Add both batches, empty and hidden."""
         self.dots = Markers(scene, name, disc_mesh(_DOT_M), palette.NODE)
         self.outline = Markers(scene, f"{name}/outline", disc_mesh(_DOT_M + _RIM_M), palette.BACKGROUND)
 
     def on_click(self, picked: Callable[[viser.SceneNodePointerEvent], Coroutine[None, None, None]]) -> None:
-        """Call this when a dot or its outline is clicked."""
+        """Call `picked` when a dot or its outline is clicked."""
         for each in (self.dots, self.outline):
             each.handle.on_click(picked)
 
     def place(self, poses: Pose, height_m: float) -> None:
-        """Put the dots at poses (N, 3), as many as there are; none hides them."""
+        """Place one dot at each of the poses (N, 3); without poses, the dots are hidden."""
         self.dots.place(poses, height_m)
         self.outline.place(poses, height_m - _RIM_BELOW_M)
 

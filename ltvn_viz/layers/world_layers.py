@@ -1,6 +1,7 @@
-"""Handles for changes of a simulated world: one on each doorway and on each box that was put down.
+"""Handles for changes of a simulated world: one on each doorway, and one on each box that a person put down.
 
-A click on a door's handle closes or opens it; a click on a box's handle waits for a click on the floor.
+A click on a door's handle closes or opens the door; a click on a box's handle selects the box, and the next click on
+the floor moves it there.
 """
 
 from collections.abc import Callable
@@ -12,16 +13,17 @@ from ltvn_core import palette
 from ltvn_viz.session.snapshot import BOX_SIZE_M, BoxView, DoorView, FloorView, Snapshot
 
 DOOR_HANDLE_Z = 1.45
-"""Just above the walls as they are cut."""
+"""Height of the door handles in metres, just above the cut walls."""
 _DOOR_HANDLE_M = (0.12, 0.12)
-"""Depth and height; it is as long as the doorway is wide."""
+"""Depth and height of a door handle in metres; its length is the width of the doorway."""
 
 
 class DoorsLayer:
-    """Bars above doorways, green where one can go through and magenta where not."""
+    """Bars above doorways: green for open doors, magenta for closed ones."""
 
     def __init__(self, scene: viser.SceneApi, on_pick: Callable[[int, int], None]) -> None:
-        """`on_pick` gets a door and viser's number of the page, and must return at once."""
+        """Start without handles; `on_pick` gets the number of a door and viser's number of the page, and must return at
+        once."""
         self._scene = scene
         self._on_pick = on_pick
         self._shown: tuple[DoorView, ...] = ()
@@ -56,14 +58,14 @@ class DoorsLayer:
 
 
 BOX_HANDLE_Z = BOX_SIZE_M[2] + 0.12
-"""Just above a box."""
+"""Height of a box handle in metres, just above the box."""
 _BOX_HANDLE_M = 0.16
 _FLOOR_M = 0.04
-"""Thickness of the coloured floor."""
+"""Thickness in metres of the coloured sheet that receives the click on the floor."""
 
 
 class BoxesLayer:
-    """Small cubes above boxes; a click on one lets it wait for a click on the floor."""
+    """Small cubes above boxes; a click on a cube selects the box, which moves to the next click on the floor."""
 
     def __init__(
         self,
@@ -71,8 +73,9 @@ class BoxesLayer:
         on_pick: Callable[[int, int], None],
         on_floor: Callable[[tuple[float, float], int], None],
     ) -> None:
-        """`on_pick` gets a box, `on_floor` a place in metres, both with viser's number of the page; both must return
-        at once.
+        """Start without handles. Both callbacks get viser's number of the page, and must return at once.
+
+        `on_pick` also gets the number of a box, `on_floor` a place (x, y) in metres.
         """
         self._scene = scene
         self._on_pick = on_pick
@@ -82,7 +85,7 @@ class BoxesLayer:
         self.floor: viser.BoxHandle | None = None
 
     def show(self, snapshot: Snapshot) -> None:
-        """Draw what can be moved now; nothing in a replay."""
+        """Draw the boxes that can be moved now; none in a replay."""
         world = snapshot.world
         boxes = () if world is None else world.boxes
         if boxes != self._shown:

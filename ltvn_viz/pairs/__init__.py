@@ -1,4 +1,4 @@
-"""The viewer of labelled pairs: a separate page behind the same guard.
+"""The viewer of labelled pairs: a separate page behind the same access check.
 
-`pair_browser` knows which pair is looked at, `pair_panel` shows it, `pairs_app` has the scene and puts them together.
+`pair_browser` selects the pair on show, `pair_panel` shows it, and `pairs_app` draws the scene and connects all parts.
 """

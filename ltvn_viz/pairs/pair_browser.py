@@ -1,6 +1,6 @@
-"""Which pair is looked at: scene, filter and place in the list, and what the network says of it.
+"""State of the pair viewer: the scene, the filter, the pair on show, and the network's prediction for it.
 
-Owns the state behind the viewer and no widget. Is driven from one thread.
+Owns this state, but no widgets. For one thread at a time.
 """
 
 from collections.abc import Sequence
@@ -27,21 +27,21 @@ from ltvn_core.types import Predictor, Waypoint
 
 @dataclass(frozen=True, slots=True)
 class OpenScene:
-    """Look at the shard of another scene."""
+    """Open the shard of another scene."""
 
     name: str
 
 
 @dataclass(frozen=True, slots=True)
 class StepPairs:
-    """Go some pairs on, or back."""
+    """Move forwards in the list of pairs, or backwards if the number is negative."""
 
     by: int
 
 
 @dataclass(frozen=True, slots=True)
 class JumpToRandomPair:
-    """Go to any pair."""
+    """Show a random pair of the list."""
 
 
 PairCommand: TypeAlias = OpenScene | PairFilter | StepPairs | JumpToRandomPair
@@ -49,14 +49,14 @@ PairCommand: TypeAlias = OpenScene | PairFilter | StepPairs | JumpToRandomPair
 
 @dataclass(frozen=True, eq=False)
 class ShownPair:
-    """The pair that is shown."""
+    """The pair on show, with the network's prediction for it."""
 
     pair: LabelledPair | None
-    """None if no pair passes the filter."""
+    """The labelled pair; None if no pair passes the filter."""
     number: int
-    """Place in the list, from 1; 0 of none."""
+    """Position of the pair in the list, from 1; 0 if the list is empty."""
     count: int
-    """Length of the list."""
+    """Number of pairs in the list."""
     reachability: float = 0.0
     """r that the network predicts for the pair."""
     waypoint: Waypoint = field(default_factory=lambda: np.zeros(3))
@@ -66,7 +66,7 @@ class ShownPair:
 
     @property
     def agrees(self) -> bool:
-        """Tell whether network and label say the same."""
+        """Tell whether network and label agree."""
         return self.pair is not None and (self.reachability > 0.5) == self.pair.reachable
 
 
@@ -81,7 +81,7 @@ def scenes_in(folder: Path) -> dict[str, Path]:
 
 
 class PairBrowser:
-    """Looks through the pairs of a folder of shards, one scene at a time."""
+    """Browses the pairs of a folder of shards, one scene at a time."""
 
     def __init__(self, paths: dict[str, Path], predictor: Predictor) -> None:
         """Open the first scene. Raises DatasetError."""
@@ -97,14 +97,14 @@ class PairBrowser:
         return tuple(self._paths)
 
     def is_slow(self, command: PairCommand) -> bool:
-        """Tell whether the order needs the network's opinion of all pairs of a scene first."""
+        """Tell whether a command first needs the network's predictions for all pairs of a scene."""
         new_scene = isinstance(command, OpenScene) and self._pair_filter.only_disagreements
         return new_scene or (
             isinstance(command, PairFilter) and command.only_disagreements and self._reachability is None
         )
 
     def handle(self, command: PairCommand) -> None:
-        """Move or filter. Raises DatasetError if a shard cannot be read."""
+        """Run a command. Raises DatasetError if a shard cannot be read."""
         match command:
             case OpenScene(name):
                 self._open(name)
@@ -117,7 +117,7 @@ class PairBrowser:
                 self._place = int(self._rng.integers(max(len(self._rows), 1)))
 
     def shown_pair(self) -> ShownPair:
-        """Return the pair that is looked at."""
+        """Return the pair on show."""
         if len(self._rows) == 0:
             return ShownPair(None, 0, 0)
         pair = self._table.pair(int(self._rows[self._place]))

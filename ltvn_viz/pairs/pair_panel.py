@@ -1,7 +1,8 @@
-"""The panel of the viewer: pictures, verdict, numbers, and seven controls.
+"""The panel of the pair viewer: images, verdict, numbers, and controls.
 
-Owns the widgets and their wording, and the picture of a pair: colour above, depth below, and the waypoints drawn into
-the source. Every control only sends an order. Where a place appears is said by `network.training_data.pair_table`.
+Owns the widgets and their texts, and the image of a pair: colour above, depth below, and the waypoints drawn into the
+source image. The controls only send commands. `network.training_data.pair_table` computes where a waypoint appears in
+an image.
 """
 
 from collections.abc import Callable, Sequence
@@ -33,7 +34,7 @@ from ltvn_viz.panels.camera_panel import depth_colours
 from ltvn_viz.panels.html_widgets import STYLE, HtmlBlock, number_grid
 
 SCALE = 5
-"""Pixels of the screen for one of the camera."""
+"""Pixels on the screen per pixel of the camera."""
 GAP = 12
 BORDER = 4
 
@@ -55,7 +56,7 @@ def pair_image(pair: LabelledPair, predicted: Waypoint) -> Rgb:
 
 
 def blank_pair_image() -> Rgb:
-    """Return an empty picture of the same size."""
+    """Return an empty image of the size of `pair_image`."""
     size = LOCOBOT.camera
     return np.full((2 * size.height * SCALE + GAP, 2 * size.width * SCALE + GAP, 3), palette.BACKGROUND, np.uint8)
 
@@ -88,7 +89,7 @@ def _stacked(images: list[Rgb], axis: int) -> Rgb:
 
 
 def _draw(image: Rgb, lines: WaypointOutline, colour: Rgb8) -> None:
-    """Draw a waypoint's lines, with a dark rim so that they show on any wall."""
+    """Draw a waypoint's lines with a dark rim, so that they are visible on any wall."""
     for thickness, ink in ((9, _DARK), (4, colour)):
         for line in lines:
             _polyline(image, line * SCALE, ink, thickness)
@@ -102,7 +103,7 @@ def _polyline(image: Rgb, points: NDArray[np.float64], ink: Rgb8, thickness: int
 
 
 FARTHEST_M = 4.0
-"""End of the slider, where it stands for any distance."""
+"""Upper end of the slider in metres; at this end, the distance has no upper limit."""
 
 ALL = "all pairs"
 REACHABLE = "reachable"
@@ -123,10 +124,10 @@ _STYLE = f"""<style>
 
 
 class PairPanel:
-    """Shows a look and takes orders."""
+    """Shows a pair and sends commands."""
 
     def __init__(self, gui: viser.GuiApi, scenes: Sequence[str], send: Callable[[PairCommand], None]) -> None:
-        """Add the widgets to the main panel; `send` takes orders and returns at once."""
+        """Add the widgets to the main panel; `send` takes commands and returns at once."""
         gui.add_html(STYLE + _STYLE)
         HtmlBlock(gui, _key())
         self._image = gui.add_image(blank_pair_image(), format="jpeg", jpeg_quality=90)
@@ -142,7 +143,7 @@ class PairPanel:
         self._bind(gui, send)
 
     def show(self, shown_pair: ShownPair) -> None:
-        """Show a pair and what is said of it."""
+        """Show a pair with its label and the network's prediction."""
         if shown_pair.pair is None:
             self._image.image = blank_pair_image()
             self._verdict.show(_card("No pair passes these filters."))
@@ -153,15 +154,15 @@ class PairPanel:
         self._numbers.show(_numbers(shown_pair, shown_pair.pair))
 
     def show_busy(self, text: str) -> None:
-        """Say what is being computed."""
+        """Show what is being computed."""
         self._verdict.show(_card(text))
 
     def show_error(self, problem: str) -> None:
-        """Say what went wrong."""
+        """Show an error."""
         self._verdict.show(_card(problem, severity="ERROR"))
 
     def pair_filter(self) -> PairFilter:
-        """Return what the filters say."""
+        """Return the filter that the controls describe."""
         low, high = self._range.value
         reachable, criterion = _kinds()[self._kind.value]
         farthest = float("inf") if high >= FARTHEST_M else high
@@ -178,7 +179,7 @@ class PairPanel:
 
 
 def _kinds() -> dict[str, tuple[bool | None, FailedCriteria]]:
-    """Return what each entry of the list of kinds asks for."""
+    """Return the filter for each entry of the list of kinds: the label, and the failed criterion."""
     kinds: dict[str, tuple[bool | None, FailedCriteria]] = {
         ALL: (None, FailedCriteria.NOTHING),
         REACHABLE: (True, FailedCriteria.NOTHING),

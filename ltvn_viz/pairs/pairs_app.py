@@ -1,8 +1,9 @@
-"""The composition root of the pair viewer: shards, network, guarded door, panel and scene, and the one loop.
+"""The composition root of the pair viewer: shards, network, guarded server, panel and scene, and their loop.
 
-Callbacks of the page only enqueue orders; the loop carries them out one after the other. Owns the scene too: a pair
-seen from above, both cameras on the floor, and what each of them sees in a colour of its own. It is in the frame of the
-source, which looks up the screen, so the same kind of pair always looks the same, wherever in the apartment it is.
+Callbacks of the page only enqueue commands, and the loop runs them one after another. Owns the scene: a pair from
+above, with both cameras, and the points that each camera sees in the camera's colour. The scene is drawn in the frame
+of the source, which looks upwards on the screen. So pairs with the same waypoint always look the same, wherever they
+are in the apartment.
 """
 
 import queue
@@ -28,9 +29,9 @@ from ltvn_viz.pairs.pair_panel import PairPanel
 from ltvn_viz.server.guarded_server import GuardedServer, stop_on_signals
 
 CUT_M = 1.9
-"""Points above this would hide the floor from above."""
+"""Height limit in metres; higher points would hide the floor from above."""
 POINT_STEP = 3
-"""Every third point shows as much, and a page without a GPU keeps up."""
+"""Every third point is drawn, which is enough to recognise the scene, and fast on a page without a GPU."""
 _RULED_M = 6
 _CAMERA = LOCOBOT.camera
 _CAMERA_TO_ROBOT = vt.SO3.from_matrix(np.array([[0.0, 0, 1], [-1, 0, 0], [0, -1, 0]]))
@@ -41,20 +42,20 @@ class PairScene:
     """Source, target and prediction in 3D."""
 
     def __init__(self, server: viser.ViserServer) -> None:
-        """Add all nodes, hidden, and look straight down."""
+        """Add all hidden nodes and look straight down."""
         scene = server.scene
         scene.configure_default_lights(cast_shadow=False)
         scene.configure_environment_map("warehouse", environment_intensity=0.35)
         server.initial_camera.look_at = (1.35, 0.0, 0.0)
         server.initial_camera.position = (0.75, 0.0, 5.2)
-        # Plain squares of a metre: the grid of the library shades every pixel, which is slow without a GPU.
+        # Plain squares of one metre: viser's own grid shades every pixel, which is slow without a GPU.
         _ruled(scene)
         self._source = _Camera(scene, "/source", palette.SOURCE)
         self._target = _Camera(scene, "/target", palette.TARGET)
         self._predicted = _arrow(scene, "/predicted", palette.PREDICTED_POSE, length_m=0.17, height_m=0.72)
 
     def show(self, shown_pair: ShownPair) -> None:
-        """Place everything."""
+        """Draw a pair."""
         pair = shown_pair.pair
         self._predicted.visible = pair is not None
         if pair is None:
@@ -68,7 +69,7 @@ class PairScene:
 
 
 class _Camera:
-    """An arrow where the robot stands, the frustum of its camera, and the points it sees."""
+    """An arrow at the robot's pose, the frustum of its camera, and the points that the camera sees."""
 
     def __init__(self, scene: viser.SceneApi, name: str, colour: Rgb8) -> None:
         self._arrow = _arrow(scene, name, colour, length_m=0.3, height_m=0.66)
@@ -135,14 +136,14 @@ class PairsOptions:
     folder: Path
     port: int = 8080
     weights: Path | None = None
-    """None stands for the shipped ones."""
+    """Weights of the network; None takes the shipped ones."""
 
 
 class PairsApp:
-    """A page that is served; `run` gives it life."""
+    """A page that is served; `run` runs its loop."""
 
     def __init__(self, server: GuardedServer, browser: PairBrowser) -> None:
-        """Furnish the page and show the first pair."""
+        """Add the content of the page and show the first pair."""
         self.server = server
         self._browser = browser
         self._commands: queue.SimpleQueue[PairCommand | None] = queue.SimpleQueue()
@@ -157,7 +158,7 @@ class PairsApp:
         self._show()
 
     def run(self) -> None:
-        """Obey until stopped."""
+        """Run commands until `stop` is called."""
         while (command := self._commands.get()) is not None:
             if self._browser.is_slow(command):
                 self._panel.show_busy("Asking the network about every pair of this scene…")
@@ -188,7 +189,7 @@ def open_pairs_app(options: PairsOptions) -> Iterator[PairsApp]:
 
 
 def run_pairs_app(options: PairsOptions, say: Callable[[str], None]) -> None:
-    """Serve the viewer until interrupted; `say` gets the lines a person needs to open it. Raises LtvnError."""
+    """Serve the viewer until interrupted; `say` gets the lines that tell a person how to open it. Raises LtvnError."""
     with open_pairs_app(options) as app, stop_on_signals(app.stop):
         port = app.server.port
         say(f"Open {app.server.url}")

@@ -21,7 +21,7 @@ MOST_NODES = 500
 
 
 class Entry(NamedTuple):
-    """The action of one label."""
+    """The action that an entry of the palette requests, with its value."""
 
     action: Action
     value: Value = None
@@ -44,7 +44,7 @@ class CommandPalette:
         self._listed: object = None
         self._nodes: tuple[NodeId, ...] = ()
         self._graph: GraphArrays | None = None
-        """Map whose nodes are listed; the object is the same as long as the moment is."""
+        """Map whose nodes are listed; it is the same object as long as the map does not change."""
         self._gallery: tuple[NodeId, ...] = ()
 
     def show(self, snapshot: Snapshot) -> None:

@@ -1,4 +1,4 @@
-"""The “Why” tab: one tool of the debugger at a time."""
+"""The “Why” tab: one question of the debugger at a time."""
 
 import time
 from collections.abc import Callable
@@ -36,7 +36,7 @@ class DebuggerPanel:
         self._bind(ask)
 
     def show(self, snapshot: Snapshot) -> None:
-        """Show the tool's answer."""
+        """Show the question's answer."""
         inspection = snapshot.inspection
         if inspection.offered != self._offered:
             self._offered = inspection.offered
@@ -52,7 +52,7 @@ class DebuggerPanel:
             self._tell.label = inspection.verb
 
     def _is_choice_pending(self) -> bool:
-        # A snapshot may be older than a person's choice; the choice must not be lost to it.
+        # A snapshot may be older than a person's choice, and must not overwrite it.
         is_own = self._tools.value != self._shown
         return is_own and self._clock() - self._tools.update_timestamp <= ANSWERED_WITHIN_S
 

@@ -1,4 +1,4 @@
-"""The floors' part of the “World” tab: choose one, and align the floor plan with the map by clicks."""
+"""The part of the “World” tab for floors: choose a floor, and align the floor plan with the map by clicks."""
 
 from html import escape
 
@@ -21,7 +21,7 @@ class FloorPlanPanel:
         self.buttons = HtmlBlock(gui)
 
     def show(self, snapshot: Snapshot) -> None:
-        """Show what can be done with the plan now."""
+        """Show the controls that are possible now."""
         self.floors.show("" if snapshot.floor is None else _floors(snapshot.floor))
         view = snapshot.floor_plan
         if view is None:
@@ -56,7 +56,7 @@ def _steps(view: FloorPlanView) -> tuple[ActionButton, ...]:
 
 
 def _fit(view: FloorPlanView) -> str:
-    """Return how well the pairs fit; the hint of the page says what to click next."""
+    """Return a text about how well the pairs fit; the page's hint tells what to click next."""
     if view.error_m is None:
         return note(
             f"Pairs of a node and its place: {view.pairs}. Two are enough, a third shows whether they are right."

@@ -39,7 +39,8 @@ logger = logging.getLogger(__name__)
 MAX_PAGES = 32
 MAX_UNSENT = 16
 BEAT_S = 0.25
-"""Interval between signs of life to each page, in seconds; a page without one for a second reports outdated content."""
+"""Interval between signs of life to each page, in seconds; a page that gets none for a second reports outdated
+content."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,7 +199,7 @@ class DriveSocket:
 
     def settle(self) -> None:
         """Report changes of the seat to the listener and the pages. Safe from any thread."""
-        # Events are taken and reported under one lock, so that a stop is never reported before an earlier drive.
+        # Events are taken and reported under one lock, so that they are reported in their order.
         with self._telling:
             for event in self.seat.take_events():
                 if isinstance(event, DriveAccepted):
@@ -265,7 +266,7 @@ class DriveSocket:
             self._call(tell, page.client, *said)
 
     def _sits(self, page: _Page) -> bool:
-        """Return whether a page has the seat or could take it; if not, tell the page which one has it."""
+        """Return whether a page has the seat, which it takes if it is free; if not, tell the page which one has it."""
         if self.seat.try_sit(page.client):
             return True
         driver = self.seat.state_of(page.client).driver

@@ -29,7 +29,7 @@ ClientId: TypeAlias = int
 LEASE_S = 0.25
 """Time in seconds for which a held input counts after its last message."""
 HAND_LIMIT_S = 1.0
-"""Age in seconds at which a held input no longer counts, since the page last checked it."""
+"""Age in seconds, since the page last checked a held input, from which the input no longer counts."""
 IDLE_S = 30.0
 """Time in seconds without input after which the seat is free again."""
 MAX_LINEAR_M_S = 0.5

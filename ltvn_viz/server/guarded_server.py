@@ -274,7 +274,8 @@ def _page_key(query: str) -> str | None:
 
 
 def _bind(host: str, port: int) -> socket.socket:
-    """Return a bound socket; raises ServerError if the port is in use, where viser would silently take the next one."""
+    """Return a bound socket; raises ServerError if the port is in use. (viser would silently take the next free
+    port.)"""
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     listening = socket.socket(family, socket.SOCK_STREAM)
     listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

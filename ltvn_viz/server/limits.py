@@ -22,7 +22,8 @@ from ltvn_viz.server.drive_messages import MessageError
 
 EVERY_S = 5.0
 _SAID_OTHERWISE = ("opening handshake", "connection open", "connection rejected", "server ")
-"""First words of dropped lines: those about single connections and HTTP responses, and the library's start and stop."""
+"""First words of log lines that are dropped: about single connections, HTTP responses, and the library's start and
+stop."""
 
 
 class LimitedLog:

@@ -171,13 +171,13 @@ class Routes:
         self._handlers: dict[tuple[str, str], RouteHandler] = {}
 
     def add(self, prefix: str, handler: RouteHandler, *, ending: str = "jpg") -> None:
-        """Serve `prefix<number>.ending`; prefix is like `/thumb/`, raises ValueError for another form."""
+        """Serve `prefix<number>.ending`; `prefix` is like `/thumb/`. Raises ValueError for an invalid argument."""
         if not _PREFIX.fullmatch(prefix) or ending not in CONTENT_TYPES:
             raise ValueError(f"{prefix!r} with {ending!r}: want a prefix like /thumb/ and one of {list(CONTENT_TYPES)}")
         self._handlers[prefix, ending] = handler
 
     def find(self, path: str) -> RouteMatch | None:
-        """Return the handler of `path` (no query), None without one."""
+        """Return the route of `path`, which has no query; None if there is none."""
         if (found := _ADDRESS.fullmatch(path)) is None:
             return None
         handler = self._handlers.get((found["prefix"], found["ending"]))
@@ -185,7 +185,7 @@ class Routes:
 
 
 def not_found() -> Response:
-    """Return the response for an unknown address, which it does not repeat."""
+    """Return the response for an unknown address; the response does not contain the address."""
     return refuse(HTTPStatus.NOT_FOUND, "There is nothing here.")
 
 
@@ -225,7 +225,7 @@ class Proof:
         return f"{address}?key={self._file_key}"
 
     def is_in(self, request: Request, *, is_for_picture: bool) -> bool:
-        """Tell whether a request has the token in its header or, for a picture, the key in its address."""
+        """Tell whether a request has the token in its header or, for a picture, the picture key in its address."""
         given = [value.removeprefix(_BEARER) for value in request.headers.get_all("Authorization")]
         if len(given) == 1 and _is_equal(given[0], self._token):
             return True

@@ -1,6 +1,6 @@
 """State owned by the session thread: the live run, the map, and the current activity.
 
-Owns one rule, how an activity ends; `command_handlers` runs commands, `snapshot_builder` makes the state visible.
+Owns the rule how an activity ends. `command_handlers` runs commands, and `snapshot_builder` makes the state visible.
 """
 
 from collections import OrderedDict
@@ -138,7 +138,7 @@ class AppState:
     """Name of the last recording that was kept."""
     message: Message | None = None
     work: JobProgress | None = None
-    """A job for which the page shows progress, beside the activity's own."""
+    """A job for which the page shows progress; the activity may have its own progress."""
     queries: int = 0
     larger_feed: ImageFeed | None = None
     """Renders a larger picture for people; None if it cannot be rendered."""
@@ -147,7 +147,7 @@ class AppState:
     floor: ShownFloor = field(default_factory=ShownFloor)
     """The floor of the map that the page shows."""
     actions: AskedActions = field(default_factory=AskedActions)
-    """The actions of edges, which the person does."""
+    """The actions of edges that the person at the page performs."""
     keeps_going: bool = False
     """Whether a query continues when the last page closes."""
     rerun: Callable[[Path], str] = rerun_unavailable
@@ -169,7 +169,7 @@ class AppState:
     shown_stamp: float | None = None
     """Stamp of an earlier moment of the live run that the page shows; None for the present."""
     plays_past: bool = False
-    """Whether a look back plays until it reaches now."""
+    """Whether a look back at the live run is playing; it stops when it reaches the present."""
     play_speed: float = 1.0
     """Playback speed of a recording or a look back, as a factor of real time."""
     strips: StripLibrary = field(default_factory=StripLibrary)

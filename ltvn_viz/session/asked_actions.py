@@ -37,7 +37,7 @@ class AskedActions:
     def settle(self, put_at: Callable[[NodeId], None]) -> None:
         """End the action if the person has answered; `put_at` puts the robot at the node where the action ends.
 
-        Nothing else may use the robot meanwhile.
+        Nothing else may use the robot during the call.
         """
         if self._answer is None or self._target is None:
             return

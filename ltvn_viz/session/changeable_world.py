@@ -43,8 +43,8 @@ class ChangeableWorld:
         self.world = world
         self._live = live
         self.carry = carry
-        """Moves the robot to a pose (3,); raises SceneError if it is occupied. Nothing else may drive the robot
-        meanwhile."""
+        """Moves the robot to a pose (3,); raises SceneError if it is occupied. Nothing else may drive the robot during
+        the call."""
         self._doors = doors_of(world.base)
         self._floor = floor_of(world.base)
         self._aimed: int | None = None
@@ -147,7 +147,7 @@ class ChangeableWorld:
         return {int(name): pose[:2] for name, pose in named if name.isdecimal()}
 
     def _named(self, text: str) -> str:
-        """Return a description in which doors are named by the rooms they join, as in the page, and boxes by name."""
+        """Return a description in which doors have the names of their rooms, and boxes have their names."""
         for door in reversed(self._doors):
             text = text.replace(f"door {door.door} ", f"door {door.label} ")
         return text.replace(f"box {_BOX_NAME}", _BOX_NAME)

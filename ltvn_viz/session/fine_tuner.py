@@ -1,6 +1,7 @@
-"""Fine-tuning from the page, by a drive and a duration.
+"""Fine-tuning from the page, on a drive and for a given time.
 
-Owns the arguments of `ltvn_core.training.fine_tuning.fine_tune`, and the progress of labelling the drive before it.
+Owns the arguments of `ltvn_core.training.fine_tuning.fine_tune`, and the progress of labelling the drive, which comes
+first.
 """
 
 from dataclasses import dataclass

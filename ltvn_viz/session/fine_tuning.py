@@ -28,7 +28,7 @@ from ltvn_viz.session.worker import Worker
 JUDGING, LEARNING, CALIBRATING = "judging the weights before", "learning", "calibrating"
 """Names of the stages in `ltvn_core.network.optimization.fine_tuning_loop`."""
 _MOST = 2.0
-"""Largest ratio of the time for calibration and final validation to the time for the first validation."""
+"""Largest ratio of two times: calibration and final validation together, to the first validation."""
 
 
 class LearningTime:
@@ -90,7 +90,7 @@ Tune: TypeAlias = Callable[[FineTuningRequest, ProgressReporter, threading.Event
 FAR_FALSE_POSITIVE_RATE = "far_fpr_at_half"
 WAYPOINT_ERROR = "position_median_m"
 MAX_GROWTH, CHANCE_PAIRS = 1.25, 2.5
-"""False links have grown if their number exceeds this factor plus this number of pairs; less is chance."""
+"""Limit of the new number of false links: the old number times this factor, plus this number of pairs."""
 EVALUATION_SETS = {"own": "Here", "simulated": "Simulated"}
 
 

@@ -1,7 +1,7 @@
 """Alignment of the floor plan with the map by clicks in the page: a node, its place on the plan, and the next node.
 
-Owns the order of the clicks and the hints about them; the fit is that of `--align`, from the same text. From the second
-pair on the plan is shown as the pairs fit. For the session's thread only.
+Owns the order of the clicks and the hints about them. The fit is computed as for the option `--align`, from the same
+text. After the second pair, the page shows the plan at the fitted pose. For the session's thread only.
 """
 
 from dataclasses import dataclass, replace
@@ -34,7 +34,7 @@ class _Pair:
 
     @property
     def text(self) -> str:
-        """The pair as `--align` takes it."""
+        """The pair as text, in the format of `--align`."""
         return "" if self.place is None else f"{self.node}={self.place[0]:g},{self.place[1]:g}"
 
 
@@ -42,12 +42,12 @@ class FloorPlanClicks:
     """The floor plan under the map, and the clicks of the person who aligns it."""
 
     def __init__(self, laid: LaidFloorPlan) -> None:
-        """Begin with the plan as it is laid."""
+        """Start with the plan at its present pose."""
         self._used = laid
         self._shown = laid
         self._pairs: list[_Pair] = []
         self.view = FloorPlanView(laid.plan)
-        """What the page shows."""
+        """State of the plan for the page."""
 
     @property
     def is_on(self) -> bool:
@@ -59,7 +59,7 @@ class FloorPlanClicks:
         self._begin(is_on=not self.is_on)
 
     def take_node(self, node: NodeId, graph: GraphArrays) -> None:
-        """Take the click on a node of the map, in place of one that has no place yet. Raises OptionError."""
+        """Handle a click on a node of the map; replaces a node whose place was not clicked. Raises OptionError."""
         poses = graph.poses_of((node,))
         if not len(poses):
             raise OptionError(f"Node {node} is not in the map any more; click another one.")
@@ -67,12 +67,12 @@ class FloorPlanClicks:
         self._show()
 
     def take_place(self, place: tuple[float, float]) -> None:
-        """Take the click on the plan, (x, y) in metres in the frame of the map. Raises OptionError.
+        """Handle a click on the plan at (x, y), in metres in the frame of the map. Raises OptionError.
 
-        A pair that does not determine the rotation is left out.
+        If the pairs do not determine the rotation, the last pair is removed.
         """
         if not self.is_on or self.view.node is None:
-            return  # The page clicked before it heard that no place is expected any more.
+            return  # The page sent the click before it received that no click on the plan is expected any more.
         x, y, _ = relative(self._shown.frame, np.array([*place, 0.0])).round(2)
         self._pairs[-1] = replace(self._pairs[-1], place=(float(x), float(y)))
         try:
@@ -86,14 +86,14 @@ class FloorPlanClicks:
             ) from error
 
     def undo(self) -> None:
-        """Take the last click back."""
+        """Undo the last click."""
         if self._pairs:
             last = self._pairs.pop()
             self._pairs += [] if last.place is None else [replace(last, place=None)]
             self._show()
 
     def use(self) -> None:
-        """Keep the plan as it is shown. Raises OptionError with too few pairs."""
+        """Use the plan at the pose that is shown. Raises OptionError if there are too few pairs."""
         if self.view.error_m is None:
             raise OptionError(f"Click at least {LEAST_PAIRS} nodes and their places on the plan first.")
         self._used = self._shown
@@ -109,7 +109,8 @@ class FloorPlanClicks:
         return [pair for pair in self._pairs if pair.place is not None]
 
     def _show(self) -> None:
-        """Lay the plan as the pairs fit. Raises OptionError, and changes nothing, where they do not determine it."""
+        """Move the plan to the fitted pose. Raises OptionError, and changes nothing, if the pairs do not determine the
+        pose."""
         placed = self._placed()
         fit = None
         if len(placed) >= LEAST_PAIRS:
@@ -132,7 +133,7 @@ class FloorPlanClicks:
 
 
 def aligning_hint(view: FloorPlanView) -> str:
-    """Return what to click next, and how well the pairs fit."""
+    """Return a hint about the next click, and how well the pairs fit."""
     if view.node is not None:
         return f"Click the place of node {view.node} on the plan, which is coloured now."
     if view.error_m is None:

@@ -30,7 +30,7 @@ class _Resembling(NamedTuple):
 
 
 def pick(state: AppState, node: NodeId) -> None:
-    """Handle a click on a node: align the floor plan by it, select it in the debugger, or as the goal."""
+    """Handle a click on a node: use it for the floor plan's alignment, for the debugger's question, or as the goal."""
     if state.alignment is not None and state.alignment.is_on:
         state.alignment.take_node(node, moment_of(state.shown_run).graph)
     elif state.debugger.is_on:
@@ -70,7 +70,7 @@ def navigate(state: AppState, node: NodeId | None) -> None:
 
 
 def _put_at(state: AppState, node: NodeId) -> None:
-    """Put a simulated robot at a node, because it cannot take a lift; elsewhere the person did that.
+    """Put a simulated robot at a node, because it cannot take a lift; a real robot was put there by the person.
 
     If the node is not in this scene, the robot stays where it is.
     """

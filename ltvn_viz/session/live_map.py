@@ -31,7 +31,7 @@ IMAGES_AT_ONCE = 64
 
 
 class LiveMap:
-    """A map that grows, is rebuilt, and is navigated by."""
+    """The map of the live robot: it grows, can be rebuilt, and is used for navigation."""
 
     def __init__(
         self, known: TopologicalMap, rng: np.random.Generator, *, world_time: Callable[[], float] | None = None
@@ -164,7 +164,7 @@ class LiveMap:
         fresh = TopologicalMap.of(predictor, system)
         fresh.keyframes.begin_drives(self.graph.drives)
         for first in range(0, len(seen), IMAGES_AT_ONCE):
-            progress(0, len(seen))  # So that a person can cancel while images are encoded, too.
+            progress(0, len(seen))  # The encoding of images can be cancelled, too.
             fresh.keyframes.add(seen[first : first + IMAGES_AT_ONCE])
         built = fresh.build(seen, rng=self._rng, progress=progress) if seen else ()
         return self._replaced(fresh, built, seen)
@@ -205,7 +205,7 @@ class LiveMap:
     def query(self, robot: LiveRobot, goal: NodeId, query: int, actions: ActionPerformer) -> Iterator[Event | Tick]:
         """Start a navigation task; its last event is the verdict. Raises MapError if the goal is not in the map.
 
-        The robot and who performs its `actions` stay the same until the map is replaced.
+        Until the map is replaced, later tasks use the same `robot` and `actions`.
         """
         if self._navigator is None:
             self._navigator = self._map.navigator(robot, seed=self._rng, world_time=self._world_time, actions=actions)
@@ -213,7 +213,7 @@ class LiveMap:
         return run.events()
 
     def cancel(self) -> None:
-        """End the navigation task at its next pull, with its events. Safe from any thread."""
+        """End the navigation task at its next pull, with its last events. Safe from any thread."""
         if self._navigator is not None:
             self._navigator.cancel()
 

@@ -21,7 +21,7 @@ from ltvn_viz.timeline.breakpoint_monitor import BreakpointMonitor
 
 
 class LiveRobot(ContinuedRobot):
-    """A robot whose images are handed over once each and whose last command can be renewed."""
+    """A robot that hands over each image once, and whose last command can be renewed."""
 
     def __init__(
         self,
@@ -142,7 +142,8 @@ class LiveRun:
         self.view = self.robot.glance()
 
     def begin_recording(self) -> None:
-        """Start a recording with the current image; raises RecordingError. Nothing else may use the robot meanwhile."""
+        """Start a recording with the current image; raises RecordingError. Nothing else may use the robot during the
+        call."""
         self.recorder.start()
         before = self.observation
         if self.capture() is before and before is not None:

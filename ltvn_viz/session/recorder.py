@@ -165,7 +165,7 @@ class Recorder:
         self._write(current, lambda writer: writer.write_event(stamped))
 
     def draw_graph(self, graph: TopologicalGraph, step: FrameId, stamp: float) -> None:
-        """Draw the map for the viewer, if a recording is running; the map must not change meanwhile."""
+        """Draw the map for the viewer, if a recording is running; the map must not change during the call."""
         if self._current is not None and self._current.ready:
             self._write(self._current, lambda writer: writer.draw_graph(graph, step, stamp))
 
@@ -210,7 +210,7 @@ class Recorder:
         return failure
 
     def close(self) -> Path | None:
-        """End the running recording, wait for its file and return it; the map must not change meanwhile.
+        """End the running recording, wait for its file and return it; the map must not change during the call.
 
         The wait for a disk is limited. Raises RecordingError as `tick` does, and after the time limit.
         """

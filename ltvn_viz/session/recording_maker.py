@@ -1,6 +1,6 @@
 """Makes new recordings from files in the folder: at most one at a time, in a separate thread.
 
-Robot and map continue meanwhile. Owns the state of the job: started, cancelled, failed, done. `command_handlers`
+Robot and map continue during the job. Owns the state of the job: started, cancelled, failed, done. `command_handlers`
 defines the content of the recording.
 """
 

@@ -1,6 +1,7 @@
 """The floor of the map that the page shows.
 
-Owns the choice of a floor, and what of the map belongs to it. What a floor is, `ltvn_core.graph.floors` tells.
+Owns the choice of a floor, and the part of the map that belongs to it. `ltvn_core.graph.floors` defines what a floor
+is.
 """
 
 from dataclasses import replace
@@ -14,7 +15,7 @@ from ltvn_viz.session.snapshot import FloorChoice, Snapshot
 
 
 class ShownFloor:
-    """Leaves one floor of a map in a snapshot; computes only when the map or the floor changed."""
+    """Limits the map of a snapshot to one floor; computes only when the map or the floor changed."""
 
     def __init__(self) -> None:
         """Start without a map."""
@@ -26,7 +27,7 @@ class ShownFloor:
         self._part = EMPTY_GRAPH
 
     def of(self, snapshot: Snapshot) -> Snapshot:
-        """Return a snapshot with the chosen floor, else the robot's; the same snapshot if the map has one floor.
+        """Return a snapshot of the chosen floor, else of the robot's floor; the same snapshot if the map has one floor.
 
         The robot is left out while another floor is shown.
         """
@@ -51,14 +52,14 @@ class ShownFloor:
         return replace(snapshot, moment=moment, floor=choice)
 
     def _robots_floor(self, snapshot: Snapshot) -> int | None:
-        """Return the floor of the node where the robot was localised last; None before that."""
+        """Return the floor of the node where the robot was last localised; None before that."""
         localised = snapshot.moment.progress.localised
         here = self._graph.ids == (None if localised is None else localised.node)
         return int(self._floors[here][0]) if here.any() else None
 
 
 def _part(graph: GraphArrays, nodes: NDArray[np.bool_]) -> GraphArrays:
-    """Return some nodes (N,) of a map, and the edges between them."""
+    """Return the part of a map with the nodes (N,) that are true, and the edges between them."""
     edges = nodes[graph.edges].all(axis=1)
     return GraphArrays(
         ids=graph.ids[nodes],

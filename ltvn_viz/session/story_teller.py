@@ -95,7 +95,7 @@ class StoryTeller:
         return False
 
     def tick(self, *, is_idle: bool) -> c.Command | None:
-        """Continue; returns the next commands. The map must not change meanwhile."""
+        """Continue; returns the next commands. The map must not change during the call."""
         self._read_events()
         command = None
         try:

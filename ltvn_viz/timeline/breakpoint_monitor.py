@@ -1,7 +1,8 @@
-"""Breakpoints that a person set in the page, and where the live run and the recordings met them.
+"""Breakpoints that a person set in the page, and the moments at which the live run and recordings met them.
 
-Owns the list, what of it is news, and how hits are found without looking at an event twice. When a breakpoint is met is
-`ltvn_core.analysis.breakpoints`; what happens then is `ltvn_viz.session.session_loop`.
+Owns the list of breakpoints, the latest stop, and a search that examines each event only once.
+`ltvn_core.analysis.breakpoints` decides whether an event meets a breakpoint; `ltvn_viz.session.session_loop` stops
+there.
 """
 
 from bisect import bisect_right
@@ -14,32 +15,32 @@ from ltvn_core.analysis.breakpoints import Breakpoint, BreakpointHit, breakpoint
 from ltvn_core.analysis.timeline import Timeline
 
 STAMP_EPSILON_S = 1e-6
-"""More than is lost when a stamp is taken apart and put together again."""
+"""Margin in seconds, larger than the rounding error when the run's start is subtracted from a stamp and added again."""
 _KEPT = 1000
-"""Number of latest hits that a live run remembers."""
+"""Maximum number of stops that a live run keeps, the latest ones."""
 
 
 class BreakpointStop(NamedTuple):
-    """A place in time at which breakpoints were met."""
+    """A moment at which breakpoints were met."""
 
     time_s: float
-    """Seconds after the run's beginning."""
+    """Time in seconds after the run's beginning."""
     hit: BreakpointHit
 
 
 class BreakpointMonitor:
-    """Breakpoints of a person."""
+    """A person's breakpoints, and the moments at which runs met them."""
 
     def __init__(self) -> None:
-        """Watch for nothing, which costs nothing."""
+        """Start without breakpoints; then watching a run costs no time."""
         self.breakpoints: tuple[Breakpoint, ...] = ()
         self.stops: deque[BreakpointStop] = deque(maxlen=_KEPT)
-        """Stops of the live run at breakpoints, also those before they were set."""
+        """Stops of the live run, including events from before the breakpoints were set."""
         self._news: BreakpointStop | None = None
         self._found: WeakKeyDictionary[Timeline, tuple[BreakpointStop, ...]] = WeakKeyDictionary()
 
     def change(self, breakpoints: Sequence[Breakpoint], live: Timeline) -> None:
-        """Stop at these from now on; where the live run met them before is found once. Linear in its events."""
+        """Replace all breakpoints, and search the live run so far for them. Linear in its events."""
         self.breakpoints = tuple(breakpoints)
         self.stops.clear()
         self._found.clear()
@@ -47,7 +48,7 @@ class BreakpointMonitor:
             self.stops.extend(_stops(live, self.breakpoints))
 
     def consume(self, live: Timeline) -> None:
-        """Look at the newest event of the live run."""
+        """Check whether the newest event of the live run meets a breakpoint."""
         if not self.breakpoints:
             return
         hit = breakpoint_hit(live, len(live.events) - 1, self.breakpoints)
@@ -56,16 +57,17 @@ class BreakpointMonitor:
             self.stops.append(self._news)
 
     def announce(self, stop: BreakpointStop) -> None:
-        """Let a stop be news that something else found."""
+        """Set `stop`, which was found elsewhere, as the latest one."""
         self._news = stop
 
     def take_latest(self) -> BreakpointStop | None:
-        """Return the latest stop that was not returned before."""
+        """Return the latest stop; None if it was returned before."""
         news, self._news = self._news, None
         return news
 
     def stops_of(self, run: Timeline) -> tuple[BreakpointStop, ...]:
-        """Return all stops of a recording in order; linear in its events once for each change of the breakpoints."""
+        """Return all stops of a recording in order. The first call after a change of the breakpoints is linear in the
+        events."""
         if not self.breakpoints:
             return ()
         if run not in self._found:
@@ -73,7 +75,7 @@ class BreakpointMonitor:
         return self._found[run]
 
     def first_between(self, run: Timeline, after_s: float, until_s: float) -> BreakpointStop | None:
-        """Return the first stop of a recording later than one time and not later than another."""
+        """Return the first stop of a recording with `after_s` < time <= `until_s`, in seconds after the beginning."""
         stops = self.stops_of(run)
         place = bisect_right(stops, after_s, key=lambda stop: stop.time_s)
         return stops[place] if place < len(stops) and stops[place].time_s <= until_s else None

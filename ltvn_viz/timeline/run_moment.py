@@ -1,7 +1,7 @@
-"""One moment of a run as the page draws it: robot, trajectory, map, and recent additions and removals.
+"""One moment of a run for drawing: robot, trajectory, map, and recent additions and removals.
 
-Owns only matters of drawing: interpolation between images, thinning and fading. What happened, and when, is
-`ltvn_core.analysis.timeline`. The same moment of the same run shares its arrays with the one drawn before.
+Owns the preparation for drawing: interpolation between images, thinning and fading. `ltvn_core.analysis.timeline` knows
+the events. Two equal moments of a run share their arrays.
 """
 
 from dataclasses import dataclass, field
@@ -19,36 +19,36 @@ from ltvn_core.types import FrameId, Pose
 FADE_S = 3.0
 """Time for which an added or removed edge stays highlighted, in seconds."""
 TRAJECTORY_POINTS = 2000
-"""The trajectory is thinned to at most this many points."""
+"""Maximum number of points of the thinned trajectory."""
 MAX_INTERPOLATION_GAP_S = 0.35
-"""Greatest time between frames that a replay interpolates."""
+"""Greatest interval between two images in seconds for which the robot's pose is interpolated."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RunMoment:
-    """Everything that is drawn of a run at one moment."""
+    """Everything that the page draws of a run at one moment."""
 
     stamp: float = 0.0
-    """Seconds on the robot's clock."""
+    """Time on the robot's clock, in seconds."""
     frame: FrameId | None = None
     """The newest image; None before the first."""
     robot: Pose | None = None
-    """(3,) for drawing."""
+    """Pose (3,) at which the robot is drawn; None before the first image."""
     trajectory: NDArray[np.float64] = field(default_factory=lambda: NO_TRAJECTORY, repr=False)
-    """(T, 3) poses driven so far, thinned."""
+    """Poses (T, 3) so far, thinned."""
     frames: int = 0
-    """Images taken so far."""
+    """Number of images so far."""
     graph: GraphArrays = EMPTY_GRAPH
     added_edges: FadingEdges = NO_FADING_EDGES
     removed_edges: FadingEdges = NO_FADING_EDGES
     progress: NavigationProgress = NO_PROGRESS
     predicted_subgoal: Pose | None = None
-    """(3,) where the network thinks the present subgoal is."""
+    """Predicted pose (3,) of the current subgoal; None while no edge is driven."""
 
 
 def moment_of(timeline: Timeline, stamp: float | None = None) -> RunMoment:
-    """Return what is drawn of a run at `stamp` seconds, or at its end."""
-    # All events of the newest step count, as in every answer about this moment.
+    """Return what the page draws of a run at `stamp` seconds, or at its end for None."""
+    # All events of the newest step are included, as in every answer about this moment.
     known = len(timeline.events) if stamp is None else timeline.count_until(timeline.instant_at(stamp))
     stamp = timeline.end_s if stamp is None else stamp
     frames = timeline.frames.count_at(stamp)
@@ -76,7 +76,7 @@ def _predicted_subgoal(frames: RecordedFrames, progress: NavigationProgress) -> 
 
 
 def _robot_pose(frames: RecordedFrames, count: int, stamp: float) -> Pose | None:
-    """Return (3,) where the robot is between image number `count` and the next, None before the first."""
+    """Return the pose (3,) of the robot between image number `count` and the next one; None before the first image."""
     if not count:
         return None
     before = frames.driven_pose(count - 1)

@@ -1,10 +1,11 @@
-"""The marks of one run as rows of whole numbers for the page's timeline, and where the page fetches them.
+"""The marks of a run as rows of integers for the page's timeline, and the address from which the page fetches them.
 
-Owns the numbers in a row; which events get a mark is `ltvn_core.analysis.timeline_rows`. A run's rows only grow, so
-that a page that has some of them asks for the rest. Rows are made in the session's thread; others may read them.
+Owns the format of a row; `ltvn_core.analysis.timeline_rows` decides which events get a mark. Rows of a run are only
+appended, so a page that has the first rows requests only the rest. Rows are made in the session's thread; other threads
+may read them.
 
-Owns also the way from mark to mark. Two steps may share a stamp, for the clock stands still between queries; by its
-clock the page cannot tell them apart, so the next moment is one at another time.
+Owns also the steps from mark to mark. Several events may have the same stamp, because the clock stands still between
+queries. The page knows only the time, so the next mark is always one at another time.
 """
 
 import json
@@ -22,7 +23,7 @@ from ltvn_core.types import NodeId
 from ltvn_viz.server.strip_kinds import QueryEnd, StripKind
 
 STRIP_NUMBERS = 10**8
-"""A page asks for the rows of a run from one on by a single number: the run's, times this, plus the row's."""
+"""Factor in the number by which a page requests rows: the number of the run times this factor, plus the first row."""
 _KEPT = 4
 """Number of runs whose rows are kept; a page that lags behind asks again for the current run."""
 _NOBODY = -1
@@ -39,14 +40,14 @@ _KINDS: Mapping[MarkKind, StripKind] = {
     MarkKind.FAILURE: StripKind.FAILED,
     MarkKind.COLLISION: StripKind.COLLISION,
 }
-"""All but those of queries, whose rows say more than the mark."""
+"""Kinds of all marks except those of queries, whose rows contain more than the mark."""
 
 
 class StripRow(NamedTuple):
-    """A mark."""
+    """One mark of the timeline."""
 
     time_ms: int
-    """Time after the beginning of the run, rounded up, so that seeking to it shows the event."""
+    """Time after the beginning of the run in milliseconds, rounded up, so that seeking to it shows the event."""
     kind: StripKind
     first: int = _NOBODY
     """Subject of the mark: source and target of an edge, a node, a door, a query and its goal; -1 for nothing."""
@@ -57,21 +58,21 @@ class StripMarks:
     """The rows of one run."""
 
     def __init__(self, run: Timeline) -> None:
-        """Begin with no row."""
+        """Start without rows."""
         self.rows: list[StripRow] = []
         self.start_s = run.start_s
         self._events: Sequence[e.StampedEvent] = run.events
         self._taken = 0
         self._plan: tuple[NodeId, ...] | None = None
         self._arrived = False
-        """The last query said that it had arrived."""
+        """Whether the robot reported its arrival in the last query."""
 
     def is_of(self, run: Timeline) -> bool:
-        """Tell whether the rows still hold: no event was put in before others, and the run began when it did."""
+        """Tell whether the rows are still valid: the run began at the same time, and its events were only appended."""
         return self._events is run.events and self.start_s == run.start_s
 
     def take_in(self, run: Timeline) -> None:
-        """Make rows of what happened since the last time; constant time for each event."""
+        """Make rows of the events since the last call; constant time for each event."""
         for number in range(self._taken, len(run.events)):
             event = run.events[number].event
             if (found := self._mark(event)) is not None:
@@ -107,16 +108,16 @@ def _end(outcome: e.Outcome) -> QueryEnd:
 
 
 class StripLibrary:
-    """The rows of the runs that were on show lately, by numbers that are never used twice."""
+    """The rows of the runs that were shown recently, each with a number that is never used again."""
 
     def __init__(self) -> None:
-        """Begin with no run."""
+        """Start without runs."""
         self._numbers: WeakKeyDictionary[Timeline, int] = WeakKeyDictionary()
         self._strips: OrderedDict[int, StripMarks] = OrderedDict()
         self._next = 1
 
     def of(self, run: Timeline) -> tuple[int, int]:
-        """Return a run's number and how many rows it has now; only for the session's thread."""
+        """Return the number of a run and its present number of rows; only for the session's thread."""
         number = self._numbers.get(run, 0)
         strip = self._strips.get(number)
         if strip is None or not strip.is_of(run):
@@ -131,7 +132,7 @@ class StripLibrary:
         return number, len(strip.rows)
 
     def rows_from(self, number: int) -> bytes | None:
-        """Return as JSON the rows of a run from one on, see `STRIP_NUMBERS`; None for a run that is unknown by now.
+        """Return rows of a run as JSON, from a first row on; None if the run is no longer known. See `STRIP_NUMBERS`.
 
         May be called in any thread.
         """
@@ -143,11 +144,12 @@ class StripLibrary:
 
 
 _SAME_S = 1e-5
-"""Moments this near are one to the page."""
+"""Greatest difference in seconds between two moments that are the same moment for the page."""
 
 
 def adjacent_instant(timeline: Timeline, at: Instant, *, forwards: bool) -> Instant | None:
-    """Return the next time at which anything happens, or the last one before; linear in what is at the same time."""
+    """Return the moment of the next event at another time, or of the previous one; linear in the events at the same
+    time."""
     found: Instant | None = _start(at, forwards=forwards)
     while found is not None and abs(found.stamp - at.stamp) < _SAME_S:
         found = timeline.next_event(found) if forwards else timeline.previous_event(found)
@@ -155,7 +157,7 @@ def adjacent_instant(timeline: Timeline, at: Instant, *, forwards: bool) -> Inst
 
 
 def adjacent_mark(timeline: Timeline, at: Instant, kind: MarkKind, *, forwards: bool) -> Mark | None:
-    """Return the next mark of a kind at another time, or the last one before; linear in what is at the same time."""
+    """Return the next mark of a kind at another time, or the previous one; linear in the events at the same time."""
     place = _start(at, forwards=forwards)
     mark = None
     while abs(place.stamp - at.stamp) < _SAME_S:
@@ -167,5 +169,5 @@ def adjacent_mark(timeline: Timeline, at: Instant, kind: MarkKind, *, forwards: 
 
 
 def _start(at: Instant, *, forwards: bool) -> Instant:
-    """Return where to look from: back from a robot that stands, what happened in its last step is before it, too."""
+    """Return the moment from which to search; a backward search includes the events of the present step."""
     return at if forwards else at._replace(step=at.step + 1)

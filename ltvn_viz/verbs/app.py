@@ -25,17 +25,17 @@ class AppVerb(FloorPlanOptions, Verb):
     port: int = 8080
     """Port on 127.0.0.1; 0 takes any free one."""
     scene: str = ""
-    """A scene by name (a wrong one lists the right ones), or the path of a mesh or of a Gibson folder; by default the
-    demo apartment. With --robot: what recordings call the place, by default the robot's name."""
+    """Scene by name (for an unknown name, the error lists all names), or the path of a mesh or a Gibson folder; by
+    default the demo apartment. With --robot, the name of the place in recordings; by default the robot's name."""
     robot: str | None = None
     """Drive a robot of your own instead of the simulated one: an installed robot's name, path/to/file.py:factory, or
     PROFILE@ADDRESS (ROS 2), as in turtlebot4@tcp/192.168.0.7:7447. A recorded drive, such as drive.mcap, is played."""
     map: Path | None = None
-    """Map to begin with; by default the ready-made one in the demo apartment, else an empty one."""
+    """Map to start with; by default the ready-made one in the demo apartment, else an empty one."""
     recordings: Path = Path("recordings")
-    """Folder in which recordings are written and found."""
+    """Folder in which recordings are saved and found."""
     system: SystemName = DEFAULT_SYSTEM
-    """The navigation system, ours or a rival: it builds maps and drives by them. An opened map brings its own."""
+    """Navigation system, ours or another one: it builds maps and drives by them. An opened map sets its own."""
     predictor: PredictorName = AUTO
     """Predictor that compares images, by name; auto uses the one that built the map, else the network for the simulated
     robot and geometric for your own robot with another camera.
@@ -45,17 +45,17 @@ class AppVerb(FloorPlanOptions, Verb):
     preset: Literal["robust", "paper"] = "robust"
     """The method's settings: robust is ours, paper is the literal method."""
     maintenance: MaintenanceName | None = None
-    """How driving updates the map; by default as its system does. static: nothing; paper, robust: beliefs and
-    pruning as in that preset; brm: BRM's posterior, which prunes nothing; persistent: also what is open at which
-    time."""
+    """How driving updates the map; by default as in the navigation system. static: not at all; paper, robust: beliefs
+    and pruning as in that preset; brm: BRM's posterior, without pruning; persistent: also the times at which edges are
+    open."""
     world: str | None = None
     """Change the scene over time, from nine o'clock on: static, doors, daily, telegraph, moving, light, people,
     all, several of them (doors+moving), or a JSON file with a script."""
     seed: int = 0
-    """Draws the robot's start, the odometry noise and what changes in the world."""
+    """Seed for the robot's start, the odometry noise, and the changes of the world."""
     body: BodyOption = "auto"
     stream: int | None = None
-    """Port on 127.0.0.1 at which a Rerun viewer can watch while the recording is written: `ltvn view` the address."""
+    """Port on 127.0.0.1 at which a Rerun viewer (`ltvn view`) can watch the recording while it is written."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,9 +67,9 @@ class ReplayVerb(FloorPlanOptions, Verb):
     recording: Positional[Path]
     """The .rrd file."""
     at: float = 0.0
-    """Seconds after its beginning at which to show it first."""
+    """Initial time, in seconds after the beginning of the recording."""
     ask: str = ""
-    """A question for the debugger to open with, by its word: blame (why is it so?), failures (what failed?), where,
-    edge, what-if, time, presence, truth, or any other that a link of the page names."""
+    """Initial question of the debugger, by its word: edge (why is it so?), failures (what failed?), where, what-if,
+    time, truth, or any other word in a link of the page."""
     port: int = 8080
     """Port on 127.0.0.1; 0 takes any free one."""

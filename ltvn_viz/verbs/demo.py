@@ -15,12 +15,12 @@ class DemoVerb(HeadlessDemoVerb):
     headless: bool = False
     """Run everything without a browser and print the result; by default the page opens."""
     robot: bool = False
-    """Let the page drive a robot of ROS 2: the simulated one, behind a router and a guard, each a process."""
+    """Drive a simulated ROS 2 robot in the page; the robot, a router and a guard run in separate processes."""
     port: int = 8080
     """Port of the page on 127.0.0.1; 0 takes any free one."""
 
     def run(self) -> Summary:
-        """Do the job; raises OptionError, SceneError, RecordingError, MapError and WeightsError."""
+        """Run the demo; raises OptionError, SceneError, RecordingError, MapError and WeightsError."""
         if self.robot:
             return do_job("ltvn_viz.verbs.jobs.robot_demo:drive_robot", self)
         if self.headless:

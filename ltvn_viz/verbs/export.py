@@ -13,29 +13,29 @@ from ltvn_viz.verbs.floor_plan_options import FloorPlanOptions
 
 @dataclass(frozen=True, kw_only=True)
 class ExportVerb(FloorPlanOptions, Verb):
-    """Take something out of a recording or a map, to pass on: a moment, a test of it, a page or a figure of the map.
+    """Export an excerpt of a recording, a test of it, or a page or figure of the map.
 
-    With --to FORMAT all of it becomes a file or folder for other programs.
+    With --to FORMAT, convert the recording or map to a file or folder for other programs.
     """
 
     job = "ltvn_viz.verbs.jobs.export:export"
 
     recording: Positional[Path]
-    """The .rrd file; it is left as it is."""
+    """The .rrd file; it is not changed."""
     from_s: Annotated[float | None, tyro.conf.arg(name="from")] = None
-    """Start of the moment, in seconds on the robot's clock; the beginning if not given."""
+    """Start of the excerpt, in seconds on the robot's clock; by default the beginning of the recording."""
     to: str | None = None
-    """A format for other programs: of a drive mcap, tum, vint or lerobot, of a map graphml, geojson or nav2-route. Or
-    seconds: where the moment ends, and the time at which the map is drawn; the end if not given."""
+    """Format for other programs: mcap, tum, vint or lerobot for a drive; graphml, geojson or nav2-route for a map. Or a
+    time in seconds: the end of the excerpt, at which the map is drawn; by default the end of the recording."""
     until: float | None = None
-    """End of the moment, for --to FORMAT."""
+    """End of the excerpt, in seconds on the robot's clock; needed only if --to names a format."""
     output: Path | None = None
-    """Write the moment here, as a complete recording; with --to FORMAT the file or folder of that format."""
+    """File for the excerpt, as a complete recording; with --to FORMAT, the file or folder of that format."""
     named_only: bool = False
-    """Keep only the images that the moment's events name: much smaller, but unfit for navigation."""
+    """Keep only the images that events of the excerpt name: a much smaller file, but unfit for navigation."""
     test: Path | None = None
-    """Write a pytest file here that opens the moment and asserts what happened; lies beside --output."""
+    """File for a pytest test that opens the excerpt of --output and asserts its events."""
     html: Path | None = None
-    """Write the map in its scene, in 3D, as one HTML file that needs no network."""
+    """File for the map in its scene, in 3D, as one HTML page that needs no network."""
     svg: Path | None = None
-    """Write the map as an SVG figure; pointing at a node or an edge shows its numbers."""
+    """File for the map as an SVG figure, which shows the numbers of a node or an edge on hover."""

@@ -9,8 +9,8 @@ class FloorPlanOptions:
     """Options for a floor plan and its alignment with the map."""
 
     floor_plan: Path | None = None
-    """A floor plan of the building to lay under the map: the map.yaml of nav2. Maps of `ltvn export` are written in its
+    """Floor plan of the building to draw below the map: the map.yaml of nav2. `ltvn export` writes maps in its
     frame."""
     align: tuple[str, ...] = ()
-    """Where the plan lies: NODE=X,Y pairs, two and more, of a node and the point of the plan in metres where it is, as
-    17=-1.5,2. By default the plan's frame is that of the map, which is odometry's."""
+    """Alignment of the plan: at least two pairs NODE=X,Y of a node and its position on the plan in metres, such as
+    17=-1.5,2. By default, the plan has the same frame as the map, which is the odometry frame."""

@@ -10,11 +10,10 @@ from ltvn_core.verbs.verb import Verb
 
 @dataclass(frozen=True, kw_only=True)
 class McpVerb(Verb):
-    """Let an AI agent ask about recordings and maps (Model Context Protocol, on standard input and output). It reads
-    the files that are named, and nothing else.
-    """
+    """Let an AI agent ask about recordings and maps (Model Context Protocol, on standard input and output). It can read
+    only the named files."""
 
     job = "ltvn_viz.verbs.jobs.mcp:serve_agent"
 
     files: Positional[tuple[Path, ...]] = (Path("recordings"),)
-    """.rrd files, and folders whose recordings may be read."""
+    """Recordings (.rrd files), and folders of recordings, that may be read."""

@@ -10,24 +10,23 @@ from ltvn_core.verbs.verb import Verb
 
 @dataclass(frozen=True, kw_only=True)
 class WhyVerb(Verb):
-    """Ask the debugger's questions about a recording or a map, in the terminal. Without a question, list those that it
-    can answer.
-    """
+    """Ask the debugger's questions about a recording or a map, in the terminal. Without a question, list all questions
+    that can be answered."""
 
     job = "ltvn_viz.verbs.jobs.why:ask"
 
     file: Positional[Path]
-    """The .rrd file; it is left as it is."""
+    """The .rrd file; it is not changed."""
     ask: str = ""
-    """The question by its word: edge (why is it so?), failures (what failed?), what-if, time, where, compare, truth,
-    or another of the list. If not given, --edge and --node ask edge, and --query failures."""
+    """The question, by its word: edge (why is it so?), failures (what failed?), what-if, time, where, compare, truth,
+    or another word of the list. By default, edge for --edge and --node, and failures for --query."""
     at: float | None = None
-    """Seconds after the beginning of the recording; the end if not given, or the end of the query."""
+    """Time in seconds after the beginning of the recording; by default the end of the query or of the recording."""
     edge: tuple[int, int] | None = None
-    """Point at the edge between two nodes, from and to."""
+    """Select the edge between two nodes: its source and its target."""
     node: int | None = None
-    """Point at a node."""
+    """Select a node."""
     query: int | None = None
-    """Point at a navigation task, by its number."""
+    """Select a navigation task, by its number."""
     text: str = ""
-    """Text that a person would type into the question, for instance --ask what-if --text "without 12->40"."""
+    """Text for the question, as a person would type it, for instance --ask what-if --text "without 12->40"."""

@@ -1,1 +1,1 @@
-"""Wishes of a person on the page: commands, and the table of the actions that send them."""
+"""Requests of a person on the page: the commands, and the table of the actions that send them."""

@@ -1,8 +1,8 @@
 """Commands of a person to the app, as data, and the modes in which each is legal.
 
-Callbacks of the page build these and put them into the session's queue; the session alone carries them out. Driving
-is not among them: the held keys are polled from the driver's seat, so that they can never pile up in a queue. What
-a page calls them is in `wish_table`.
+Callbacks of the page create commands and put them into the session's queue; only the session runs them. Driving is not
+a command: the session polls the held keys from the driver's seat, so that outdated inputs cannot fill the queue. Their
+names on the page are in `wish_table`.
 """
 
 from dataclasses import dataclass
@@ -33,9 +33,9 @@ ANYWHERE = frozenset(Mode)
 LIVE = frozenset({Mode.TELEOP, Mode.NAVIGATING, Mode.PAUSED})
 DRIVING = frozenset({Mode.TELEOP})
 UNDER_WAY = frozenset({Mode.NAVIGATING, Mode.PAUSED})
-"""While a query is in progress."""
+"""Modes in which a query is in progress."""
 STANDING = frozenset({Mode.TELEOP, Mode.REPLAY})
-"""While no query and no building of a map is in progress."""
+"""Modes in which neither a query nor the building of a map is in progress."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,23 +46,23 @@ class BaseCommand:
     """Modes in which the command is legal."""
 
     def __init_subclass__(cls, *, modes: frozenset[Mode]) -> None:
-        """Make a kind of command."""
+        """Set the modes of a kind of command."""
         cls.modes = modes
 
 
 @dataclass(frozen=True, eq=False)
 class StopRobot(BaseCommand, modes=ANYWHERE):
-    """Stop the robot now and give up navigating."""
+    """Stop the robot now and cancel the query."""
 
 
 @dataclass(frozen=True, eq=False)
 class Cancel(BaseCommand, modes=ANYWHERE):
-    """Give up the query or the building of a map."""
+    """Cancel the query or the building of a map."""
 
 
 @dataclass(frozen=True, eq=False)
 class EndAction(BaseCommand, modes=UNDER_WAY):
-    """Tell whether the action that the robot waits for is done."""
+    """Report whether the action that the robot waits for has succeeded."""
 
     succeeded: bool
 
@@ -74,7 +74,7 @@ class Pause(BaseCommand, modes=UNDER_WAY | {Mode.REPLAY}):
 
 @dataclass(frozen=True, eq=False)
 class StepOnce(BaseCommand, modes=UNDER_WAY):
-    """Let one control step of the query happen, then hold it."""
+    """Run one control step of the query, then pause it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,19 +86,19 @@ class KeepGoing(BaseCommand, modes=ANYWHERE):
 
 @dataclass(frozen=True, eq=False)
 class ShowLarger(BaseCommand, modes=ANYWHERE):
-    """Say whether the page shows a larger picture that is drawn for people, or what the method sees."""
+    """Choose between the larger picture for people and the image that the method sees."""
 
     is_on: bool
 
 
 @dataclass(frozen=True, eq=False)
 class TakeOver(BaseCommand, modes=UNDER_WAY):
-    """Give up the query, because a person drives."""
+    """Cancel the query, because a person drives."""
 
 
 @dataclass(frozen=True, eq=False)
 class StartRecording(BaseCommand, modes=LIVE):
-    """Begin a new recording."""
+    """Start a new recording."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,18 +113,17 @@ class DiscardRecording(BaseCommand, modes=LIVE):
 
 @dataclass(frozen=True, eq=False)
 class BuildMap(BaseCommand, modes=STANDING):
-    """Rebuild the map from all images driven so far, or build one of the open recording into a new file, Algorithm
-    1."""
+    """Run Algorithm 1: rebuild the live map from all images, or build a map of the open recording into a new file."""
 
 
 @dataclass(frozen=True, eq=False)
 class UndoBuild(BaseCommand, modes=DRIVING):
-    """Bring the map back that was there before it was rebuilt."""
+    """Restore the map from before it was rebuilt."""
 
 
 @dataclass(frozen=True, eq=False)
 class ImportDrive(BaseCommand, modes=STANDING):
-    """Make a recording of a drive in another format that lies in the recordings folder, and open it."""
+    """Import a drive in another format from the recordings folder into a new recording, and open the recording."""
 
     name: str
     """Path inside the recordings folder."""
@@ -137,62 +136,62 @@ MOST_MINUTES = 60
 
 @dataclass(frozen=True, eq=False)
 class FineTune(BaseCommand, modes=ANYWHERE):
-    """Fine-tune the network on the drive at hand."""
+    """Fine-tune the network on the current drive."""
 
     minutes: float
 
 
 @dataclass(frozen=True, eq=False)
 class StopFineTuning(BaseCommand, modes=ANYWHERE):
-    """Give up fine-tuning; the network stays as it is."""
+    """Cancel fine-tuning; the network does not change."""
 
 
 @dataclass(frozen=True, eq=False)
 class UseWeights(BaseCommand, modes=DRIVING):
-    """Use the weights that fine-tuning made and rebuild the map with them."""
+    """Use the weights from fine-tuning, and rebuild the map with them."""
 
 
 @dataclass(frozen=True, eq=False)
 class DismissWeights(BaseCommand, modes=ANYWHERE):
-    """Go on with the weights in use; those that fine-tuning made stay on disk."""
+    """Keep the weights in use; the weights from fine-tuning stay on disk."""
 
 
 @dataclass(frozen=True, eq=False)
 class ChooseQuestion(BaseCommand, modes=ANYWHERE):
-    """Show a tool of the debugger, by the name that the page calls it; an unknown one shows none."""
+    """Show a question of the debugger by its name on the page; for an unknown name, show none."""
 
     name: str
 
 
 @dataclass(frozen=True, eq=False)
 class FollowLink(BaseCommand, modes=ANYWHERE):
-    """Follow a link in what the tool shows."""
+    """Follow a link in the answer on show."""
 
     link: int
 
 
 @dataclass(frozen=True, eq=False)
 class SubmitText(BaseCommand, modes=ANYWHERE):
-    """Hand what a person typed to the tool."""
+    """Pass a text that a person typed to the question on show."""
 
     text: str
 
 
 @dataclass(frozen=True, slots=True)
 class QuestionRequest:
-    """Request of a link in an answer to the question that drew it; each question has its own kinds."""
+    """Request that a link sends to the question that drew it; each question defines its own kinds."""
 
 
 @dataclass(frozen=True, eq=False)
 class AskQuestion(BaseCommand, modes=ANYWHERE):
-    """Ask something of the question on show."""
+    """Send a request to the question on show."""
 
     request: QuestionRequest
 
 
 @dataclass(frozen=True, eq=False)
 class PointAt(BaseCommand, modes=ANYWHERE):
-    """Select a node, or an edge from `node` to `target`, for the tool."""
+    """Select a node, or an edge from `node` to `target`, for the question on show."""
 
     node: NodeId
     target: NodeId | None = None
@@ -200,32 +199,33 @@ class PointAt(BaseCommand, modes=ANYWHERE):
 
 @dataclass(frozen=True, eq=False)
 class ChooseGoal(BaseCommand, modes=LIVE):
-    """Choose a node as the goal, and go there if the robot is free; what a click on a goal's image means."""
+    """Choose a node as the goal, and drive there if the robot is free; sent by a click on a goal's image."""
 
     node: NodeId
 
 
 @dataclass(frozen=True, eq=False)
 class PickNode(BaseCommand, modes=ANYWHERE):
-    """Choose a node as the goal, and go there if the robot is free."""
+    """Report a click on a node: it aligns the floor plan, selects the node for a question, or chooses it as the
+    goal."""
 
     node: NodeId
 
 
 @dataclass(frozen=True, eq=False)
 class NavigateTo(BaseCommand, modes=DRIVING):
-    """Drive to a node of the map, or to the one that was chosen."""
+    """Drive to a node of the map; None means the chosen goal."""
 
     node: NodeId | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class NavigateToImage(BaseCommand, modes=STANDING):
-    """Drive to the node that looks most like an image (72, 96, 3); in a replay, look for it in the map on show."""
+    """Drive to the node that is most similar to an image (72, 96, 3); in a replay, find it in the map on show."""
 
     rgb: Rgb
     original: Rgb | None = None
-    """(H, W, 3) the image as it was uploaded, of moderate size."""
+    """The uploaded image (H, W, 3), scaled down to a moderate size; shown beside the similar nodes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -235,14 +235,14 @@ class OpenRecording(BaseCommand, modes=STANDING):
     name: str
     """Path inside the recordings folder."""
     at_s: float = 0.0
-    """Seconds after its beginning at which to show it first."""
+    """Initial time in seconds after the recording's beginning."""
     then: "tuple[Command, ...]" = ()
-    """Commands that follow when it is open."""
+    """Commands that run after the recording is open."""
 
 
 @dataclass(frozen=True, eq=False)
 class CloseRecording(BaseCommand, modes=frozenset({Mode.REPLAY})):
-    """Go back from the replay to the live robot."""
+    """Return from the replay to the live robot."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -261,23 +261,23 @@ class EditMap(BaseCommand, modes=DRIVING):
 
 @dataclass(frozen=True, eq=False)
 class SeekMark(BaseCommand, modes=LIVE | {Mode.REPLAY}):
-    """Show the moment of the next mark on the time line, or of the one before."""
+    """Show the moment of the next mark on the timeline, or of the previous one."""
 
     kind: MarkKind | None
-    """None means anything that happened, with a mark or without."""
+    """Kind of the mark; None means any event, with a mark or without."""
     forwards: bool
 
 
 @dataclass(frozen=True, eq=False)
 class SeekBy(BaseCommand, modes=LIVE | {Mode.REPLAY}):
-    """Show the replay some seconds later (positive) or earlier (negative)."""
+    """Show the replay at a later time (positive), or an earlier time (negative), by a number of seconds."""
 
     seconds: float
 
 
 @dataclass(frozen=True, eq=False)
 class PlayTime(BaseCommand, modes=LIVE | {Mode.REPLAY}):
-    """Play or pause the time shown, of the recording or of the live run's past."""
+    """Play or pause the recording, or the look back at the live run."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -294,7 +294,7 @@ class ShowNow(BaseCommand, modes=LIVE | {Mode.REPLAY}):
 
 @dataclass(frozen=True, eq=False)
 class ToggleDoor(BaseCommand, modes=LIVE):
-    """Close an open door of the simulated world, open a closed one."""
+    """Close an open door of the simulated world, or open a closed one."""
 
     door: int
 
@@ -309,15 +309,15 @@ class AimBox(BaseCommand, modes=LIVE):
 
 @dataclass(frozen=True, eq=False)
 class PutBox(BaseCommand, modes=LIVE):
-    """Put a box down in the simulated world, the one that waits for its place or a new one."""
+    """Put the selected box, or a new one, at a place in the simulated world."""
 
     place: tuple[float, float] | None = None
-    """x and y in metres; None is in front of the robot."""
+    """Position (x, y) in metres; None means in front of the robot."""
 
 
 @dataclass(frozen=True, eq=False)
 class TakeBox(BaseCommand, modes=LIVE):
-    """Take a box away from the simulated world."""
+    """Remove a box from the simulated world."""
 
     number: int
 
@@ -327,17 +327,17 @@ class SetLight(BaseCommand, modes=LIVE):
     """Make the simulated world's light brighter or darker."""
 
     percent: int
-    """100 is the scene as it was made."""
+    """Brightness in percent; 100 is the original brightness of the scene."""
 
 
 @dataclass(frozen=True, eq=False)
 class UndoWorldChange(BaseCommand, modes=LIVE):
-    """Take the last change of the simulated world by hand back."""
+    """Undo the last manual change of the simulated world."""
 
 
 @dataclass(frozen=True, eq=False)
 class WatchItLearn(BaseCommand, modes=DRIVING):
-    """Close a door on a planned path, let the robot find out, open it again, and tell what the map learns."""
+    """Close a door on a planned path, let the robot discover it, open the door again, and show what the map learned."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -350,30 +350,30 @@ class ShowFloor(BaseCommand, modes=ANYWHERE):
 
 @dataclass(frozen=True, eq=False)
 class AlignFloorPlan(BaseCommand, modes=ANYWHERE):
-    """Start to align the floor plan with the map by clicks; asked for again, leave the alignment as it was."""
+    """Start to align the floor plan with the map by clicks; during an alignment, cancel it."""
 
 
 @dataclass(frozen=True, eq=False)
 class PointOnFloorPlan(BaseCommand, modes=ANYWHERE):
-    """Say where on the floor plan the node is that was clicked last."""
+    """Report the place on the floor plan of the node that was clicked last."""
 
     place: tuple[float, float]
-    """x and y in metres, in the frame of the map."""
+    """Position (x, y) in metres, in the frame of the map."""
 
 
 @dataclass(frozen=True, eq=False)
 class UndoPlanClick(BaseCommand, modes=ANYWHERE):
-    """Take the last click of the alignment back."""
+    """Undo the last click of the alignment."""
 
 
 @dataclass(frozen=True, eq=False)
 class UseAlignment(BaseCommand, modes=ANYWHERE):
-    """Keep the alignment that fits the clicks."""
+    """Use the alignment that fits the clicks."""
 
 
 @dataclass(frozen=True, eq=False)
 class ReportError(BaseCommand, modes=ANYWHERE):
-    """Show a message in the page; for errors met outside the session, such as a broken upload."""
+    """Show a message in the page, about an error from outside the session, such as a broken upload."""
 
     text: str
 
@@ -382,7 +382,7 @@ RecordingCommand: TypeAlias = StartRecording | KeepRecording | DiscardRecording
 PlaybackCommand: TypeAlias = Pause | StepOnce | OpenRecording | CloseRecording
 """Commands for a running query or replay."""
 TimeCommand: TypeAlias = Seek | SeekMark | SeekBy | PlayTime | SetPlaySpeed | ShowNow
-"""Commands that change the time shown, in a recording or in the live run's past."""
+"""Commands that change the time on show, in a recording or in the live run's past."""
 DebuggerCommand: TypeAlias = ChooseQuestion | PointAt | SubmitText | AskQuestion | FollowLink
 WorldCommand: TypeAlias = ToggleDoor | AimBox | PutBox | TakeBox | SetLight | UndoWorldChange | WatchItLearn
 """Commands that change the simulated world."""

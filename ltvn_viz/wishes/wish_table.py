@@ -1,8 +1,8 @@
-"""The table of wishes on the page: for each, its command, words, keys, value, and audience.
+"""The table of requests (wishes) on the page: for each, its command, texts, keys, value, and audience.
 
-Keys, buttons, viser's controls, the palette, the help, and the sentence for what makes no sense now are all made from
-`WISHES`. The command of a wish says in which modes it makes sense, `session.command_handlers` what it does. Keys are
-named by the browser's KeyboardEvent.code, the place on the keyboard, so that they are the same on every layout.
+`WISHES` is the source of keys, buttons, viser's controls, the palette, the help, and the explanation of a refused
+command. The command of a wish defines its legal modes; `session.command_handlers` runs it. Keys are named by
+KeyboardEvent.code of the browser, which is the position on the keyboard and thus independent of the layout.
 """
 
 import math
@@ -17,7 +17,7 @@ from ltvn_viz.wishes.commands import Command, Mode
 
 
 class Action(StrEnum):
-    """An action of one press or one click; the value is its name between page and server."""
+    """An action that a press or a click requests; the value is its name between page and server."""
 
     STOP = "stop"
     TAKE_OVER = "take_over"
@@ -77,17 +77,17 @@ class Audience(Enum):
     DRIVER = auto()
     """The page with the seat, because all pages see the effect."""
     OWN_VIEW = auto()
-    """Any page; without the seat, the effect is only in that page's own view."""
+    """Any page; on a page without the seat, the effect is limited to its own view."""
     EVERYBODY = auto()
-    """Any page; the driver's seat or the page itself does it."""
+    """Any page; the driver's seat or the page itself performs it."""
 
 
 Value: TypeAlias = int | str | tuple[float, float] | None
-"""Value of a wish."""
+"""Value that comes with a wish."""
 MAX_WHOLE = 2**53 - 1
-"""JavaScript counts exactly up to here."""
+"""Largest integer that JavaScript represents exactly, as it does all smaller ones."""
 MAX_TEXT = 500
-"""Characters of a name or of a question."""
+"""Maximum number of characters of a name or a question."""
 FARTHEST_M = 10_000.0
 
 
@@ -96,13 +96,13 @@ class Carried(Enum):
 
     NOTHING = auto()
     WHOLE = auto()
-    """A whole number from 0."""
+    """An integer of 0 or more."""
     WHOLE_OR_NOTHING = auto()
     SWITCH = auto()
-    """1 for on, 0 for off."""
+    """A switch: 1 for on, 0 for off."""
     TEXT = auto()
     PLACE = auto()
-    """x and y in metres."""
+    """A position (x, y) in metres."""
     PLACE_OR_NOTHING = auto()
 
     def fits(self, value: Value) -> bool:
@@ -139,16 +139,16 @@ class Wish:
     carries: Carried = Carried.NOTHING
     audience: Audience = Audience.DRIVER
     make: Callable[..., Command] | None = None
-    """Makes the command from the value, if its class does not."""
+    """Creates the command from the value; None uses the class of the command."""
 
     @property
     def modes(self) -> frozenset[Mode]:
-        """Modes in which it is legal."""
+        """Modes in which the wish is legal."""
         return c.ANYWHERE if self.command is None else self.command.modes
 
     @property
     def is_listed(self) -> bool:
-        """Tell whether the palette can list it as it is."""
+        """Tell whether the palette can list the wish without a value."""
         return self.audience is not Audience.EVERYBODY and self.carries.fits(None)
 
 
@@ -307,12 +307,12 @@ WISHES: Mapping[Action, Wish] = {
 }
 
 UNASKED: Mapping[type[Command], str] = {
-    c.TakeOver: "take over",  # The session sees held keys.
+    c.TakeOver: "take over",  # The session notices held keys by itself.
     c.NavigateToImage: "upload an image",  # A file comes in pieces that the drive socket does not carry.
     c.EditMap: "change the map by hand",  # A question builds it from a link or from typed text.
-    c.AskQuestion: "",  # Behind a link of an answer.
-    c.PointAt: "",  # In an address, or behind a link of an answer.
-    c.ReportError: "",  # The app itself has something to say.
+    c.AskQuestion: "",  # Sent by a link of an answer.
+    c.PointAt: "",  # Sent by an address, or by a link of an answer.
+    c.ReportError: "",  # Sent by the app itself.
 }
 """Commands without an action, and their names on the page."""
 
@@ -324,7 +324,7 @@ def command_for(action: Action, value: Value = None) -> Command | None:
         return None
     if not wish.carries.fits(value):
         return c.ReportError(f"“{wish.help}” does not accept the value {str(value)[:40]!r}.")
-    make: Any = wish.make or wish.command  # What fits is of the type that it takes.
+    make: Any = wish.make or wish.command  # A value that fits has the type that the command takes.
     made: Command = make() if wish.carries is Carried.NOTHING else make(value)
     return made
 

@@ -15,7 +15,8 @@ from ltvn_viz.session.worker import Worker
 from ltvn_viz.wishes.commands import Mode
 
 Rebuild = Callable[[Callable[[int, int], None]], Sequence[GraphDelta]]
-"""Builds the map, reports the numbers of done and all images, and returns every change from the old map."""
+"""Builds the map and returns every change from the old map. Its argument gets the numbers of finished and of all
+images."""
 
 
 def _nothing() -> None:
@@ -42,7 +43,7 @@ class MapBuilding:
     ) -> None:
         """Stop the robot and start building in the worker's thread; `then` runs in the session's thread after success.
 
-        Afterwards `findings` returns the doubtful properties of the new map.
+        After success, `findings` returns the doubtful properties of the new map.
         """
         self._live = live
         self._then = then
@@ -64,7 +65,7 @@ class MapBuilding:
         self._cancelled.set()
 
     def tick(self) -> None:
-        """Wait."""
+        """Do nothing, because the worker builds the map."""
 
     def _run(self, rebuild: Rebuild) -> Sequence[GraphDelta] | None:
         try:

@@ -116,9 +116,10 @@ class Playback:
     ) -> None:
         """Show the recording `name`, made in `scene`, from its beginning.
 
-        `camera` took its images, `weights` is the fingerprint of the network that it was made with, `system` the name
-        of what planned and `maintenance` of the map's maintenance, if known. `is_imported` says that another program
-        took the images, so the robot is unknown. `method` compares the images; None compares them as the robot does.
+        `camera` took the images, and `weights` is the fingerprint of the network in the recording. `system` names the
+        navigation system, `maintenance` the map's maintenance; both are empty if unknown. `is_imported` says that
+        another program took the images, so the robot is unknown. `method` compares the images; None compares them as
+        the robot does.
         """
         self.name = name
         self.scene = scene

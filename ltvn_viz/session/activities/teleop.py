@@ -1,6 +1,6 @@
 """Teleoperation: a person drives, and the map grows from the camera's images.
 
-Owns which images become keyframes and how far mapping may lag behind.
+Owns the choice of keyframes, and the limit of keyframes that wait for the mapper.
 """
 
 from collections import deque
@@ -98,7 +98,7 @@ class Teleop:
     def _mapped(self, observation: Observation, deltas: Sequence[GraphDelta]) -> None:
         self._mapping_ended()
         if deltas:
-            # A recording that began while this image waited must hold it too, or its map would lack an image.
+            # A recording that began while the image waited needs the image too, because its map will use it.
             self._live.recorder.write_frame(observation)
         for delta in deltas:
             self._live.emit(GraphChanged(delta))

@@ -20,13 +20,13 @@ class ExportSummary:
     recording: Path
     """The exported recording."""
     output: Path | None
-    """New recording of the exported moment."""
+    """New recording with the excerpt."""
     frames: int | None
     """Number of frames in the new recording."""
     events: int | None
     size_bytes: int | None
     test: Path | None
-    """A pytest file about the moment, to be edited by hand."""
+    """A pytest file about the excerpt, to be edited by hand."""
     html: Path | None
     svg: Path | None
     format: str | None
@@ -54,7 +54,7 @@ def export(options: ExportVerb) -> Summary:
 
 
 def _end(options: ExportVerb) -> tuple[float | None, ExportFormat | None]:
-    """Return the end of the moment and the other format; --to gives one of the two."""
+    """Return the end of the excerpt, and the other format; --to gives only one of them."""
     if options.to is None:
         return options.until, None
     if options.to in (names := [each.value for each in ExportFormat]):

@@ -36,7 +36,7 @@ class LocalisationHeatMap:
     reachability: NDArray[np.float64]
     """(N,) in [0, 1]."""
     scores: NDArray[np.float64]
-    """(N,): scores of the localiser, d - weight * ln r, of which the lowest wins. Temporal support is not included."""
+    """(N,): scores of the localiser, d - weight * ln r; the lowest wins. Temporal support is not included."""
     near: NDArray[np.bool_]
     """(N,): whether d < D_l and r is above the localiser's limit, so that the robot may be at the node."""
 

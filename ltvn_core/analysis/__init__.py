@@ -1,7 +1,7 @@
-"""Why did it do that? Pure functions over what happened: folds over the events of one run, and questions to its map.
+"""Analysis of a run: explains, from its events and its map, why the robot did what it did.
 
-Usable in a notebook with numpy and a recording alone; a network, if one is needed, is passed in as a `Predictor`.
-The page only shows these results. The names below are the entry points.
+All functions are pure. They need numpy and a recording alone, for instance in a notebook; a network, if one is needed,
+is passed in as a `Predictor`. The page only shows these results. The names below are the entry points.
 """
 
 from ltvn_core.analysis.edge_explanation import explain_edge_belief, explain_missing_edge, explain_pruned_edge

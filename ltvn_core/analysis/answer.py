@@ -1,7 +1,7 @@
-"""An answer of the debugger as data: blocks of text, tables, charts and images, in the order in which they are read.
+"""An answer of the debugger as data: blocks of text, tables, charts and images, in reading order.
 
-Owns what an answer may consist of. Questions make answers; the page draws them as HTML, the command line prints them as
-text or JSON (`ltvn_core.analysis.answer_text`), and none of them knows the others.
+Owns the types of these blocks. Questions make answers; the page renders them as HTML, the command line as text or JSON
+(`ltvn_core.analysis.answer_text`). Questions, page and command line do not depend on each other.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -14,63 +14,63 @@ from ltvn_core.types import Observation, Waypoint
 
 
 class Strong(NamedTuple):
-    """Words that stand out."""
+    """Text with emphasis."""
 
     text: str
 
 
 class Term(NamedTuple):
-    """A word of the glossary, or a symbol such as p, that explains itself."""
+    """A word of the glossary, or a symbol such as p, that shows its definition."""
 
     word: str
     shown: str = ""
-    """Text shown instead; empty for the word itself."""
+    """Text to show in place of the word; empty for the word itself."""
 
 
 class Code(NamedTuple):
-    """A command or a path, to be copied letter by letter."""
+    """A command or a path that can be copied exactly."""
 
     text: str
 
 
 class Copyable(NamedTuple):
-    """A button that copies a text for another program, such as an address or a command."""
+    """A button that copies a text for use in another program, such as an address or a command."""
 
     label: str
     text: str
-    """An address within the page begins with a slash, and is copied whole."""
+    """Text to copy. If it begins with a slash, it is an address within the page, and the complete address is copied."""
 
 
 class Download(NamedTuple):
-    """A button that hands out a file which was just written."""
+    """A button that downloads a file which was just written."""
 
     label: str
-    """Its name and size."""
+    """Name and size of the file."""
     name: str
     address: str
     """URL path of the image."""
 
 
 class Coloured(NamedTuple):
-    """Words in the hue of a colour of the scene, as light or dark as they must be to be read."""
+    """Text in the hue of a colour of the scene, made lighter or darker so that it is readable."""
 
     text: str
     colour: Rgb8
 
 
 class Key(NamedTuple):
-    """One entry of a legend: a dot of a colour and what it means."""
+    """One entry of a legend: a coloured dot and its meaning."""
 
     colour: Rgb8
     text: str
 
 
 class Link(NamedTuple):
-    """Words that lead somewhere."""
+    """Text that can be clicked to send a command."""
 
     label: str
     to: object
-    """The command of the page that a click sends."""
+    """The command that the page sends on a click."""
     about: str = ""
     """Tooltip."""
 
@@ -84,14 +84,14 @@ class Address(NamedTuple):
 
 
 class Hint(NamedTuple):
-    """Words with more to say on hover, and in brackets if there is none."""
+    """Text with an explanation, shown as a tooltip, or in brackets where there are no tooltips."""
 
     text: str
     about: str
 
 
 Inline: TypeAlias = str | Strong | Term | Code | Copyable | Download | Coloured | Key | Link | Address | Hint
-"""A piece of a line."""
+"""One piece of a line."""
 Line: TypeAlias = tuple[Inline, ...]
 
 
@@ -104,10 +104,10 @@ class Paragraph:
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """Rows of cells below a head."""
+    """Rows of cells below a header."""
 
     head: tuple[str, ...]
-    """Names of the columns, in the words of the glossary where it has them."""
+    """Names of the columns, from the glossary where it has them."""
     rows: tuple[tuple[Line, ...], ...]
 
 
@@ -115,22 +115,22 @@ class Axis(NamedTuple):
     """An axis of a chart: its label and its range."""
 
     label: str
-    """Name of the quantity, with its unit."""
+    """Name of the quantity with its unit."""
     first: float
     last: float
 
     def share(self, value: float) -> float:
-        """Return where a value lies, 0 at the first and 1 at the last."""
+        """Return the position of a value on the axis: 0 at the first value, 1 at the last."""
         return (value - self.first) / max(self.last - self.first, 1e-9)
 
 
 PROBABILITY = (0.0, 1.0)
-"""First and last of an axis of probabilities."""
+"""First and last value of an axis of probabilities."""
 
 
 @dataclass(frozen=True, slots=True)
 class StepChart:
-    """A quantity that keeps each value until the next."""
+    """A step chart: each value holds until the next one."""
 
     points: tuple[tuple[float, float], ...]
     """(x, y), x ascending."""
@@ -140,30 +140,30 @@ class StepChart:
     limits: tuple[tuple[float, str], ...] = ()
     """Named values of y."""
     now: float | None = None
-    """The moment on show on the x axis."""
+    """The selected moment on the x axis; None for none."""
 
 
 @dataclass(frozen=True, slots=True)
 class CalibrationChart:
-    """Predicted probabilities against how often they came true."""
+    """Predicted probabilities and the share of each that came true."""
 
     cells: tuple[tuple[float, float, int], ...]
-    """Predicted probability, share that came true, and count, of each bin."""
+    """Predicted probability, share that came true, and count, for each bin."""
     colour: Rgb8
 
 
 class MarkLane(NamedTuple):
-    """Moments of one kind, in a row of their own."""
+    """Moments of one kind, drawn as one row."""
 
     name: str
     colour: Rgb8
     times: tuple[float, ...]
-    """Seconds, ascending."""
+    """Times in seconds, ascending."""
 
 
 @dataclass(frozen=True, slots=True)
 class LaneChart:
-    """When things happened: a lane for each kind."""
+    """A chart of moments, with one row for each kind."""
 
     lanes: tuple[MarkLane, ...]
     time: Axis
@@ -179,7 +179,7 @@ class LookMark(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class PresenceChart:
-    """The probability that an edge is open over the clock of the world, with what was seen of it."""
+    """The probability that an edge is open, over the time of the world, with the observations of the edge."""
 
     points: tuple[tuple[float, float], ...]
     """(time in seconds, p), time ascending; those after `now` are predicted."""
@@ -194,11 +194,11 @@ class Picture(NamedTuple):
     """An image of the run with its caption."""
 
     observation: Observation | None
-    """None if the image is not at hand."""
+    """The image; None if it is not available."""
     caption: str
     camera: CameraModel
     waypoint: Waypoint | None = None
-    """(3,) drawn into it as a pole."""
+    """Waypoint (3,) that is drawn into the image as a pole; None for none."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -208,11 +208,11 @@ class Pictures:
     pictures: tuple[Picture, ...]
 
     def __eq__(self, other: object) -> bool:
-        """Compare which images they are and what is said of them: an image never changes."""
+        """Compare the steps and stamps of the images, captions and waypoints; the pixels of an image never change."""
         return isinstance(other, Pictures) and self._key() == other._key()
 
     def __hash__(self) -> int:
-        """Hash the same."""
+        """Hash the fields that `__eq__` compares."""
         return hash(self._key())
 
     def _key(self) -> tuple[object, ...]:
@@ -228,12 +228,12 @@ class Pictures:
 
 @dataclass(frozen=True, slots=True)
 class Pending:
-    """Something is being computed; its result will take the place of this."""
+    """Placeholder for a result that is still being computed."""
 
     text: str
     title: str = ""
     leave: Link | None = None
-    """Gives up waiting."""
+    """Link that cancels the wait."""
 
 
 Block: TypeAlias = Paragraph | Table | Chart | Pictures | Pending
@@ -247,11 +247,11 @@ class Answer:
 
     @property
     def is_pending(self) -> bool:
-        """Whether a part of it is still being computed."""
+        """Whether a part of the answer is still being computed."""
         return any(isinstance(block, Pending) for block in self.blocks)
 
     def links(self) -> Iterator[Link]:
-        """Yield all links in the order in which they are read."""
+        """Yield all links in reading order."""
         for block in self.blocks:
             match block:
                 case Paragraph(parts):
@@ -274,15 +274,15 @@ class AnswerBuilder:
     blocks: list[Block] = field(default_factory=list)
 
     def add_line(self, *parts: Inline | list[Inline]) -> None:
-        """Add a line of pieces; a list of pieces counts as its pieces."""
+        """Add a line of pieces; a list of pieces is flattened."""
         self.blocks.append(Paragraph(line(*parts)))
 
     def add_table(self, head: Sequence[str], rows: Iterable[Sequence[Inline | list[Inline]]]) -> None:
-        """Add a table; each cell is a piece or a list of pieces."""
+        """Add a table; each cell is one piece or a list of pieces."""
         self.blocks.append(Table(tuple(head), tuple(tuple(line(cell) for cell in row) for row in rows)))
 
     def add_chart(self, chart: Chart) -> None:
-        """Add a chart; a line says the same where a quantity never changed."""
+        """Add a chart, or a line of text if the chart would be constant."""
         flat = isinstance(chart, StepChart) and len({value for _, value in chart.points}) == 1
         if isinstance(chart, StepChart) and flat:
             value = chart.points[0][1]
@@ -297,7 +297,7 @@ class AnswerBuilder:
 
 
 def line(*parts: Inline | list[Inline]) -> Line:
-    """Return the pieces of a line; a list of pieces among them counts as its pieces."""
+    """Return the pieces as a line; lists of pieces are flattened."""
     found: list[Inline] = []
     for part in parts:
         if isinstance(part, list):
@@ -308,7 +308,7 @@ def line(*parts: Inline | list[Inline]) -> Line:
 
 
 def joined(parts: Iterable[Inline], separator: str = " · ") -> list[Inline]:
-    """Return pieces with a separator between them, as a list that `line` takes in."""
+    """Return the pieces with a separator between them, as a list for `line`."""
     found: list[Inline] = []
     for part in parts:
         found += [separator, part] if found else [part]

@@ -1,6 +1,6 @@
-"""An answer as plain text for a terminal, and as JSON for a program.
+"""Converts an answer to plain text for a terminal, and to JSON for a program.
 
-Owns both forms. A link becomes its words; the images of an answer are named by their frames.
+Owns both formats. A link becomes its text; images are named by their frames.
 """
 
 from collections.abc import Callable
@@ -35,16 +35,16 @@ from ltvn_core.analysis.answer import (
 )
 
 _MOST_MARKS = 12
-"""Moments of a lane that a line of text names, the last ones."""
+"""Greatest number of moments that the text names for a row of a chart; these are the latest ones."""
 
 
 def answer_text(answer: Answer) -> str:
-    """Return an answer as lines of text, tables in columns."""
+    """Return an answer as lines of text; tables are aligned in columns."""
     return "\n".join(_block_text(block) for block in answer.blocks)
 
 
 def answer_json(answer: Answer, *, target: Callable[[object], Any] = str) -> list[dict[str, Any]]:
-    """Return an answer as JSON objects, one a block; `target` says in JSON what a link asks for."""
+    """Return an answer as JSON objects, one per block; `target` converts the command of a link to JSON."""
     return [_block_json(block, target) for block in answer.blocks]
 
 
@@ -115,7 +115,7 @@ def _chart_text(chart: Chart) -> str:
 
 
 def _lane_text(lane: MarkLane, now: float) -> str:
-    """Name the last moments up to now, and how many come later."""
+    """Return the latest moments up to `now`, and the number of later ones."""
     past = [at for at in lane.times if at <= now]
     named = ", ".join(f"{at:.1f} s" for at in past[-_MOST_MARKS:]) or "not yet"
     later = len(lane.times) - len(past)

@@ -1,8 +1,8 @@
-"""Breakpoints: moments of a run worth stopping at, as a person types them: "prune", "edge 12->40", "margin < 0.2".
+"""Breakpoints: conditions at which a run stops, written as a user types them: "prune", "edge 12->40", "margin < 0.2".
 
-Owns their kinds, the short text form both ways, when one is met, and the search for hits, event by event, live or in a
-recording. Why one is met is what the event says (`navigation.event_text`), what held before it is the timeline's, and
-what to do at a hit is the caller's.
+Owns the kinds of breakpoints, parsing and formatting of their text form, the test of one event, and the search for hits
+in a live run or a recording. The text of an event comes from `navigation.event_text`, the state before it from the
+timeline; the caller decides what happens at a hit.
 """
 
 import re
@@ -33,7 +33,7 @@ _CROSSING = re.compile(r"p\s+crosses\s+(\S+)", re.IGNORECASE)
 
 
 class BreakpointTrigger(StrEnum):
-    """Kinds of events, as a person types them."""
+    """Kinds of events, by the names that a user types."""
 
     PRUNE = "prune"
     EXPANSION = "expand"
@@ -46,7 +46,7 @@ class BreakpointTrigger(StrEnum):
 
 
 class BreakpointQuantity(StrEnum):
-    """Numbers that a condition can be about."""
+    """Quantities that a condition can compare."""
 
     MARGIN = "margin"
     DISTANCE = "distance"
@@ -57,33 +57,34 @@ class BreakpointQuantity(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class EventBreakpoint:
-    """Stop when this happens."""
+    """Stop at each event of one kind."""
 
     trigger: BreakpointTrigger
 
 
 @dataclass(frozen=True, slots=True)
 class BeliefCrossingBreakpoint:
-    """Stop when the p of any edge crosses a level, either way."""
+    """Stop when p of any edge crosses a level, in either direction."""
 
     level: float
     is_prune_threshold: bool = False
-    """The level was asked for as R_p, below which edges are pruned, and is shown by that name."""
+    """Whether the level was given as R_p, the pruning threshold, and is shown by that name."""
 
 
 @dataclass(frozen=True, slots=True)
 class LocalisationBreakpoint:
-    """Stop at each look whose margin, distance or reachability is so."""
+    """Stop at each localisation whose margin, distance or reachability is below or above a value."""
 
     quantity: BreakpointQuantity
     less: bool
-    """Below the value; else above it."""
+    """True for below the value, False for above it."""
     value: float
 
 
 @dataclass(frozen=True, slots=True)
 class EdgeBeliefBreakpoint:
-    """Stop when p or mu of one edge becomes so; not again until it was otherwise."""
+    """Stop when p or mu of one edge starts to meet a condition; the next stop comes after the condition was false
+    again."""
 
     quantity: BreakpointQuantity
     edge: EdgeKey
@@ -100,7 +101,7 @@ class EdgeBreakpoint:
 
 @dataclass(frozen=True, slots=True)
 class NodeBreakpoint:
-    """Stop whenever the robot is at a node, heads for it, or the node changes."""
+    """Stop whenever the robot is at a node or drives to it, or when the node changes."""
 
     node: NodeId
 
@@ -126,13 +127,13 @@ BREAKPOINT_EXAMPLES = (
     "p(12->40) < 0.5",
     "mu(12->40) > 1.5",
 )
-"""One of each form, for help texts."""
+"""One example of each form, for help texts."""
 
 _TRIGGERS = frozenset(trigger.value for trigger in BreakpointTrigger)
 
 
 def parse_breakpoint(text: str, config: BeliefConfig = ROBUST.believing) -> Breakpoint:
-    """Read a breakpoint; "R_p" is the threshold of `config`.
+    """Parse a breakpoint; "R_p" is the threshold of `config`.
 
     Raises OptionError, which lists the valid forms, for anything else.
     """
@@ -160,12 +161,12 @@ def parse_breakpoint(text: str, config: BeliefConfig = ROBUST.believing) -> Brea
 
 
 def prune_threshold_breakpoint(config: BeliefConfig) -> BeliefCrossingBreakpoint:
-    """Return the breakpoint that stops where p crosses R_p, the threshold of `config`."""
+    """Return the breakpoint for p crossing R_p, the threshold of `config`."""
     return BeliefCrossingBreakpoint(config.prune_below, is_prune_threshold=True)
 
 
 def format_breakpoint(breakpoint_: Breakpoint) -> str:
-    """Return what one types for a breakpoint; parsing it gives the same breakpoint."""
+    """Return the text of a breakpoint; parsing it gives the same breakpoint."""
     match breakpoint_:
         case EventBreakpoint(trigger):
             return trigger.value
@@ -184,7 +185,7 @@ def format_breakpoint(breakpoint_: Breakpoint) -> str:
 
 @dataclass(frozen=True, slots=True)
 class EventContext:
-    """One event of a run, beside what held before it."""
+    """One event of a run, with the state before it."""
 
     timeline: Timeline
     number: int
@@ -197,13 +198,14 @@ class EventContext:
 
     @property
     def plan(self) -> tuple[NodeId, ...] | None:
-        """The path planned before the plan that this event is; None when the query had none yet."""
+        """The previous path of this query, if the event is a plan; None for other events and for the first plan of a
+        query."""
         plan = self.timeline.plan_of(self.number)
         return None if plan is None else plan.previous
 
     @property
     def key(self) -> EdgeKey | None:
-        """The edge whose belief the event changed."""
+        """The edge that the event added, or whose belief it changed; None for other events."""
         delta = self.event.delta if isinstance(self.event, e.GraphChanged) else None
         if isinstance(delta, d.EdgeAdded):
             return delta.edge.source, delta.edge.target
@@ -211,7 +213,7 @@ class EventContext:
 
     @property
     def before(self) -> d.Belief | None:
-        """The belief of edge `key` before the update."""
+        """The belief of edge `key` before the event; None if the event updates no belief."""
         delta = self.event.delta if isinstance(self.event, e.GraphChanged) else None
         if not isinstance(delta, d.BeliefUpdated):
             return None
@@ -219,7 +221,7 @@ class EventContext:
 
     @property
     def after(self) -> d.Belief | None:
-        """The belief of edge `key` after the event."""
+        """The belief of edge `key` after the event; None if there is no such edge."""
         delta = self.event.delta if isinstance(self.event, e.GraphChanged) else None
         if isinstance(delta, d.EdgeAdded):
             return delta.edge.belief
@@ -227,21 +229,21 @@ class EventContext:
 
     @property
     def delta(self) -> d.GraphDelta | None:
-        """The change of the map that the event tells, bulk ones left out."""
+        """The event's change of the map; None for other events and for bulk changes."""
         return self.event.delta if isinstance(self.event, e.GraphChanged) and not self.is_bulk else None
 
     @property
     def is_bulk(self) -> bool:
-        """The event is one of the many changes that make a map, which are not notable."""
+        """Whether the event is one of the many changes that build or load a map, which are not notable."""
         return isinstance(self.event, e.GraphChanged) and self.event.delta.cause in d.BULK_CAUSES
 
     def belief_before(self, edge: EdgeKey) -> d.Belief | None:
-        """Return what was believed of an edge before the event; None while it was not in the map."""
+        """Return the belief of an edge before the event; None if the edge was not in the map."""
         return self.timeline.belief_before(edge, self.number)
 
 
 def breakpoint_reason(breakpoint_: Breakpoint, occurrence: EventContext) -> str | None:
-    """Say why a breakpoint is met, None if it is not."""
+    """Return why a breakpoint is met, None if it is not."""
     match breakpoint_:
         case EventBreakpoint(trigger):
             return _event_reason(occurrence) if _is_triggered(trigger, occurrence) else None
@@ -326,7 +328,7 @@ def _holds(number: float, value: float, *, less: bool) -> bool:
 
 
 def _at_edge(occurrence: EventContext, edge: EdgeKey) -> str | None:
-    """Say what happened to an edge, which leaves the map with either of its nodes as well."""
+    """Return what happened to an edge; removing either of its nodes also removes the edge."""
     if isinstance(occurrence.delta, d.NodeDropped) and occurrence.delta.node in edge:
         return (
             f"{edge_text(edge)} left with node {occurrence.delta.node}"
@@ -343,17 +345,18 @@ def _is_at_node(occurrence: EventContext, node: NodeId) -> bool:
 
 
 class BreakpointHit(NamedTuple):
-    """An event at which breakpoints are met."""
+    """An event that meets at least one breakpoint."""
 
     moment: Instant
     breakpoints: tuple[Breakpoint, ...]
-    """Breakpoints that were met at the same event, at least one, in their given order."""
+    """The breakpoints that the event meets, in the given order."""
     why: str
-    """One line for a person."""
+    """Reason in one line of text."""
 
 
 def breakpoint_hit(timeline: Timeline, event: int, breakpoints: Sequence[Breakpoint]) -> BreakpointHit | None:
-    """Return the hit of event number `event`, None if it meets no breakpoint. Logarithmic for each breakpoint."""
+    """Return the hit of event number `event`, None if it meets no breakpoint. Takes logarithmic time for each
+    breakpoint."""
     context = EventContext(timeline, event)
     hits = [(each, why) for each in breakpoints if (why := breakpoint_reason(each, context)) is not None]
     if not hits:
@@ -366,6 +369,6 @@ def breakpoint_hit(timeline: Timeline, event: int, breakpoints: Sequence[Breakpo
 
 
 def find_breakpoint_hits(timeline: Timeline, breakpoints: Sequence[Breakpoint]) -> Iterator[BreakpointHit]:
-    """Yield every hit in a run so far, in order; linear in its events."""
+    """Yield all hits in a run so far, in order; linear in its events."""
     hits = (breakpoint_hit(timeline, event, breakpoints) for event in range(len(timeline.events)))
     return (hit for hit in hits if hit is not None)

@@ -1,7 +1,7 @@
-"""Decisions of the robot in a query, with their rules and numbers.
+"""Decisions of the robot in a query, with the rules and numbers behind them.
 
 A recording holds the outcome of each decision and the thresholds of its method; this module joins the two. Verdicts and
-notes name their rule themselves. Owns which rule stands behind which other event.
+notes name their rule in the recording; this module owns the rules of all other events.
 """
 
 import math
@@ -24,15 +24,15 @@ class RuleUse(NamedTuple):
     """A rule that took part in a decision."""
 
     rule: str
-    """Its name in `config`, such as localising.distance."""
+    """Name of the rule in `config`, such as localising.distance."""
     limit: float | bool | None
-    """Its value in the run; None for a rule of an older version."""
+    """Value of the rule in the run; None for a rule of an older version."""
     found: float | None = None
-    """The recorded number that was compared with the threshold; None if the rule compares none."""
+    """The recorded number that was compared with the value; None if the rule compares none."""
 
     @property
     def text(self) -> str:
-        """The rule, its number and what was compared with it."""
+        """The rule, its value and the number that was compared with it, as text."""
         if self.limit is None:
             return f"{self.rule}, a rule of an older version"
         limit = ("on" if self.limit else "off") if isinstance(self.limit, bool) else f"{self.limit:g}"
@@ -41,7 +41,7 @@ class RuleUse(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Decision:
-    """One thing that the robot decided."""
+    """One decision of the robot."""
 
     event: int
     """Index in the timeline's events."""
@@ -59,7 +59,7 @@ _ENDS = {
     e.AttemptEnd.TIMEOUT: "driving.leg_steps",
     e.AttemptEnd.LOST: "driving.lost_reachability",
 }
-"""Events that stop the robot."""
+"""Rule for each way in which an attempt can end."""
 _OUTCOMES = {
     e.Outcome.ARRIVED: ("judging.arrive_distance", "judging.arrive_reachability", "judging.arrive_yaw_rad"),
     e.Outcome.NO_PATH: ("recovering.give_up_after_looks",),
@@ -67,12 +67,12 @@ _OUTCOMES = {
     e.Outcome.STEP_LIMIT: ("recovering.step_limit",),
     e.Outcome.COLLISION_LIMIT: ("recovering.collision_limit",),
 }
-"""Events that end a query."""
+"""Rules for each outcome of a query."""
 _CAUSES = {
     Cause.NOVEL: ("expanding.novel_after_looks", "expanding.connect_factor"),
     Cause.EXPAND: ("expanding.search_reserve", "expanding.strict"),
 }
-"""Causes that add nodes and edges during a query."""
+"""Rules for each cause that adds nodes and edges during a query."""
 
 
 def query_decisions(timeline: Timeline, query: int, method: Method, *, until: Instant | None = None) -> list[Decision]:
@@ -112,9 +112,9 @@ def _limit(method: Method, rule: str) -> float | bool | None:
 
 
 def _rules(event: e.Event, failed: int) -> dict[str, float | None] | None:
-    """Return the rules behind an event with what each compared; None for an event that decides nothing.
+    """Return the rules behind an event, each with the number it compared; None if the event decides nothing.
 
-    `failed`: attempts of the query that failed before.
+    `failed` is the number of attempts of the query that failed before.
     """
     match event:
         case e.Localised():
@@ -123,7 +123,7 @@ def _rules(event: e.Event, failed: int) -> dict[str, float | None] | None:
             weights: dict[str, float | None] = {"planning.belief_weight": None}
             return weights | ({"planning.failure_penalty": None} if failed and nodes else {})
         case e.AttemptStarted(source=source, reachability=reachability):
-            # Approaching the node first is decided by what the next node looks like, which no event holds.
+            # Whether to approach the node first depends on the view of the next node, which no event holds.
             return {"driving.departure_reachability": None if source is None else reachability}
         case e.AttemptEnded():
             stopped: dict[str, float | None] = {_ENDS[event.end]: None} if event.end in _ENDS else {}
@@ -154,7 +154,7 @@ def _localising_rules(event: e.Localised) -> dict[str, float | None]:
 
 
 def _judged(event: e.AttemptEnded) -> float | None:
-    """Return the number that the rule of a verdict was asked about, where the event holds it."""
+    """Return the number that the rule of a verdict compared; None if the event does not hold it."""
     return {"judging.success_distance": event.distance, "judging.success_reachability": event.reachability}.get(
         event.rule
     )

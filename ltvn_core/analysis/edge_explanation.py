@@ -1,7 +1,7 @@
-"""Explains why an edge or a node is in the map, is gone, or is missing, and why an edge is believed so little.
+"""Explains why an edge or a node is in the map, was removed, or is missing, and why p of an edge is low.
 
-Owns the order and the words of the steps, which come from what the robot itself knew. Why a plan led through an edge is
-`analysis.plan_alternative`. What was truly so, and the cause of a failed episode, are for `ltvn_core.evaluation`.
+Owns the order and the text of the steps. Uses only what the robot itself knew; `ltvn_core.evaluation` compares with the
+ground truth and finds the causes of failed episodes. `analysis.plan_alternative` explains why a plan used an edge.
 """
 
 from collections.abc import Iterator
@@ -39,7 +39,7 @@ __all__ = ["explain_edge_belief", "explain_missing_edge", "explain_node", "expla
 
 
 def explain_node(timeline: Timeline, node: NodeId, *, at: Instant | None = None) -> tuple[ExplanationStep, ...]:
-    """Tell why a node is in the map at an instant, and what it was good for; at the end without one.
+    """Explain why a node is in the map at an instant, and how plans used it; at the end of the run without an instant.
 
     Linear in the events.
     """
@@ -114,13 +114,13 @@ def _circumstances(timeline: Timeline, change: MapChange, node: NodeId, cause: C
 
 
 def _tied(timeline: Timeline, change: MapChange, node: NodeId) -> tuple[NodeId, ...]:
-    """Return the nodes that a new one was joined with at once."""
+    """Return the nodes to which a new node was joined when it was added."""
     tied: dict[NodeId, None] = {}
     for number in range(timeline.change_count_before(change.event + 1), len(timeline.changes)):
         later = timeline.changes[number]
         delta = later.delta
         if isinstance(delta, NodeAdded) and delta.cause in BULK_CAUSES:
-            continue  # A whole map comes in at once, the other nodes and their edges too.
+            continue  # A whole map is added at once, with all other nodes and their edges.
         if later.instant != change.instant or not isinstance(delta, EdgeAdded):
             break
         if delta.edge.source == node:
@@ -144,9 +144,9 @@ def explain_pruned_edge(
     at: Instant | None = None,
     believing: BeliefConfig | None = None,
 ) -> tuple[ExplanationStep, ...]:
-    """Tell why an edge is no longer in the map at an instant; at the end without one.
+    """Explain why an edge is no longer in the map at an instant; at the end of the run without an instant.
 
-    With `believing` it names R_p. Linear in plans and in what happened to the edge.
+    With `believing` the explanation names R_p. Linear in the plans and in the changes of the edge.
     """
     history = edge_history(timeline, source, target, at)
     if not history.lifetimes:
@@ -163,9 +163,9 @@ def explain_pruned_edge(
 def explain_edge_belief(
     timeline: Timeline, source: NodeId, target: NodeId, *, at: Instant | None = None
 ) -> tuple[ExplanationStep, ...]:
-    """Explain the belief of an edge at an instant, or its last belief.
+    """Explain the belief of an edge at an instant; if the edge is gone by then, its last belief.
 
-    Linear in plans and in what happened to the edge.
+    Linear in the plans and in the changes of the edge.
     """
     history = edge_history(timeline, source, target, at)
     if not history.lifetimes:
@@ -194,10 +194,10 @@ def explain_missing_edge(
     seen: tuple[float, float] | None = None,
     thresholds: OperatorThresholds | None = None,
 ) -> tuple[ExplanationStep, ...]:
-    """Tell why there is no edge at an instant.
+    """Explain why an edge is not in the map at an instant.
 
-    `seen` is (r, d) of the pair as a predictor sees it now, `thresholds` the thresholds of the map; with both it tells
-    which of them prevents the edge. Linear in the changes of the map.
+    `seen` is (r, d) of the pair as a predictor sees it now, `thresholds` the thresholds of the map; if both are given,
+    the explanation names the threshold that prevents the edge. Linear in the changes of the map.
     """
     history = edge_history(timeline, source, target, at)
     graph = timeline.graph_at(at)
@@ -216,7 +216,7 @@ def explain_missing_edge(
 
 
 def _gated(reachability: float, distance: float, thresholds: OperatorThresholds) -> str:
-    """Say which threshold prevents an edge."""
+    """Return which threshold prevents an edge, as text."""
     failed = []
     if reachability <= thresholds.connect_reachability:
         failed.append(f"r = {reachability:.2f} is not above R_c = {thresholds.connect_reachability:.2f}")
@@ -231,7 +231,7 @@ def _gated(reachability: float, distance: float, thresholds: OperatorThresholds)
 
 
 def _steps(history: EdgeHistory) -> Iterator[ExplanationStep]:
-    """Yield how an edge was added, and one step per attempt that changed its belief."""
+    """Yield how an edge was added, and one step for each attempt that changed its belief."""
     life = history.lifetimes[-1]
     ids = (history.source, history.target)
     first = life.beliefs[0]
@@ -280,7 +280,7 @@ def _attempt_steps(life: EdgeLifetime, rows: list[EdgeAttempt], ids: tuple[NodeI
 
 
 def _silent_text(rows: list[EdgeAttempt], counted: list[EdgeAttempt], query: int) -> str:
-    """Say which attempts of a query did not change the belief, and why where a rule says so."""
+    """Return how many attempts of a query did not change the belief, and the rule behind that if there is one."""
     failed = sum(not row.succeeded for row in rows)
     how_many = count_text(len(rows), "more attempt" if counted else "attempt")
     of_these = f" ({failed} failed)" if failed else ""
@@ -302,7 +302,7 @@ def _attempt_step(
 def _departure(history: EdgeHistory, believing: BeliefConfig | None) -> ExplanationStep:
     life = history.lifetimes[-1]
     ids = (history.source, history.target)
-    assert life.end is not None  # Only edges that are gone come here.
+    assert life.end is not None  # Called only for edges that were removed.
     last = life.beliefs[-1]
     if life.end.attempt is not None:
         below = f", below R_p = {believing.prune_below:.2f}," if believing else ""

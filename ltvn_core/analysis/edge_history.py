@@ -1,7 +1,8 @@
-"""The history of one edge: when it was in the map, what was believed of it, and every attempt to drive it.
+"""The history of one edge: when it was in the map, its beliefs, and all attempts to drive it.
 
-Owns putting this together, and where in a picture a predicted waypoint lies. Pixels count from the picture's left upper
-corner; the first one's centre is (0.5, 0.5). Says nothing in words (`analysis.edge_explanation`) and draws nothing.
+Owns this collection, and the projection of a predicted waypoint into an image. Pixels count from the left upper corner
+of the image; the centre of the first pixel is (0.5, 0.5). Makes no text (see `analysis.edge_explanation`) and no
+drawing.
 """
 
 from collections.abc import Collection
@@ -21,7 +22,7 @@ from ltvn_core.types import FrameId, NodeId, Waypoint
 
 @dataclass(frozen=True, slots=True)
 class TimedBelief:
-    """The belief of an edge from an instant on."""
+    """The belief of an edge, valid from an instant on."""
 
     instant: Instant
     belief: d.Belief
@@ -29,43 +30,44 @@ class TimedBelief:
     successes: int
     cause: d.Cause
     attempt: int | None
-    """The attempt from which it was learned; None when the edge came in."""
+    """The attempt that led to this belief; None for the belief with which the edge was added, or one set by hand."""
 
 
 @dataclass(frozen=True, slots=True)
 class EdgeRemoval:
-    """How an edge left the map."""
+    """When and why an edge was removed from the map."""
 
     instant: Instant
     cause: d.Cause
     node: NodeId | None
-    """The node with which it went; None if the edge itself was pruned, or the whole map was replaced."""
+    """The node whose removal also removed the edge; None if the edge itself was pruned, or the whole map was
+    replaced."""
     attempt: int | None
-    """The attempt after which it was pruned."""
+    """The attempt after which the edge was pruned; None if no attempt led to it."""
     whole_map: bool = False
-    """It went because another map came in."""
+    """Whether the edge was removed because another map replaced this one."""
 
 
 @dataclass(frozen=True, slots=True)
 class EdgeLifetime:
-    """The time of an edge in the map, from its addition to its removal; an edge that is added again has another."""
+    """The time from the addition of an edge to its removal; an edge that is added again has another lifetime."""
 
     epoch: int
     added_at: Instant
     cause: d.Cause
     waypoint: d.PoseRow
-    """The target in the source's frame, as predicted when it was made."""
+    """The target in the source's frame, as predicted when the edge was made."""
     protected: bool
     by_odometry: bool
-    """Odometry alone joined its nodes."""
+    """Whether the edge comes from odometry alone."""
     beliefs: tuple[TimedBelief, ...]
-    """Oldest first, the belief with which it came in included."""
+    """All beliefs, oldest first, including the one with which the edge was added."""
     end: EdgeRemoval | None
-    """None while it is in the map."""
+    """The removal; None while the edge is in the map."""
 
     @property
     def initial_reachability(self) -> float | None:
-        """r of the prediction, as far as the cap of p lets it be seen; None if it had been driven before it came in."""
+        """r of the prediction, limited by the cap of p; None if the edge had been driven before it was added."""
         first = self.beliefs[0]
         return None if first.attempts else first.belief.p
 
@@ -80,52 +82,54 @@ class EdgeAttempt:
     localised: Localised | None
     """Localisation before the attempt."""
     departure: FrameId
-    """The image at departure."""
+    """The image at the start of the attempt."""
     waypoint: d.PoseRow
-    """The target as seen from there."""
+    """The target in the frame of that image, x_m, y_m, yaw_rad."""
     departure_reachability: float
     arrival: FrameId | None
-    """The image at arrival; None, like all below, while it is in progress, or if the recording is cut before."""
+    """The image at the end of the attempt. It is None, like all results below, while the attempt is in progress, or if
+    the recording ends before."""
     end: AttemptEnd | None
     ended: Instant | None
     succeeded: bool | None
     reason: str
     distance: float | None
-    """d from the arrival image to the target."""
+    """d from that image to the target."""
     reachability: float | None
     collisions: int
     only_this_edge: bool
-    """The attempt was along this edge alone; else it drove on past its end, and success says less."""
+    """Whether the attempt drove this edge alone. Otherwise it continued past the end of the edge, and its success is
+    weaker evidence."""
     changed_belief: bool
     """Whether the attempt changed the belief; a repeated failure in the same query does not."""
 
 
 @dataclass(frozen=True, slots=True)
 class EdgeHistory:
-    """The history of one edge; without `lifetimes` it never was in the map."""
+    """The history of one edge; `lifetimes` is empty if the edge never was in the map."""
 
     source: NodeId
     target: NodeId
     lifetimes: tuple[EdgeLifetime, ...]
     attempts: tuple[EdgeAttempt, ...]
     planned_at: tuple[Instant, ...]
-    """Instants of plans through the edge."""
+    """Instants of the plans through the edge."""
 
     @property
     def alive(self) -> bool:
-        """It is in the map at the instant that was asked about, or at the end of the timeline."""
+        """Whether the edge is in the map at the given instant, or at the end of the timeline."""
         return bool(self.lifetimes) and self.lifetimes[-1].end is None
 
     @property
     def belief(self) -> d.Belief | None:
-        """The last belief."""
+        """The last belief; None if the edge never was in the map."""
         return self.lifetimes[-1].beliefs[-1].belief if self.lifetimes else None
 
 
 def edge_history(timeline: Timeline, source: NodeId, target: NodeId, until: Instant | None = None) -> EdgeHistory:
-    """Return the history of an edge up to an instant; linear in plans and in what happened to it.
+    """Return the history of an edge up to an instant; empty if the edge was never in the map.
 
-    An edge that never was has an empty history.
+    Linear in the plans and in the changes of the edge.
     """
     count = timeline.count_until(until)
     changes = [change for change in timeline.changes_of_edge(source, target) if change.event < count]
@@ -145,7 +149,7 @@ def edge_history(timeline: Timeline, source: NodeId, target: NodeId, until: Inst
 
 
 def _known_at(timeline: Timeline, attempt: AttemptRecord, instant: Instant) -> AttemptRecord:
-    """Return an attempt as it stood after a step: without its verdict while it was in progress."""
+    """Return an attempt as known after a step: without its verdict while it was in progress."""
     if attempt.end is not None and attempt.end.step <= instant.step:
         return attempt
     so_far = timeline.events[attempt.event : timeline.count_until(instant)]
@@ -155,7 +159,7 @@ def _known_at(timeline: Timeline, attempt: AttemptRecord, instant: Instant) -> A
 
 @dataclass(slots=True)
 class _OpenLifetime:
-    """A lifetime that may not have ended."""
+    """A lifetime that is still being built from the changes."""
 
     addition: MapChange
     edge: d.Edge
@@ -187,7 +191,7 @@ def _lifetimes(timeline: Timeline, source: NodeId, target: NodeId, count: int) -
 
 
 def _concerning(timeline: Timeline, source: NodeId, target: NodeId) -> list[MapChange]:
-    """Return what happened to an edge, and the departures of its nodes, in order."""
+    """Return the changes of an edge and the removals of its nodes, in order."""
     ends = [*timeline.changes_of_node(source), *timeline.changes_of_node(target)]
     dropped = [change for change in ends if isinstance(change.delta, d.NodeDropped)]
     return sorted([*timeline.changes_of_edge(source, target), *dropped], key=lambda change: change.event)
@@ -224,7 +228,7 @@ def _take_change(lifetimes: list[_OpenLifetime], change: MapChange) -> None:
         case d.NodeDropped() if last is not None:
             last.end = EdgeRemoval(instant=change.instant, cause=delta.cause, node=delta.node, attempt=None)
         case d.EdgeAdded() | d.BeliefUpdated() | d.EdgePruned() | d.NodeDropped():
-            return  # It does not fit: the recording is damaged, or its beginning is missing.
+            return  # The change does not fit: the recording is damaged, or its beginning is missing.
         case (
             d.NodeAdded()
             | d.EdgeProtected()
@@ -240,7 +244,7 @@ def _take_change(lifetimes: list[_OpenLifetime], change: MapChange) -> None:
 
 
 def _end_with_its_map(lifetimes: list[_OpenLifetime], timeline: Timeline, epoch: int) -> None:
-    """End an edge that went when another map came in."""
+    """End the last lifetime if another map has replaced its map."""
     if lifetimes and lifetimes[-1].end is None and lifetimes[-1].addition.epoch < epoch:
         first = timeline.changes[timeline.epochs[lifetimes[-1].addition.epoch + 1]]
         lifetimes[-1].end = EdgeRemoval(
@@ -279,18 +283,19 @@ _NEAREST_M = 0.05
 
 
 class Pixel(NamedTuple):
-    """A place in a picture, in pixels; not rounded."""
+    """A position in an image, in pixels; not rounded."""
 
     u: float
-    """To the right."""
+    """Pixels to the right."""
     v: float
-    """Down."""
+    """Pixels down."""
 
 
 def pole_in_image(waypoint: Waypoint, camera: CameraModel) -> tuple[Pixel, Pixel] | None:
-    """Return both ends of a pole as high as the camera that stands at a waypoint (3,), top first, cut at the border.
+    """Return the top and the foot of a vertical pole at a waypoint (3,), as high as the camera, clipped to the image.
 
-    None if it stands aside or behind; an edge that is driven backwards is better drawn into its target's picture.
+    None if the pole is outside the image or behind the camera. For an edge that is driven backwards, use the image of
+    its target.
     """
     top, foot = (_projected(waypoint, camera, height) for height in (camera.height_m, 0.0))
     if top is None or foot is None:
@@ -313,7 +318,7 @@ def pole_in_image(waypoint: Waypoint, camera: CameraModel) -> tuple[Pixel, Pixel
 
 
 def _projected(waypoint: Waypoint, camera: CameraModel, height_m: float) -> Pixel | None:
-    """Project a point on the plane of the picture, which has no border here; None behind the lens."""
+    """Project a point onto the image plane, also outside the image; None if it is not in front of the camera."""
     point = np.array([waypoint[0], waypoint[1], height_m], np.float64)
     if float((point - [0.0, 0.0, camera.height_m]) @ camera.rotation[:, 0]) < _NEAREST_M:
         return None

@@ -1,8 +1,8 @@
-"""When an edge was open and when closed, what is expected of it next, and why a plan led by one that was seen blocked.
+"""When an edge was open and closed, the prediction for it, and why a plan used or avoided an edge that was seen
+blocked.
 
-Owns these questions for one edge or for the whole map at a moment, as functions of what was observed, and laying open
-the rule of `graph.presence.presence_plan` for a plan that was made. Plans again on the map as it was then; the
-recording stays as it is.
+Computes this from observations, for one edge or for the whole map at a moment. Also explains a plan by the rule of
+`graph.presence.presence_plan`; for that it plans again on the map at that time. Does not change the recording.
 """
 
 import itertools
@@ -32,45 +32,45 @@ from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.types import NodeId
 
 _LONGEST_S = 14 * 86400.0
-"""A return that is expected later than this is none."""
+"""Longest time ahead, in seconds, in which an edge is predicted to open again."""
 
 
 class PresenceState(StrEnum):
-    """Presence of an edge at a moment."""
+    """Predicted presence of an edge at one moment."""
 
     OPEN = "open"
     CLOSED = "closed"
     UNKNOWN = "unknown"
-    """It was closed, and may be open again."""
+    """The edge was closed, and may be open again."""
 
 
 @dataclass(frozen=True, slots=True)
 class ObservedPresence:
-    """One observation of an edge, with where it stands in the recording."""
+    """One observation of an edge, and its moment in the recording."""
 
     instant: Instant
     observation: PresenceObservation
     cause: Cause
     attempt: int | None
-    """The attempt that it was learned from; None if it was seen from afar or came with the map."""
+    """The attempt in which the edge was observed; None if it was seen from a distance or came with the map."""
 
 
 @dataclass(frozen=True, slots=True)
 class PresenceStrip:
-    """The probability that an edge is open, over time."""
+    """The probability that an edge is open, at several times."""
 
     times_s: tuple[float, ...]
-    """Times on the clock of the world, in seconds."""
+    """Times of the world, in seconds."""
     probabilities: tuple[float, ...]
 
     @property
     def states(self) -> tuple[PresenceState, ...]:
-        """The prediction for each time."""
+        """The predicted presence at each time."""
         return tuple(presence_state(p) for p in self.probabilities)
 
 
 def presence_state(p: float) -> PresenceState:
-    """Return what a probability means to the planner."""
+    """Return how the planner treats an edge that is open with probability `p`."""
     if p >= OPEN_ABOVE:
         return PresenceState.OPEN
     return PresenceState.CLOSED if p < HOPELESS_BELOW else PresenceState.UNKNOWN
@@ -79,7 +79,7 @@ def presence_state(p: float) -> PresenceState:
 def observed_presence(
     timeline: Timeline, source: NodeId, target: NodeId, until: Instant | None = None
 ) -> tuple[ObservedPresence, ...]:
-    """Return what was observed of an edge up to an instant, oldest first; linear in what happened to it."""
+    """Return the observations of an edge up to an instant, oldest first; linear in the changes of the edge."""
     count = timeline.count_until(until)
     return tuple(
         ObservedPresence(
@@ -96,9 +96,9 @@ def observed_presence(
 def presence_strip(
     observations: Sequence[PresenceObservation], presence_filter: PresenceFilter, times_s: Sequence[float]
 ) -> PresenceStrip:
-    """Return p(open) of an edge at times in order, each by the observations before it; later times are predicted.
+    """Return p(open) of an edge at ascending times, each from the observations before that time.
 
-    Linear in observations and times.
+    Times after the last observation are predictions. Linear in observations and times.
     """
     tracks = presence_filter.follow(1)
     row = np.zeros(1, np.intp)
@@ -116,8 +116,8 @@ def presence_strip(
 def expected_open_s(
     observations: Sequence[PresenceObservation], presence_filter: PresenceFilter, now_s: float
 ) -> float | None:
-    """Return when a closed edge will count as open without further observations; None if it does now or not within two
-    weeks."""
+    """Return the time at which a closed edge will count as open if nothing more is observed, in seconds; None if it
+    counts as open now, or will not within two weeks."""
     tracks = follow_histories(presence_filter, [[seen for seen in observations if seen.stamp_s <= now_s]])
     if tracks.probability(now_s)[0] >= OPEN_ABOVE:
         return None
@@ -129,9 +129,9 @@ def expected_open_s(
 
 
 def presence_as_if(graph: TopologicalGraph, presence_filter: PresenceFilter, at_s: float) -> dict[EdgeKey, float]:
-    """Return how probably all edges that were ever seen blocked are open at any time, by all that the map knows of it.
+    """Return p(open) at a time for all edges that were ever seen blocked, from the observations in the map.
 
-    Of a time before, only what was observed up to then counts.
+    For a time in the past, only earlier observations count.
     """
     histories = list(graph.presence.values())
     found = presence_probabilities(presence_filter, histories, at_s)
@@ -140,7 +140,7 @@ def presence_as_if(graph: TopologicalGraph, presence_filter: PresenceFilter, at_
 
 @dataclass(frozen=True, slots=True)
 class PresenceChange:
-    """An edge that is held for something else than before."""
+    """An edge whose state of presence differs between two maps or times, with p(open) of each."""
 
     edge: EdgeKey
     before: float
@@ -148,15 +148,15 @@ class PresenceChange:
 
 
 MapAtTime: TypeAlias = tuple[TopologicalGraph, float]
-"""A map, and a time on the clock of its world."""
+"""A map, and a time of its world in seconds."""
 
 
 def presence_difference(
     here: MapAtTime, there: MapAtTime, presence_filter: PresenceFilter, *, edges: Mapping[EdgeKey, EdgeKey]
 ) -> tuple[PresenceChange, ...]:
-    """Return the edges of two maps that one holds for something else than the other, named as they are here.
+    """Return the edges with a different state of presence in two maps, by their names in the map `here`.
 
-    `edges` are those of both: of the map here to that there. What was never seen blocked is open.
+    `edges` maps the common edges from the map `here` to the map `there`. Edges that were never seen blocked are open.
     """
     now, before = (presence_as_if(graph, presence_filter, at_s) for graph, at_s in (here, there))
     known = {edge: other for edge, other in edges.items() if edge in now or other in before}
@@ -166,22 +166,22 @@ def presence_difference(
 
 @dataclass(frozen=True, slots=True)
 class PresenceDecision:
-    """One choice between a path through edges that counted as closed and the best detour."""
+    """One choice between a path through edges that counted as closed and the cheapest detour."""
 
     plan: PlanRecord
     """The recorded plan."""
     at_s: float
-    """Time of the decision on the clock of the world, in seconds."""
+    """Time of the decision, in seconds of the world."""
     edge: EdgeKey
-    """The edge of the path through that was least probably open."""
+    """The edge with the least p(open) on the path through closed edges."""
     p: float
-    """How probably it was open then."""
+    """p(open) of this edge at that time."""
     seen_s: float | None
-    """Time when the edge was last seen blocked, in seconds; None without an observation."""
+    """Time when the edge was last seen blocked, in seconds of the world; None without such an observation."""
     through: GraphPath
-    """The cheapest path as if the edges were open."""
+    """The cheapest path if the closed edges were open."""
     around: GraphPath
-    """The cheapest path without them; empty if there is none."""
+    """The cheapest path without the closed edges; empty if there is none."""
     to_edge_cost: float
     """Cost of the plan from the start to the first closed edge."""
     back_cost: float
@@ -189,7 +189,7 @@ class PresenceDecision:
     tries: int
     """Number of obstructions met earlier in this query."""
     follows_rule: bool
-    """Planning again by the rule gives the recorded plan."""
+    """Whether planning again by the rule gives the recorded plan."""
 
     @property
     def expected_cost(self) -> float:
@@ -198,17 +198,18 @@ class PresenceDecision:
 
     @property
     def expected_saving(self) -> float:
-        """Expected saving against the detour; negative where a try is not worthwhile."""
+        """Expected saving of a try compared with the detour; negative if a try is not worthwhile."""
         return self.around.cost - self.expected_cost
 
     @property
     def counts_as_open(self) -> bool:
-        """The edge was probably open, so that the plan took it like any other, only a little dearer."""
+        """Whether the edge was probably open, so that the plan could use it like any other at a slightly higher
+        cost."""
         return self.p >= OPEN_ABOVE
 
     @property
     def tried(self) -> bool:
-        """The recorded plan leads through the edge."""
+        """Whether the recorded plan leads through the edge."""
         return self.edge in self.plan.edges
 
 
@@ -222,7 +223,7 @@ def presence_decision(
 ) -> PresenceDecision | None:
     """Return the two alternatives of a plan; None if its shortest path has no edge that was last seen blocked.
 
-    `planning`, `weight` and `presence_filter` are those of the run. Linear in the changes of the map, and five plans.
+    `planning`, `weight` and `presence_filter` are those of the run. Linear in the changes of the map; plans five times.
     """
     graph = timeline.graph_before(plan.event)
     if not graph.presence or not plan.planned.nodes:
@@ -239,7 +240,7 @@ def presence_decision(
     through = planner.plan(start, goal, costs)
     on_way = list(itertools.pairwise(through.nodes))
     passed = [edge for edge in on_way if edge in closed]
-    # What was blocked when it was seen last may count as open by now, and be tried like any other edge.
+    # An edge that was last seen blocked may count as open by now, and be tried like any other edge.
     passed = passed or [edge for edge in on_way if edge in open_now and not graph.presence[edge][-1].present]
     if not passed:
         return None
@@ -265,13 +266,13 @@ def presence_decision(
 
 
 def last_seen_blocked(graph: TopologicalGraph, edge: EdgeKey, at_s: float) -> float | None:
-    """Return when an edge was last seen blocked before a time, on the clock of the world; None if never."""
+    """Return the last time before `at_s` at which an edge was seen blocked, in seconds of the world; None if never."""
     blocked = [seen.stamp_s for seen in graph.presence.get(edge, ()) if not seen.present and seen.stamp_s <= at_s]
     return blocked[-1] if blocked else None
 
 
 def explain_decision(made: PresenceDecision) -> Iterator[str]:
-    """Yield in words and numbers why the robot tried the closed edge, or why it did not."""
+    """Yield sentences with numbers that explain why the robot tried the closed edge, or why it did not."""
     source, target = made.edge
     seen = "" if made.seen_s is None else f", {duration_text(made.at_s - made.seen_s)} after it was last seen blocked"
     verdict = f"so it counted as {'open' if made.counts_as_open else 'closed'} (limit {OPEN_ABOVE})"

@@ -1,9 +1,9 @@
-"""The failed queries of a run: of what each failed, where, and when it began to go wrong, as far as the robot knew.
+"""The failed queries of a run: cause, place, and the moment at which each began to go wrong, as known to the robot.
 
-Owns the failure modes, the setbacks within a query, and the moment before. A robot has recovered from a setback as soon
-as a plan shows it nearer to its goal than it ever was before. An attempt that succeeds is not enough, for a robot that
-is stuck drives to and fro, and half of its attempts succeed. Works without truth; what truly was the cause of a failure
-only `ltvn_core.evaluation` can tell.
+Owns the failure modes and the search for setbacks within a query. The robot has recovered from a setback as soon as a
+plan is cheaper than all plans before the setback. A successful attempt is not enough: a robot that is stuck drives to
+and fro, and half of its attempts succeed. Uses no ground truth; `ltvn_core.evaluation` finds the true cause of a
+failure.
 """
 
 from collections import Counter
@@ -32,33 +32,33 @@ from ltvn_core.navigation.events import (
 from ltvn_core.types import NodeId
 
 _NEARER = 0.2
-"""Least reduction of the plan's cost; a smaller one may come from new beliefs alone (ours)."""
+"""Least reduction of the plan's cost that counts as progress; a smaller one may come from new beliefs alone (ours)."""
 WASTED_SHARE = 1 / 3
-"""If less than this share of its steps was wasted, a robot that ran out of steps was just too slow (ours)."""
+"""Share of wasted steps below which a query that reached the step limit was merely too slow (ours)."""
 _BEFORE_S = 1.0
 _STEPS_PER_S = 10.0
-"""Where the query is too short to tell."""
+"""Control steps per second, for a query that is too short to measure them."""
 
 
 class Setback(NamedTuple):
-    """Something that went wrong."""
+    """An event in which something went wrong."""
 
     event: int
     """Index in the timeline's events."""
     text: str
     edge: EdgeKey | None
-    """The edge that was driven then."""
+    """The edge that was being driven; None if there was none."""
     node: NodeId | None
-    """Last node at which the robot was localised."""
+    """Last node at which the robot was localised; None if there is none."""
 
 
 class _SetbackTracker:
-    """Follows a query."""
+    """Finds the setbacks of a query, event by event."""
 
     def __init__(self) -> None:
         self.collisions: list[Setback] = []
         self.setback: Setback | None = None
-        """The first setback without a recovery up to now."""
+        """The first setback from which the robot has not recovered so far."""
         self._cheapest = inf
         self._cheapest_before = inf
         self._node: NodeId | None = None
@@ -89,14 +89,14 @@ class _SetbackTracker:
 
 
 def first_setback(timeline: Timeline, query: QueryRecord) -> Setback | None:
-    """Return the first thing in a query that it never recovered from, None if all was well; linear in its events."""
+    """Return the first setback from which a query never recovered, None if there is none; linear in its events."""
     return _tracked(timeline, query).setback
 
 
 def worst_collision(timeline: Timeline, query: QueryRecord) -> Setback | None:
-    """Return the first touch at the node where a query touched things most often; None without touches.
+    """Return the first collision at the node with the most collisions of a query; None without collisions.
 
-    Touches add up whether or not the robot recovers from each. Linear in its events.
+    Collisions are counted even if the robot recovered from them. Linear in the events of the query.
     """
     collisions = _tracked(timeline, query).collisions
     counts = Counter(collision.node for collision in collisions)
@@ -111,26 +111,26 @@ def _tracked(timeline: Timeline, query: QueryRecord) -> _SetbackTracker:
 
 
 def _is_setback(event: Event, severity: Severity) -> bool:
-    """Tell whether something went wrong; a change of the map is what follows from that, and no setback itself."""
+    """Tell whether an event is a setback; a change of the map is only the consequence of one."""
     return severity is not Severity.INFO and not isinstance(event, GraphChanged)
 
 
 class FailureMode(StrEnum):
-    """Cause of a failed query, as far as the robot can know it."""
+    """Cause of a failed query, as known to the robot."""
 
     WRONG_ARRIVAL = "wrong arrival"
-    """It said that it had arrived, the evaluation says no."""
+    """The robot declared arrival, but the evaluation says that it was wrong."""
     LOST = "lost"
-    """It did not recognise where it was."""
+    """The robot did not recognise where it was."""
     NO_PATH = "no path"
     COLLISION = "collision"
-    """It touched things."""
+    """The robot collided."""
     BLOCKED = "way blocked"
-    """It saw obstacles and did not get past them."""
+    """The robot saw obstacles and did not get past them."""
     FAILED_EDGE = "failed edge"
-    """It drove edges that did not lead to their target."""
+    """The robot drove edges without reaching their targets."""
     TOO_SLOW = "too slow"
-    """Little went wrong, but the steps were used up."""
+    """Little went wrong, but the step limit was reached."""
 
 
 _WASTING_MODES = (
@@ -140,25 +140,25 @@ _WASTING_MODES = (
     FailureMode.LOST,
     FailureMode.NO_PATH,
 )
-"""Activities on which a robot can waste its steps."""
+"""Failure modes in which a robot can waste its steps."""
 
 _OBSTRUCTED_MODES = {AttemptEnd.COLLISION: FailureMode.COLLISION, AttemptEnd.BLOCKED: FailureMode.BLOCKED}
 
 
 @dataclass(frozen=True, slots=True)
 class FailedQuery:
-    """A failed query, and where to look."""
+    """A failed query, and the moment and place at which it failed."""
 
     query: QueryRecord
     failure_mode: FailureMode
     instant: Instant
-    """The second before it went wrong for good."""
+    """One second before the setback."""
     event: int
-    """Index of the event with which it went wrong, in the timeline's events."""
+    """Index of the setback in the timeline's events."""
     text: str
-    """The event."""
+    """The setback as a sentence."""
     edge: EdgeKey | None
-    """The edge that was driven then."""
+    """The edge that was being driven; None if there was none."""
     node: NodeId | None
     """Last node at which the robot was localised; None if there is none."""
     pose: PoseRow | None
@@ -167,17 +167,17 @@ class FailedQuery:
 
 @dataclass(frozen=True, slots=True)
 class FailureCluster:
-    """Failures that began near each other."""
+    """Failures whose setbacks are near each other."""
 
     nodes: tuple[NodeId, ...]
-    """Empty if the robot never knew where it was."""
+    """Nodes of the setbacks; empty if the robot was never localised."""
     pose: PoseRow | None
-    """Pose of the node of the first failure."""
+    """Pose of the first failure's node, by odometry."""
     failures: tuple[FailedQuery, ...]
 
 
 def failed_queries(timeline: Timeline) -> tuple[FailedQuery, ...]:
-    """Return all failed queries in order; those that were cut or cancelled have not failed. Linear in the events."""
+    """Return all failed queries in order, without cut and cancelled ones. Linear in the events."""
     return tuple(_failed(timeline, query) for query in timeline.queries if query.succeeded is False)
 
 
@@ -192,9 +192,9 @@ def group_by_failure_mode(failures: Iterable[FailedQuery]) -> Mapping[FailureMod
 
 
 def group_by_place(failures: Iterable[FailedQuery], *, radius_m: float = 1.0) -> tuple[FailureCluster, ...]:
-    """Group failures by place, the worst first; a place reaches `radius_m` around its first failure.
+    """Group failures by place, the place with most failures first; a place extends `radius_m` around its first failure.
 
-    Takes time by failures and places.
+    Takes time proportional to failures times places.
     """
     groups: list[list[FailedQuery]] = []
     for failure in failures:
@@ -225,7 +225,7 @@ def _failed(timeline: Timeline, query: QueryRecord) -> FailedQuery:
 
 def _setback(timeline: Timeline, query: QueryRecord) -> Setback | None:
     if query.outcome is Outcome.ARRIVED:
-        return None  # It thought that all was well.
+        return None  # The robot was sure that it had arrived.
     worst = worst_collision(timeline, query) if query.outcome is Outcome.COLLISION_LIMIT else None
     return worst or first_setback(timeline, query)
 
@@ -251,7 +251,7 @@ def _failure_mode(timeline: Timeline, query: QueryRecord) -> FailureMode:
 
 
 def _main_waste(timeline: Timeline, query: QueryRecord) -> FailureMode:
-    """Return what cost a query most of its steps; too slow where that was little."""
+    """Return the mode that cost a query most of its steps; too slow if few steps were wasted."""
     wasted = _wasted(timeline, query)
     steps = query.end.step - query.begin.step if query.end else 0
     worst = max(wasted, key=lambda failure_mode: wasted[failure_mode])
@@ -259,7 +259,7 @@ def _main_waste(timeline: Timeline, query: QueryRecord) -> FailureMode:
 
 
 def _wasted(timeline: Timeline, query: QueryRecord) -> dict[FailureMode, int]:
-    """Return the steps that went into each failure mode."""
+    """Return the number of steps that were wasted in each failure mode."""
     wasted: dict[FailureMode, int] = {failure_mode: 0 for failure_mode in _WASTING_MODES}
     for attempt in query.attempts:
         if attempt.failed and attempt.end and attempt.ended:
@@ -283,7 +283,7 @@ def _last_node(timeline: Timeline, query: QueryRecord) -> NodeId | None:
 
 
 def _second_before(timeline: Timeline, query: QueryRecord, event: int) -> Instant:
-    """Return the instant a second before an event, but not before the query."""
+    """Return the instant one second before an event, or the beginning of the query if that is later."""
     begin = query.begin
     then = timeline.instant(event)
     seconds = then.stamp - begin.stamp

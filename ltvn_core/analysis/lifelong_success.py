@@ -1,6 +1,6 @@
-"""Success rate and size of the map over the queries of a run, and where the success rate dips.
+"""Success rate and size of the map over the queries of a run, and dips of the success rate.
 
-Owns the sums. What is different in the map around a dip is `analysis.map_comparison`.
+Owns the counts. `analysis.map_comparison` compares the map before and after a dip.
 """
 
 from dataclasses import dataclass
@@ -18,45 +18,45 @@ from ltvn_core.types import FrameId
 
 
 class SuccessDip(NamedTuple):
-    """Queries over which success was clearly below what it had been. Numbers are rows of `LifelongSuccess`."""
+    """A run of queries with a success rate clearly below an earlier one. Numbers are rows of `LifelongSuccess`."""
 
     first: int
     last: int
-    """The last row of the dip, included."""
+    """The last row of the dip."""
     peak: int
-    """The row after which success began to fall."""
+    """The row with the highest success rate before the dip."""
     low: int
-    """The row where it was lowest."""
+    """The row with the lowest success rate."""
     fall: float
     """Decrease of the success rate, as a share of the queries."""
     before: Instant
-    """The end of the query at the peak; with `after`, the range over which to compare the map."""
+    """The end of the query at the peak; `before` and `after` are the instants whose maps should be compared."""
     after: Instant
-    """The end of the query at the low."""
+    """The end of the query with the lowest success rate."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LifelongSuccess:
-    """One row per query that was neither cut nor cancelled, (Q,) each."""
+    """Columns (Q,) with one row for each query that was neither cut nor cancelled."""
 
     queries: NDArray[np.int64]
-    """Their numbers in the recording."""
+    """Numbers of the queries in the recording."""
     ends: tuple[Instant, ...]
     succeeded: NDArray[np.bool_]
     success: NDArray[np.float64]
-    """Share of successes over the window that ends here; fewer queries in the first rows."""
+    """Share of successes in the window that ends at each query; the first windows are shorter."""
     nodes: NDArray[np.int64]
     """Number of nodes in the map after each query."""
     edges: NDArray[np.int64]
     pruned: NDArray[np.int64]
-    """Edges that left since the row before, one by one or with a node."""
+    """Edges that were removed since the previous row, alone or with a node."""
     nodes_added: NDArray[np.int64]
     edges_added: NDArray[np.int64]
-    """Since the row before, like the nodes; what came with a whole map does not count."""
+    """Edges that were added since the previous row, without those of a whole map."""
     dips: tuple[SuccessDip, ...]
 
     def until(self, step: FrameId) -> "LifelongSuccess":
-        """Return the rows of the queries that had ended at a step, and the dips that had reached their low."""
+        """Return the rows of the queries that had ended at a step, and the dips whose lowest row had been reached."""
         over = sum(end.step <= step for end in self.ends)
         return LifelongSuccess(
             queries=self.queries[:over],
@@ -73,10 +73,10 @@ class LifelongSuccess:
 
 
 def lifelong_success(timeline: Timeline, window: int = 10, *, threshold: float = 0.2) -> LifelongSuccess:
-    """Return success, map size and changes over queries; linear in the events.
+    """Return success, map size and changes over the queries; linear in the events.
 
-    A dip is where success over a full window lies more than `threshold` below the best before. Raises OptionError for a
-    window below one query.
+    A dip is where the success rate of a full window is more than `threshold` below the best earlier one. Raises
+    OptionError for a window below one query.
     """
     if window < 1:
         raise OptionError(f"A window has at least 1 query, got {window}.")
@@ -108,7 +108,8 @@ def _rolling(succeeded: NDArray[np.bool_], window: int) -> NDArray[np.float64]:
 
 
 def _counts(timeline: Timeline, lasts: list[int]) -> NDArray[np.int64]:
-    """Return (Q, 5) nodes and edges after each query, and edges pruned, nodes and edges added since the one before."""
+    """Return (Q, 5): nodes and edges after each query; edges pruned, nodes added and edges added since the previous
+    query."""
     rows = np.zeros((len(lasts), 5), np.int64)
     folding = MapReplay()
     place = 0

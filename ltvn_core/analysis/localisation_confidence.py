@@ -1,9 +1,8 @@
-"""Where the robot thinks it is, how sure that is, and which places look alike.
+"""How sure the localisation of the robot is, and which places look alike.
 
-Owns the numbers behind the heat map and the curve: the current view against every node, and the margin over time.
-
-Owns the search for such pairs, in a map and its odometry. Every false edge of a map joins one of them, and most wrong
-localisations confuse one.
+Owns the numbers behind the heat map and the curve: the current view compared with every node, and the margin over time.
+Also owns the search for perceptual aliases, from the map and its odometry. Every false edge of a map joins such a pair,
+and most wrong localisations confuse one.
 """
 
 import math
@@ -28,18 +27,18 @@ _LEAST_R = 1e-6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LocalisationHeatMap:
-    """One view against N nodes."""
+    """One view compared with N nodes."""
 
     nodes: tuple[NodeId, ...]
-    """N nodes."""
+    """The N nodes."""
     distances: NDArray[np.float64]
-    """(N,): d to each node, Eq. 2; infinite where the predictor passed over the pair."""
+    """(N,): d to each node, Eq. 2; infinite where the predictor did not compare the pair in full."""
     reachability: NDArray[np.float64]
     """(N,) in [0, 1]."""
     scores: NDArray[np.float64]
-    """(N,): what the localiser compares, d - weight * ln r; the lowest wins. Temporal support comes on top of it."""
+    """(N,): scores of the localiser, d - weight * ln r; the lowest wins. Temporal support is not included."""
     near: NDArray[np.bool_]
-    """(N,): d < D_l and r above its cut, so the robot may be there."""
+    """(N,): whether d < D_l and r is above the localiser's limit, so that the robot may be at the node."""
 
     def best(self, count: int) -> tuple[NodeId, ...]:
         """Return the `count` nodes with the lowest scores, best first."""
@@ -59,7 +58,7 @@ def localisation_heat_map(
 ) -> LocalisationHeatMap:
     """Compare a view (1, F) with every node in one batch, for a heat map.
 
-    Costs one match with N nodes; their features come from the matcher's views. No nodes give an empty result.
+    Costs one match with N nodes; their features come from the matcher's keyframes. The result is empty without nodes.
     """
     found = matcher.match(features, nodes)
     doubt = -np.log(np.maximum(found.reachability, _LEAST_R))
@@ -75,29 +74,29 @@ def localisation_heat_map(
 
 
 def features_of(observation: Observation, matcher: Matcher, predictor: Predictor) -> Features:
-    """Return the features (1, F) of a view, encoded only if the matcher's views do not hold it."""
+    """Return the features (1, F) of a view; it is encoded only if the matcher's keyframes do not hold it."""
     keyframes = matcher.keyframes
     return keyframes.features([observation.step]) if observation.step in keyframes else predictor.encode([observation])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LocalisationMargins:
-    """How sure each of M localisations was, as columns in the order of the events."""
+    """Margins of M localisations, as columns in the order of the events."""
 
     steps: NDArray[np.int64]
-    """(M,)."""
+    """(M,) control steps."""
     stamps: NDArray[np.float64]
     """(M,) seconds on the robot's clock."""
     margins: NDArray[np.float64]
-    """(M,): score of the second best minus score of the best; infinite without a second."""
+    """(M,): score of the second best node minus score of the best; infinite without a second."""
     distances: NDArray[np.float64]
     """(M,): d of the best node."""
     nodes: tuple[NodeId | None, ...]
-    """M nodes; None if the robot was lost."""
+    """The M best nodes; None where the robot was lost."""
 
 
 def localisation_margins(events: Iterable[StampedEvent]) -> LocalisationMargins:
-    """Return best against second over time, from the localisations among the events. Linear in the events."""
+    """Return the margin of each localisation among the events, over time. Linear in the events."""
     found = [(stamped.step, stamped.stamp, stamped.event) for stamped in events if isinstance(stamped.event, Localised)]
     return LocalisationMargins(
         steps=np.array([step for step, _, _ in found], np.int64),
@@ -109,32 +108,31 @@ def localisation_margins(events: Iterable[StampedEvent]) -> LocalisationMargins:
 
 
 _DRIFT = BuildingConfig().odometry_drift
-"""Allowed where the method itself does not use odometry."""
+"""Odometry drift to allow for if the method itself does not use odometry."""
 _FAR_FACTOR = 4.0
-"""Nodes farther apart in the map than this many D_l are far."""
+"""Multiple of D_l above which two nodes are far apart in the map."""
 _ROWS = 512
 
 
 @dataclass(frozen=True, slots=True)
 class PerceptualAlias:
-    """Two nodes that the network takes for near each other, though odometry or the map puts them far apart."""
+    """Two nodes that are near each other by the network, but far apart by odometry or the map."""
 
     first: NodeId
     second: NodeId
     reachability: float
-    """r of the better direction, as far as the frames before and after confirm it where the method asks them."""
+    """r of the direction with the higher r; with support by neighbouring frames if the method requires it."""
     distance: float
-    """d that the network claims, Eq. 2."""
+    """d predicted by the network, Eq. 2."""
     odometry_m: float
-    """Straight distance by odometry."""
+    """Straight distance by odometry, in metres."""
     contradicted_by_odometry: bool
-    """Odometry rules the claimed waypoint out, its drift allowed for."""
+    """Whether odometry contradicts the predicted waypoint, even with its drift allowed for."""
     path_length: float
-    """Length of the shortest path through the map, the better direction; infinite without one. Leaves out edges whose
-    ends odometry puts apart, so that a false edge does not vouch for itself.
-    """
+    """Length of the shortest path through the map, in the shorter direction; infinite without one. Edges whose ends are
+    far apart by odometry are left out, so that a false edge is no evidence for itself."""
     has_edge: bool
-    """An edge joins them: a false one, unless odometry drifted away."""
+    """Whether an edge joins the nodes; it is false, unless the odometry is wrong."""
 
     @property
     def sentence(self) -> str:
@@ -156,12 +154,12 @@ def find_perceptual_aliases(
     candidates: int | None = 16,
     progress: ProgressCallback | None = None,
 ) -> tuple[PerceptualAlias, ...]:
-    """Return the pairs that are near by r and d < D_l but far by odometry or map, false edges first, then by r.
+    """Return the pairs that are near by r and d < D_l but far by odometry or map: false edges first, then by r.
 
-    Each node is compared with its neighbours in the map and with the `candidates` nodes whose pictures are most like
-    its own and that odometry does not put beside it; None compares all with all. Costs N (candidates + degree) pairs of
-    the network on cached features, N^2 products of small pictures, and one Dijkstra for each node in a pair found.
-    Raises MapError when an image of a node is missing.
+    Each node is compared with its neighbours in the map, and with the `candidates` nodes that have the most similar
+    images and are not near it by odometry; with None, all nodes are compared. Costs N (candidates + degree) network
+    comparisons of cached features, N^2 products of small descriptors, and one Dijkstra search for each node of a found
+    pair. Raises MapError if an image of a node is missing.
     """
     nodes = tuple(graph.nodes)
     if len(nodes) < 2:
@@ -179,7 +177,7 @@ def find_perceptual_aliases(
 
 
 def _odometry_gate(matcher: Matcher, method: Method) -> OdometryGate:
-    """Return what odometry allows, also where the method does not ask it."""
+    """Return the check against odometry, even if the method does not use odometry."""
     drift = method.building.odometry_drift or _DRIFT
     seen = [matcher.keyframes.observation(frame) for frame in matcher.keyframes.frames]
     return OdometryGate(seen, replace(method.building, odometry_drift=drift))
@@ -188,7 +186,7 @@ def _odometry_gate(matcher: Matcher, method: Method) -> OdometryGate:
 def _others(
     graph: TopologicalGraph, matcher: Matcher, near: float, candidates: int | None
 ) -> Iterator[tuple[NodeId, ...]]:
-    """Yield for each node, in order, which others to compare it with."""
+    """Yield for each node, in order, the nodes to compare it with."""
     nodes = tuple(graph.nodes)
     if candidates is None:
         yield from ((*nodes[:k], *nodes[k + 1 :]) for k in range(len(nodes)))
@@ -217,7 +215,7 @@ def _near(
     node: NodeId,
     others: Sequence[NodeId],
 ) -> Iterator[PerceptualAlias]:
-    """Yield the others that the network holds for near, supported in time where the method asks for that."""
+    """Yield the nodes that are near by the network, with support by neighbouring frames if the method requires it."""
     claims = matcher.match(matcher.keyframes.features([node]), others)
     claims = claims.take(_within(claims, method))
     claims = matcher.with_mutual_support(claims, node)
@@ -246,9 +244,9 @@ def _within(claims: Matches, method: Method) -> NDArray[np.bool_]:
 def _contradicted_aliases(
     graph: TopologicalGraph, pairs: Sequence[PerceptualAlias], far: float
 ) -> tuple[PerceptualAlias, ...]:
-    """Return the pairs that odometry contradicts or the map puts far apart, with their way through the map.
+    """Return the pairs that odometry contradicts or the map puts far apart, with the length of their path in the map.
 
-    An edge is not evidence for itself: where odometry puts its ends apart, the way is measured without it.
+    An edge is no evidence for itself: if its ends are far apart by odometry, the path is measured without it.
     """
     doubted = {_ends(pair) for pair in pairs if pair.has_edge and pair.odometry_m > far / 2}
     odd = [pair for pair in pairs if pair.contradicted_by_odometry or not pair.has_edge or _ends(pair) in doubted]
@@ -269,7 +267,7 @@ def _ends(pair: PerceptualAlias) -> EdgeKey:
 
 
 def _lengths(graph: TopologicalGraph, sources: set[NodeId], doubted: set[EdgeKey]) -> dict[NodeId, dict[NodeId, float]]:
-    """Return the length by mu of the shortest paths from each source that lead through no doubted edge."""
+    """Return the lengths, by mu, of the shortest paths from each source without doubted edges."""
     mirror: rustworkx.PyDiGraph[NodeId, float] = rustworkx.PyDiGraph(multigraph=False)
     index = dict(zip(graph.nodes, mirror.add_nodes_from(list(graph.nodes)), strict=True))
     mirror.add_edges_from(

@@ -1,6 +1,6 @@
-"""Changes of a map by hand, as deltas with that cause, and the deltas that undo any change.
+"""Manual changes of a map, as deltas with the cause `hand`, and the deltas that undo any change.
 
-Owns what a person may change and how it is undone. Applies nothing: whoever owns the map does.
+Owns the possible changes and how each is undone. The owner of the map applies the deltas.
 """
 
 import math
@@ -24,9 +24,9 @@ from ltvn_core.graph.topological_graph import (
 from ltvn_core.types import FrameId, NodeId, Waypoint
 
 MAX_NAME_LENGTH = 60
-"""Characters of a node's name."""
+"""Greatest length of a node's name, in characters."""
 _MAX_EDGE_DISTANCE = 5.0
-"""No picture is a guide over a longer d than this."""
+"""Greatest d of a new edge; over a longer distance, the image of the target does not guide the robot."""
 
 
 def add_edge(
@@ -39,8 +39,9 @@ def add_edge(
 ) -> d.EdgeAdded:
     """Return the delta that joins two nodes, with the highest p that the method allows.
 
-    `waypoint` (3,), metres and radians, is the target seen from the source, such as the network's; without it odometry
-    tells. Raises MapError where a node is missing or the edge is there, OptionError where the ends are too far apart.
+    `waypoint` (3,), metres and radians, is the pose of the target in the source's frame, such as the network's
+    prediction; by default it comes from odometry. Raises MapError if a node is missing or the edge exists, OptionError
+    if the ends are too far apart.
     """
     _require_nodes(graph, source, target)
     if source == target or (source, target) in graph.edges:
@@ -57,7 +58,7 @@ def add_edge(
 
 
 def remove_edge(graph: TopologicalGraph, source: NodeId, target: NodeId) -> d.EdgePruned:
-    """Return the delta that takes an edge out, even a protected one. Raises MapError if there is none."""
+    """Return the delta that removes an edge, even a protected one. Raises MapError if there is none."""
     _edge(graph, (source, target))
     return d.EdgePruned(source, target, d.Cause.HAND)
 
@@ -76,8 +77,8 @@ def connect_by_action(
 ) -> tuple[d.GraphDelta, ...]:
     """Return the deltas that join two nodes by an action, such as "Take the lift to floor 2", in this direction only.
 
-    `mu` is what the action costs in a plan, in metres of driving; an edge that is there already keeps its own. Raises
-    MapError where a node is missing, OptionError for an action or a cost that cannot be.
+    `mu` is the cost of the action in a plan, in metres of driving; an existing edge keeps its own. Raises MapError if a
+    node is missing, OptionError for an invalid action or cost.
     """
     _require_nodes(graph, source, target)
     wanted = " ".join(action.split())
@@ -98,9 +99,8 @@ def connect_by_action(
 
 
 def delete_node(graph: TopologicalGraph, node: NodeId) -> d.NodeDropped:
-    """Return the delta that takes a node out with its edges. Its image does not join the reserve, which would bring it
-    back. Raises MapError if there is no such node.
-    """
+    """Return the delta that removes a node and its edges. Its image does not join the reserve, because maintenance
+    would then add it again. Raises MapError if there is no such node."""
     _require_nodes(graph, node)
     return d.NodeDropped(node, d.Cause.HAND)
 
@@ -108,14 +108,14 @@ def delete_node(graph: TopologicalGraph, node: NodeId) -> d.NodeDropped:
 def rename_node(graph: TopologicalGraph, node: NodeId, name: str) -> d.NodeNamed:
     """Return the delta that names a node; an empty name removes its name.
 
-    Raises MapError for a missing node or a name in use, OptionError for an unreadable name.
+    Raises MapError for a missing node or a name in use, OptionError for an invalid name.
     """
     _require_nodes(graph, node)
     return d.NodeNamed(node, _free_name(graph, node, name), goal=graph.nodes[node].goal, cause=d.Cause.HAND)
 
 
 def mark_goal(graph: TopologicalGraph, node: NodeId, name: str = "", *, goal: bool = True) -> d.NodeNamed:
-    """Return the delta that marks a node as a goal under a name, or takes the mark away; no name keeps the old one.
+    """Return the delta that marks a node as a goal with a name, or removes the mark; an empty name keeps the old one.
 
     Raises as `rename_node` does.
     """
@@ -125,9 +125,9 @@ def mark_goal(graph: TopologicalGraph, node: NodeId, name: str = "", *, goal: bo
 
 
 def inverse_deltas(delta: d.GraphDelta, graph_before: TopologicalGraph) -> tuple[d.GraphDelta, ...]:
-    """Return the deltas, by hand, that take one delta back; `graph_before` is the map it was applied to.
+    """Return the deltas, with the cause `hand`, that undo one delta; `graph_before` is the map before that delta.
 
-    Cost: linear in the edges of a dropped node, else constant. Raises MapError where the delta did not fit the map.
+    Linear in the edges of a dropped node, constant otherwise. Raises MapError if the delta did not fit the map.
     """
     match delta:
         case d.NodeAdded(node):
@@ -146,7 +146,8 @@ def inverse_deltas(delta: d.GraphDelta, graph_before: TopologicalGraph) -> tuple
         case d.EdgeActionSet(source, target):
             return (d.EdgeActionSet(source, target, _edge(graph_before, (source, target)).action, d.Cause.HAND),)
         case d.PresenceObserved(source, target):
-            # What was observed cannot be taken back alone, so the edge goes and comes back with what was known before.
+            # An observation alone cannot be removed, so the edge is removed and added again with its earlier
+            # observations.
             back = _edges_back(graph_before, [(source, target)])
             return (d.EdgePruned(source, target, d.Cause.HAND), *back)
         case d.NodeNamed(node):
@@ -161,7 +162,7 @@ def inverse_deltas(delta: d.GraphDelta, graph_before: TopologicalGraph) -> tuple
             back = d.ViewAdded(node, _view(graph_before, node, frame), d.Cause.HAND)
             return (d.ViewDropped(node, frame, d.Cause.HAND), back)
         case d.DriveBegun():
-            return ()  # Where a drive begins is no edit.
+            return ()  # The beginning of a drive cannot be edited.
         case d.FramesReserved(frames):
             return (d.FramesReleased(frames, d.Cause.HAND),)
         case d.FramesReleased(frames):
@@ -178,7 +179,7 @@ def _node_with_edges(graph: TopologicalGraph, node: NodeId) -> tuple[d.GraphDelt
 
 
 def _edges_back(graph: TopologicalGraph, keys: Sequence[EdgeKey]) -> tuple[d.GraphDelta, ...]:
-    """Return the deltas that bring edges in with what was observed of their presence."""
+    """Return the deltas that add edges again, with the observations of their presence."""
     edges = [d.EdgeAdded(_edge(graph, key), d.Cause.HAND) for key in keys]
     presence = {key: graph.presence[key] for key in keys if key in graph.presence}
     return (*edges, *presence_deltas(presence, d.Cause.HAND))

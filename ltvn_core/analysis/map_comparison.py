@@ -1,8 +1,8 @@
 """The difference of two maps, or of one map at two times: what only one has, what changed, and how much it matters.
 
-Owns the difference, the figures, and which node is which: by the same image where both maps come from one trajectory,
-else by the nearest place. How much an edge matters is its betweenness, the share of all cheapest paths that run over
-it; what an edge costs is the planner's.
+Owns the difference, the figures, and the matching of nodes: by image if both maps come from one trajectory, otherwise
+by the nearest place. The importance of an edge is its betweenness, the share of all cheapest paths that use it; the
+cost of an edge is that of the planner.
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,9 +24,9 @@ from ltvn_core.navigation.events import Collided, Judged, Outcome, QueryEnded, S
 from ltvn_core.types import NodeId, Pose
 
 MAX_MATCH_DISTANCE = 0.75
-"""Nodes farther apart than this d of Eq. 2 are never the same: half a metre and 20 degrees (ours)."""
+"""Greatest d, Eq. 2, of two nodes that can be the same: half a metre and 20 degrees (ours)."""
 _SOURCES = 32
-"""Nodes from which paths are counted; more takes longer."""
+"""Number of nodes from which paths are counted; more would take longer."""
 
 
 class MatchedBy(StrEnum):
@@ -35,15 +35,15 @@ class MatchedBy(StrEnum):
     ID = "id"
     """Both maps come from one trajectory, and a node is named after its image."""
     POSE = "pose"
-    """They come from two trajectories, and the nearest poses belong together."""
+    """The maps come from two trajectories, and nodes with the nearest poses are the same."""
 
 
 class NodeMatching(NamedTuple):
-    """Which nodes are the same."""
+    """The nodes of two maps that are the same."""
 
     matched_by: MatchedBy
     pairs: Mapping[NodeId, NodeId]
-    """Node of the first map to node of the second; none occurs twice."""
+    """Node of the first map to node of the second; no node occurs twice."""
 
 
 def match_nodes(
@@ -53,10 +53,10 @@ def match_nodes(
     poses_a: Mapping[NodeId, Pose] | None = None,
     poses_b: Mapping[NodeId, Pose] | None = None,
 ) -> NodeMatching:
-    """Match nodes by id if the maps come from one trajectory, else each to its nearest if that is mutual.
+    """Match nodes by id if the maps come from one trajectory, otherwise each to its nearest node if that is mutual.
 
-    Poses (3,) are those given, for instance exact ones in simulation; else odometry's, which compares only if both
-    drives began at one place. Takes O(N log N).
+    Poses (3,) are the given ones, for instance exact ones in simulation, otherwise those of the odometry, which match
+    only if both drives began at the same place. Takes O(N log N).
     """
     shared = [node for node in a.nodes if node in b.nodes and a.nodes[node].odometry == b.nodes[node].odometry]
     if len(shared) * 2 >= min(len(a.nodes), len(b.nodes)):
@@ -65,7 +65,7 @@ def match_nodes(
 
 
 def _node_poses(graph: TopologicalGraph, poses: Mapping[NodeId, Pose] | None = None) -> dict[NodeId, Pose]:
-    """Return a pose (3,) for each node: the given one, else odometry's."""
+    """Return a pose (3,) for each node: the given one, otherwise that of the odometry."""
     given = poses or {}
     return {node: given.get(node, np.array(value.odometry, np.float64)) for node, value in graph.nodes.items()}
 
@@ -85,16 +85,16 @@ def _nearest(a: Mapping[NodeId, Pose], b: Mapping[NodeId, Pose]) -> dict[NodeId,
 
 
 def _embedded(poses: Pose) -> np.ndarray:
-    """Lay poses (N, 3) into (N, 4) so that plain distance is close to d for small turns."""
+    """Return points (N, 4) for poses (N, 3), so that the distance of two points is close to d for small turns."""
     turn = np.sqrt(2) * np.stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])], axis=1)
     return np.concatenate([poses[:, :2], turn], axis=1)
 
 
 def edge_betweenness(graph: TopologicalGraph, *, weight: EdgeWeight | None = None) -> Mapping[EdgeKey, float]:
-    """Return for each edge the share in [0, 1] of cheapest paths that run over it; edges without any are left out.
+    """Return for each edge the share in [0, 1] of the cheapest paths that use it; unused edges are left out.
 
-    Paths start at `_SOURCES` nodes, evenly spread over the graph's age, and end everywhere; the paper's cost mu stands
-    in for a missing `weight`. Takes O(starts * (edges + nodes) log nodes): about two seconds for 50,000 edges.
+    The paths lead from `_SOURCES` nodes, evenly spread over the order of the nodes, to all nodes. Without a `weight`
+    the cost is mu, as in the paper. Takes O(starts * (edges + nodes) log nodes): about two seconds for 50,000 edges.
     """
     nodes, costs = cost_matrix(graph, weight or _length)
     if len(nodes) < 2:
@@ -117,7 +117,7 @@ def _length(belief: Belief) -> float:
 
 
 def _paths_below(lengths: NDArray[np.float64], before: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Count for each node (N,) the paths that end at it or run on from it, in one tree of cheapest paths."""
+    """Return for each node (N,) the number of paths that contain it, in one tree of cheapest paths."""
     below = np.isfinite(lengths).astype(np.intp)
     for node in np.argsort(-np.where(np.isfinite(lengths), lengths, -1.0), kind="stable").tolist():
         if before[node] >= 0:
@@ -127,18 +127,18 @@ def _paths_below(lengths: NDArray[np.float64], before: NDArray[np.intp]) -> NDAr
 
 @dataclass(frozen=True, slots=True)
 class EdgeDifference:
-    """An edge that is not the same in both maps."""
+    """An edge that differs between two maps."""
 
     a: Edge | None
     """The edge in the first map; None if it is missing there."""
     b: Edge | None
     """The edge in the second map; None if it is missing there."""
     betweenness: float
-    """Share of cheapest paths that run over it, in the map where that is more."""
+    """Share of the cheapest paths that use the edge, in the map where this share is higher."""
 
     @property
     def change_of_p(self) -> float:
-        """p in the second map minus p in the first; an edge that is not there has p = 0."""
+        """p in the second map minus p in the first; a missing edge has p = 0."""
         p, q = (0.0 if edge is None else edge.belief.p for edge in (self.a, self.b))
         return q - p
 
@@ -154,35 +154,35 @@ class MapDifference:
 
     matched_by: MatchedBy
     nodes: Mapping[NodeId, NodeId]
-    """Nodes in both: of the first map to that of the second."""
+    """Nodes in both maps: node of the first map to node of the second."""
     nodes_only_a: tuple[NodeId, ...]
-    """Nodes of the first map alone."""
+    """Nodes that only the first map has."""
     nodes_only_b: tuple[NodeId, ...]
-    """Nodes of the second map alone."""
+    """Nodes that only the second map has."""
     edges: Mapping[EdgeKey, EdgeKey]
-    """Edges in both."""
+    """Edges in both maps: edge of the first map to edge of the second."""
     edges_only_a: tuple[EdgeKey, ...]
     edges_only_b: tuple[EdgeKey, ...]
     differing: tuple[EdgeDifference, ...]
-    """Edges in one map only, and those whose belief or counts changed; what matters most comes first."""
+    """Edges in one map only, and edges whose belief or counts changed; the most important first."""
 
 
 @dataclass(frozen=True, slots=True)
 class MapMetrics:
-    """A map in numbers, and the queries of its recording."""
+    """The size of a map, and the results of the queries in its recording."""
 
     nodes: int
     edges: int
     reserve: int
     strongly_connected_components: int
     mean_p: float | None
-    """None without edges."""
+    """Mean p of the edges; None without edges."""
     queries: int
-    """Queries that ended."""
+    """Number of queries that ended."""
     arrived: int
     """Number of arrivals by the robot's own judgement."""
     reached: int | None
-    """Success by the paper's criterion; None if unknown."""
+    """Number of successes by the paper's criterion; None if unknown."""
     collisions: int
     """Collisions so far, including those of an unfinished query."""
 
@@ -195,7 +195,7 @@ def compare_maps(
     poses_b: Mapping[NodeId, Pose] | None = None,
     weight: EdgeWeight | None = None,
 ) -> MapDifference:
-    """Return the difference of two maps, see `match_nodes` and `edge_betweenness` for poses, weight and cost."""
+    """Return the difference of two maps; see `match_nodes` and `edge_betweenness` for poses, weight and cost."""
     matching = match_nodes(a, b, poses_a=poses_a, poses_b=poses_b)
     there = matching.pairs
     common = {
@@ -223,7 +223,7 @@ def compare_maps(
 
 
 def map_metrics(graph: TopologicalGraph, events: Sequence[StampedEvent] = ()) -> MapMetrics:
-    """Count a map and the queries of its recording; linear in edges and events."""
+    """Return the size of a map and the results of its queries; linear in edges and events."""
     p = [edge.belief.p for edge in graph.edges.values()]
     ended = [stamped.event for stamped in events if isinstance(stamped.event, QueryEnded)]
     verdicts = [stamped.event.reached for stamped in events if isinstance(stamped.event, Judged)]

@@ -1,7 +1,6 @@
-"""Faults of a map that may have made a query fail: edges that odometry contradicts, and the gap between two parts.
+"""Faults of a map that may have made a query fail: edges that odometry contradicts, and a gap between two parts.
 
-Uses neither ground truth nor images, only odometry. It drifts, so what is found here is where to
-look first, and no verdict.
+Uses neither ground truth nor images, only odometry. Odometry drifts, so these faults are hints and not proofs.
 """
 
 from collections.abc import Sequence
@@ -23,50 +22,50 @@ _USUAL_QUANTILE = 0.95
 _TIMES_USUAL = 3.0
 """Least ratio of a contradiction to the usual disagreement (ours)."""
 _NEIGHBOURS = 16
-"""Number of neighbours beyond a gap that are compared with each node before it."""
+"""Number of neighbours beyond a gap that are compared with each node before the gap."""
 
 
 @dataclass(frozen=True, slots=True)
 class ContradictedEdge:
-    """An edge that leads elsewhere than odometry does."""
+    """An edge whose waypoint disagrees with odometry."""
 
     edge: EdgeKey
     length_m: float
-    """Straight distance of its ends as the edge has it."""
+    """Straight distance of the edge's ends by its waypoint, in metres."""
     odometry_m: float
     """Distance of the edge's ends by odometry, in metres."""
     gap_m: float
-    """Distance between the edge's target by the waypoint and by odometry, in metres."""
+    """Distance between the edge's target by its waypoint and by odometry, in metres."""
 
 
 @dataclass(frozen=True, slots=True)
 class NearPair:
-    """Two nodes near each other on both sides of a gap."""
+    """Two nodes near each other, one on each side of a gap."""
 
     edge: EdgeKey
     """Edge from the start's side of the gap to the goal's side."""
     distance: float
-    """d of Eq. 2 by odometry."""
+    """d by odometry, Eq. 2."""
 
 
 @dataclass(frozen=True, slots=True)
 class MapGap:
-    """Two parts of a map without a path from one into the other."""
+    """Two parts of a map, without a path from the first to the second."""
 
     start: NodeId
     goal: NodeId
     reached: int
-    """Nodes that ways from the start lead to, itself among them."""
+    """Number of nodes that can be reached from the start, including the start."""
     leading: int
-    """Nodes with a path to the goal, itself among them."""
+    """Number of nodes with a path to the goal, including the goal."""
     nearest: tuple[NearPair, ...]
-    """Nearest pairs of nodes across the gap, the nearest first; empty if odometry does not move."""
+    """Nearest pairs of nodes across the gap, the nearest first; empty if odometry never moves."""
 
 
 def contradicted_edges(graph: TopologicalGraph) -> tuple[ContradictedEdge, ...]:
-    """Return the edges that odometry contradicts much more than the others of the map, the worst first; linear.
+    """Return the edges that odometry contradicts much more than the other edges of the map, the worst first; linear.
 
-    A map of several drives, whose odometries begin anew, has many such edges, and none of them stands out.
+    In a map of several drives with independent odometry, many edges disagree, and none of them stands out.
     """
     edges = graph.driven_edges
     if not edges:
@@ -89,9 +88,9 @@ def contradicted_edges(graph: TopologicalGraph) -> tuple[ContradictedEdge, ...]:
 
 
 def map_gap(graph: TopologicalGraph, start: NodeId, goal: NodeId, *, most: int = 5) -> MapGap | None:
-    """Return what lies between two nodes without a path, None if there is one or a node is gone.
+    """Return the gap between two nodes; None if there is a path, or if a node is missing.
 
-    Linear in the edges, and a search in the plane around each node that can be reached.
+    Linear in the edges, plus one nearest-neighbour search for each node that can be reached.
     """
     if start not in graph.nodes or goal not in graph.nodes:
         return None
@@ -115,7 +114,7 @@ def _nearest(graph: TopologicalGraph, reached: Sequence[NodeId], leading: Sequen
     if not np.ptp(np.concatenate([here, there])[:, :2], axis=0).any():
         return ()
     count = min(_NEIGHBOURS, len(leading))
-    # Of one neighbour each, the search returns (N,).
+    # With one neighbour, the search returns (N,).
     beyond = np.asarray(KDTree(there[:, :2]).query(here[:, :2], k=count)[1]).reshape(-1, count)
     gaps = distance(relative(here[:, None], there[beyond]))
     pairs = [
@@ -127,5 +126,5 @@ def _nearest(graph: TopologicalGraph, reached: Sequence[NodeId], leading: Sequen
 
 
 def _odometry(graph: TopologicalGraph, nodes: Sequence[NodeId]) -> Pose:
-    """Return where odometry put the nodes, (N, 3)."""
+    """Return the poses (N, 3) of the nodes by odometry."""
     return np.array([graph.nodes[node].odometry for node in nodes], np.float64).reshape(-1, 3)

@@ -1,9 +1,9 @@
 """All changes of the maps of one run, and the map after any number of them: as a graph, and as columns for drawing.
 
-Owns the order of the changes, where each map begins, the maps kept on the way for time travel, and where nodes are
-drawn. A version is a count of map changes; in the columns (when each node and edge was born, when it died, what was
-believed of it) the map at any version is found with a few vectorised comparisons, without folding from the start. Does
-not own the map that the robot navigates by (`ltvn_core.graph`).
+Owns the order of the changes, the start of each map, the cached maps for time travel, and the positions at which nodes
+are drawn. A version is a number of map changes. The columns hold when each node and edge was added and removed, and its
+beliefs; a few vectorised comparisons give the map at any version without replaying all changes. The map that the robot
+navigates by is `ltvn_core.graph`.
 """
 
 from bisect import bisect_left
@@ -25,14 +25,14 @@ from ltvn_core.types import NodeId, Pose
 
 NEVER = np.iinfo(np.int64).max
 _STRIDE = 10_000
-"""Number of changes between cached maps; folding as many takes some tens of milliseconds."""
+"""Number of changes between cached maps; replaying this number takes some tens of milliseconds."""
 _MOST_KEPT = 12
-"""A map of 10,000 nodes and 50,000 edges takes some 10 MB."""
+"""Greatest number of cached maps; a map of 10,000 nodes and 50,000 edges takes about 10 MB."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class GraphArrays:
-    """A map at one moment, as arrays for drawing. The same moment gives the same object."""
+    """A map at one moment, as arrays for drawing. For the same moment, the same object is returned."""
 
     ids: NDArray[np.int64]
     """(N,) node ids."""
@@ -43,14 +43,14 @@ class GraphArrays:
     p: NDArray[np.float64]
     """(E,) probability that the edge can be driven."""
     attempts: NDArray[np.int64]
-    """(E,) how often it was driven."""
+    """(E,) number of attempts to drive the edge."""
     acts: NDArray[np.bool_]
-    """(E,) whether it needs an action."""
+    """(E,) whether the edge needs an action."""
     exits: NDArray[np.bool_]
-    """(N,) whether an edge with an action begins there."""
+    """(N,) whether an edge with an action begins at the node."""
 
     def poses_of(self, nodes: tuple[NodeId, ...]) -> NDArray[np.float64]:
-        """Return (K, 3) poses of those of `nodes` that are in the map, in their order."""
+        """Return the poses (K, 3) of the given nodes that are in the map, in the given order."""
         if not nodes or not len(self.ids):
             return self.poses[:0]
         order = np.argsort(self.ids)
@@ -61,12 +61,12 @@ class GraphArrays:
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class FadingEdges:
-    """Edges that came or went lately."""
+    """Edges that were recently added or removed."""
 
     segments: NDArray[np.float64]
     """(F, 2, 2) x_m, y_m of both ends."""
     ages_s: NDArray[np.float64]
-    """(F,) seconds since it happened."""
+    """(F,) seconds since the addition or removal."""
 
 
 EMPTY_GRAPH = GraphArrays(
@@ -83,12 +83,12 @@ NO_FADING_EDGES = FadingEdges(np.empty((0, 2, 2)), np.empty(0))
 
 
 class GraphHistory:
-    """Every state that the maps of a run ever had, as arrays."""
+    """All maps of a run at all moments, as arrays."""
 
     def __init__(self) -> None:
         """Begin with an empty map."""
         self.version = 0
-        """Number of changes so far; the map at any smaller number can be shown."""
+        """Number of changes so far; the map can be shown at any smaller number."""
         self._nodes = GrowingTable({"id": int, "x": float, "y": float, "yaw": float, "born": int, "died": int})
         edge = {"source": int, "target": int, "born": int, "died": int, "came_s": float, "went_s": float}
         self._edges = GrowingTable(edge)
@@ -97,11 +97,11 @@ class GraphHistory:
         self._node_rows: dict[NodeId, int] = {}
         self._edge_rows: dict[EdgeKey, int] = {}
         self._touching: defaultdict[NodeId, list[EdgeKey]] = defaultdict(list)
-        """Edges that a node ever had since it came in, in the order they came."""
+        """All edges that a node had since it was added, in order of their addition."""
         self._latest: tuple[int, GraphArrays] = (0, EMPTY_GRAPH)
 
     def apply(self, delta: d.GraphDelta, stamp: float, pose: Pose | None = None) -> None:
-        """Append a change at `stamp` seconds; a new node is drawn at `pose` (3,), else where odometry put it.
+        """Append a change at `stamp` seconds; a new node is drawn at `pose` (3,), or at its odometry pose without one.
 
         In a damaged recording, a change that does not fit leaves the map unchanged.
         """
@@ -122,14 +122,14 @@ class GraphHistory:
             case d.EdgeActionSet(source, target, action):
                 self._set_action(self._edge_rows.get((source, target)), action)
             case d.NodeAdded():
-                pass  # It is there already.
+                pass  # The node is there already.
             case d.EdgeProtected() | d.PresenceObserved() | d.NodeNamed() | d.FramesReserved() | d.FramesReleased():
-                pass  # It is not drawn.
+                pass  # This change is not drawn.
             case d.ViewAdded() | d.ViewUsed() | d.ViewDropped() | d.DriveBegun():
                 pass
 
     def clear(self) -> None:
-        """Let nothing be left of the map from the next change on, because another map begins with it."""
+        """Remove all nodes and edges as of the next change, because another map begins with it."""
         for table, rows in ((self._nodes, self._node_rows), (self._edges, self._edge_rows)):
             table["died"][list(rows.values())] = self.version + 1
             rows.clear()
@@ -142,12 +142,12 @@ class GraphHistory:
         return self._latest[1]
 
     def added_edges(self, version: int, stamp: float, within_s: float) -> FadingEdges:
-        """Return the edges alive at `version` that came in the last `within_s` seconds before `stamp`."""
+        """Return the edges of the map at `version` that were added in the last `within_s` seconds before `stamp`."""
         n = int(np.searchsorted(self._edges["born"], version, "right"))
         return self._fading(self._edges["came_s"][:n], self._edges["died"][:n] > version, stamp, within_s)
 
     def removed_edges(self, version: int, stamp: float, within_s: float) -> FadingEdges:
-        """Return the edges gone at `version` that went in the last `within_s` seconds before `stamp`."""
+        """Return the edges missing at `version` that were removed in the last `within_s` seconds before `stamp`."""
         n = int(np.searchsorted(self._edges["born"], version, "right"))
         return self._fading(self._edges["went_s"][:n], self._edges["died"][:n] <= version, stamp, within_s)
 
@@ -236,11 +236,11 @@ class MapHistory:
         """Begin with an empty map and no change."""
         self.changes: list[MapChange] = []
         self.epochs: list[int] = []
-        """Where in `changes` each map begins."""
+        """Index in `changes` at which each map begins."""
         self.begun_by: dict[int, int] = {}
-        """The number of the map, from 0, that begins at each event that adds a whole map."""
+        """Number of the map, from 0, for each event with which a whole map begins."""
         self.drawing = GraphHistory()
-        """The same maps as arrays."""
+        """The same maps as arrays for drawing."""
         self._by_edge: dict[EdgeKey, list[MapChange]] = {}
         self._by_node: dict[NodeId, list[MapChange]] = {}
         self._filed = 0
@@ -249,7 +249,7 @@ class MapHistory:
         self._kept: dict[int, MapReplay] = {}
 
     def copy(self) -> "MapHistory":
-        """Return a copy that does not change when this one grows; it must not be appended to."""
+        """Return a copy that does not change when this one grows; nothing may be appended to the copy."""
         self._file()
         twin = copy(self)
         twin.changes = list(self.changes)
@@ -259,8 +259,8 @@ class MapHistory:
     def append(self, event: int, instant: Instant, changed: GraphChanged, pose: Pose | None) -> None:
         """Add the change of event number `event`.
 
-        A new node is drawn at `pose` (3,), or where odometry put it. Constant time, but for a node that
-        leaves with many edges.
+        A new node is drawn at `pose` (3,), or at its odometry pose without one. Constant time, except for the removal
+        of a node with many edges.
         """
         fresh = self._epochs.take(changed.delta)
         if fresh or not self.epochs:
@@ -281,15 +281,15 @@ class MapHistory:
             self.begun_by[event] = change.epoch
 
     def count_before(self, event: int) -> int:
-        """Return how many changes come before event number `event`. Logarithmic."""
+        """Return the number of changes before event number `event`. Takes logarithmic time."""
         return bisect_left(self.changes, event, key=_number)
 
     def graph_after(self, count: int) -> TopologicalGraph:
-        """Return the map after the first `count` changes, to be changed freely.
+        """Return the map after the first `count` changes; the caller may change it.
 
-        One copy and at most 10,000 changes, once those before were folded.
+        Copies one cached map and replays at most 10,000 changes; the first call may replay more.
         """
-        kept = self._kept  # Another thread may replace it meanwhile.
+        kept = self._kept  # Another thread may replace the cache in between.
         known = max((place for place in kept if place <= count), default=0)
         replay = kept[known].copy() if known else MapReplay()
         for place in range(known, count):
@@ -299,17 +299,17 @@ class MapHistory:
         return replay.graph
 
     def of_edge(self, edge: EdgeKey) -> Sequence[MapChange]:
-        """Return all changes of an edge in order; none for an edge that never was."""
+        """Return all changes of an edge in order; empty if the edge was never in the map."""
         return self._known(self._by_edge, edge)
 
     def of_node(self, node: NodeId) -> Sequence[MapChange]:
-        """Return all arrivals and departures of a node, and of its views, in order."""
+        """Return all additions and removals of a node and of its views, in order."""
         return self._known(self._by_node, node)
 
     def belief_before(self, edge: EdgeKey, event: int) -> d.Belief | None:
-        """Return what was believed of an edge just before event number `event`; None while it is not in the map.
+        """Return the belief of an edge just before event number `event`; None if the edge is not in the map.
 
-        Of a recording whose beginning is cut off, beliefs count from their first update. Logarithmic.
+        If the beginning of the recording is missing, the belief is known from its first update. Takes logarithmic time.
         """
         self._file()
         last = _last_before(self._by_edge.get(edge, ()), event, passed_over=d.PresenceObserved)
@@ -325,13 +325,13 @@ class MapHistory:
         return last.delta.belief if isinstance(last.delta, d.BeliefUpdated) else None
 
     def _known(self, filed: Mapping, key: EdgeKey | NodeId) -> tuple[MapChange, ...]:
-        """Leave out what came after this copy was made: the files by edge and node are shared with the original."""
+        """Return the changes of an edge or node up to this copy's last one; the index is shared with the original."""
         self._file()
         rows = filed.get(key, ())
         return tuple(rows[: bisect_left(rows, len(self.changes) and self.changes[-1].event + 1, key=_number)])
 
     def _file(self) -> None:
-        """File by edge and node what came since the last time."""
+        """Add the new changes to the indices by edge and by node."""
         for place in range(self._filed, len(self.changes)):
             self._file_change(self.changes[place])
         self._filed = len(self.changes)
@@ -363,7 +363,7 @@ class MapHistory:
     def _keep(self, place: int, replay: MapReplay) -> None:
         kept = {**self._kept, place: replay}
         if len(kept) > _MOST_KEPT:
-            # Every second one goes, so that what is left is still spread over the whole run.
+            # Drop every second one, so that the rest is still spread over the whole run.
             kept = {place: kept[place] for place in sorted(kept)[1::2]}
         self._kept = kept
 

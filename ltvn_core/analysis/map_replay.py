@@ -1,7 +1,7 @@
-"""The map of a recording as the fold of its changes, and where one map ends and the next begins.
+"""The map of a recording, replayed from its changes, and the boundaries between its maps.
 
-Owns what happens to a change that does not fit: it is left out, where `TopologicalGraph` raises. A recording holds
-several maps when another one was loaded, or when the map was built anew.
+A change that does not fit is skipped, whereas `TopologicalGraph` raises an error. A recording holds several maps if
+another one was loaded, or if the map was rebuilt.
 """
 
 from ltvn_core.analysis.timeline_records import MapChange
@@ -12,7 +12,7 @@ from ltvn_core.types import NodeId
 
 
 class MapReplay:
-    """A map that follows the changes of a recording, and is empty again when the next map begins."""
+    """A map that is replayed change by change, and is empty again when the next map begins."""
 
     def __init__(self) -> None:
         """Begin with an empty map."""
@@ -20,14 +20,14 @@ class MapReplay:
         self._epoch = 0
 
     def copy(self) -> "MapReplay":
-        """Return an independent one that stands at the same change."""
+        """Return an independent copy at the same change."""
         twin = MapReplay()
         twin.graph = self.graph.copy()
         twin._epoch = self._epoch
         return twin
 
     def take(self, change: MapChange) -> bool:
-        """Follow a change; tell whether it fits. Constant time, but for a node that leaves with many edges."""
+        """Apply a change; tell whether it fits. Constant time, except for the removal of a node with many edges."""
         if change.epoch != self._epoch:
             self.graph = TopologicalGraph()
             self._epoch = change.epoch
@@ -39,14 +39,14 @@ class MapReplay:
 
 
 class MapEpochs:
-    """Counts the maps of a recording, and the changes of each."""
+    """Counts the maps of a recording and the changes of each map."""
 
     def __init__(self) -> None:
-        """Begin before the first map."""
+        """Start before the first map."""
         self.current = 0
-        """Index of the map of the last change."""
+        """Index of the map to which the last change belongs."""
         self.version = 0
-        """Number of changes in the current map so far."""
+        """Number of changes of the current map so far."""
         self._last: GraphDelta | None = None
         self._nodes: set[NodeId] = set()
 
@@ -69,6 +69,6 @@ class MapEpochs:
         last = self._last
         if last is None or last.cause is not delta.cause or delta.node.id in self._nodes:
             return True
-        # A file's map tells all its nodes before its edges; a building one brings each node with its edges.
+        # A loaded map adds all its nodes before its edges; a map that is being built adds each node with its edges.
         allowed = NodeAdded if delta.cause is Cause.LOAD else NodeAdded | EdgeAdded
         return not isinstance(last, allowed)

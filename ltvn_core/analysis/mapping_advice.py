@@ -1,7 +1,7 @@
-"""The collect coach: what the map still lacks while somebody drives, and where to drive next.
+"""Advice while mapping: what the map still lacks, and where to drive next.
 
-Owns finding loops that were driven but not closed and places seen from one side only, from a graph and from odometry,
-and the order in which to close these gaps.
+Owns the search for loops that were driven but not closed and for places seen from one side only, from the map and
+odometry, and the order in which to close these gaps.
 """
 
 import itertools
@@ -24,38 +24,38 @@ from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.types import FrameId, NodeId, Pose
 
 SAME_PLACE_M = 0.8
-"""Nodes nearer than this by odometry are the same place."""
+"""Distance by odometry, in metres, below which two nodes are at the same place."""
 _NEAR_RAD = 0.5
-"""Nodes turned by less than this look at the same things."""
+"""Difference of heading, in radians, below which two nodes have the same view."""
 _AWAY_M = 3.0
-"""Driven between two visits, at least, so that they are two."""
+"""Least distance driven between two passes of a place, in metres, so that they count as two visits."""
 _HOPS = 6
-"""Nodes joined by so few edges are joined well enough."""
+"""Number of edges up to which two nodes count as well connected."""
 _JUMP_M = 1.5
-"""Two poses in a row that are farther apart were not driven from one to the other."""
+"""Distance between consecutive poses, in metres, above which odometry jumped."""
 _CELL_M = 1.0
 HEADING_SECTORS = 8
-"""Number of sectors of 45 degrees, centred on the axes and the diagonals."""
+"""Number of heading sectors of 45 degrees, centred on the axes and the diagonals."""
 _OPPOSITE = 3
-"""Sectors apart, at least, that count as another side."""
+"""Least number of sectors between two headings that look to different sides."""
 _MIN_IMAGES = 3
-"""A place with fewer images is not yet a place."""
+"""Least number of images of a place."""
 _KNOWN = 0.5
-"""A view whose best r is above this shows nothing new."""
+"""Best r above which a view shows nothing new."""
 _AHEAD_M = 1.0
 _STRAY = 2
-"""A component with fewer nodes is not worth a trip."""
+"""Least number of nodes of a component that is worth a drive."""
 _HERE_M = 0.5
 
 
 @dataclass(frozen=True, slots=True)
 class MissingLoopClosure:
-    """Two nodes at one place, from two visits, that no edge joins and no short path either."""
+    """Two nodes at one place, from two visits, without an edge or a short path between them."""
 
     first: NodeId
     second: NodeId
     gap_m: float
-    """Between the two by odometry, which drifts: the loop is a guess."""
+    """Distance of the two nodes by odometry, in metres; odometry drifts, so the loop is a guess."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,29 +64,29 @@ class OneSidedPlace:
 
     x_m: float
     y_m: float
-    """Mean of the poses there."""
+    """Mean of the poses at the place, in metres."""
     yaw_rad: float
-    """Mean heading."""
+    """Mean heading, in radians."""
     images: int
-    """Taken there."""
+    """Number of images at the place."""
 
 
 @dataclass(frozen=True, slots=True)
 class MappingAdvice:
-    """The state of a map that is being collected."""
+    """What a map lacks while it is being collected, and the advice for the driver."""
 
     strongly_connected_components: tuple[tuple[NodeId, ...], ...]
-    """The largest first; one is what one wants."""
+    """Strongly connected components, the largest first; one is ideal."""
     missing_closures: tuple[MissingLoopClosure, ...]
-    """Places visited twice with nothing across."""
+    """Places that were visited twice without a loop closure."""
     one_sided_places: tuple[OneSidedPlace, ...]
     """Places seen from one side only."""
     novelty: float | None
-    """1 - best r of the current view to any node: 0 = known, 1 = new; None if it was not compared."""
+    """1 - best r of the current view to any node: 0 = known, 1 = new; None if the view was not compared."""
     hint: Finding
     """Where to drive next, and why."""
     target: PoseRow | None
-    """A pose in the odometry frame to drive to; None if any direction is as good."""
+    """A pose in the odometry frame to drive to; None if any direction is equally good."""
 
 
 _Hint: TypeAlias = tuple[Finding, PoseRow | None]
@@ -96,11 +96,10 @@ _Hint: TypeAlias = tuple[Finding, PoseRow | None]
 def advise_mapping(
     graph: TopologicalGraph, steps: Sequence[FrameId], poses: Pose, current: Matches | None = None
 ) -> MappingAdvice:
-    """Return what the map lacks so far and one hint where to drive next.
+    """Return what the map lacks so far, and one hint where to drive next.
 
-    `steps` (T,) and odometry `poses` (T, 3) are the drive so far, ascending, its last pose the present one. `current`
-    is the present view against the nodes, as `Matcher.match` gives it: the one cost that is not arithmetic. The rest is
-    linear in images, nodes and edges.
+    `steps` (T,), ascending, and odometry `poses` (T, 3) are the drive so far, up to the present pose. `current` is the
+    present view compared with the nodes, as returned by `Matcher.match`. Linear in images, nodes and edges.
     """
     poses = np.asarray(poses, np.float64).reshape(-1, 3)
     components = strongly_connected_components(graph)
@@ -121,10 +120,10 @@ def advise_mapping(
 def find_missing_loop_closures(
     graph: TopologicalGraph, steps: Sequence[FrameId], poses: Pose
 ) -> tuple[MissingLoopClosure, ...]:
-    """Return where the drive came back and no edge, nor a few of them, lead across; one per place, the closest pair.
+    """Return where the drive came back but no short path in the map joins the two visits; the closest pair per place.
 
-    `steps` (T,) and odometry `poses` (T, 3) are the drive so far, ascending. Nodes that were not on it belong to
-    another visit. Linear in T, in nodes, and in pairs of nodes at one place.
+    `steps` (T,), ascending, and odometry `poses` (T, 3) are the drive so far. Nodes of other drives count as another
+    visit. Linear in T, in nodes, and in pairs of nodes at one place.
     """
     nodes = list(graph.nodes.values())
     if len(nodes) < 2:
@@ -144,7 +143,7 @@ def find_missing_loop_closures(
 
 
 def one_sided_places(poses: Pose) -> tuple[OneSidedPlace, ...]:
-    """Return the places, squares of 1 m, where odometry `poses` (T, 3) never look to another side. Linear in T."""
+    """Return the places, squares of 1 m, where all odometry `poses` (T, 3) look to the same side. Linear in T."""
     poses = np.asarray(poses, np.float64).reshape(-1, 3)
     cells = np.floor(poses[:, :2] / _CELL_M).astype(np.int64)
     _, owner, counts = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
@@ -166,24 +165,25 @@ def _weights(poses: Pose) -> tuple[NDArray[np.float64], ...]:
 
 
 def _other_sides(seen: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Tell (C,) whether any two sectors of (C, 8) that were seen lie on different sides."""
+    """Return (C,) whether any two sectors of (C, 8) that were seen look to different sides."""
     apart = range(_OPPOSITE, HEADING_SECTORS - _OPPOSITE + 1)
     return np.any([seen & np.roll(seen, shift, axis=1) for shift in apart], axis=(0, 2))
 
 
 def _driven_m(nodes: NDArray[np.int64], steps: NDArray[np.int64], poses: Pose) -> NDArray[np.float64]:
-    """Return (N,) metres driven up to each node, nan where it is not on the drive or odometry jumped in between."""
+    """Return the metres (N,) driven up to each node; NaN for a node that is not on the drive. A jump of odometry counts
+    as a long drive."""
     if not len(steps):
         return np.full(len(nodes), np.nan)
     moves = np.hypot(*np.diff(poses[:, :2], axis=0).T)
-    # A jump counts as a long drive: what lies before and after it are two visits.
+    # A jump counts as a long drive, so that what lies before and after it are two visits.
     path = np.concatenate([[0.0], np.cumsum(np.where(moves > _JUMP_M, 1e6, moves))])
     row = np.clip(np.searchsorted(steps, nodes), 0, len(steps) - 1)
     return np.where(steps[row] == nodes, path[row], np.nan)
 
 
 def _at_one_place(places: Pose) -> Iterator[tuple[int, NDArray[np.intp]]]:
-    """Yield each row of (N, 3) with the earlier ones in its square and the eight around."""
+    """Yield each row of (N, 3) with the earlier rows in its square and the eight squares around it."""
     squares: defaultdict[tuple[int, int], list[int]] = defaultdict(list)
     for k, (x, y) in enumerate(np.floor(places[:, :2] / SAME_PLACE_M).astype(int).tolist()):
         around = itertools.product((x - 1, x, x + 1), (y - 1, y, y + 1))
@@ -194,7 +194,7 @@ def _at_one_place(places: Pose) -> Iterator[tuple[int, NDArray[np.intp]]]:
 
 
 def _reached(graph: TopologicalGraph, start: NodeId) -> set[NodeId]:
-    """Return the nodes that a few edges, either way, lead to."""
+    """Return the nodes within a few edges of a node, in either direction."""
     reached = {start}
     frontier = [start]
     for _ in range(_HOPS):
@@ -222,7 +222,7 @@ def _hint(
     places: Sequence[OneSidedPlace],
     novelty: float | None,
 ) -> _Hint:
-    """Choose the gap to close: first what makes goals unreachable, last what makes the map richer."""
+    """Return the gap to close first: gaps that make goals unreachable come before gaps that only add detail."""
     if not len(poses):
         return _told("Drive a little, so that there is something to see."), None
     here = poses[-1]
@@ -236,7 +236,7 @@ def _hint(
 
 
 def _join(graph: TopologicalGraph, here: Pose, components: Sequence[Sequence[NodeId]]) -> _Hint | None:
-    """Lead to the nearest node of a component in which the robot is not."""
+    """Return a hint to the nearest node of another large component; None if there is only one large component."""
     worth = [component for component in components if len(component) >= _STRAY]
     if len(worth) < 2:
         return None
@@ -249,7 +249,7 @@ def _join(graph: TopologicalGraph, here: Pose, components: Sequence[Sequence[Nod
 
 
 def _close(graph: TopologicalGraph, here: Pose, missing_closures: Sequence[MissingLoopClosure]) -> _Hint | None:
-    """Lead to the nearest place where a loop is open."""
+    """Return a hint to the nearest place with an open loop; None if there is none."""
     if not missing_closures:
         return None
     loop = min(missing_closures, key=lambda each: _apart(graph, here, each.first))
@@ -259,7 +259,7 @@ def _close(graph: TopologicalGraph, here: Pose, missing_closures: Sequence[Missi
 
 
 def _turn_round(here: Pose, sides: Sequence[OneSidedPlace]) -> _Hint | None:
-    """Lead to the nearest place that was seen from one side only, to look the other way."""
+    """Return a hint to look the other way at the nearest place seen from one side; None if there is none."""
     if not sides:
         return None
     place = min(sides, key=lambda each: math.hypot(each.x_m - here[0], each.y_m - here[1]))
@@ -269,7 +269,7 @@ def _turn_round(here: Pose, sides: Sequence[OneSidedPlace]) -> _Hint | None:
 
 
 def _go_on(here: Pose, novelty: float | None) -> _Hint | None:
-    """Advise to continue where everything is new."""
+    """Return a hint to continue if the current view is new; None if it is known."""
     if novelty is None or 1 - novelty > _KNOWN:
         return None
     target = here + np.array([_AHEAD_M * np.cos(here[2]), _AHEAD_M * np.sin(here[2]), 0.0])
@@ -278,7 +278,7 @@ def _go_on(here: Pose, novelty: float | None) -> _Hint | None:
 
 
 def _elsewhere(here: Pose, poses: Pose) -> _Hint:
-    """Lead to the rim of what was driven, where something new is likeliest."""
+    """Return a hint to the edge of the driven area, where something new is most likely."""
     middle = poses[:, :2].mean(axis=0)
     rim = poses[int(np.argmax(np.hypot(*(poses[:, :2] - middle).T)))]
     target = PoseRow(float(rim[0]), float(rim[1]), float(np.arctan2(*(rim[:2] - middle)[::-1])))
@@ -291,7 +291,7 @@ def _apart(graph: TopologicalGraph, here: Pose, node: NodeId) -> float:
 
 
 def _way(here: Pose, target: PoseRow) -> str:
-    """Say where a pose is, as seen from here."""
+    """Return the direction and distance of a pose from the robot, as text."""
     dx, dy, _ = (float(value) for value in relative(here, np.array(target)))
     away = math.hypot(dx, dy)
     if away < _HERE_M:

@@ -1,7 +1,6 @@
-"""Progress of a navigation task after some events: its goal, plan and attempt, and counts over the run.
+"""Progress of navigation after some events: goal, plan and attempt, and counts over the run.
 
-`apply_event` is a pure function, so that the same code tells it live, in a replay, and at any moment between. Owns no
-map.
+`apply_event` is a pure function, so that the same code serves live runs, replays, and any moment between. Holds no map.
 """
 
 from collections.abc import Mapping
@@ -17,45 +16,45 @@ from ltvn_core.worlds import AS_MADE, WorldState
 
 
 class NavigationProgress(NamedTuple):
-    """How the navigation stands after some events."""
+    """The state of navigation after some events."""
 
     navigator: e.NavigatorState = e.NavigatorState.IDLE
     query: int | None = None
-    """The task in progress; None when none is."""
+    """The query in progress; None if there is none."""
     goal: NodeId | None = None
     plan: tuple[NodeId, ...] = ()
     attempt: e.AttemptStarted | None = None
-    """The edge being driven."""
+    """The attempt in progress; None if there is none."""
     action: e.ActionBegun | None = None
-    """The action that the robot waits for."""
+    """The action that the robot waits for; None if there is none."""
     localised: e.Localised | None = None
-    """The latest comparison with the map."""
+    """The latest localisation."""
     ended: e.QueryEnded | None = None
-    """How the latest task ended."""
+    """The end of the latest query; None if it has not ended."""
     judged: e.Judged | None = None
-    """In simulation, whether that was true."""
+    """In simulation, the verdict on the latest query by the ground truth."""
     note: e.Note | None = None
-    """The latest thing to read."""
+    """The latest note of the robot."""
     failures: Mapping[EdgeKey, int] = MappingProxyType({})
-    """Number of failures of each edge in the latest task."""
+    """Number of failures of each edge in the latest query."""
     queries: int = 0
     reached: int = 0
-    """Tasks that ended with the robot judging itself at the goal."""
+    """Number of queries in which the robot declared arrival."""
     collisions: int = 0
     pruned: int = 0
-    """Edges that were pruned since the map was built or opened."""
+    """Number of edges that were pruned since the map was built or opened."""
     added: int = 0
-    """Edges that were added since then, one by one, while driving or navigating or by hand."""
+    """Number of edges that were added since the map was built or opened."""
     blocked: frozenset[EdgeKey] = frozenset()
-    """Edges of the map that were seen blocked when they were seen last; what left the map is forgotten with it."""
+    """Edges of the map whose last observation showed them blocked."""
     seen_blocked: int = 0
     """Number of observations of blocked edges, including those that came with the map."""
     obstructions: int = 0
-    """Number of obstructions in the latest task."""
+    """Number of obstructions in the latest query."""
     obstructed_s: float | None = None
-    """Time of the latest obstruction on the clock of the world, in seconds."""
+    """Time of the latest obstruction, in seconds of the world."""
     world: WorldState = AS_MADE
-    """In simulation, what the world is like."""
+    """In simulation, the state of the world."""
 
 
 NO_PROGRESS = NavigationProgress()
@@ -147,7 +146,7 @@ def _after_look(
     if seen.present:
         return progress._replace(blocked=progress.blocked - edge)
     looked = progress._replace(blocked=progress.blocked | edge, seen_blocked=progress.seen_blocked + 1)
-    # One obstruction blocks several edges at one moment.
+    # One obstruction can block several edges at the same moment.
     if event.query is None or seen.stamp == progress.obstructed_s:
         return looked
     return looked._replace(obstructions=progress.obstructions + 1, obstructed_s=seen.stamp)

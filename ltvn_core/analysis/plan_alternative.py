@@ -1,7 +1,7 @@
-"""A plan through an edge beside the best plan without it: what each of them costs, told in steps.
+"""Compares a plan through an edge with the best plan without it, and explains the costs of both.
 
-Owns the comparison, and how one step of any explanation is said. Plans again with `graph.planner` on the map as it was
-then; the recording stays as it is.
+Also owns the form of one step of any explanation. Plans again with `graph.planner` on the map at that time, without
+changing the recording.
 """
 
 import itertools
@@ -19,36 +19,36 @@ from ltvn_core.types import NodeId
 
 
 class ExplanationKind(StrEnum):
-    """Subject of a sentence."""
+    """Subject of a step."""
 
     BORN = "born"
-    """An edge or node came in."""
+    """An edge or node was added."""
     ATTEMPT = "attempt"
     """An edge was driven."""
     BELIEF = "belief"
-    """The result of all evidence."""
+    """The belief that follows from all evidence."""
     GONE = "gone"
-    """An edge or node left."""
+    """An edge or node was removed."""
     PLAN = "plan"
     """A plan that contains the edge."""
     PENALTY = "penalty"
-    """An edge cost more in one query."""
+    """An edge had an extra cost in one query."""
     ALTERNATIVE = "alternative"
     """The cost of another path."""
     NEVER = "never"
-    """Something never happened."""
+    """Something that never happened."""
 
 
 @dataclass(frozen=True, slots=True)
 class ExplanationStep:
-    """A sentence with its links."""
+    """One sentence of an explanation, with its links."""
 
     text: str
     instant: Instant | None
-    """The instant that a click shows; None if no single instant fits."""
+    """The instant that is shown on a click; None if no single instant fits."""
     kind: ExplanationKind
     ids: tuple[NodeId, ...]
-    """The nodes it speaks of, to be shown; source and target of an edge."""
+    """The nodes in the sentence; source and target of an edge."""
 
 
 CAUSE_TEXTS = {
@@ -66,18 +66,18 @@ CAUSE_TEXTS = {
 
 
 def belief_text(belief: Belief) -> str:
-    """Say a belief."""
+    """Return a belief as text."""
     return f"p = {belief.p:.2f}, length (mu) = {belief.mu:.2f}"
 
 
 def count_text(count: int, thing: str, things: str = "") -> str:
-    """Say how many things there are, such as "3 edges"; `things` is the plural where it is not made with an s."""
+    """Return a number of things as text, such as "3 edges"; `things` is the plural if it does not only add an s."""
     return f"{count} {thing}" if count == 1 else f"{count} {things or f'{thing}s'}"
 
 
 @dataclass(frozen=True, slots=True)
 class PlanAlternative:
-    """A plan through an edge against the best plan without it."""
+    """A plan through an edge, and the best plan without the edge."""
 
     edge: EdgeKey
     plan: PlanRecord
@@ -87,15 +87,15 @@ class PlanAlternative:
     edge_cost: float
     """Cost of the edge without the penalty."""
     penalty: float
-    """Extra cost of the edge in this query, because an attempt had failed."""
+    """Extra cost of the edge, because an attempt failed earlier in this query."""
     replanned: GraphPath
-    """The best path as planned again now; the recorded one, if the same thresholds were in use."""
+    """The best path when planned again; equal to the recorded one if the thresholds are the same."""
     without_edge: GraphPath
     """The best path without the edge; empty and of infinite cost if there is none."""
 
     @property
     def matches_recording(self) -> bool:
-        """Planning again costs what the recording says, so that both costs compare."""
+        """Whether planning again gives the recorded cost, so that the two costs can be compared."""
         return isclose(self.replanned.cost, self.plan.planned.cost, rel_tol=1e-6, abs_tol=1e-6)
 
 
@@ -108,9 +108,9 @@ def plan_alternative(
     at: Instant | None = None,
     weight: EdgeWeight | None = None,
 ) -> PlanAlternative | None:
-    """Compare the last plan through an edge up to an instant with the best one without it; None if there is no plan.
+    """Compare the last plan through an edge up to an instant with the best plan without it; None if there is no plan.
 
-    `planning` and `weight` are those of the run. Linear in the changes of the map, and two plans.
+    `planning` and `weight` are those of the run. Linear in the changes of the map; plans twice.
     """
     edge = (source, target)
     count = timeline.count_until(at)
@@ -120,7 +120,7 @@ def plan_alternative(
     plan = plans[-1]
     graph = timeline.graph_before(plans[-1].event)
     if edge not in graph.edges:
-        return None  # The recording does not hold the map in which it was planned.
+        return None  # The recording does not hold the map of the plan.
     planner = Planner(graph, planning, weight=weight)
     penalties = failure_penalties_at(timeline, plan.event, planning)
     belief = graph.edges[edge].belief
@@ -141,7 +141,7 @@ def plan_alternative(
 
 
 def failure_penalties_at(timeline: Timeline, event: int, planning: PlanningConfig) -> dict[EdgeKey, float]:
-    """Return what edges cost more just before event number `event`, for having failed in the query in progress."""
+    """Return the extra costs of edges just before event number `event`, for failures in the query in progress."""
     progress = timeline.progress_before(event)
     if progress.query is None or not planning.failure_penalty:
         return {}
@@ -157,9 +157,9 @@ def explain_planned_edge(
     at: Instant | None = None,
     weight: EdgeWeight | None = None,
 ) -> tuple[ExplanationStep, ...]:
-    """Tell why the last plan up to an instant that led through an edge did so, and what else there was.
+    """Explain why the last plan through an edge, up to an instant, used it, and what the alternative was.
 
-    Cost as `plan_alternative`.
+    Costs as much as `plan_alternative`.
     """
     made = plan_alternative(timeline, source, target, planning, at=at, weight=weight)
     if made is None:

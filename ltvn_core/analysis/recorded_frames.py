@@ -1,7 +1,6 @@
-"""When and where the images of one run were taken, as columns that grow.
+"""Times and poses of the images of one run, as columns that grow.
 
-Owns times and poses; the images themselves are elsewhere. A row is added in constant time, and all rows are read
-without copying.
+Does not hold the images. A row is added in constant time, and all rows are read without copying.
 """
 
 from bisect import bisect_right
@@ -25,7 +24,7 @@ class GrowingTable:
         self._length = 0
 
     def __len__(self) -> int:
-        """Count the rows."""
+        """Return the number of rows."""
         return self._length
 
     def __getitem__(self, name: str) -> NDArray:
@@ -43,7 +42,7 @@ class GrowingTable:
         return row
 
     def _grow(self) -> None:
-        # Doubling replaces the arrays, so a view that somebody still holds keeps its old rows unchanged.
+        # Doubling replaces the arrays, so that a view of the old arrays keeps its rows unchanged.
         self._capacity *= 2
         self._arrays = {name: np.concatenate([array, np.empty_like(array)]) for name, array in self._arrays.items()}
 
@@ -52,10 +51,10 @@ NO_TRAJECTORY = np.empty((0, 3))
 
 
 class RecordedFrames:
-    """The images of one run in the order of their times; it only grows."""
+    """Times and poses of the images of one run in time order; rows are only added."""
 
     def __init__(self) -> None:
-        """Begin without images."""
+        """Start without images."""
         self._steps: list[FrameId] = []
         self._stamps: list[float] = []
         self._driven = GrowingTable({"x": float, "y": float, "yaw": float})
@@ -63,26 +62,26 @@ class RecordedFrames:
         self._trajectory: tuple[tuple[int, int], NDArray[np.float64]] = ((0, 0), NO_TRAJECTORY)
 
     def __len__(self) -> int:
-        """Count the images that were taken while driving."""
+        """Return the number of images that were taken in this run."""
         return len(self._steps)
 
     def append(self, step: FrameId, stamp: float, pose: Pose) -> None:
-        """Add an image taken at `stamp` seconds at `pose` (3,); time never runs back."""
+        """Add an image taken at `stamp` seconds at `pose` (3,); a stamp before the last one counts as the last one."""
         self._steps.append(step)
         self._stamps.append(max(stamp, self._stamps[-1]) if self._stamps else stamp)
         self._driven.append(x=pose[0], y=pose[1], yaw=pose[2])
         self.place(step, pose)
 
     def place(self, step: FrameId, pose: Pose) -> None:
-        """Say where an image was taken, (3,), that this run did not take: one of a map that it began with."""
+        """Set the pose (3,) of an image that was not taken in this run: an image of the map with which it began."""
         self._poses[step] = pose
 
     def pose(self, step: FrameId) -> Pose | None:
-        """Return where an image was taken, (3,); None if unknown."""
+        """Return the pose (3,) of an image; None if it is unknown."""
         return self._poses.get(step)
 
     def count_at(self, stamp: float) -> int:
-        """Return how many images were taken up to `stamp` seconds. Logarithmic."""
+        """Return the number of images up to `stamp` seconds. Takes logarithmic time."""
         return bisect_right(self._stamps, stamp)
 
     def step(self, row: int) -> FrameId:
@@ -90,18 +89,17 @@ class RecordedFrames:
         return self._steps[row]
 
     def stamp(self, row: int) -> float:
-        """Return the time of an image by its row, seconds on the robot's clock."""
+        """Return the time of an image by its row, in seconds on the robot's clock."""
         return self._stamps[row]
 
     def driven_pose(self, row: int) -> Pose:
-        """Return where an image was taken by its row, (3,)."""
+        """Return the pose (3,) of an image by its row."""
         return np.array([self._driven[name][row] for name in ("x", "y", "yaw")])
 
     def trajectory(self, count: int, most: int) -> NDArray[np.float64]:
-        """Return (T, 3) poses of the first `count` images, thinned to about `most`, always including the last.
+        """Return the poses (T, 3) of the first `count` images, thinned to about `most`, always with the last one.
 
-        While the robot does not move the same array is returned, so that comparing by identity shows that nothing
-        changed.
+        A repeated call with the same arguments returns the same array, so that the caller can compare by identity.
         """
         if self._trajectory[0] != (count, most):
             stride = -(-count // most)

@@ -1,7 +1,7 @@
-"""The source of a regression test that asserts what happened in an excerpt of a recording.
+"""Generates the source of a regression test for what happened in an excerpt of a recording.
 
-Owns the text. What it asserts is what happened, right or wrong: whoever saves it says what should have happened. A
-recording may come from anybody, so its texts stand in the source as escaped ASCII and nothing of it can become code.
+The test asserts what happened, right or wrong; the user edits it to what should have happened. A recording may come
+from an untrusted source, so its texts are escaped to ASCII and cannot become code.
 """
 
 import math
@@ -79,9 +79,10 @@ def test_the_map_afterwards(moment: Recording) -> None:
 
 
 def regression_test_source(events: Sequence[StampedEvent], *, file: str, about: str) -> str:
-    """Return a pytest module that opens the recording `file`, as seen from its own folder, and asserts what it tells.
+    """Return a pytest module that opens the recording `file` in its own folder and asserts the given events.
 
-    `events` are those of the moment, without what made the map at its start; `about` names the moment in a few words.
+    `events` are those of the excerpt, without the ones that made the map at its start; `about` names the excerpt in a
+    few words.
     """
     happened = [stamped.event for stamped in events]
     attempts = [event for event in happened if isinstance(event, AttemptEnded)]
@@ -116,7 +117,7 @@ def _outcome(ended: QueryEnded) -> str:
 
 
 def _escaped(text: str) -> str:
-    """Return a text as it may stand in a comment and between double quotes: printable ASCII on one line."""
+    """Return a text in printable ASCII on one line, so that it is safe in a comment and between double quotes."""
     return ascii(text)[1:-1].replace('"', '\\"')
 
 
@@ -126,7 +127,7 @@ def _wrapped(nodes: Sequence[NodeId]) -> str:
 
 
 def _changes(events: Sequence[StampedEvent]) -> list[str]:
-    """Return an assertion for all that the moment changed for good, in the order in which it happened last."""
+    """Return assertions for the final state of all nodes and edges that the excerpt changed."""
     rows: dict[object, str] = {}
     for stamped in events:
         if not isinstance(stamped.event, GraphChanged):
@@ -135,7 +136,7 @@ def _changes(events: Sequence[StampedEvent]) -> list[str]:
             case d.NodeAdded(node=node):
                 rows[node.id] = f"assert {node.id} in graph.nodes"
             case d.NodeDropped(node=node):
-                # Its edges went with it.
+                # The edges of the node were removed with it.
                 rows = {key: row for key, row in rows.items() if not (isinstance(key, tuple) and node in key)}
                 rows[node] = f"assert {node} not in graph.nodes"
             case d.EdgeAdded(edge=edge):
@@ -147,7 +148,7 @@ def _changes(events: Sequence[StampedEvent]) -> list[str]:
                 p = f"{belief.p:.6g}" if math.isfinite(belief.p) else f'float("{float(belief.p)}")'
                 rows[source, target] = f"assert {now} == pytest.approx({p}, abs=1e-6)"
             case d.EdgeProtected() | d.PresenceObserved() | d.NodeNamed() | d.FramesReserved() | d.FramesReleased():
-                pass  # It neither leads the robot nor tells what it believes.
+                pass  # This changes neither nodes nor edges nor beliefs.
             case d.EdgeActionSet() | d.ViewAdded() | d.ViewUsed() | d.ViewDropped() | d.DriveBegun():
                 pass
     return list(rows.values())

@@ -1,4 +1,4 @@
-"""How many edges and nodes another threshold would add to or take from a map, without changing it.
+"""Counts the nodes and edges that another threshold would add to or remove from a map, without changing the map.
 
 Owns the counts and their sentences. Everything runs on copies.
 """
@@ -22,12 +22,12 @@ from ltvn_core.types import Observation, Predictor
 
 @dataclass(frozen=True, slots=True)
 class MapSize:
-    """How many nodes, edges and strongly connected components a map has."""
+    """Number of nodes, edges and strongly connected components of a map."""
 
     nodes: int
     edges: int
     strongly_connected_components: int
-    """1 is what one wants: from every node to every other."""
+    """Number of strongly connected components; 1 if every node can be reached from every other."""
 
     @classmethod
     def of(cls, graph: TopologicalGraph) -> "MapSize":
@@ -49,7 +49,7 @@ class PruneCounts:
 
     @property
     def sentence(self) -> str:
-        """The count for a person."""
+        """The effect as a sentence."""
         if not self.pruned_edges:
             return "No edge would go."
         return f"{count_text(len(self.pruned_edges), 'edge')} would go, {_components_text(self.before, self.after)}."
@@ -57,7 +57,7 @@ class PruneCounts:
 
 @dataclass(frozen=True, slots=True)
 class RebuildCounts:
-    """Maps from the same images with two methods."""
+    """Sizes of two maps from the same images, built with two methods."""
 
     before: MapSize
     after: MapSize
@@ -71,10 +71,10 @@ class RebuildCounts:
 
 
 def prune_dry_run(graph: TopologicalGraph, prune_below: float, config: BeliefConfig = PAPER.believing) -> PruneCounts:
-    """Return which edges a higher R_p would take out, and the strongly connected components afterwards.
+    """Return the edges that would be pruned with a higher R_p, and the size of the map afterwards.
 
-    Only edges that failed as often as `config` asks for count, as in maintenance. Protected edges stay. Costs one copy
-    of the map.
+    Only edges that failed as often as `config` requires are pruned, as in maintenance. Protected edges stay. Costs one
+    copy of the map.
     """
     pruned_edges = prunable_edges(graph, prune_below, config)
     after = graph.copy()
@@ -93,8 +93,8 @@ def rebuild_dry_run(
 ) -> RebuildCounts:
     """Build a map from the same images with both methods and the same random numbers, and return both sizes.
 
-    Features that `keyframes` holds are used again, other images are encoded once; `keyframes` and `rng` stay as they
-    are. Costs two runs of Algorithm 1. Raises MapError for an empty trajectory.
+    Features in `keyframes` are reused, other images are encoded once; `keyframes` and `rng` stay unchanged. Costs two
+    runs of Algorithm 1. Raises MapError for an empty trajectory.
     """
     sizes = []
     known = _encoded(observations, keyframes, predictor)
@@ -110,7 +110,7 @@ def rebuild_dry_run(
 
 
 def _encoded(observations: Sequence[Observation], keyframes: KeyframeStore, predictor: Predictor) -> KeyframeStore:
-    """Return views of all images that share nothing with `keyframes` but the numbers."""
+    """Return a separate store of all images, with the features that `keyframes` holds."""
     known = KeyframeStore(predictor)
     held = [seen for seen in observations if seen.step in keyframes]
     if held:

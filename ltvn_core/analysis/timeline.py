@@ -1,8 +1,8 @@
-"""One run: its images and events in order, and what follows from them at any moment.
+"""One run as a timeline: its images and events in order, and the state at any moment.
 
-Owns order, time and look-up. It grows during a run and is filled at once from a recording; the page and the
-analysis read the same one. What the rows hold is `analysis.timeline_records`, how they are put together
-`analysis.timeline_rows`, the maps are `analysis.map_history`. Holds no images.
+Owns order, time and look-up. The timeline grows during a live run, and is filled at once from a recording; the page and
+the analysis use the same one. `analysis.timeline_records` defines the rows, `analysis.timeline_rows` makes them, and
+`analysis.map_history` holds the maps. Holds no images.
 """
 
 from bisect import bisect_left, bisect_right
@@ -32,12 +32,12 @@ from ltvn_core.types import FrameId, NodeId, Pose
 class Timeline:
     """The images and events of one run.
 
-    `event` is always an index of `events`; an `Instant` is a moment to look at, and what happened in its step is
-    included. One thread appends and looks; another one must be given a `copy`.
+    `event` is always an index of `events`. An `Instant` is a moment of the run, and everything that happened in its
+    step is included. Only one thread may use a timeline; another thread needs a `copy`.
     """
 
     def __init__(self) -> None:
-        """Begin with nothing."""
+        """Start without images and events."""
         self.frames = RecordedFrames()
         self._clear()
 
@@ -45,8 +45,8 @@ class Timeline:
     def of(cls, events: Iterable[StampedEvent], frames: Iterable[tuple[FrameId, float, Pose]] = ()) -> Self:
         """Return the timeline of a recording, from its events and its images as (step, stamp_s, pose (3,)).
 
-        Never raises for events that are cut, incomplete or in disorder: `notes` tells. Images of a map that was loaded
-        before the run say where its nodes are; they were not driven in this run. Linear in both.
+        Never raises for events that are cut, incomplete or out of order; `notes` describes these defects. Images of a
+        map that was loaded before the run give the poses of its nodes, but do not count as driven. Linear in both.
         """
         timeline = cls()
         arrived = list(events)
@@ -64,14 +64,14 @@ class Timeline:
         self.frames.append(step, stamp, pose)
 
     def place_frame(self, step: FrameId, pose: Pose) -> None:
-        """Say where an image was taken, (3,), that this run did not take: one of a map that it began with."""
+        """Set the pose (3,) of an image that was not taken in this run: an image of the map with which it began."""
         self.frames.place(step, pose)
 
     def append_event(self, stamped: StampedEvent) -> None:
         """Add an event, in constant time.
 
-        One of an earlier step than the last is put where it belongs, which takes a fold of all events; one of an
-        earlier time alone counts as of the latest time, so that time never runs back.
+        An event of an earlier step than the last one is inserted in its place, and all events are processed again. An
+        event that has only an earlier stamp gets the latest stamp.
         """
         if self._events and stamped.step < self._events[-1].step:
             self._fold(sorted([*self._events, stamped], key=_step), self._late + 1)
@@ -91,17 +91,17 @@ class Timeline:
 
     @property
     def events(self) -> Sequence[StampedEvent]:
-        """All events in the order of their steps, those of one step as they came."""
+        """All events in the order of their steps; events of one step are in the order of arrival."""
         return self._events
 
     @property
     def queries(self) -> tuple[QueryRecord, ...]:
-        """All queries, the one in progress too."""
+        """All queries, including the one in progress."""
         return self._closed.queries
 
     @property
     def attempts(self) -> tuple[AttemptRecord, ...]:
-        """All attempts, those outside a query and the one in progress too."""
+        """All attempts, including those outside a query and the one in progress."""
         return self._closed.attempts
 
     @property
@@ -121,7 +121,7 @@ class Timeline:
 
     @property
     def epochs(self) -> tuple[int, ...]:
-        """Where in `changes` each map of the recording begins."""
+        """Index in `changes` at which each map of the recording begins."""
         return tuple(self._maps.epochs)
 
     @property
@@ -132,28 +132,28 @@ class Timeline:
 
     @property
     def drawing(self) -> GraphHistory:
-        """The maps as arrays, by the number of changes."""
+        """The maps as arrays for drawing, by the number of changes."""
         return self._maps.drawing
 
     @property
     def start_s(self) -> float:
-        """When driving began, seconds on the robot's clock; without any image, when the first thing happened."""
+        """Time of the first driven image, in seconds on the robot's clock; without images, that of the first event."""
         if len(self.frames):
             return self.frames.stamp(0)
         return self._stamps[0] if self._stamps else 0.0
 
     @property
     def end_s(self) -> float:
-        """The last moment, seconds on the robot's clock."""
+        """The last moment, in seconds on the robot's clock."""
         last_frame = [self.frames.stamp(len(self.frames) - 1)] if len(self.frames) else []
         return max([*last_frame, *self._stamps[-1:]], default=0.0)
 
     def instant(self, event: int) -> Instant:
-        """Return the moment of event number `event`."""
+        """Return the instant of event number `event`."""
         return Instant(int(self._events[event].step), self._stamps[event])
 
     def instant_at(self, stamp: float) -> Instant:
-        """Return the moment at `stamp` seconds: its step is the newest of an image or event, -1 before the first."""
+        """Return the instant at `stamp` seconds; its step is that of the newest image or event, -1 before the first."""
         frames = self.frames.count_at(stamp)
         events = self.count_at(stamp)
         last_frame = self.frames.step(frames - 1) if frames else -1
@@ -161,34 +161,34 @@ class Timeline:
         return Instant(max(last_frame, last_event), stamp)
 
     def count_at(self, stamp: float) -> int:
-        """Return how many events happened up to `stamp` seconds. Logarithmic."""
+        """Return the number of events up to `stamp` seconds. Takes logarithmic time."""
         return bisect_right(self._stamps, stamp)
 
     def count_until(self, instant: Instant | None) -> int:
-        """Return how many events happened up to and in a step; all without an instant. Logarithmic."""
+        """Return the number of events up to the end of a step; all without an instant. Takes logarithmic time."""
         return len(self._events) if instant is None else bisect_right(self._events, instant.step, key=_step)
 
     def progress_before(self, event: int) -> NavigationProgress:
-        """Return how navigation stood just before event number `event`."""
+        """Return the state of navigation just before event number `event`."""
         return self._progress[event - 1] if event else NO_PROGRESS
 
     def graph_at(self, instant: Instant | None = None) -> TopologicalGraph:
-        """Return the map after everything up to and in a step, at the end without one; it may be changed freely.
+        """Return the map at the end of a step, or of the run without an instant; the caller may change it.
 
-        A copy of a map and at most some thousands of changes.
+        Copies one map and replays some thousands of changes at most.
         """
         return self.graph_before(self.count_until(instant))
 
     def graph_before(self, event: int) -> TopologicalGraph:
-        """Return the map as it was just before event number `event`; costs as much as `graph_at`."""
+        """Return the map just before event number `event`; costs as much as `graph_at`."""
         return self._maps.graph_after(self.change_count_before(event))
 
     def change_count_before(self, event: int) -> int:
-        """Return how many changes of all maps come before event number `event`. Logarithmic."""
+        """Return the number of changes of all maps before event number `event`. Takes logarithmic time."""
         return self._maps.count_before(event)
 
     def changes_until(self, instant: Instant | None = None) -> Sequence[MapChange]:
-        """Return the changes of all maps up to and in a step; linear in them."""
+        """Return the changes of all maps up to the end of a step, or of the run without an instant; linear in them."""
         return self.changes_before(self.count_until(instant))
 
     def changes_before(self, event: int) -> Sequence[MapChange]:
@@ -196,58 +196,60 @@ class Timeline:
         return self.changes[: self.change_count_before(event)]
 
     def changes_of_edge(self, source: NodeId, target: NodeId) -> Sequence[MapChange]:
-        """Return all changes of an edge in order; none for an edge that never was; linear in them."""
+        """Return all changes of an edge in order; empty if the edge was never in the map; linear in them."""
         return self._maps.of_edge((source, target))
 
     def changes_of_node(self, node: NodeId) -> Sequence[MapChange]:
-        """Return all arrivals and departures of a node in order; linear in them."""
+        """Return all additions and removals of a node in order; linear in them."""
         return self._maps.of_node(node)
 
     def attempts_of_edge(self, source: NodeId, target: NodeId) -> tuple[AttemptRecord, ...]:
-        """Return all attempts along an edge in order, those too that drove past its end."""
+        """Return all attempts along an edge in order, including those that continued past its end."""
         return self._closed.attempts_by_edge.get((source, target), ())
 
     def belief_before(self, edge: EdgeKey, event: int) -> Belief | None:
-        """Return what was believed of an edge just before event number `event`; None while it is not in the map.
+        """Return the belief of an edge just before event number `event`; None if the edge is not in the map.
 
-        Of a recording whose beginning is cut off, beliefs count from their first update. Logarithmic.
+        If the beginning of the recording is missing, the belief is known from its first update. Takes logarithmic time.
         """
         return self._maps.belief_before(edge, event)
 
     def plan_of(self, event: int) -> PlanRecord | None:
-        """Return the plan that event number `event` made, None if it made none. Logarithmic."""
+        """Return the plan of event number `event`, None if it is no plan. Takes logarithmic time."""
         place = bisect_left(self.plans, event, key=lambda plan: plan.event)
         return self.plans[place] if place < len(self.plans) and self.plans[place].event == event else None
 
     def query_at(self, event: int) -> QueryRecord | None:
-        """Return the query that event number `event` belongs to. Logarithmic."""
+        """Return the query to which event number `event` belongs, None if it belongs to none. Takes logarithmic
+        time."""
         queries = self.queries
         place = bisect_right(queries, event, key=lambda query: query.first) - 1
         return queries[place] if place >= 0 and event <= queries[place].last else None
 
     def next_event(self, at: Instant) -> Instant | None:
-        """Return the next moment at which anything happens; None at the end. Logarithmic."""
+        """Return the next instant with an event; None at the end. Takes logarithmic time."""
         place = bisect_right(self._events, at.step, key=_step)
         return self.instant(place) if place < len(self._events) else None
 
     def previous_event(self, at: Instant) -> Instant | None:
-        """Return the last moment before at which anything happened; None at the beginning. Logarithmic."""
+        """Return the previous instant with an event; None at the beginning. Takes logarithmic time."""
         place = bisect_left(self._events, at.step, key=_step) - 1
         return self.instant(place) if place >= 0 else None
 
     def marks_until(self, instant: Instant | None = None, kind: MarkKind | None = None) -> Sequence[Mark]:
-        """Return the marks up to and in a step, of one kind if that is given; all without an instant."""
+        """Return the marks up to the end of a step, or all marks without an instant; only those of one kind if `kind`
+        is given."""
         marks = self._marks(kind)
         return marks if instant is None else marks[: bisect_right(marks, instant.step, key=_step_of_mark)]
 
     def next_mark(self, at: Instant, kind: MarkKind | None = None) -> Mark | None:
-        """Return the first mark in a later step, of one kind if that is given. Logarithmic."""
+        """Return the first mark in a later step, of one kind if `kind` is given. Takes logarithmic time."""
         marks = self._marks(kind)
         place = bisect_right(marks, at.step, key=_step_of_mark)
         return marks[place] if place < len(marks) else None
 
     def previous_mark(self, at: Instant, kind: MarkKind | None = None) -> Mark | None:
-        """Return the last mark in an earlier step, of one kind if that is given. Logarithmic."""
+        """Return the last mark in an earlier step, of one kind if `kind` is given. Takes logarithmic time."""
         marks = self._marks(kind)
         place = bisect_left(marks, at.step, key=_step_of_mark) - 1
         return marks[place] if place >= 0 else None
@@ -257,7 +259,7 @@ class Timeline:
 
     @property
     def _closed(self) -> ClosedRows:
-        """The rows, those too of what is still open."""
+        """The rows, including those of a query and an attempt in progress."""
         known = self._closed_at
         if known is None or known[0] != len(self._events):
             known = self._closed_at = len(self._events), self._rows.closed(len(self._events))
@@ -290,7 +292,7 @@ class Timeline:
             self._maps.append(number, instant, event, seen_from)
         before = self.progress_before(number)
         if number in self._maps.begun_by:
-            before = before._replace(blocked=frozenset())  # Of another map.
+            before = before._replace(blocked=frozenset())  # These edges belong to the previous map.
         self._progress.append(apply_event(before, event))
         self._stamps.append(stamp)
         self._events.append(stamped)
@@ -312,7 +314,7 @@ class Timeline:
 
 
 def _loaded_until(events: Sequence[StampedEvent]) -> FrameId:
-    """Return the step at which the map was loaded that a run began with, -1 if it began with none."""
+    """Return the step at which the first map of a run was loaded, -1 if none was."""
     for stamped in events[:1]:
         if isinstance(stamped.event, GraphChanged) and stamped.event.delta.cause is Cause.LOAD:
             return stamped.step
@@ -320,7 +322,7 @@ def _loaded_until(events: Sequence[StampedEvent]) -> FrameId:
 
 
 def _late_count(events: Sequence[StampedEvent]) -> int:
-    """Return how many events come after one of a later step."""
+    """Return the number of events that come after an event of a later step."""
     latest = -1
     late = 0
     for stamped in events:

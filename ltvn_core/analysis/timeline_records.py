@@ -1,7 +1,7 @@
-"""The queries, attempts, plans, map changes and marks of a run, as rows that point back into the list of its events.
+"""The queries, attempts, plans, map changes and marks of a run, as rows with indices into the list of its events.
 
-Owns the data alone. An `Instant` is the link by which every result of the analysis can be jumped to. The rows are put
-together by `analysis.timeline_rows` and found by `analysis.timeline`.
+Holds data only. Each result of the analysis links to a moment of the run by an `Instant`. `analysis.timeline_rows`
+makes the rows, and `analysis.timeline` looks them up.
 """
 
 import itertools
@@ -17,7 +17,7 @@ from ltvn_core.types import FrameId, NodeId
 
 
 class Instant(NamedTuple):
-    """A moment of a recording, to jump to."""
+    """A moment of a run that the page can jump to."""
 
     step: FrameId
     stamp: float
@@ -28,37 +28,37 @@ class MarkKind(StrEnum):
     """Kind of a mark on the timeline."""
 
     MAP = "map"
-    """A whole map came in: built, or out of a file."""
+    """A whole map was built or loaded."""
     QUERY_START = "query start"
     QUERY_END = "query end"
     PRUNE = "prune"
-    """An edge left the map, or a person took a node out."""
+    """An edge was removed from the map, or a person removed a node."""
     EXPAND = "expand"
-    """A node came in because the robot was lost or saw no path."""
+    """A node was added because the robot was lost or found no path."""
     COLLISION = "collision"
     FAILURE = "failure"
     """An attempt did not succeed."""
     REPLAN = "replan"
-    """The plan is not the rest of the last one."""
+    """The plan is not the rest of the previous one."""
     ADD = "add"
-    """A node or an edge came in for another reason, not with a whole map."""
+    """A node or an edge was added for another reason, not with a whole map."""
     SEEN_OPEN = "seen open"
     SEEN_BLOCKED = "seen blocked"
     DOOR_OPENED = "door opened"
     DOOR_CLOSED = "door closed"
     WORLD = "world"
-    """A thing was put down or taken away, the light changed."""
+    """A thing was put down or taken away, or the light changed."""
 
 
 class Mark(NamedTuple):
-    """A moment that one can step to."""
+    """A moment that the user can step to."""
 
     kind: MarkKind
     instant: Instant
     event: int
     """Index in the timeline's events."""
     ids: tuple[NodeId, ...]
-    """The nodes it is about; two of an edge."""
+    """The nodes that the mark is about; source and target of an edge."""
     text: str
 
 
@@ -78,7 +78,7 @@ class MapChange(NamedTuple):
 
 
 class PlanRecord(NamedTuple):
-    """A plan, and where the robot thought it was when it made it."""
+    """A plan, with the localisation from which it was made."""
 
     event: int
     """Index in the timeline's events."""
@@ -86,42 +86,42 @@ class PlanRecord(NamedTuple):
     planned: Planned
     localised: Localised | None
     previous: tuple[NodeId, ...] | None
-    """The path planned before it in the query; None for the first."""
+    """The previous path of the query; None for the first plan."""
 
     @property
     def edges(self) -> tuple[EdgeKey, ...]:
-        """The edges of the path; none without a path."""
+        """The edges of the path; empty without a path."""
         return tuple(itertools.pairwise(self.planned.nodes))
 
 
 @dataclass(frozen=True, slots=True)
 class AttemptRecord:
-    """An attempt to drive to a node, from departure to verdict."""
+    """An attempt to drive to a node, from start to verdict."""
 
     event: int
     """Index of its start in the timeline's events."""
     begin: Instant
     started: AttemptStarted
     plan: PlanRecord | None
-    """The plan that was followed."""
+    """The plan that the robot followed; None if it is unknown."""
     end: Instant | None
-    """None if the recording is cut before."""
+    """The instant of the verdict; None if the recording ends before."""
     ended: AttemptEnded | None
     collisions: int
 
     @property
     def localised(self) -> Localised | None:
-        """Where the robot thought it was before it set off."""
+        """The localisation before the attempt."""
         return self.plan.localised if self.plan else None
 
     @property
     def failed(self) -> bool:
-        """It is over and did not succeed."""
+        """Whether the attempt ended without success."""
         return self.ended is not None and not self.ended.succeeded
 
     @property
     def edges(self) -> tuple[EdgeKey, ...]:
-        """The edges it drove: several where the subgoal lay farther ahead, none for the approach to a node."""
+        """The edges of the attempt: several if the subgoal was farther ahead, none for the approach to a node."""
         if self.started.source is None:
             return ()
         planned = self.plan.planned.nodes if self.plan else ()
@@ -129,9 +129,10 @@ class AttemptRecord:
 
 
 def edges_between(path: Sequence[NodeId], source: NodeId, target: NodeId) -> tuple[EdgeKey, ...]:
-    """Return the edges of a path from one of its nodes to a later one, or the edge that joins the two if it has none.
+    """Return the edges of a path between two of its nodes, or the direct edge if the path does not contain both in
+    order.
 
-    An attempt to a subgoal farther ahead drives all of them, and its failure counts against each.
+    An attempt to a subgoal farther ahead drives all of these edges, and its failure counts against each.
     """
     if source in path and target in path[path.index(source) + 1 :]:
         return tuple(itertools.pairwise(path[path.index(source) : path.index(target) + 1]))
@@ -140,7 +141,7 @@ def edges_between(path: Sequence[NodeId], source: NodeId, target: NodeId) -> tup
 
 @dataclass(frozen=True, slots=True)
 class QueryRecord:
-    """A navigation task from start to end."""
+    """A query from start to end."""
 
     id: int
     goal: NodeId
@@ -149,10 +150,10 @@ class QueryRecord:
     first: int
     """Index of its first event in the timeline's events."""
     last: int
-    """Index of its last event; the verdict comes right after."""
+    """Index of its last event in the timeline's events; the verdict of the evaluation follows it."""
     begin: Instant
     end: Instant | None
-    """None if it was cut: by the end of the recording, or by another query."""
+    """The instant of its end; None if the recording ends before, or another query starts."""
     ended: QueryEnded | None
     judged: Judged | None
     """The evaluation's verdict; None outside simulation."""
@@ -161,12 +162,13 @@ class QueryRecord:
 
     @property
     def outcome(self) -> Outcome | None:
-        """How it ended as the robot sees it, None if it was cut."""
+        """The outcome by the robot's own judgement; None if the query was cut."""
         return self.ended.outcome if self.ended else None
 
     @property
     def succeeded(self) -> bool | None:
-        """Whether the robot declared arrival, as far as known; None for an unfinished or cancelled query."""
+        """Whether the robot declared arrival and no verdict contradicts it; None for an unfinished or cancelled
+        query."""
         if self.outcome in (None, Outcome.CANCELLED):
             return None
         return self.outcome is Outcome.ARRIVED and (self.judged is None or self.judged.reached)

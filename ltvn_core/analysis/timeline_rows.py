@@ -1,8 +1,8 @@
-"""Puts the events of a run together into queries, plans, attempts and marks, one event after the other.
+"""Collects the events of a run into queries, plans, attempts and marks, one event after the other.
 
-Owns what is done about events that are cut off or have no beginning, which events get a mark on a timeline, and at
-which of them one stops who steps through the run. What a mark says is `navigation.event_text`, how it looks is the
-page's. Each event takes constant time.
+Owns the treatment of events that are cut off or have no beginning, the choice of events that get a mark, and the choice
+of marks at which stepping through the run stops. `navigation.event_text` makes the text of a mark, and the page its
+look. Each event takes constant time.
 """
 
 from collections.abc import Mapping
@@ -45,7 +45,8 @@ _STOPS = frozenset(MarkKind) - {
     MarkKind.DOOR_CLOSED,
     MarkKind.WORLD,
 }
-"""The others are too many, or are not actions of the robot: they are shown, but stepping skips them."""
+"""Kinds of marks at which stepping through the run stops. The others are too frequent, or are not actions of the
+robot."""
 
 
 class EventMark(NamedTuple):
@@ -53,11 +54,11 @@ class EventMark(NamedTuple):
 
     kind: MarkKind
     about: tuple[int, ...] = ()
-    """The nodes, two of an edge; or the number of a door."""
+    """The nodes, the two nodes of an edge, or the number of a door."""
 
 
 def mark_of(index: int, instant: Instant, event: e.Event, last_plan: tuple[NodeId, ...] | None) -> Mark | None:
-    """Return an event as a stop for who steps through the run, None if it is none; see `event_mark`."""
+    """Return the mark of an event if stepping through the run stops there, otherwise None; see `event_mark`."""
     found = event_mark(event, last_plan)
     if found is None or found.kind not in _STOPS:
         return None
@@ -65,13 +66,13 @@ def mark_of(index: int, instant: Instant, event: e.Event, last_plan: tuple[NodeI
 
 
 def is_other_plan(nodes: tuple[NodeId, ...], last_plan: tuple[NodeId, ...]) -> bool:
-    """Tell whether a path is not just the rest of the one planned before; that a path is gone counts as another."""
+    """Tell whether a path differs from the rest of the previous path; no path also counts as different."""
     is_rest = nodes == last_plan[len(last_plan) - len(nodes) :] if 0 < len(nodes) <= len(last_plan) else False
     return not is_rest and nodes != last_plan
 
 
 def event_mark(event: e.Event, last_plan: tuple[NodeId, ...] | None) -> EventMark | None:
-    """Return an event's mark, None if it gets none; `last_plan` is the path planned before in this query."""
+    """Return the mark of an event, None if it gets none; `last_plan` is the previous path of this query."""
     match event:
         case e.QueryStarted(goal=goal):
             return EventMark(MarkKind.QUERY_START, (goal,))
@@ -155,7 +156,7 @@ class _OpenQuery:
 
 
 class ClosedRows(NamedTuple):
-    """The rows that may be still open, closed as they stood after some events."""
+    """All rows after some events, including those still open at that moment."""
 
     queries: tuple[QueryRecord, ...]
     attempts: tuple[AttemptRecord, ...]
@@ -164,15 +165,15 @@ class ClosedRows(NamedTuple):
 
 
 class TimelineRows:
-    """The queries, attempts, plans and marks of the events so far. A row of something still open is not among them."""
+    """The queries, attempts, plans and marks of the events so far. Open queries and attempts are not included."""
 
     def __init__(self) -> None:
-        """Begin with nothing."""
+        """Start without events."""
         self.queries: list[QueryRecord] = []
         self.attempts: list[AttemptRecord] = []
         self.plans: list[PlanRecord] = []
         self.marks: dict[MarkKind | None, list[Mark]] = {None: []}
-        """Marks by kind, and all of them under None."""
+        """Marks by kind; None holds the marks of all kinds."""
         self.notes: list[str] = []
         """Defects of the events, as sentences."""
         self.attempts_by_edge: dict[EdgeKey, tuple[AttemptRecord, ...]] = {}
@@ -189,7 +190,8 @@ class TimelineRows:
         return twin
 
     def closed(self, count: int) -> ClosedRows:
-        """Return the rows after `count` events, those too of a query and an attempt in progress; linear in them."""
+        """Return the rows after `count` events, including those of a query and an attempt in progress; linear in
+        them."""
         twin = self._copy_unclosed()
         if twin._query is not None:
             twin.notes.append(f"Query {twin._query.started.query} is cut off: its events end before it does.")
@@ -202,12 +204,12 @@ class TimelineRows:
         )
 
     def take(self, index: int, instant: Instant, event: Event) -> None:
-        """Take in the next event, which is number `index`."""
+        """Process the next event, which is number `index`."""
         mark = mark_of(index, instant, event, self._planned_nodes)
         if mark is not None:
             self._add_mark(mark)
         if isinstance(event, GraphChanged):
-            return  # By far the most events; no row begins or ends with one.
+            return  # This is by far the most frequent event; no row begins or ends with it.
         match event:
             case QueryStarted():
                 self._close_query(index - 1)
@@ -231,7 +233,7 @@ class TimelineRows:
                 pass  # No row begins or ends with it.
 
     def begin_map(self, index: int, instant: Instant, cause: Cause, epoch: int) -> None:
-        """Let map number `epoch` begin with event number `index`."""
+        """Note that map number `epoch` begins with event number `index`."""
         self._epoch = epoch
         text = f"map {epoch + 1} is loaded ({cause.value})"
         self._add_mark(Mark(kind=MarkKind.MAP, instant=instant, event=index, ids=(), text=text))

@@ -1,7 +1,7 @@
 """Changes for a what-if question: another edge, belief, goal, start, threshold or time.
 
-Owns these changes as data and their short text form, both ways: "without 12->40", "p(12->40) = 0.1", "goal 120",
-"D_c = 1.3", "at 18:00". `analysis.what_if_scenario` puts them into effect on a copy of the map.
+Owns these changes as data, and parsing and formatting of their text form: "without 12->40", "p(12->40) = 0.1", "goal
+120", "D_c = 1.3", "at 18:00". `analysis.what_if_scenario` applies them to a copy of the map.
 """
 
 import re
@@ -24,33 +24,34 @@ _THRESHOLD = re.compile(r"([A-Za-z_ ]+?)\s*=\s*(\S+)")
 
 
 class WhatIfThreshold(StrEnum):
-    """A number of the method, by the paper's name if it has one."""
+    """A number of the method, by its name in the paper if it has one."""
 
     R_P = "R_p"
-    """Edges that failed and are believed less than this are gone."""
+    """p below which an edge that failed is pruned."""
     D_L = "D_l"
-    """A robot farther than this from its node is lost."""
+    """d above which the robot is not at a node, and is lost."""
     D_M = "D_m"
-    """Images nearer than this to a node add nothing; a plan does not feel it."""
+    """d below which an image adds no node; changes no plan without a rebuild of the map."""
     D_C = "D_c"
-    """Edges longer than this were never made."""
+    """d above which no edge is made."""
     BELIEF_WEIGHT = "belief weight"
     FAILURE_PENALTY = "failure penalty"
 
 
 @dataclass(frozen=True, slots=True)
 class WithEdge:
-    """The map has this edge."""
+    """The map has this edge, with this belief."""
 
     source: NodeId
     target: NodeId
     belief: Belief | None = None
-    """None means what the map at hand believes of it, or as firmly as the method allows where it lacks the edge."""
+    """Belief of the edge; None keeps the belief in the map, or gives a new edge the highest p that the method
+    allows."""
 
 
 @dataclass(frozen=True, slots=True)
 class WithoutEdge:
-    """The map lacks this edge."""
+    """The map does not have this edge."""
 
     source: NodeId
     target: NodeId
@@ -58,7 +59,7 @@ class WithoutEdge:
 
 @dataclass(frozen=True, slots=True)
 class WithBelief:
-    """This is believed of an edge; what is None stays."""
+    """The belief of an edge has other values; None keeps a value."""
 
     source: NodeId
     target: NodeId
@@ -68,21 +69,21 @@ class WithBelief:
 
 @dataclass(frozen=True, slots=True)
 class WithGoal:
-    """The robot wants to go elsewhere."""
+    """The robot has another goal."""
 
     goal: NodeId
 
 
 @dataclass(frozen=True, slots=True)
 class WithStart:
-    """The robot is elsewhere."""
+    """The robot is at another node."""
 
     source: NodeId
 
 
 @dataclass(frozen=True, slots=True)
 class WithThreshold:
-    """The method has another threshold."""
+    """A threshold of the method has another value."""
 
     threshold: WhatIfThreshold
     value: float
@@ -90,7 +91,7 @@ class WithThreshold:
 
 @dataclass(frozen=True, slots=True)
 class WithTime:
-    """A later time, without observations in between."""
+    """The time is later, without observations in between."""
 
     time: WorldTime
 
@@ -107,13 +108,13 @@ WHAT_IF_EXAMPLES = (
     *(f"{threshold} = 1.3" for threshold in WhatIfThreshold),
     *TIME_EXAMPLES,
 )
-"""One of each form, for help texts."""
+"""Examples of all forms, for help texts."""
 
 _THRESHOLDS = {threshold.value.lower(): threshold for threshold in WhatIfThreshold}
 
 
 def parse_what_if_change(text: str) -> WhatIfChange:
-    """Read a change. Raises OptionError, which lists the valid forms, for anything else."""
+    """Parse a change. Raises OptionError, which lists the valid forms, for anything else."""
     words = " ".join(text.split())
     if found := _PRESENCE.fullmatch(words):
         edge = int(found[2]), int(found[3])
@@ -135,7 +136,7 @@ def parse_what_if_change(text: str) -> WhatIfChange:
 
 
 def format_what_if_change(change: WhatIfChange) -> str:
-    """Return what one types for a change; parsing it gives the same change, if an edge has no belief of its own."""
+    """Return the text of a change; parsing it gives the same change, unless it is an edge with its own belief."""
     match change:
         case WithEdge(source, target):
             return f"with {source}->{target}"

@@ -1,8 +1,8 @@
-"""The planner's problem at one moment, and its plan after imagined changes.
+"""The planner's problem at one moment, and its plan after hypothetical changes.
 
-Owns the question (where the robot was, where to, which edges had failed), what each change does to a copy of the map,
-and the comparison of both plans. Neither the map nor the recording is touched. Counting what other thresholds would do
-to the map is `analysis.threshold_dry_run`.
+Owns the problem (node of the robot, goal, failures of edges), the effect of each change on a copy of the map, and the
+comparison of both plans. Map and recording stay unchanged. `analysis.threshold_dry_run` counts the effect of other
+thresholds on the map.
 """
 
 import itertools
@@ -43,30 +43,30 @@ from ltvn_core.navigation.events import Localised
 from ltvn_core.types import NodeId
 
 EdgeWeightFactory: TypeAlias = Callable[[Method], EdgeWeight]
-"""How a navigation system weighs edges, given the thresholds."""
+"""Returns the cost function for edges of a navigation system, for given thresholds."""
 
 
 @dataclass(frozen=True, slots=True)
 class PlannerState:
-    """A question to the planner."""
+    """The inputs of the planner at one moment, apart from the map."""
 
     source: NodeId | None
-    """The robot's believed node; None if it was lost or was not localised yet."""
+    """The node at which the robot is localised; None if it was lost or not yet localised."""
     goal: NodeId | None
-    """None outside of queries."""
+    """The goal of the query; None if there was no query."""
     failures: Mapping[EdgeKey, int] = field(default_factory=dict)
-    """Failures of each edge in this query; each one costs `PlanningConfig.failure_penalty`."""
+    """Failures of each edge in this query; each failure costs `PlanningConfig.failure_penalty`."""
     localised: Localised | None = None
-    """The localisation that gave the source."""
+    """The localisation that determined `source`."""
     tries: int = 0
     """Number of obstructions met in this query."""
 
 
 def planner_state_at(timeline: Timeline, instant: Instant | None = None) -> PlannerState:
-    """Return what the planner knew after everything that happened up to and in a step, at the end without one.
+    """Return the planner's inputs at the end of a step, or of the run without an instant.
 
-    Failed attempts count against all edges of the plan that they went along, as the navigator counts them. Events of a
-    query whose beginning was cut off are used as far as they go. Logarithmic.
+    A failed attempt counts against all edges of the plan that it drove, as in the navigator. If the beginning of a
+    query is missing, its remaining events are used. Takes logarithmic time.
     """
     progress = timeline.progress_before(timeline.count_until(instant))
     return PlannerState(
@@ -79,7 +79,7 @@ def planner_state_at(timeline: Timeline, instant: Instant | None = None) -> Plan
 
 
 def ltvn_edge_weight(method: Method) -> EdgeWeight:
-    """Weigh edges as the paper's own system does."""
+    """Return the cost function for edges of the paper's own system."""
     return partial(edge_cost, config=method.planning)
 
 
@@ -89,37 +89,37 @@ class PresenceMoment:
 
     presence_filter: PresenceFilter
     at_s: float
-    """Time on the clock of the world, in seconds."""
+    """Time of the world, in seconds."""
 
     def probabilities(self, graph: TopologicalGraph) -> dict[EdgeKey, float]:
-        """Return how probably the edges of a map are open then that were ever seen blocked."""
+        """Return p(open) of all edges that were ever seen blocked, at this time."""
         return presence_as_if(graph, self.presence_filter, self.at_s)
 
 
 @dataclass(slots=True)
 class WhatIfScenario:
-    """A map with the question and the thresholds of one moment."""
+    """A map with the planner's inputs and the method at one moment."""
 
     graph: TopologicalGraph
     planner_state: PlannerState
     method: Method
     edge_weight_of: EdgeWeightFactory = ltvn_edge_weight
     presence: PresenceMoment | None = None
-    """p(open) of edges; None if every edge that exists counts as open."""
+    """Filter and time for p(open) of edges; None if every edge of the map counts as open."""
     notes: list[str] = field(default_factory=list)
-    """Limits of this plan, as sentences."""
+    """Limits of the plan, as sentences."""
 
     @property
     def weight(self) -> EdgeWeight:
-        """The cost of an edge."""
+        """The cost function for edges."""
         return self.edge_weight_of(self.method)
 
 
 def apply_what_if_changes(scenario: WhatIfScenario, changes: Sequence[WhatIfChange]) -> WhatIfScenario:
-    """Return a copy with the changes in it, taken in order; `scenario` stays as it was.
+    """Return a copy of a scenario with the changes applied in order.
 
-    Costs one copy of the map; a threshold looks at every edge. Raises MapError where a change names a node or an edge
-    that is not in the map, OptionError for values that cannot be.
+    Costs one copy of the map; a changed threshold checks every edge. Raises MapError if a change names a node or an
+    edge that is not in the map, OptionError for invalid values.
     """
     other = WhatIfScenario(
         graph=scenario.graph.copy(),
@@ -160,13 +160,13 @@ def _wait(scenario: WhatIfScenario, time: WorldTime) -> None:
         return
     at_s = time_ahead(time, scenario.presence.at_s)
     scenario.presence = replace(scenario.presence, at_s=at_s)
-    # A later departure starts another query.
+    # A later departure would start another query.
     scenario.planner_state = replace(scenario.planner_state, tries=0, failures={})
     scenario.notes.append(f"It would be {clock_text(at_s)}, without new observations until then.")
 
 
 def _weighs_belief(edge_weight_of: EdgeWeightFactory, method: Method) -> bool:
-    """Tell whether a system's edge weights depend on the weight of the belief at all."""
+    """Tell whether a system's edge costs depend on the belief weight."""
     doubtful = Belief(p=0.5, mu=1.0, sigma2=0.0)
     planning = (replace(method.planning, belief_weight=weight) for weight in (1.0, 2.0))
     less, more = (edge_weight_of(replace(method, planning=each))(doubtful) for each in planning)
@@ -180,7 +180,7 @@ def _force(scenario: WhatIfScenario, key: EdgeKey, belief: Belief | None) -> Non
             _believe(graph, key, belief)
     elif belief is None:
         graph.apply(add_edge(graph, *key, scenario.method.believing))
-    else:  # The plan looks at beliefs alone, so the waypoint does not matter.
+    else:  # The planner uses only beliefs, so the waypoint does not matter.
         graph.apply(EdgeAdded(Edge(*key, PoseRow(belief.mu, 0.0, 0.0), belief), Cause.HAND))
 
 
@@ -276,39 +276,39 @@ class EdgeCostParts:
 
     edge: EdgeKey
     mu: float
-    """Believed length."""
+    """Expected length by the belief."""
     doubt: float
     """Part of the cost from p: -weight * ln p in the paper's system."""
     penalty: float
     """Penalty for failures earlier in the query."""
     open_p: float = 1.0
-    """How probably it is open then."""
+    """p(open) of the edge at this time."""
 
 
 @dataclass(frozen=True, slots=True)
 class PlanDifference:
-    """Two plans side by side."""
+    """Comparison of two plans."""
 
     old: GraphPath
     new: GraphPath
     old_edges: tuple[EdgeCostParts, ...]
-    """Along the old path."""
+    """Costs of the edges along the old path."""
     new_edges: tuple[EdgeCostParts, ...]
-    """Along the new path, under the changes."""
+    """Costs of the edges along the new path, after the changes."""
     removed_edges: tuple[EdgeKey, ...]
-    """Edges of the old path that the new one does without, in order."""
+    """Edges that only the old path has, in order."""
     added_edges: tuple[EdgeKey, ...]
     """Edges that only the new path has, in order."""
     notes: tuple[str, ...]
-    """Limits of these plans, as sentences."""
+    """Limits of the plans, as sentences."""
     old_open: Mapping[EdgeKey, float] = field(default_factory=dict)
-    """p(open) now of each edge that was ever seen blocked."""
+    """p(open) before the changes, of each edge that was ever seen blocked."""
     new_open: Mapping[EdgeKey, float] = field(default_factory=dict)
-    """p(open) of the same edges under the changes."""
+    """p(open) of the same edges after the changes."""
 
     @property
     def sentence(self) -> str:
-        """The difference in one line."""
+        """The difference as one sentence."""
         old = _path_text(self.old)
         new = _path_text(self.new)
         if self.old.nodes != self.new.nodes:
@@ -328,12 +328,11 @@ def replan(
     edge_weight_of: EdgeWeightFactory = ltvn_edge_weight,
     presence: PresenceMoment | None = None,
 ) -> PlanDifference:
-    """Plan twice, as it was and as it would be under `changes`, taken in order.
+    """Plan twice: without the changes, and with the changes applied in order.
 
-    `edge_weight_of` are those of the system that planned; the paper's own unless another is named. With `presence` both
-    plans take into account what is open.
-    Costs two copies of the map and two searches. Raises MapError where a change names a node or an edge that is not in
-    the map, OptionError for values that cannot be.
+    `edge_weight_of` gives the edge costs of the system that planned; by default the paper's own. With `presence`, both
+    plans use p(open) of the edges. Costs two copies of the map and two searches. Raises MapError if a change names a
+    node or an edge that is not in the map, OptionError for invalid values.
     """
     before = WhatIfScenario(
         graph=graph,

@@ -1,7 +1,7 @@
-"""The clock of the world: what time it was at a moment of a run, and how people write and read such times.
+"""The clock of the world: its time at a moment of a run, and the text form of such times.
 
-Presence is observed on this clock, which may be another than the robot's: in simulation, time goes by between queries.
-Owns the text form of a time, both ways. Days count from 1.
+Presence is observed on this clock. It may differ from the robot's clock: in simulation, world time also passes between
+queries. Owns parsing and formatting of times. Days count from 1.
 """
 
 import math
@@ -30,7 +30,7 @@ TIME_EXAMPLES = ("at 18:00", "at day 2 18:00", "in 30 min", "in 1 h")
 
 @dataclass(frozen=True, slots=True)
 class TimeOfDay:
-    """A time in seconds after midnight, of the present day or of day `day`, counted from 1."""
+    """A time of day, in seconds after midnight, on day `day` (counted from 1); None for the present day."""
 
     seconds: float
     day: int | None = None
@@ -38,20 +38,20 @@ class TimeOfDay:
 
 @dataclass(frozen=True, slots=True)
 class TimeAway:
-    """A time in seconds from now; negative is before."""
+    """A time relative to now, in seconds; negative for the past."""
 
     seconds: float
 
 
 WorldTime: TypeAlias = TimeOfDay | TimeAway
-"""A time as people name it."""
+"""A time as users write it."""
 
 
 def world_time_at(timeline: Timeline, instant: Instant) -> float:
-    """Return the time of the world at a moment of a run, seconds from midnight of its first day.
+    """Return the time of the world at a moment of a run, in seconds since midnight of its first day.
 
-    The last event that tells both clocks says it; without any, the robot's clock is the world's. Linear in the events
-    since.
+    The last event with both times gives the offset of the two clocks; without one, the robot's clock is used. Linear in
+    the events since then.
     """
     return _time_after(timeline, timeline.count_until(instant), instant.stamp)
 
@@ -70,7 +70,7 @@ def _time_after(timeline: Timeline, count: int, stamp: float) -> float:
 
 
 def event_count_at(timeline: Timeline, at_s: float) -> int:
-    """Return how many events of a run happened up to a time of the world; linear in the events."""
+    """Return the number of events of a run up to a time of the world; linear in the events."""
     count = 0
     offset_s = 0.0
     for number, stamped in enumerate(timeline.events):
@@ -83,7 +83,8 @@ def event_count_at(timeline: Timeline, at_s: float) -> int:
 
 
 def latest_known_time(graph: TopologicalGraph, now_s: float) -> float:
-    """Return a time that no observation of a map lies behind; a map may come from a run whose clock was ahead."""
+    """Return `now_s`, or the time of the map's latest observation if that is later, as in a map from a run with a later
+    clock."""
     return max([now_s, *(seen[-1].stamp_s for seen in graph.presence.values())])
 
 
@@ -98,13 +99,13 @@ def _told_time(stamped: StampedEvent) -> float | None:
 
 
 def names_time(text: str) -> bool:
-    """Tell whether a text has the form of a time, though perhaps there is no such time."""
+    """Tell whether a text has the form of a time; the time itself may be invalid, such as 25:00."""
     words = " ".join(text.split())
     return any(form.fullmatch(words) for form in (_TIME_OF_DAY, _WAIT, _AGO))
 
 
 def parse_world_time(text: str) -> WorldTime:
-    """Read a time as people write it. Raises OptionError, which lists the valid forms, for anything else."""
+    """Parse a time. Raises OptionError, which lists the valid forms, for anything else."""
     words = " ".join(text.split())
     if found := _TIME_OF_DAY.fullmatch(words):
         day, hours, minutes = found.groups()
@@ -121,7 +122,7 @@ def parse_world_time(text: str) -> WorldTime:
 
 
 def format_world_time(time: WorldTime) -> str:
-    """Return what one types for a time; parsing it gives the same time, if it is of whole minutes."""
+    """Return the text of a time; parsing it gives the same time, if it is in whole minutes."""
     if isinstance(time, TimeOfDay):
         day = "" if time.day is None else f"day {time.day} "
         return f"at {day}{_hours_text(time.seconds)}"
@@ -130,7 +131,7 @@ def format_world_time(time: WorldTime) -> str:
 
 
 def time_ahead(time: WorldTime, now_s: float) -> float:
-    """Return when a named time comes next, seconds on the clock of the world. Raises OptionError if it is over."""
+    """Return the next occurrence of a time, in seconds of the world. Raises OptionError if it is in the past."""
     at_s = _resolved(time, now_s)
     if isinstance(time, TimeOfDay) and time.day is None and at_s < now_s:
         at_s += DAY_S
@@ -140,9 +141,7 @@ def time_ahead(time: WorldTime, now_s: float) -> float:
 
 
 def time_behind(time: WorldTime, now_s: float) -> float:
-    """Return when a named time was last, seconds on the clock of the world. Raises OptionError if it is in the
-    future.
-    """
+    """Return the last occurrence of a time, in seconds of the world. Raises OptionError if it is in the future."""
     at_s = _resolved(time, now_s)
     if isinstance(time, TimeOfDay) and time.day is None and at_s > now_s:
         at_s -= DAY_S
@@ -159,14 +158,14 @@ def _resolved(time: WorldTime, now_s: float) -> float:
 
 
 def clock_text(seconds: float) -> str:
-    """Return a time on the clock of the world, such as "day 2, 18:00"; a clock that never shows a day is a count."""
-    if seconds < 0 or seconds >= 1000 * DAY_S:  # Counted from elsewhere, as by a robot in the real world.
+    """Return a time of the world as text, such as "day 2, 18:00"; times outside the first 1,000 days are in seconds."""
+    if seconds < 0 or seconds >= 1000 * DAY_S:  # The clock counts from another start, as on a real robot.
         return f"{seconds:.0f} s"
     return f"day {math.floor(seconds / DAY_S) + 1}, {_hours_text(seconds % DAY_S)}"
 
 
 def duration_text(seconds: float) -> str:
-    """Return a length of time in the unit that suits it, such as "20 min"."""
+    """Return a duration in a suitable unit, such as "20 min"."""
     if seconds < 2 * _MINUTE_S:
         return f"{seconds:.0f} s"
     if seconds < 2 * _HOUR_S:

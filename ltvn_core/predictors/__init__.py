@@ -1,1 +1,1 @@
-"""Predictors, which compare two images: opening by name, the choice of a default, and the toolkit's own ones."""
+"""Predictors, which compare two images: opening one by name, the default, and the toolkit's own predictors."""

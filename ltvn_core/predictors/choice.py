@@ -1,4 +1,4 @@
-"""Choice of the predictor: the one named by the user, the one that made the map, or the default for the images.
+"""Choice of the predictor: the one named by the user, else the one that made the map, else the default for the images.
 
 Owns the default. Opens no predictor.
 """
@@ -79,7 +79,7 @@ class ImageSource:
 
 
 def recorded_predictor(config: Mapping[str, Any], fingerprint: str) -> str | None:
-    """Return the name of the predictor that made a map; None if the file names none.
+    """Return the name of the predictor that made a map; None if the file does not name it.
 
     Maps of earlier versions were made by the network or the oracle, but do not name it.
     """

@@ -16,10 +16,11 @@ from ltvn_core.predictors.request import predictor_card
 from ltvn_core.types import Features, Observation, Prediction, Predictor
 
 PROPOSED = 32
-"""Largest number of targets that the poser compares with one image; of more targets, the most similar ones are kept."""
+"""Largest number of targets that the poser compares with one image; if more are proposed, the most similar ones are
+kept."""
 PROPOSED_R = 0.03
-"""Least probability of one place at which a pair is proposed. It is low, because the poser rejects false proposals but
-cannot find pairs that were not proposed."""
+"""Least probability of showing the same place at which a pair is proposed. It is low, because the poser rejects false
+proposals, but cannot find pairs that were not proposed."""
 _UNRELATED = 0.01
 """Reachability of a pair that was not proposed; not 0, because Eq. 3 could never revise that."""
 

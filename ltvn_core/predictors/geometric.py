@@ -1,9 +1,10 @@
 """The geometric predictor: compares images by local features, depth and poses, without trained weights.
 
 SIFT key points are matched, and those with depth give the motion of the camera. Reachability r is the probability that
-this motion is right, by all evidence, times a factor below 1 where the robot cannot drive straight to the target. Owns
-the order of these steps, the cache of compared pairs, the driving limits (each falls gradually, so that a small change
-of an image never changes r abruptly), and the file of driving measurements in simulation, which
+this motion is right, times a factor below 1 where the robot cannot drive straight to the target.
+
+Owns the order of these steps, the cache of compared pairs, and the driving limits; each limit falls gradually, so that
+a small change of an image never changes r abruptly. Also owns the file of driving measurements in simulation, which
 `ltvn measure --predictor geometric --write` writes. Implements `ltvn_core.types.Predictor`.
 """
 
@@ -58,7 +59,8 @@ DRIVING_FILE = Path(__file__).with_name("geometric_driving.json")
 
 @lru_cache(maxsize=1)
 def shipped_likelihoods() -> Likelihoods | None:
-    """Return the constants of Eq. 3 and Eq. 4; None if they were not measured. Raises WeightsError for a bad file."""
+    """Return the constants of Eq. 3 and Eq. 4; None if they were not measured. Raises WeightsError for an invalid
+    file."""
     if not DRIVING_FILE.is_file():
         return None
     try:
@@ -194,7 +196,7 @@ VERSION = 2
 """Version of the predictor; increase it whenever the same images give another result than before."""
 
 SHORTLIST_FROM = 24
-"""Number of targets from which on one image is compared in full with only the most similar ones."""
+"""Least number of targets with which one image is compared in full with only the most similar targets."""
 SIMILAR = 64
 """Number of targets that are chosen by their place vectors."""
 SHORTLIST = 12
@@ -216,7 +218,8 @@ class GeometricPredictor:
     """f(o_i, o_j) -> (r, dx, dy, dtheta) from the geometry of two images; its features are objects (N, 1)."""
 
     needs_depth = False
-    """Depth is optional: one image of a pair is enough; without any, the distance is a guess, see `epipolar_motion`."""
+    """Depth is optional, and one image of a pair with depth is enough; without any depth, the distance is a guess, see
+    `epipolar_motion`."""
     merge_distance = MERGE_DISTANCE
     least_width_px = LEAST_WIDTH_PX
 

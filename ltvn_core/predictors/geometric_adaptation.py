@@ -189,7 +189,8 @@ class OwnPairs:
     evidence: NDArray[np.float64]
     """(P, E) evidence for the pose; zeros without a pose."""
     share: NDArray[np.float64]
-    """(P,) ratio of r to the certainty of the pose, see `drivable_share`; 0 if too far apart for an edge."""
+    """(P,) ratio of r to the certainty of the pose, see `drivable_share`; 0 if too far apart for an
+    edge."""
     far_pairs: int
     """Number of all far pairs of the drive, including those that the shortlist leaves out."""
 

@@ -33,7 +33,7 @@ DEPTH_TOLERANCE, DEPTH_TOLERANCE_M = 0.05, 0.04
 
 _MIN_SURFACE = 30
 _SURFACE_STEP = 3
-"""Step between the points of the coarse depth image that are compared; it should not divide the length of a row."""
+"""Step between compared points of the coarse depth image; it should not divide the length of a row."""
 _COLOUR_TOLERANCE = 30.0
 _MAX_COLOUR_GAP = 40.0
 
@@ -136,7 +136,7 @@ _CELLS = 4
 _RIVALS = 160
 """Number of the strongest key points that are searched for rival matches."""
 _RIVAL_MARGIN, _RIVAL_MIN = 0.05, 0.75
-"""Limits of a rival match: cosine below the best match's by at most the margin, and at least the minimum."""
+"""Limits of a rival match: its cosine is at most the margin below that of the best match, and at least the minimum."""
 _RIVAL_REACH_M = 0.08
 """Largest difference of two translations that support each other, in metres."""
 _RIVAL_PAIRS = 300

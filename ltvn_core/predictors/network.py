@@ -1,4 +1,4 @@
-"""The trained network as a predictor by name."""
+"""Opens the trained network as the predictor `network`."""
 
 from ltvn_core.network.predictor import NetworkPredictor, load_predictor
 from ltvn_core.predictors.request import PredictorRequest

@@ -1,8 +1,8 @@
 """Opens predictors by name, and returns the method with the constants that were measured for a predictor.
 
-Predictors are entry points of the group `ltvn.predictors`, each a function from a `PredictorRequest`. Owns the order of
-the names, the checks of a factory's result, and the camera with which a predictor is opened. The default predictor is
-in `ltvn_core.predictors.choice`.
+Predictors are entry points of the group `ltvn.predictors`; each is a function from a `PredictorRequest` to a predictor.
+Owns the order of the names, the checks of a factory's result, and the camera with which a predictor is opened. The
+default predictor is in `ltvn_core.predictors.choice`.
 """
 
 import logging
@@ -28,7 +28,7 @@ COMPOSED = "composed"
 ORACLE = "oracle"
 
 OWN_PREDICTORS = (NETWORK, GEOMETRIC, ORACLE)
-"""Predictors of this package that come first in lists."""
+"""Predictors of this package, which come first in lists."""
 
 
 def find_predictors() -> dict[str, Plugin]:
@@ -126,9 +126,9 @@ def _at_most_original_size(camera: CameraModel) -> CameraModel:
 
 
 def open_method(name: str, predictor: Predictor, *, likelihoods: Likelihoods | None = None) -> Method:
-    """Return a preset whose constants of Eq. 3 and Eq. 4 are those measured for the predictor.
+    """Return a preset with the constants of Eq. 3 and Eq. 4 that were measured for the predictor.
 
-    `likelihoods` override measured ones; without either, the preset keeps its own. Raises OptionError for an unknown
+    `likelihoods` replace the measured ones; without either, the preset keeps its own. Raises OptionError for an unknown
     preset and WeightsError for a damaged card.
     """
     method = preset(name)

@@ -1,4 +1,4 @@
-"""The simulator's own geometry as a predictor by name."""
+"""Opens the simulator's own geometry as the predictor `oracle`."""
 
 from ltvn_core.predictors.request import PredictorRequest
 from ltvn_core.simulation.oracle_predictor import OraclePredictor

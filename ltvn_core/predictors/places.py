@@ -1,4 +1,5 @@
-"""The composed predictor by name: EfficientNet proposes places and `geometric` verifies them. Needs extra `place`."""
+"""Opens the composed predictor: EfficientNet proposes places, and `geometric` verifies them. Needs the extra
+`place`."""
 
 from ltvn_core.network.place_recogniser import EfficientNetRecogniser
 from ltvn_core.predictors.composed import ComposedPredictor

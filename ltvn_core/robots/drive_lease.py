@@ -61,9 +61,9 @@ class DriveLease:
     def command(self) -> Twist:
         """Return the velocity that is commanded now; zero after the end of the lease."""
         if self._twist is ZERO_TWIST:
-            return ZERO_TWIST  # Without the lock: a simulated robot asks 240 times a second.
+            return ZERO_TWIST  # Read without the lock, because a simulated robot calls this 240 times a second.
         with self._lock:
-            # The tolerance is for clocks that are sums of ticks: a lease must not last one tick longer by rounding.
+            # The tolerance is for clocks that sum up ticks: rounding must not extend a lease by one tick.
             if self._twist != ZERO_TWIST and self._clock() >= self._ends_s - 1e-9:
                 self._twist = ZERO_TWIST
                 self._expiries += 1

@@ -1,4 +1,5 @@
-"""Quality of the connection to a real robot. Owns when the connection counts as lost; connects to no robot.
+"""Quality of the connection to a real robot. Owns the limits beyond which it counts as weak or lost; connects to
+nothing.
 
 A robot of your own may provide a method `link_report()`.
 """
@@ -45,7 +46,7 @@ class LinkReport:
 
     @property
     def quality(self) -> LinkQuality:
-        """Quality of this connection."""
+        """Reason why commands are ignored until the driver releases the controls; None if they are obeyed."""
         if not self.is_connected or self.picture_age_s > STALE_S:
             return LinkQuality.LOST
         is_weak = (

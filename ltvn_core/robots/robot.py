@@ -1,7 +1,7 @@
 """The robot interface: what the session, the command line and the navigator need of a robot.
 
 Owns the Protocols `Robot` and `Clock`; `WallClock`, the clock of every real robot; and the check that a robot obeys
-commands, which the replay of a recording does not. A robot of your own implements `Robot`;
+commands, because a replayed recording does not. A robot of your own implements `Robot`;
 `ltvn_core.robots.robot_view.fit_camera` adapts its camera to any predictor.
 """
 
@@ -19,7 +19,7 @@ class Clock(Protocol):
 
     @property
     def is_simulated(self) -> bool:
-        """Whether time passes only in `advance`, and can be faster than real time."""
+        """Whether time passes only in `advance`, which may be faster than real time."""
         ...
 
     def now(self) -> float:
@@ -27,15 +27,16 @@ class Clock(Protocol):
         ...
 
     def advance(self, duration_s: float) -> None:
-        """Let time pass since the last call: a simulator computes it, a real clock waits for the rest of it."""
+        """Let `duration_s` pass since the last call: a simulator computes it, and a real clock waits for the rest of
+        it."""
         ...
 
 
 class WallClock:
     """Real time. Implements `Clock`.
 
-    A loop that calls `advance` with its period runs at that rate: the time of its own work counts, and an iteration
-    that took too long is not made up for.
+    A loop that calls `advance` with its period runs at that rate, because the time of its own work counts. The delay of
+    an iteration that took too long is not made up for.
     """
 
     is_simulated = False
@@ -54,7 +55,8 @@ class WallClock:
         return self._monotonic() - self._start_s
 
     def advance(self, duration_s: float) -> None:
-        """Wait until `duration_s` have passed since the last call returned; not at all if they have already."""
+        """Wait until `duration_s` have passed since the last call returned; return at once if they have passed
+        already."""
         self._due_s += duration_s
         left_s = self._due_s - self.now()
         if left_s > 0:
@@ -97,7 +99,7 @@ class Robot(Protocol):
 
 
 def open_loop_word(robot: object) -> str:
-    """Return the reason, as a sentence, why a robot obeys no commands; empty if it obeys.
+    """Return a sentence with the reason why a robot does not obey commands; empty if it obeys.
 
     A robot of your own may provide it as an attribute `open_loop`.
     """
@@ -105,6 +107,6 @@ def open_loop_word(robot: object) -> str:
 
 
 def require_drivable(robot: object) -> None:
-    """Raise OptionError if a robot obeys no commands."""
+    """Raise OptionError if a robot does not obey commands."""
     if word := open_loop_word(robot):
         raise OptionError(word)

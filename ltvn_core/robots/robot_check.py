@@ -18,8 +18,8 @@ from ltvn_core.findings import Finding, WithDoubts
 from ltvn_core.types import Depth, Observation, Pose
 
 _NEAR_FLOOR_M, _NEAR_FLOOR_SLOPE = 0.06, 0.08
-"""Greatest height of floor points above or below the floor of the profile, in metres, and its growth per metre ahead;
-excludes the seat of a sofa."""
+"""Greatest height of floor points above or below the floor in the profile, in metres, and the increase of this limit
+per metre ahead; it excludes the seat of a sofa."""
 _ON_PLANE_M = 0.02
 _TRIES = 300
 """Number of random planes through three points (RANSAC); the one with most points on it is the floor."""
@@ -91,18 +91,20 @@ def _columns(points: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 JUMP_M = 50.0
-"""Distance between two consecutive images that counts as a jump, in metres. Larger than the simulated buildings,
-because the simulator may move its robot anywhere between two queries; a real robot drives less than a metre."""
+"""Distance between two consecutive images that counts as a jump, in metres. It is larger than the simulated buildings,
+because the simulator may move its robot anywhere between two queries."""
 SAME_STAMPS = 5
-"""Number of consecutive images with the same stamp that means a stopped clock; moving a simulated robot causes 2."""
+"""Number of consecutive images with the same stamp that means a stopped clock; two occur when a simulated robot is
+moved."""
 ALIKE_IMAGES = 20
-"""Number of consecutive images with equal pixels that is suspicious; a working camera has noise, a simulated one
-moves."""
+"""Number of consecutive images with equal pixels that is suspicious, because a working camera has noise, and a
+simulated camera moves."""
 ALIKE_TRAVEL_M = 1.0
-"""Least distance driven during equal images, in metres, because a robot that stands still may see the same."""
+"""Least distance driven during equal images, in metres, because the images of a robot that stands still may be
+equal."""
 MOST_AGE_S = 0.3
 LEAST_RECOGNISED = 0.5
-"""Least share of recognised images without a finding."""
+"""Share of recognised images below which there is a finding."""
 MOST_TILT_OFF_DEG = 3.0
 
 
@@ -186,7 +188,7 @@ def sequence_findings(observations: Iterable[Observation]) -> tuple[Finding, ...
 
 
 def _is_same(before: Observation, now: Observation) -> bool:
-    """Tell whether a robot returned the same observation again, as is allowed within a control step."""
+    """Tell whether a robot returned the same observation twice, which is allowed within a control step."""
     return now is before or (
         now.step == before.step and now.stamp == before.stamp and np.array_equal(now.odometry, before.odometry)
     )
@@ -226,9 +228,9 @@ class PlaceSeen:
     stamp_s: float
     """Time of the image, in seconds on the robot's clock."""
     node: int | None
-    """The node that the image is at; None if it is at none."""
+    """The node at which the image is localised; None if there is none."""
     reachability: float
-    """r of the best node, even if that is not near enough."""
+    """r of the best node, even if the image is not localised at it."""
 
 
 @dataclass(frozen=True)

@@ -46,7 +46,7 @@ def open_robot(wanted: str, installed: Mapping[str, Plugin] | None = None) -> Ro
 
 
 def check_robot(robot: object, name: str) -> None:
-    """Raise PluginError if a robot lacks a part, or if its first image does not fit its camera."""
+    """Raise PluginError if a part of a robot is missing, or if its first image does not fit its camera."""
     spec = getattr(robot, "spec", None)
     clock = getattr(robot, "clock", None)
     if not isinstance(spec, RobotSpec):

@@ -23,7 +23,7 @@ class SpeedLimits:
     def bounded(self, twist: Twist) -> Twist:
         """Return `twist` scaled down to the limits; both speeds by the same factor, so that the arc stays the same.
 
-        An arc tighter than the turning circle becomes the circle.
+        An arc that is too tight is replaced by the tightest allowed one.
 
         Raises:
             ValueError: A speed is NaN or infinite.
@@ -88,7 +88,8 @@ class RobotSpec:
 
     @property
     def clear_radius_m(self) -> float:
-        """Radius rounded up to whole centimetres, which obstacle avoidance and labels keep free around the centre."""
+        """Radius around the robot's centre that obstacle avoidance and labels keep free, rounded up to whole
+        centimetres."""
         return math.ceil(self.radius_m * 100 - 1e-6) / 100
 
 

@@ -45,7 +45,8 @@ class RobotView(ABC):
         return self._robot.clock
 
     def observe(self) -> Observation:
-        """Take an image and change it; for an image that the robot returns twice, the result is the same object."""
+        """Take an image and change it; if the robot returns the same image again, the result is also the same
+        object."""
         taken = self._robot.observe()
         if self._shown is None or taken is not self._taken:
             self._taken = taken
@@ -149,7 +150,7 @@ IMAGE_EVERY_RAD = math.radians(10)
 
 
 def watch_drive(robot: Robot, is_over: Callable[[], bool]) -> Iterator[Observation]:
-    """Yield the first image, and one after every 12 cm or 10 degrees by odometry, until it is over."""
+    """Yield the first image, and one after every 12 cm or 10 degrees by odometry, until `is_over` returns True."""
     last: Observation | None = None
     while not is_over():
         seen = robot.observe()

@@ -1,1 +1,2 @@
-"""The navigation systems that can be compared, the paper's own and its baselines: a file and a registry line each."""
+"""The navigation systems that can be compared: the paper's own and its baselines, each with one module and one
+entry."""

@@ -38,7 +38,7 @@ class EdgeCandidate(NamedTuple):
 
 
 def consecutive_rows(ordered: Sequence[Observation], keyframes: KeyframeStore) -> list[tuple[int, int]]:
-    """Return the pairs of consecutive images of the same drive, as rows."""
+    """Return the pairs of consecutive images of the same drive, as rows of the trajectory."""
     drives = [keyframes.drive_of(seen.step) for seen in ordered]
     return [(row, row + 1) for row, (before, after) in enumerate(itertools.pairwise(drives)) if before == after]
 
@@ -84,7 +84,7 @@ class AllPairs:
         return cls(reachability, np.stack([each.waypoints for each in found]))
 
     def link(self, source: int, target: int, p: float, *, may_reverse: bool = True) -> EdgeCandidate:
-        """Return an edge with probability p, along the reversed edge back if that has the higher r."""
+        """Return an edge with probability p; it is driven in reverse, if the edge back has the higher r."""
         if may_reverse and self.reachability[target, source] > self.reachability[source, target]:
             return EdgeCandidate(target, source, p, self.waypoints[target, source]).reversed()
         return EdgeCandidate(source, target, p, self.waypoints[source, target])
@@ -102,7 +102,8 @@ def surest_links(links: Iterable[EdgeCandidate], *, both_directions: bool) -> li
 
 
 def cheapest_from_each(costs: NDArray[np.float64], count: int, *, below: float = np.inf) -> list[tuple[int, int]]:
-    """Return, for each of N nodes, the `count` edges to other nodes with the least cost (N, N), if it is `below`."""
+    """Return, for each of N nodes, the `count` edges to other nodes with the least costs (N, N) that are less than
+    `below`."""
     edges = []
     for node, row in enumerate(costs):
         best = [int(other) for other in np.argsort(row, kind="stable") if other != node and row[other] < below]
@@ -111,7 +112,7 @@ def cheapest_from_each(costs: NDArray[np.float64], count: int, *, below: float =
 
 
 def has_no_waypoint(waypoints: Waypoint) -> NDArray[np.bool_]:
-    """Return a mask (N,) of the images without a waypoint, which the network did not compare in full."""
+    """Return a mask (N,) of the images without a waypoint, which the predictor did not compare in full."""
     return np.asarray(~waypoints.any(axis=-1))
 
 

@@ -55,7 +55,7 @@ class BayesianEdges(NoMaintenance):
         )
 
     def _edges_beside(self, graph: TopologicalGraph, driven: EdgeKey) -> Iterator[EdgeKey]:
-        """Yield the other edges from the same room to the same other room."""
+        """Yield the other edges between the same two rooms, in the same direction."""
         if self.room_of is None:
             return
         rooms = self._rooms(driven)

@@ -1,4 +1,4 @@
-"""The registry entry of LTVN, the paper's own system, which is implemented in `ltvn_core.graph.ltvn`."""
+"""The registry entry of LTVN, the paper's own system. `ltvn_core.graph.ltvn` implements the system."""
 
 from ltvn_core.graph.ltvn import ltvn_system
 from ltvn_core.systems.entry import SystemEntry

@@ -144,7 +144,8 @@ def _build(
 
 
 def sparsify(reach: Reach, first: int, last: int, goals: Collection[int] = ()) -> list[int]:
-    """Return the anchors from one image of a tour to another, each the last image surely reachable from the one before.
+    """Return the anchors from one image of a tour to another; each is the last image that is surely reachable from the
+    previous anchor.
 
     Goals are also anchors.
     """
@@ -235,7 +236,7 @@ class AnchorMap:
     def _reachable_windows(
         self, pairs: Sequence[tuple[int, int]]
     ) -> Iterator[tuple[tuple[int, int], float, NDArray[np.float64]]]:
-        """Yield the pairs whose windows are surely reachable, with the least r in the window and the waypoint."""
+        """Yield the pairs whose windows are surely reachable, each with the least r in the window and the waypoint."""
         if not pairs:
             return
         middle, waypoints = self._reach(*zip(*pairs, strict=True))

@@ -54,7 +54,7 @@ class BayesFilter:
         """Return the node with the highest belief, except doubted ones."""
         nodes = prior.candidates(graph)
         matches = matcher.match(features, nodes)
-        # Their descriptors rank near nodes by distance; here the length of the waypoint does, because r saturates.
+        # PlaceNav ranks near nodes by its descriptors; here the waypoint's length ranks them, because r saturates.
         unlikeness = doubt(matches.reachability) + np.minimum(matches.distances, _FAR)
         if not prior.plan:
             self._belief = None

@@ -22,7 +22,7 @@ DEFAULT_SYSTEM = "ltvn"
 """The default system, also for maps and recordings that name none."""
 
 OWN_SYSTEMS = ("ltvn", "sptm", "ving", "meng", "sgm", "sorb", "htm", "brm", "placenav")
-"""The systems of this package in the order of tables."""
+"""The systems of this package, in the order in which tables list them."""
 
 
 def system_names() -> tuple[str, ...]:

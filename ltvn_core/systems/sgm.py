@@ -61,7 +61,7 @@ def sgm_system(method: Method) -> NavigationSystem:
         method=scaled,
         build=partial(_build, method=scaled),
         edge_weight=hop_cost,
-        localise=NearestInTime(),  # Without a limit.
+        localise=NearestInTime(),  # Localisation has no limit of distance.
         subgoal=choose_first_node,
         maintenance=DeleteOnFailure() if method.maintain else NoMaintenance(),
     )

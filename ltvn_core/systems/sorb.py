@@ -64,7 +64,8 @@ def sorb_system(method: Method) -> NavigationSystem:
 
 
 def choose_goal_if_nearer(path: Sequence[NodeId], reachability: Callable[[NodeId], float]) -> int:
-    """Choose the goal itself if it is predicted within MAXDIST and no farther than the first node, else that node."""
+    """Choose the goal itself if it is predicted within MAXDIST and not farther than the first node; otherwise the first
+    node."""
     goal = reachability(path[-1])
     nearer = goal >= reachability_of_steps(MAX_STEPS) and goal >= reachability(path[1])
     return len(path) - 1 if nearer else 1

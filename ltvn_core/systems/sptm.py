@@ -41,11 +41,11 @@ MIN_STEPS_APART = 5
 MEDIAN_WINDOW = 10
 """Number of pairs before and after a pair in the median that is its score."""
 MAX_NODES_AHEAD = 7
-"""Largest number of nodes ahead on the path to the subgoal."""
+"""Largest number of nodes from the robot's node to the subgoal on the path."""
 MIN_REACHABILITY, MIN_REACHABILITY_ON_PATH = 0.95, 0.7
 """Least r of a subgoal and of the node at which the robot is localised; the second value holds on the last path."""
 NEAREST_COUNT = 5
-"""Number of best nodes whose median in time localises the robot if the last path does not."""
+"""Number of best nodes whose median in time gives the robot's node, if none on the last path is near enough."""
 
 
 def sptm_system(method: Method) -> NavigationSystem:
@@ -100,9 +100,9 @@ def _build(
 
 
 def select_shortcuts(reachability: NDArray[np.float32]) -> Iterator[tuple[int, int]]:
-    """Yield the closest pairs of N images that are far apart in time, the best first.
+    """Yield the pairs of N images with the highest scores that are far apart in time, the best first.
 
-    The higher r of both directions in `reachability` (N, N) counts, because an edge back is driven in reverse. A true
+    The higher r of both directions in `reachability` (N, N) counts, because the edge back is driven in reverse. A true
     match remains one when both images advance together, so the score is a median along the diagonal.
     """
     both = np.maximum(reachability, reachability.T)
@@ -118,7 +118,7 @@ def select_shortcuts(reachability: NDArray[np.float32]) -> Iterator[tuple[int, i
 
 
 def _both_ways(pairs: Sequence[tuple[int, int]], features: Features, predictor: Predictor) -> Iterable[EdgeCandidate]:
-    """Yield the links of each pair in both directions, along the waypoint with the higher r."""
+    """Yield the links of each pair in both directions, with the waypoint of the direction that has the higher r."""
     if not pairs:
         return
     first, second = np.array(pairs).T

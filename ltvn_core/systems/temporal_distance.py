@@ -1,6 +1,7 @@
 """Temporal distance: r = exp(-steps / TAU), where a step is from one image of a drive to the next.
 
-Owns that scale, localisation by it, and the thresholds of the navigator on it. Each system has its own edges and paths.
+Owns this scale, localisation by temporal distance, and the navigator's thresholds in steps. The edges and paths belong
+to each system.
 """
 
 import math
@@ -18,7 +19,7 @@ from ltvn_core.network.training_data.temporal_rules import TAU_STEPS
 from ltvn_core.types import Features
 
 EDGE_STEPS = 8.0
-"""Largest predicted distance in steps of an edge in ViNG; other systems scale their limits by it."""
+"""Largest predicted temporal distance of an edge in ViNG, in steps; other systems scale their limits by it."""
 
 
 def reachability_of_steps(steps: float) -> float:
@@ -46,7 +47,7 @@ class NearestInTime:
     def __call__(
         self, features: Features, graph: TopologicalGraph, prior: LocalisationPrior, matcher: Matcher
     ) -> Localisation:
-        """Find that node among all except doubted ones."""
+        """Return that node; doubted nodes are left out."""
         matches = matcher.match(features, prior.candidates(graph))
         steps = temporal_distances(matches.reachability)
         near = (steps <= self.within_steps) & np.isfinite(matches.distances)
@@ -54,7 +55,7 @@ class NearestInTime:
 
 
 def with_step_thresholds(method: Method) -> Method:
-    """Return the method with the navigator's thresholds of r converted to temporal distances of an edge."""
+    """Return the method with thresholds of the navigator that fit r of temporal distances."""
     edge = reachability_of_steps(EDGE_STEPS)
     driving = replace(
         method.driving,
@@ -64,7 +65,7 @@ def with_step_thresholds(method: Method) -> Method:
     judging = replace(
         method.judging, success_reachability=edge, arrive_reachability=reachability_of_steps(EDGE_STEPS / 2)
     )
-    # A failure should weigh as much against edges of several steps as it does against edges of a metre.
+    # A failure should count as much for edges of several steps as it does for edges of a metre.
     penalty = method.planning.failure_penalty * EDGE_STEPS
     return replace(
         method,

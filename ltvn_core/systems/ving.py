@@ -1,9 +1,9 @@
 """ViNG (Shah et al. 2021) as the paper ran it: all images, directed edges weighted with predicted temporal distance.
 
 Owns its rules for edges. Its network predicts r = exp(-steps / TAU), and images at most `EDGE_STEPS` apart are joined.
-If the method compares both directions, an edge may also be another one driven in reverse. The map does not change while
-driving. The pose estimator and the controller are the same as in all systems; only their thresholds of r are converted
-to steps.
+If the method compares both directions, an edge can also be the edge of the other direction, driven in reverse. The map
+does not change while driving. The pose estimator and the controller are the same as in all systems; only their
+thresholds of r are converted to steps.
 """
 
 from collections.abc import Collection, Iterator, Sequence
@@ -76,7 +76,7 @@ def _build(
 def _close_candidates(
     k: int, found: Prediction, features: Features, predictor: Predictor, *, is_followed: bool
 ) -> Iterator[EdgeCandidate]:
-    """Yield the links from image k to the images predicted near, and to the next image, which is one step away.
+    """Yield the links from image k to all images that are predicted near it, and to the next image, one step away.
 
     `is_followed` tells whether the drive continued after image k.
     """

@@ -1,6 +1,6 @@
-"""The verbs of the command line, one module of options each; `jobs` has what they do, a module each.
+"""The verbs of the command line. Each module here holds the options of a verb; the modules in `jobs` do the work.
 
-Modules of options import nothing heavy, so that `ltvn --help` answers at once. Modules of jobs import plainly, and
-`Verb.run` imports the one that is needed, so that a verb works on a machine that lacks what it does not need (PyBullet
-for a replay, for instance). Composition happens in the jobs; the parts know nothing of each other.
+Option modules import no large library, so that `ltvn --help` answers at once. `Verb.run` imports only the job module of
+the verb, so that a verb works on a machine without the libraries of the others (a replay does not need PyBullet, for
+instance). The job modules combine the parts of the toolkit, which do not depend on each other.
 """

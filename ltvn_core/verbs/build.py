@@ -1,4 +1,4 @@
-"""`ltvn build`: a recording becomes a map, or several of one place do."""
+"""`ltvn build`: makes a map from one recording, or from several of the same place."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,8 +18,8 @@ class BuildVerb(Verb):
     job = "ltvn_core.verbs.jobs.build:build_map"
 
     recordings: Positional[tuple[Path, ...]]
-    """The recording to build from; or several drives of one place, on other days, from other starts. Name the parts of
-    one run in the order in which they were driven."""
+    """The recordings to build from: one, or several drives of one place on other days or from other starts. Name the
+    parts of one run in the order in which they were driven."""
     output: Path
     """The map to write; must not exist yet."""
     preset: Literal["robust", "paper"] = "robust"
@@ -33,7 +33,7 @@ class BuildVerb(Verb):
     weights: Path | None = None
     """Weights to use instead of those that come with the system."""
     goals: tuple[int, ...] = ()
-    """Images, by their frame numbers, that must be nodes because you will want to go there; those that nothing
-    recognises are tied in by odometry, and which the map does not hold all the same is said at once."""
+    """Images, by their frame numbers, that must become nodes, because you will want to drive to them. If no other image
+    recognises one, odometry joins it to the map; the command reports those that the map still does not hold."""
     seed: int = 0
-    """Draws the order in which images are sampled."""
+    """Seed of the order in which images are sampled."""

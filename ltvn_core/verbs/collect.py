@@ -20,18 +20,18 @@ class CollectVerb(Verb):
     loops: int = 2
     """Number of rounds of the mapping drive."""
     seed: int = 0
-    """Draws the start, the order of rooms and the odometry noise."""
+    """Seed of the start, the order of rooms and the odometry noise."""
     distance_noise: float = 0.02
-    """Standard deviation of odometry's error in distance, as a share of the distance."""
+    """Standard deviation of the odometry error in distance, as a share of the distance."""
     angle_noise: float = 0.01
-    """Standard deviation of odometry's error in angle, as a share of the angle."""
+    """Standard deviation of the odometry error in angle, as a share of the angle."""
     body: BodyOption = "auto"
     robot: str | None = None
-    """Record what a robot of your own sees while you drive it by its own controls: an installed robot's name,
+    """Record the images of your own robot while you drive it by its own controls: the name of an installed robot,
     path/to/file.py:factory, or PROFILE@ADDRESS (ROS 2)."""
     seconds: float = 0.0
-    """With --robot: end after this number of seconds; 0 is until Ctrl-C."""
+    """With --robot: end after this time, in seconds; 0 records until Ctrl-C."""
 
     def run(self) -> Summary:
-        """Tour the scene, or watch a robot of one's own; raises OptionError, RobotError, SceneError, RecordingError."""
+        """Tour the scene, or record your own robot; raises OptionError, RobotError, SceneError and RecordingError."""
         return do_job(self.job if self.robot is None else "ltvn_core.verbs.jobs.own_robot:collect_with", self)

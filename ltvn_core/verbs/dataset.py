@@ -1,4 +1,4 @@
-"""`ltvn dataset`: scenes become labelled image pairs on disk."""
+"""`ltvn dataset`: renders labelled image pairs of scenes and stores them."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,19 +8,19 @@ from ltvn_core.verbs.verb import Verb
 
 @dataclass(frozen=True, kw_only=True)
 class DatasetVerb(Verb):
-    """Render image pairs in scenes and label them as reachable or not; continues an interrupted call."""
+    """Render image pairs of scenes, and label them as reachable or not; continues after an interruption."""
 
     job = "ltvn_core.verbs.jobs.dataset:make_dataset"
 
     folder: Path = Path("data")
     """Folder of the shards, one file per scene."""
     scenes: tuple[str, ...] = ()
-    """Scenes by name or by the path of a mesh; none stands for those of training and validation."""
+    """Scenes by name or by the path of a mesh; by default those of training and validation."""
     clusters: int = 280
     """Clusters of eight images per scene; each gives 56 pairs within and about 28 with others."""
     processes: int = 2
-    """Scenes that are made at the same time."""
+    """Number of scenes that are rendered at the same time."""
     seed: int = 0
-    """Draws the poses."""
+    """Seed of the poses."""
     part: str = ""
-    """Only a share of the scenes, as 3/16 is the third of sixteen; for arrays of jobs."""
+    """Only a share of the scenes, for arrays of jobs; 3/16 is the third of sixteen."""

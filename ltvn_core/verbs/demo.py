@@ -1,4 +1,4 @@
-"""The whole main job without a browser: collect, build, navigate with maintenance, record. Part of `ltvn demo`."""
+"""The complete workflow without a browser: collect, build, navigate with maintenance, record. Part of `ltvn demo`."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,7 +18,7 @@ class HeadlessDemoVerb(Verb):
     queries: int = 20
     """Number of random goals to drive to."""
     seed: int = 0
-    """Draws tour, noise, map and goals."""
+    """Seed of tour, noise, map and goals."""
     scene: str = "demo"
     """A scene by name (a wrong one lists the right ones), or the path of a mesh or of a Gibson folder."""
     loops: int = 2
@@ -35,8 +35,9 @@ class HeadlessDemoVerb(Verb):
     map: Path | None = None
     """Also save the final map here."""
     stream: int | None = None
-    """Port on 127.0.0.1 at which a Rerun viewer can watch while the recording is written: `ltvn view` the address."""
+    """Port on 127.0.0.1 for a Rerun viewer to watch the recording while it is written; open it with `ltvn view` and the
+    printed address."""
 
     story: bool = False
-    """Instead of random goals: close a door on the planned path, and tell what the map learns. In the demo apartment by
-    its ready-made map."""
+    """Instead of driving to random goals, close a door on the planned path and show what the map learns. The demo
+    apartment uses its ready-made map."""

@@ -1,8 +1,8 @@
-"""Which verbs there are, and what `ltvn` and `ltvn --help` print of them: where to begin, and all verbs in groups.
+"""Finds the installed verbs, and makes the text of `ltvn` and `ltvn --help`: first steps, then all verbs in groups.
 
-Verbs are the plug-ins `name = "package.module:VerbClass"` of the entry-point group `ltvn.verbs`. Ours are found the
-same way as other people's, so the core needs no import of the page to offer its verbs. Owns the groups and the order in
-which they are shown.
+Verbs are plug-ins, `name = "package.module:VerbClass"`, of the entry-point group `ltvn.verbs`. The toolkit's own verbs
+are found in the same way as those of other packages, so that the core does not import the page. Owns the groups and
+their order.
 """
 
 import shutil
@@ -29,9 +29,9 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
         "plant",
     ),
 }
-"""Headings of the help and the verbs under each, as a first-time user needs them."""
+"""Headings of the help, and the verbs below each, in the order that helps a new user."""
 FIRST_SHOWN = tuple(name for names in GROUPS.values() for name in names)
-"""The order in which verbs are shown. Verbs that are not named here follow by name."""
+"""Order in which verbs are shown. Verbs that are not in this list follow in alphabetical order."""
 
 
 def find_verbs() -> dict[str, Plugin]:
@@ -71,7 +71,7 @@ _INDENT = 18
 
 
 def overview(verbs: Mapping[str, type[Verb]]) -> str:
-    """Return the help of all verbs, in groups; verbs of other packages have the last one."""
+    """Return the help of all verbs in groups; verbs of other packages are in the last group."""
     known = {name for names in GROUPS.values() for name in names}
     groups = {**GROUPS, _OTHERS: tuple(name for name in verbs if name not in known)}
     parts = ["usage: ltvn [-h] [--version] VERB [OPTIONS]", DESCRIPTION]
@@ -84,7 +84,7 @@ def overview(verbs: Mapping[str, type[Verb]]) -> str:
 
 
 def _row(name: str, verb: type[Verb]) -> str:
-    """Return a verb's name and the first paragraph of what it says of itself."""
+    """Return a verb's name and the first paragraph of its description."""
     first = (verb.__doc__ or "").strip().partition("\n\n")[0]
     width = min(shutil.get_terminal_size().columns, _WIDEST)
     return textwrap.fill(

@@ -14,46 +14,49 @@ from ltvn_core.verbs.verb import Verb
 
 @dataclass(frozen=True, kw_only=True)
 class ProtocolOptions(Verb):
-    """Options shared by the verbs that test a method as the paper does."""
+    """Options shared by the verbs that test a method by the paper's protocol."""
 
     renamed: ClassVar[Mapping[str, str]] = {"--workers": "parallel processes are --processes N in all verbs"}
 
     scene: tuple[str, ...] = ("demo",)
     """Scenes by name (a wrong one lists the right ones), or paths of meshes or of Gibson folders."""
     seed: tuple[int, ...] = (0,)
-    """Draws drive, noise, map, goals and episodes; several are run one after the other."""
+    """Seeds of drive, noise, map, goals and episodes; several seeds are run one after the other."""
     preset: Literal["robust", "paper"] = "robust"
     """The navigator's settings: robust is ours, paper is the literal method."""
     without: tuple[str, ...] = ()
-    """Parts to switch off: merging, pruning, expansion, fine-tuning; or our departures from the paper in one respect:
-    our-matching, our-building, our-localising, our-planning, our-driving, our-judging, our-believing, our-expanding,
-    our-recovering; or one departure by its name in config.py, for instance driving.swerve."""
+    """Parts of the method to switch off. One of the paper's parts: merging, pruning, expansion, fine-tuning. Or all our
+    changes to one step of the paper's method: our-matching, our-building, our-localising, our-planning, our-driving,
+    our-judging, our-believing, our-expanding, our-recovering. Or one of our changes by its name in config.py, for
+    instance driving.swerve."""
     predictor: PredictorName = AUTO
     """Predictor that compares images: the trained network, which auto uses, or another by name."""
     weights: Path | None = None
     """Weights to start from instead of the shipped ones."""
     finetune_steps: int = 40
-    """Steps of fine-tuning on the mapping drive."""
+    """Number of steps of fine-tuning on the mapping drive."""
     loops: int = 3
-    """Rounds of the mapping drive."""
+    """Number of rounds of the mapping drive."""
     goals: int = 10
-    """Goal images."""
+    """Number of goal images."""
     step_limit: int | None = None
-    """Control steps after which an episode failed; by default the paper's, 1,000 below 100 m2 and 2,000 above."""
+    """Number of control steps after which an episode has failed; by default as in the paper, 1,000 in scenes below 100
+    m2 and 2,000 above."""
     conditions: tuple[ConditionName, ...] = ()
-    """Harder conditions, for all systems alike: slip (the wheels slip, in the mapping drive and the episodes),
-    one-loop (the mapping drive is one round), half-light (the map is made in full light and driven in half of it)."""
+    """Harder conditions, the same for all systems. slip: the wheels slip, in the mapping drive and in the episodes.
+    one-loop: the mapping drive is one round. half-light: the map is made in full light, and the episodes have half of
+    it."""
     body: BodyOption = "auto"
     folder: Path = Path("runs/evaluation")
     """Folder of drives, weights, maps and results; the next call continues from them."""
     processes: int | None = None
-    """Processes to run side by side; by default as many as there are cores."""
+    """Number of processes; by default one per core."""
     cluster: str | None = None
-    """A cluster instead: ray://HOST:PORT or tcp://HOST:PORT (Dask) that is running, or local:N, which starts N workers
-    of Dask here; all machines must see the folder."""
+    """Run on a cluster instead: ray://HOST:PORT, tcp://HOST:PORT (a running Dask cluster), or local:N, which starts N
+    Dask workers on this machine. All machines must have access to the folder."""
     part: str = ""
-    """Only a share of the work, as 3/16 is the third of sixteen: for arrays of jobs that know nothing of each other.
-    Once all have run, in one folder or copied into one, the command without it sums up."""
+    """Only a share of the work, for arrays of independent jobs; 3/16 is the third of sixteen. When all parts have run,
+    in one folder or copied into one, run the command without this option to sum up."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,7 +75,7 @@ class EvaluateVerb(ProtocolOptions):
     episodes: int = 500
     """Random episodes for each scene and seed."""
     perturb: tuple[str, ...] = ()
-    """Faults of the robot's camera in the episodes, all at once: one or several of blur, exposure, flare,
+    """Faults of the robot's camera in the episodes, all at the same time: one or several of blur, exposure, flare,
     depth-holes, lens, noise, white-balance, jpeg, dropped-frames, or all. The map is built with a good camera."""
     record_failures: int = 0
-    """Number of failed episodes of each scene and seed to run again and record, for `ltvn replay`."""
+    """Number of failed episodes per scene and seed that are run again and recorded, for `ltvn replay`."""

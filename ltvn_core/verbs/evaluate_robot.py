@@ -12,19 +12,19 @@ from ltvn_core.verbs.verb import Verb
 
 @dataclass(frozen=True, kw_only=True)
 class EvaluateRobotVerb(Verb):
-    """Test what a robot of your own learns, in real time: episodes without maintenance, queries with it, and the same
+    """Test what your own robot learns, in real time: episodes without maintenance, queries with it, and the same
     episodes again."""
 
     job = "ltvn_core.verbs.jobs.robot_evaluation:evaluate_robot"
 
     robot: Positional[str]
-    """An installed robot's name, path/to/file.py:factory, or PROFILE@ADDRESS (ROS 2)."""
+    """The robot: the name of an installed one, path/to/file.py:factory, or PROFILE@ADDRESS (ROS 2)."""
     map: Path
-    """The map of the place that it is in; it is read, never changed."""
+    """The map of the robot's surroundings; it is read, never changed."""
     episodes: int = 20
-    """Random episodes before the queries, and again after them."""
+    """Number of random episodes before the queries; the same ones follow after the queries."""
     queries: int = 30
-    """Queries with maintenance between the episodes."""
+    """Number of queries with maintenance, between the episodes."""
     preset: Literal["robust", "paper"] = "robust"
     """The method's settings: robust is ours, paper is the literal method."""
     predictor: PredictorName = AUTO
@@ -32,6 +32,6 @@ class EvaluateRobotVerb(Verb):
     weights: Path | None = None
     """Weights to use instead of those that come with the map's system; must be those that built the map."""
     seed: int = 0
-    """Draws goals."""
+    """Seed of the goals."""
     folder: Path = Path("runs/evaluation/robot")
     """Folder of episodes, recordings and maps; the next call continues from them."""

@@ -1,4 +1,4 @@
-"""`ltvn guard`: lets only fresh commands through to a robot's wheels."""
+"""`ltvn guard`: forwards only fresh commands to a robot's wheels."""
 
 from dataclasses import dataclass
 
@@ -9,10 +9,11 @@ from ltvn_core.verbs.verb import Verb
 
 @dataclass(frozen=True, kw_only=True)
 class GuardVerb(Verb):
-    """Stand between whoever drives and a robot's wheels, on the robot's own computer, until interrupted.
+    """Run a watchdog on the robot's own computer, between the driver and the wheels, until interrupted.
 
     Forwards fresh commands from the profile's guard topic to its command topic, within its limits of speed and
-    acceleration. On silence of 0.2 s it sends one zero, and then wants a stop before it lets anybody drive again.
+    acceleration. After 0.2 s without commands it sends one zero; then the driver must send a stop before it may drive
+    again.
     """
 
     job = "ltvn_core.verbs.jobs.guard:guard_robot"
@@ -20,5 +21,5 @@ class GuardVerb(Verb):
     robot: Positional[str]
     """PROFILE@ADDRESS, as in turtlebot4@tcp/127.0.0.1:7447."""
     depth_stop: float | None = None
-    """Refuse to drive forward where the depth image shows an obstacle within this many metres before the body, or
-    nothing."""
+    """Refuse to drive forward if the depth image shows an obstacle within this distance of the body, in metres, or if
+    there is no depth image."""

@@ -1,4 +1,4 @@
-"""`ltvn import`: somebody else's drive becomes a recording."""
+"""`ltvn import`: converts a drive in another format to a recording."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +11,7 @@ from ltvn_core.verbs.verb import Verb
 
 @dataclass(frozen=True, kw_only=True)
 class ImportVerb(Verb):
-    """Make a recording of a drive in another format: a bag, a data set, a folder of pictures."""
+    """Convert a drive in another format to a recording: a bag, a data set, or a folder of images."""
 
     job = "ltvn_core.verbs.jobs.import_drive:import_recording"
 
@@ -20,9 +20,9 @@ class ImportVerb(Verb):
     output: Path
     """The recording to write; must not exist yet."""
     format: str = "auto"
-    """The reader to use; auto finds out, and a wrong name lists those there are."""
+    """The reader to use; auto detects the format, and a wrong name lists all readers."""
     rgb: str | None = None
-    """Topic, key or list of the colour images, where the reader finds the wrong one or several."""
+    """Topic, key or list of the colour images, if the reader finds none or several."""
     depth: str | None = None
     """Topic, key or list of the depth images; "none" leaves them out."""
     odometry: str | None = None
@@ -30,22 +30,23 @@ class ImportVerb(Verb):
     camera_info: str | None = None
     """Topic, key or file of the camera's description."""
     camera: str | None = None
-    """The lens: fx,fy,cx,cy,width,height and where it is distorted k1,k2,p1,p2,k3; or a camera.json, which
-    may say "fisheye": true, and by depth_scale the unit of depth."""
+    """The lens: fx,fy,cx,cy,width,height, followed by k1,k2,p1,p2,k3 if it is distorted. Or a camera.json, which can
+    also contain "fisheye": true, and the unit of depth as depth_scale."""
     fov: float | None = None
-    """Horizontal field of view in degrees, where nothing else is known of the lens."""
+    """Horizontal field of view in degrees, if nothing else is known about the lens."""
     height: float | None = None
     """Height of the camera above the floor in metres."""
     pitch: float | None = None
     """Pitch of the camera in degrees; negative looks down."""
     odometry_from: Literal["auto", "source", "truth", "none"] = "auto"
-    """Source of the recorded odometry: the source's own, the true poses, or none; auto is the first that exists."""
+    """Source of the recorded odometry: the drive's own (source), the true poses, or none; auto is the first that
+    exists."""
     every_m: float = 0.1
-    """Keep an image after this distance by odometry, in metres; with 0 for this and --every-deg, all are kept. Without
-    odometry an image is kept where the picture has changed."""
+    """Distance by odometry after which an image is kept, in metres; if this and --every-deg are 0, all images are kept.
+    Without odometry, images are kept when the picture changes."""
     every_deg: float = 8.0
-    """Keep an image after this turn by odometry, in degrees."""
+    """Turn by odometry after which an image is kept, in degrees."""
     rate: float | None = None
-    """Images a second, for formats without stamps."""
+    """Rate of images per second, for formats without stamps."""
     scene: str = ""
-    """Name of the place in the recording; by default real: and the source's name."""
+    """Name of the place in the recording; by default "real:" and the name of the source."""

@@ -1,4 +1,4 @@
-"""`ltvn measure`: the constants of Eq. 3 and Eq. 4, and the errors behind them, from simulated drives."""
+"""`ltvn measure`: measures the constants of Eq. 3 and Eq. 4, and the errors behind them, in simulated drives."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,7 +10,7 @@ from ltvn_core.verbs.option_types import PredictorName
 from ltvn_core.verbs.verb import Verb
 
 IMAGES_PER_SCENE = 150
-"""Images of the drive through each scene: more than a hundred thousand ordered pairs in six."""
+"""Number of images of the drive through each scene; six scenes give more than a hundred thousand ordered pairs."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,22 +24,23 @@ class MeasureVerb(Verb):
     weights: Path | None = None
     """Weights to measure instead of the shipped ones."""
     preset: Literal["robust", "paper"] = "robust"
-    """The method that drives and judges."""
+    """The method's settings for driving and judging."""
     attempts: int = 200
-    """Edges to drive in all: half of them exist, half do not, or fewer where the network is hard to mislead."""
+    """Number of edges to drive in total: half of them exist and half do not, or fewer if the network is hard to
+    mislead."""
     images: int = IMAGES_PER_SCENE
-    """Images of the drive through each scene."""
+    """Number of images of the drive through each scene."""
     seed: int = 0
-    """Draws drives, edges, starts and odometry noise."""
+    """Seed of drives, edges, starts and odometry noise."""
     scenes: tuple[str, ...] = TEST_SCENES
-    """Scenes to drive in; the default ones no weights have learned from or were chosen by."""
+    """Scenes to drive in; by default scenes that were not used to train or choose any weights."""
     body: BodyOption = "auto"
     folder: Path | None = None
     """Folder for the measurement of each scene, so that a stopped measurement can continue and parts can be
     combined.
     """
     part: str = ""
-    """Only a share of the scenes, as 3/16 is the third of sixteen; for arrays of jobs. The last one sums up."""
+    """Only a share of the scenes, for arrays of jobs; 3/16 is the third of sixteen. The last part to finish sums up."""
     write: bool = False
-    """Write the result into the weights' card, or beside the geometric predictor, from where the method takes its
-    constants."""
+    """Write the result into the weights' card, or into the file of the geometric predictor, so that the method uses
+    it."""

@@ -31,7 +31,7 @@ class NavigateSummary:
     predictor: str
     """Predictor that compared the images."""
     map: Path | None
-    """The map after all queries, if it was asked for."""
+    """The map after all queries; None if it was not saved."""
     nodes: int
     """Number of nodes in the map at the end."""
     edges: int
@@ -41,14 +41,14 @@ class NavigateSummary:
 
 @dataclass(frozen=True, kw_only=True)
 class NavigateOptions(Verb):
-    """Drive to one goal or to several by a saved map, with the navigation system that built it and as it maintains."""
+    """Drive to one or several goals by a saved map, with the navigation system and the maintenance of the map."""
 
     map: Positional[Path]
-    """The map to drive by; it is read, never changed."""
+    """The map to drive by; the file is never changed."""
     recording: Path
-    """The recording to write; it begins with the map, so it stands alone. Must not exist yet."""
+    """The recording to write; it contains the map, so that it is complete on its own. Must not exist yet."""
     output: Path | None = None
-    """The map after all queries, with what it learned; must not exist yet."""
+    """File for the map after all queries; must not exist yet."""
     goal: int | None = None
     """The node to go to, by its number; a random one if not given."""
     queries: int = 1
@@ -56,27 +56,28 @@ class NavigateOptions(Verb):
     preset: Literal["robust", "paper"] = "robust"
     """The method's settings: robust is ours, paper is the literal method."""
     maintenance: MaintenanceName | None = None
-    """How driving updates the map; by default as its system does. static: nothing; paper, robust: beliefs and
-    pruning as in that preset; brm: BRM's posterior, which prunes nothing; brm-rooms: the same of ways between rooms;
-    persistent: also what is open at which time; truth: what the simulator knows."""
+    """How driving updates the map; by default as in the map's system. static: not at all; paper, robust: beliefs and
+    pruning of that preset; brm: the posterior of BRM, which prunes nothing; brm-rooms: the same for connections between
+    rooms; persistent: also learns when edges are open; truth: ground truth of the simulator."""
     world: str | None = None
-    """Drive in a world that changes: static, doors, daily, telegraph, moving, light, people, all, several of them
-    (doors+moving), or a JSON file with a script. A goal may be out of reach then."""
+    """Drive in a changing world: static, doors, daily, telegraph, moving, light, people, all, several of them
+    (doors+moving), or a JSON file with a script. Some goals may then be impossible to reach."""
     predictor: PredictorName = AUTO
     """Predictor that compares images; must be the one that built the map, which auto finds."""
     weights: Path | None = None
     """Weights to use instead of those that come with the map's system; must be those that built the map."""
     seed: int = 0
-    """Draws the start, the noise and the goals."""
+    """Seed of the start, the noise and the goals."""
     body: BodyOption = "auto"
     robot: str | None = None
-    """Drive a robot of your own, from where it stands: an installed robot's name, path/to/file.py:factory, or
+    """Drive your own robot, from where it stands: the name of an installed robot, path/to/file.py:factory, or
     PROFILE@ADDRESS (ROS 2)."""
     stream: int | None = None
-    """Port on 127.0.0.1 at which a Rerun viewer can watch while the recording is written: `ltvn view` the address."""
+    """Port on 127.0.0.1 for a Rerun viewer to watch the recording while it is written; open it with `ltvn view` and the
+    printed address."""
 
     def open_map(self) -> "TopologicalMap":
-        """Open the map and say, before any drive, what it knows of the goal.
+        """Open the map, and report what it contains about the goal before the drive.
 
         Raises MapError, OptionError, RecordingError and WeightsError.
         """
@@ -92,7 +93,7 @@ class NavigateOptions(Verb):
     def finish(
         self, known: "TopologicalMap", run: "RunDescription", outcome: "QueriesSummary", wall_s: float
     ) -> NavigateSummary:
-        """Save the map as driving has changed it, if asked to, and sum up."""
+        """Save the map after the drive, if requested, and return the summary."""
         graph = known.graph
         if self.output is not None:
             run.save_map(self.output, graph, known.observations, origin=self.map)
@@ -107,7 +108,7 @@ class NavigateOptions(Verb):
         )
 
     def _check(self, graph: "TopologicalGraph") -> None:
-        """Raise MapError if the map lacks the goal and RecordingError if the output exists, before any drive."""
+        """Raise MapError if the map lacks the goal, and RecordingError if the output exists, before the drive."""
         from ltvn_core.atomic_files import require_new_path
 
         if self.goal is not None and self.goal not in graph.nodes and self.goal not in graph.reserve:
@@ -119,7 +120,7 @@ class NavigateOptions(Verb):
             _LOG.warning("%s has one node, so the robot goes nowhere; build a map of a longer drive.", self.map)
 
     def _tell_goal(self, known: "TopologicalMap") -> None:
-        """Say before any drive what the map knows of the goal. Raises MapError if that is not a node."""
+        """Report before the drive what the map contains about the goal. Raises MapError if the goal is not a node."""
         if self.goal is None:
             return
         (report,) = known.goal_reports([self.goal])
@@ -129,7 +130,7 @@ class NavigateOptions(Verb):
             _LOG.warning(report.finding)
 
     def settings(self, known: "TopologicalMap") -> dict[str, Any]:
-        """Say how the run was made, for the recording."""
+        """Return the settings of the run, for the recording."""
         return {
             "verb": "navigate",
             "system": known.system.name,
@@ -143,6 +144,6 @@ class NavigateOptions(Verb):
 
 @dataclass(frozen=True, kw_only=True)
 class NavigateVerb(NavigateOptions):
-    """Drive to one goal or to several by a saved map, with the navigation system that built it and as it maintains."""
+    """Drive to one or several goals by a saved map, with the navigation system and the maintenance of the map."""
 
     job = "ltvn_core.verbs.jobs.navigate:navigate"

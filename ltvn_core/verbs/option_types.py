@@ -1,4 +1,4 @@
-"""Options of several verbs: systems and predictors by name, as they are installed."""
+"""Types of options that several verbs use: installed systems and predictors by name."""
 
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
@@ -6,7 +6,7 @@ from ltvn_core.plugins import PREDICTORS, find_plugins
 from ltvn_core.systems.registry import system_names
 
 AUTO = "auto"
-"""The same value as in `ltvn_core.predictors.choice`, which would import numpy for every `--help`."""
+"""Same value as in `ltvn_core.predictors.choice`, which would import numpy for every `--help`."""
 
 if TYPE_CHECKING:
     SystemName: TypeAlias = str

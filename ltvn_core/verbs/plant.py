@@ -1,4 +1,5 @@
-"""`ltvn plant`: faults in a good map, and queries that meet them, for practice with the debugger and for its tests."""
+"""`ltvn plant`: puts faults into a good map, and runs queries that meet them, to practise with the debugger and to test
+it."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,9 +18,9 @@ FaultName = Literal["spurious-edge", "look-alike", "missing-edge"]
 
 @dataclass(frozen=True, kw_only=True)
 class PlantVerb(Verb):
-    """Plant faults in a simulated map and record a query that meets each: something to find for a debugger.
+    """Put faults into a simulated map, and record a query that meets each of them, as exercises for the debugger.
 
-    The map's reserve is left out, so that the map cannot be repaired with it.
+    The map's reserve is left out, so that maintenance cannot repair the map with it.
     """
 
     job = "ltvn_core.verbs.jobs.plant:plant_faults"
@@ -29,26 +30,25 @@ class PlantVerb(Verb):
     recording: Path
     """The recording to write; it begins with the faulty map. Must not exist yet."""
     fault: tyro.conf.UseAppendAction[tuple[FaultName, ...]] = ()
-    """Fault to plant; may be given several times. There is one query for each fault in the same order, so a fault that
-    is given twice is met twice. If not given, all three are planted and the first is met twice.
-    """
+    """Fault to insert; may be given several times. There is one query for each fault in the same order, so that a
+    repeated fault is met twice. By default, all three are inserted and the first is met twice."""
     edges: int = 1
-    """Number of spurious edges to plant, each with its own queries."""
+    """Number of spurious edges to insert, each with its own queries."""
     rounds: int = 1
-    """All queries are driven so often."""
+    """Number of times that all queries are driven."""
     maintenance: MaintenanceName | None = None
-    """How driving updates the map; by default as the navigation system of the map says."""
+    """How driving updates the map; by default as in the map's system."""
     steps: int = 80
-    """Control steps of 0.1 s that end a query."""
+    """Number of control steps of 0.1 s after which a query ends."""
     predictor: PredictorName = AUTO
     """Predictor that compares images; must be the one that built the map, which auto finds."""
     weights: Path | None = None
     """Weights to use instead of those that come with the map's system; must be those that built the map."""
     seed: int = 0
-    """Draws the noise."""
+    """Seed of the noise."""
     body: BodyOption = "auto"
 
     @property
     def kinds(self) -> tuple[FaultName, ...]:
-        """Faults that the queries meet, one after the other."""
+        """The faults that the queries meet, in order."""
         return self.fault or ("spurious-edge", "spurious-edge", "look-alike", "missing-edge")

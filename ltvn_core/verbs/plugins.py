@@ -1,4 +1,4 @@
-"""`ltvn plugins`: what packages add to the toolkit, whether it works, and a test of it."""
+"""`ltvn plugins`: lists the plug-ins of all packages, whether they work, and tests one of them."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,10 +10,10 @@ from ltvn_core.verbs.verb import Summary, Verb
 
 @dataclass(frozen=True, kw_only=True)
 class PluginsVerb(Verb):
-    """List what installed packages add to the toolkit, and whether it works; `ltvn plugins test NAME` tries one of it.
+    """List the plug-ins of installed packages and whether they work; `ltvn plugins test NAME` tests one of them.
 
-    A test opens the plug-in and looks at every point of its contract; a robot is looked at and not driven. It ends with
-    exit code 1 where a point is broken.
+    A test opens the plug-in and checks its whole contract; a robot is not driven. The exit code is 1 if the contract is
+    broken.
     """
 
     job = "ltvn_core.verbs.jobs.plugins:list_or_test"
@@ -21,10 +21,10 @@ class PluginsVerb(Verb):
     command: Positional[tuple[str, ...]] = ()
     """Without arguments, lists all plug-ins; `test NAME` tests one."""
     group: str = ""
-    """Where several groups have the name: the one meant, as in ltvn.predictors."""
+    """Group of the plug-in, such as ltvn.predictors, if several groups have one of that name."""
     weights: Path | None = None
     """Weights or card of the predictor that is tested, as in `ltvn plugins test onnx --weights gnm.toml`."""
 
     def exit_code(self, summary: Summary) -> int:
-        """Fail where a plug-in breaks its contract."""
+        """Return 1 if a plug-in breaks its contract."""
         return int(not getattr(summary, "passed", True))

@@ -1,4 +1,4 @@
-"""`ltvn info | verify | repair`: look after recordings."""
+"""`ltvn info | verify | repair`: describe, check and repair recordings."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,7 +20,7 @@ class InfoVerb(Verb):
 
 @dataclass(frozen=True, kw_only=True)
 class VerifyVerb(Verb):
-    """Check that a recording is whole and finished; exits non-zero where it is not."""
+    """Check that a recording is complete and undamaged; the exit code is not zero if it is not."""
 
     job = "ltvn_core.verbs.jobs.recording_files:verify_recording"
 
@@ -30,13 +30,13 @@ class VerifyVerb(Verb):
 
 @dataclass(frozen=True, kw_only=True)
 class RepairVerb(Verb):
-    """Give back all whole frames and events of a cut, unfinished or damaged recording, in a new file."""
+    """Copy all complete frames and events of a cut, unfinished or damaged recording to a new file."""
 
     job = "ltvn_core.verbs.jobs.recording_files:repair_recording"
 
     recording: Positional[Path]
-    """The damaged .rrd file; it is left as it is."""
+    """The damaged .rrd file; it is not changed."""
     output: Path
-    """Where to write the repaired recording; must not exist yet."""
+    """File for the repaired recording; must not exist yet."""
     recording_id: str = ""
-    """Id of the recording to extract from a file with several, as `rerun rrd merge` makes it."""
+    """Id of the recording to extract from a file with several, as written by `rerun rrd merge`."""

@@ -1,4 +1,4 @@
-"""`ltvn report`: what an evaluation found, as one HTML page, as JSON, and as the tables of `docs/results.md`."""
+"""`ltvn report`: the results of an evaluation, as one HTML page, as JSON, and as the tables of `docs/results.md`."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,14 +15,15 @@ class ReportVerb(Verb):
     job = "ltvn_core.verbs.jobs.report:write_report"
 
     folder: Positional[Path]
-    """Folder of `ltvn evaluate` and `ltvn lifelong`; results are found in it and in all folders below."""
+    """Folder of `ltvn evaluate` and `ltvn lifelong`; results in its subfolders are also used."""
     output: Path = Path("report.html")
-    """The page to write, which needs no other file; the same as JSON goes beside it. An older report is replaced."""
+    """The page to write, a single file; a JSON file with the same results is written beside it. An older report is
+    replaced."""
     failures: int = 12
-    """Most failed episodes to show for each scene, method and stage."""
+    """Greatest number of failed episodes to show for each scene, method and stage."""
     page: Path | None = None
-    """A Markdown page whose tables and pictures are to be updated, such as docs/results.md."""
+    """A Markdown page in which tables and images are updated, such as docs/results.md."""
     images: Path = Path("docs/images/results")
-    """Folder of the figures of that page."""
+    """Folder for the figures of that page."""
     section: str = ""
-    """Part of that page: its marks begin with this word and a dash."""
+    """Section of that page: its markers begin with this word and a dash."""

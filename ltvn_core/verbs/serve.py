@@ -1,4 +1,4 @@
-"""`ltvn serve`: the simulated robot as a robot of ROS 2, in real time."""
+"""`ltvn serve`: offers the simulated robot as a robot of ROS 2, in real time."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,8 @@ from ltvn_core.verbs.verb import Verb
 
 @dataclass(frozen=True, kw_only=True)
 class ServeVerb(Verb):
-    """Show the simulated robot as one of ROS 2, until interrupted: images and odometry out, velocities in."""
+    """Offer the simulated robot as a robot of ROS 2, until interrupted: it publishes images and odometry, and obeys
+    velocity commands."""
 
     job = "ltvn_core.verbs.jobs.serve:serve_robot"
 
@@ -17,15 +18,16 @@ class ServeVerb(Verb):
     profile: str = "sim"
     """Profile with the robot's topics, size and limits: locobot, nav2, sim, stretch, turtlebot4, or a TOML file."""
     listen: str = ""
-    """Be the router at this address; tcp/127.0.0.1:7447 by default, and port 0 takes any free one."""
+    """Act as the router at this address; tcp/127.0.0.1:7447 by default. Port 0 chooses any free port."""
     connect: str = ""
-    """Join through the router at this address instead."""
+    """Connect to the router at this address instead."""
     width: int = 96
-    """Columns of its images; three quarters as many rows."""
+    """Width of the images in pixels; the height is three quarters of it."""
     world: str | None = None
     """Change the scene over time: static, doors, daily, moving, light, people, ..., or a JSON file."""
     start: tuple[float, float, float] | None = None
-    """Where it stands first: x and y in metres of the scene, and degrees from the x axis; else drawn by --seed."""
+    """First pose: x and y in metres of the scene, and the angle from the x axis in degrees; by default drawn by
+    --seed."""
     seed: int = 0
-    """Draws the start, the odometry noise and what changes in the world."""
+    """Seed of the start, the odometry noise and the changes of the world."""
     body: BodyOption = "auto"

@@ -1,4 +1,4 @@
-"""`ltvn train`: a dataset becomes weights with a card."""
+"""`ltvn train`: trains weights on a dataset, and writes a card for them."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,9 +19,9 @@ class TrainVerb(Verb):
     job = "ltvn_core.verbs.jobs.train:train_network"
 
     data: Path = Path("data")
-    """The folder of `ltvn dataset`; labelled pairs of the scenes to measure on are kept in `unseen` below it."""
+    """The folder of `ltvn dataset`; labelled pairs of the test scenes are stored in its subfolder `unseen`."""
     architecture: Literal["aligned-pairs", "stacked"] = "aligned-pairs"
-    """The network: tokens matched and aligned, or the paper's plain network over both images stacked."""
+    """The network: matches and aligns tokens of the two images, or the paper's plain network on both images stacked."""
     output: Path | None = None
     """The weights to write; a card is written beside them."""
     work: Path = Path("data/training")
@@ -29,20 +29,21 @@ class TrainVerb(Verb):
     minutes: float = 45.0
     """Time for training, in minutes."""
     steps: int | None = None
-    """Train for this number of steps instead: takes longer on a slower machine, but gives the same weights."""
+    """Train for this number of steps instead; takes longer on a slower machine, but gives the same weights."""
     processes: int | None = None
-    """Processes that train together: one for each graphics card, or without one, two of one thread each."""
+    """Number of processes that train together; by default one for each graphics card, or without one, two of one thread
+    each."""
     seed: int = 0
-    """Draws initial weights, batches and augmentation."""
+    """Seed of initial weights, batches and augmentation."""
     evaluate: bool = False
-    """Train nothing: measure weights that are there."""
+    """Do not train; measure existing weights."""
     weights: Path | None = None
     """With --evaluate: the weights to measure instead of the shipped ones."""
     stacked: Path | None = None
-    """With --evaluate: weights of a plain network to measure beside them, made with --architecture stacked."""
+    """With --evaluate: weights of a plain network, made with --architecture stacked, to measure for comparison."""
     scenes: tuple[str, ...] = TEST_SCENES
     """With --evaluate: the scenes to measure on, by name or by the path of a mesh."""
     clusters: int = CLUSTERS_PER_SCENE
-    """With --evaluate: clusters of labelled pairs in each scene."""
+    """With --evaluate: number of clusters of labelled pairs in each scene."""
     images: int = IMAGES_PER_DRIVE
-    """With --evaluate: images of the drive through each scene."""
+    """With --evaluate: number of images of the drive through each scene."""

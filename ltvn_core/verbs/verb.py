@@ -1,4 +1,4 @@
-"""Common parts of all verbs: the options of every verb and the form of a summary. Owns no job."""
+"""Common parts of all verbs: the options of every verb and the format of a summary. Contains no job."""
 
 import json
 from abc import ABC, abstractmethod
@@ -12,53 +12,54 @@ from typing import Any, ClassVar, Protocol
 from ltvn_core.errors import OptionError
 
 _SENTENCE = 60
-"""Longer texts of a list are sentences, and have a line of their own."""
+"""Length above which the texts of a list are sentences, each on a line of its own."""
 _LABELS = {"findings": "doubts"}
-"""A person reads the findings under the name that JSON has for their sentences."""
+"""Labels that differ from the name of the field: findings are shown as "doubts", like their sentences in JSON."""
 _LARGEST = 2**62
-"""Counts and numbers beyond this overflow in one library or another."""
+"""Greatest integer; larger ones overflow in some libraries."""
 _MOST = {"queries": 1_000_000, "episodes": 1_000_000, "goals": 100_000, "loops": 10_000, "processes": 10_000}
-"""Ten years of driving; more would only fill the memory before it begins."""
+"""Greatest value of each option, about ten years of driving; more would only fill the memory before the run begins."""
 _LAST_PORT = 65535
 
 
 class Summary(Protocol):
-    """The result of a verb: a frozen dataclass of plain values, readable by a person and by a program."""
+    """The result of a verb: a frozen dataclass of plain values, for people and for programs."""
 
     __dataclass_fields__: ClassVar[dict[str, Any]]
 
 
 class OwnWords(ABC):
-    """A summary that is read in another form than name by name, such as an answer."""
+    """A summary with its own text and JSON format, such as an answer, instead of a list of fields."""
 
     @abstractmethod
     def as_text(self) -> str:
-        """Return it for a person; empty if there is nothing to print."""
+        """Return the text for a person; empty if there is nothing to print."""
 
     @abstractmethod
     def as_json(self) -> dict[str, Any]:
-        """Return it for a program."""
+        """Return the JSON object for a program."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Verb:
-    """Base of all verbs: the options every one of them takes.
+    """Base class of all verbs, with the common options.
 
-    It imports nothing heavy, so that help comes at once.
+    It imports no large library, so that help is shown at once.
     """
 
     job: ClassVar[str] = ""
-    """The function that does the job with the options, as `package.module:function`; `run` imports its module."""
+    """The function that runs the job with the options, as `package.module:function`; `run` imports its module."""
     renamed: ClassVar[Mapping[str, str]] = {}
-    """Options that are gone, such as `--method`, and what to write instead."""
+    """Removed options, such as `--method`, and what to write instead."""
 
     json: Path | None = None
     """Write a machine-readable summary to this file; - is standard output."""
     debug: bool = False
-    """Show the traceback of a failure before its one line; the variable LTVN_DEBUG does it for every verb."""
+    """Show the traceback of an error before its message; the environment variable LTVN_DEBUG does the same for every
+    verb."""
 
     def check_options(self) -> None:
-        """Raise OptionError for numbers that no verb can do anything with; the command line asks before it runs one."""
+        """Raise OptionError for numbers that are invalid for every verb; the command line calls this before `run`."""
         for field in fields(self):
             value = getattr(self, field.name)
             for number in value if isinstance(value, tuple) else (value,):
@@ -66,22 +67,22 @@ class Verb:
                     _check_number(field.name, number)
 
     def run(self) -> Summary:
-        """Do the job and return its summary. Raises LtvnError."""
+        """Run the job and return its summary. Raises LtvnError."""
         return do_job(self.job, self)
 
     def exit_code(self, summary: Summary) -> int:
-        """Return the exit code that goes with a summary: 0, unless a verb is there to judge."""
+        """Return the exit code for a summary: 0, unless the verb checks something that can fail."""
         return 0
 
 
 def do_job(job: str, options: Verb) -> Summary:
-    """Import a job's module and do the job; the one place where verbs reach what they need. Raises LtvnError."""
+    """Import a job's module and run the job; all verbs load their libraries here. Raises LtvnError."""
     module, _, function = job.partition(":")
     return getattr(import_module(module), function)(options)
 
 
 def refuse_renamed(verb: type[Verb], given: Sequence[str]) -> None:
-    """Raise OptionError for an option that was renamed."""
+    """Raise OptionError if a renamed option was given."""
     for option in (each.partition("=")[0].replace("_", "-") for each in given):
         if option in verb.renamed:
             raise OptionError(f"There is no {option} any more: {verb.renamed[option]}.")
@@ -99,7 +100,8 @@ def _check_number(name: str, number: int) -> None:
 
 
 def to_json(summary: Summary) -> str:
-    """Write a summary as JSON; paths and enums become text, and findings stand there as `doubts` too, in one piece."""
+    """Return a summary as JSON; paths and enums become text, and findings also appear as complete sentences in
+    `doubts`."""
     if isinstance(summary, OwnWords):
         return json.dumps(summary.as_json(), default=_plain, indent=2)
     doubts = getattr(summary, "doubts", None)
@@ -108,7 +110,7 @@ def to_json(summary: Summary) -> str:
 
 
 def to_text(summary: Summary) -> str:
-    """Write a summary as aligned lines for a person."""
+    """Return a summary as aligned lines of text."""
     if isinstance(summary, OwnWords):
         return summary.as_text()
     rows = {_LABELS.get(field.name, field.name): getattr(summary, field.name) for field in fields(summary)}

@@ -14,6 +14,6 @@ class ViewVerb(Verb):
     job = "ltvn_core.verbs.jobs.recording_files:view_recording"
 
     recording: Positional[str]
-    """The .rrd file, or the address that a run with --stream says."""
+    """The .rrd file, or the address that a run with --stream prints."""
     port: int = 9090
-    """Port on 127.0.0.1; 0 takes a free one."""
+    """Port on 127.0.0.1; 0 chooses a free one."""

@@ -1,4 +1,4 @@
-"""Compares a robot's profile with the topics that its nodes declare, and names the line of the profile to change."""
+"""Compares a robot's profile with the topics that its nodes declare, and names the lines of the profile to change."""
 
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
@@ -18,21 +18,24 @@ _TYPE_LINES = {
     ("topics.depth", IMAGE): "camera.compressed_depth = false",
     ("topics.depth", COMPRESSED_IMAGE): "camera.compressed_depth = true",
 }
-"""Line of the profile for each other type that a topic may have."""
+"""Line of the profile that selects another type of a topic."""
 
 
 class _Wanted(NamedTuple):
-    """A topic of the robot in its profile."""
+    """A topic in the robot's profile."""
 
     line: str
-    """Name of the field."""
+    """Name of the topic's field in the profile."""
     topic: Topic
     role: Role = Role.PUBLISHES
-    """What the robot does with it."""
+    """Whether the robot publishes the topic or subscribes to it."""
 
 
 def declared_otherwise(profile: RobotProfile, declared: Iterable[Declared]) -> Iterator[Finding]:
-    """Yield the topics that no endpoint has as in the profile, with the lines that make them fit declared ones."""
+    """Yield a finding for topics of the profile that no node declares, with the lines of the profile to change.
+
+    Only topics that are similar to a declared one are reported.
+    """
     everything = list(declared)
     names: dict[str, list[str]] = {}
     for wanted in _wanted(profile):
@@ -45,7 +48,7 @@ def declared_otherwise(profile: RobotProfile, declared: Iterable[Declared]) -> I
 
 
 def _fewest_changes(wanted: _Wanted, found: Iterable[Declared]) -> str:
-    """Return the shortest list of lines, or several of the same length; empty if nothing declared is alike."""
+    """Return the smallest set of lines to change, or all sets of that size; empty if no declared topic is similar."""
     possible = [lines for each in found if (lines := _changes(wanted, each))]
     fewest = min(map(len, possible), default=0)
     return "; or ".join(sorted({", ".join(lines) for lines in possible if len(lines) == fewest}))
@@ -66,7 +69,7 @@ def _wanted(profile: RobotProfile) -> Iterator[_Wanted]:
 
 
 def _changes(wanted: _Wanted, found: Declared) -> list[str]:
-    """Return the lines that make a wanted topic fit a declared one; none if it is another topic."""
+    """Return the lines to change so that a topic of the profile matches a declared one; empty for another topic."""
     topic = wanted.topic
     type_line = _TYPE_LINES.get((wanted.line, found.type_name))
     if not _alike(topic.name, found.name) or (found.type_name != topic.type_name and type_line is None):
@@ -77,6 +80,6 @@ def _changes(wanted: _Wanted, found: Declared) -> list[str]:
 
 
 def _alike(one: str, other: str) -> bool:
-    """Tell whether two names differ at most in their namespace."""
+    """Tell whether two topic names are equal apart from their namespace."""
     tails = {name.split("/", 2)[-1] for name in (one, other)}
     return one.endswith(other) or other.endswith(one) or len(tails) == 1

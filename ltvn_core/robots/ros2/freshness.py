@@ -9,13 +9,13 @@ from ltvn_core.errors import RobotError
 from ltvn_core.robots.ros2.topic_keys import Attachment
 
 MOST_LATE_COMMAND_S = 0.2
-"""Latency above which a command is neither obeyed nor forwarded, relative to the quickest one, in seconds."""
+"""Greatest latency of a command that is obeyed or forwarded, relative to the quickest command, in seconds."""
 TAKE_OVER_S = 1.0
 """Silence of a sender after which another may take over its topic, in seconds."""
 _DRIFT = 1e-4
-"""Greatest relative drift of two clocks, and the rate at which the quickest latency is forgotten."""
+"""Greatest relative drift of two clocks; the least latency so far is raised at this rate."""
 _JUMP_S = 0.5
-"""A message quicker than the quickest by more than this means that the sender's clock was set, in seconds."""
+"""If a message is quicker than the quickest so far by more than this time, in seconds, the sender's clock was set."""
 _JUMPS = 10
 """Number of consecutive messages after which a changed clock is accepted."""
 
@@ -24,7 +24,7 @@ class Freshness:
     """Checks the messages of one topic, which has one sender at a time."""
 
     def __init__(self, source: str, *, most_late_s: float) -> None:
-        """Reject messages of `source` whose latency exceeds that of the quickest by more than `most_late_s`."""
+        """Reject messages of `source` whose latency exceeds that of the quickest message by more than `most_late_s`."""
         self._source = source
         self._most_late_s = most_late_s
         self._gid = b""

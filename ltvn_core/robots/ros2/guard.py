@@ -1,9 +1,9 @@
 """The guard: a watchdog process on the robot, between the driver and the wheels. Works if all other processes fail.
 
-Subscribes to the profile's `guard_topic`, and forwards to its command topic what `CommandGate` accepts: fresh commands
-within the limits, and one zero when they stop. At the beginning, after silence, and after a pause of the guard itself,
-a driver must send a zero before it may drive. `DepthStop` refuses forward motion unless fresh depth shows a free
-corridor ahead, so that a covered or failed camera also stops the robot.
+Subscribes to the profile's `guard_topic`, and forwards the commands that `CommandGate` accepts to its command topic:
+fresh commands within the limits, and one zero when they stop. At the beginning, after silence, and after a pause of the
+guard itself, a driver must send a zero before it may drive. `DepthStop` refuses forward motion unless fresh depth shows
+a free corridor ahead, so that a covered or failed camera also stops the robot.
 """
 
 import logging
@@ -29,13 +29,13 @@ SILENCE_S = 0.2
 """Time without commands after which a driver counts as gone, in seconds. Including checking, sending and braking, the
 robot stands still within 300 ms; commands arrive 20 times a second."""
 PAUSE_S = 0.3
-"""Time between two turns above which the guard itself was stopped, in seconds."""
+"""Time between two iterations above which the guard itself was paused, in seconds."""
 FRESH_S = 0.5
 _EVERY_PIXEL = 4
 _FLOOR_M = 0.03
-"""Margin above the ground clearance for errors of depth, in metres."""
+"""Margin above the ground clearance, in metres, for errors of depth."""
 _FEW_POINTS = 3
-"""Least number of points that are not noise."""
+"""Least number of points of an obstacle; fewer points count as noise."""
 _LOG = logging.getLogger(__name__)
 TURN_S = 0.02
 _HEADER_APART_S = 1.0
@@ -67,11 +67,11 @@ class CommandGate:
 
     @property
     def must_stop_first(self) -> bool:
-        """Whether commands are refused until the driver has sent a zero."""
+        """Whether commands are refused until the driver sends a zero."""
         return self._must_stop_first
 
     def hear(self, twist: Twist) -> Twist | None:
-        """Accept a fresh command; return the command to send now, None for nothing."""
+        """Accept a fresh command; return the command to send now, None to send nothing."""
         with self._lock:
             now_s = self._clock()
             pause = self._after_pause(now_s)
@@ -84,7 +84,8 @@ class CommandGate:
             return self._next(now_s)
 
     def turn(self) -> Twist | None:
-        """Return the command to send now without a new one; None for nothing. Call it 50 times a second."""
+        """Return the command to send when no new one has arrived; None to send nothing. Must be called 50 times a
+        second."""
         with self._lock:
             now_s = self._clock()
             pause = self._after_pause(now_s)
@@ -103,7 +104,7 @@ class CommandGate:
             return self._halt()
 
     def _after_pause(self, now_s: float) -> Twist | None:
-        """Return a zero if this process itself was stopped while the robot drove."""
+        """Return a zero if this process was paused while the robot drove."""
         paused = now_s - self._asked_s > PAUSE_S and self._wanted != ZERO_TWIST
         self._asked_s = now_s if paused else self._asked_s
         return self._halt() if paused else None
@@ -114,7 +115,7 @@ class CommandGate:
         return ZERO_TWIST
 
     def _next(self, now_s: float) -> Twist:
-        """Approach the desired velocity as far as the accelerations allow; a zero is passed on at once."""
+        """Return a velocity closer to the desired one, within the accelerations; a zero is returned at once."""
         passed_s, self._asked_s = min(max(now_s - self._asked_s, 0.0), 0.1), now_s
         goal = self._allows(self._wanted)
         if goal == ZERO_TWIST:
@@ -166,7 +167,7 @@ class DepthStop:
         return twist if is_free or twist.linear_m_s <= 0 else Twist(0.0, twist.angular_rad_s)
 
     def take_camera_info(self, received: Received) -> None:
-        """Store the lens."""
+        """Store the CameraInfo."""
         self._info = received.message
 
     def take_depth(self, received: Received) -> None:
@@ -281,7 +282,7 @@ class Guard:
         return f"No node subscribes to {self._command} as {self._kind}, so forwarded commands have no effect: {reason}"
 
     def _sound(self, received: Received) -> Twist:
-        """Return the speeds of a command. If they are invalid, stops the robot and raises RobotError."""
+        """Return the speeds of a command. If they are invalid, stop the robot and raise RobotError."""
         try:
             twist = read_twist(received.message, self._source)
         except RobotError:

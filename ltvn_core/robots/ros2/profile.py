@@ -43,7 +43,8 @@ _ALLOWED: Mapping[str, tuple[float, float]] = {
     "accelerations.linear_braking_m_s2": (0.01, 100),
     "accelerations.angular_braking_rad_s2": (0.01, 100),
 }
-"""Least and greatest value of each number of a profile; no comparison holds for NaN, so that it is refused too."""
+"""Least and greatest value of each number of a profile. NaN is refused too, because all comparisons with it are
+false."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -173,7 +174,7 @@ class RobotProfile:
         if self.driving.guard_topic == self.topics.command:
             raise RobotError("driving.guard_topic equals topics.command, so the guard would receive its own commands.")
         self._check_numbers()
-        self.spec(CameraModel.from_fov(64, 48, 1.0))  # Its own checks know which sizes fit together.
+        self.spec(CameraModel.from_fov(64, 48, 1.0))  # The checks of `RobotSpec` cover the relations between sizes.
 
     def _check_numbers(self) -> None:
         values = {name: attrgetter(name)(self) for name in _ALLOWED}

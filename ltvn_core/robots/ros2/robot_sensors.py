@@ -55,7 +55,7 @@ def sensor_colours(message: Any, topic: str) -> Rgb:
 
 
 def sensor_depth(message: Any, topic: str, unit_m: float) -> Depth:
-    """Return depth (H, W) in metres of an image whose size was checked; whole numbers count `unit_m`.
+    """Return depth (H, W) in metres of an image whose size was checked; integers are in units of `unit_m`.
 
     Raises RobotError.
     """

@@ -115,7 +115,7 @@ def decode_colours(message: Any, source: str) -> Rgb:
         return np.ascontiguousarray(image)
     try:
         return np.asarray(cv2.cvtColor(np.ascontiguousarray(image), layout.to_rgb), np.uint8)
-    except cv2.error as error:  # An odd number of pixels, in an encoding with colours per pair of pixels.
+    except cv2.error as error:  # Such as colours per pair of pixels, with an odd width.
         raise DriveError(f"{source}: {image.shape} cannot be {message.encoding}.") from error
 
 

@@ -92,7 +92,7 @@ def camera_info_message(camera: CameraModel, stamp_s: float) -> Any:
 
 def header(stamp_s: float, frame: str) -> Any:
     """Return the header of a message."""
-    # Separately, because a float has too few digits for nanoseconds since 1970.
+    # Seconds and nanoseconds are separate, because a float has too few digits for nanoseconds since 1970.
     seconds = math.floor(stamp_s)
     carry, nanoseconds = divmod(round((stamp_s - seconds) * 1e9), 10**9)
     return _make(

@@ -42,7 +42,7 @@ from ltvn_core.types import CONTROL_STEP_S, ZERO_TWIST, Observation, Pose, Robot
 _LOG = logging.getLogger(__name__)
 _EVERY_S = 0.05
 _BREAK_S = LEASE_S
-"""Time between two turns of the sender that counts as an interruption, in seconds: the program was stopped or the
+"""Time between two iterations of the sender that counts as an interruption, in seconds: the program was paused or the
 machine slept, and the robot has stopped."""
 LET_GO_S = 0.5
 """Time without commands after which the driver has released the controls, in seconds."""
@@ -72,7 +72,7 @@ class CommandSender:
 
     @property
     def break_reason(self) -> str | None:
-        """Reason why commands are ignored until the driver releases the controls; None if they are not."""
+        """Reason why commands are ignored until the driver releases the controls; None if they are obeyed."""
         if self._reason is not None and time.monotonic() - self._asked_s >= LET_GO_S:
             self._reason = None
         return self._reason
@@ -123,7 +123,7 @@ class CommandSender:
                 self._break("the link to the robot broke")
             twist = self.lease.command()
             if twist != ZERO_TWIST and not self._moving:
-                self._send(ZERO_TWIST)  # A guard that started meanwhile accepts commands only after a stop.
+                self._send(ZERO_TWIST)  # A guard that was started in between accepts commands only after a stop.
             if twist != ZERO_TWIST or self._moving:
                 self._send(twist)
             self._moving = twist != ZERO_TWIST
@@ -131,7 +131,7 @@ class CommandSender:
     def _break(self, reason: str) -> None:
         self.lease.cancel()
         self._reason = reason
-        self._asked_s = time.monotonic()  # The driver may not have released the controls since the interruption.
+        self._asked_s = time.monotonic()  # Start the waiting time now, because the driver may still hold the controls.
         _LOG.warning("The robot is stopped: %s. Release the controls, then drive again.", reason)
 
 
@@ -339,7 +339,7 @@ class RosRobot:
         return Observation(rgb=rgb, depth=depth, odometry=moment.odometry, stamp=stamp, step=self._step)
 
     def _own_s(self, stamp_s: float, arrived_s: float) -> float:
-        """Return a stamp of the robot on our clock, which continues if the robot's clock is set."""
+        """Convert a stamp of the robot to our clock, which continues if the robot's clock is set."""
         expected_s = self.clock.now() - (time.monotonic() - arrived_s)
         if abs(stamp_s - self._began_s - expected_s) > _CLOCKS_APART_S:
             self._began_s = stamp_s - expected_s

@@ -29,9 +29,9 @@ MOST_LATE_S = 0.5
 """Latency above which a message is not used, relative to the quickest one, in seconds."""
 _CLOCK_JUMP_S = 1.0
 _JUMPS = 10
-"""Number of consecutive stamps from another time after which the clock counts as changed."""
+"""Number of consecutive stamps with the same jump after which the robot's clock counts as changed."""
 _JUMP_LASTS_S = 2 * STALE_S
-"""Time for which those stamps must keep arriving, in seconds, so that the driver hears of the jump first."""
+"""Least duration of these stamps, in seconds, so that the driver is informed of the jump first."""
 _KEPT = 30
 _LATELY_S = 2.0
 _FRAMES_TOLD = 6
@@ -114,7 +114,7 @@ class Stream:
         return now_s - self.kept[-1].arrived_s if self.kept else None
 
     def rate_hz(self, now_s: float) -> float:
-        """Return the rate of messages per second over the last two seconds."""
+        """Return the mean rate of messages over the last two seconds, per second."""
         lately = [each.arrived_s for each in list(self.kept) if each.arrived_s > now_s - _LATELY_S]
         return len(lately) / (now_s - lately[0] if len(lately) == _KEPT else _LATELY_S)
 
@@ -199,7 +199,7 @@ class SensorInbox:
                 self._touched_s = received.arrived_s
 
     def bumper_pressed(self, now_s: float) -> bool:
-        """Tell whether the bumper is in contact, or was since the navigator could last have asked."""
+        """Tell whether the bumper is in contact, or was since the navigator's last request."""
         with self._changed:
             return self._is_touching or now_s - self._touched_s < _TOUCH_LASTS_S
 
@@ -228,7 +228,7 @@ class SensorInbox:
             )
 
     def complaint(self, now_s: float) -> str:
-        """Return in words what is missing, topic by topic."""
+        """Return a description of what is missing, topic by topic."""
         words = [] if self.camera_info is not None else ["no CameraInfo came"]
         for stream in self.streams:
             age_s = stream.age_s(now_s)

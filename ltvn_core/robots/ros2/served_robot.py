@@ -40,9 +40,9 @@ from ltvn_core.types import CONTROL_STEP_S, ZERO_TWIST, Depth, Observation, Pose
 _QUALITY = 95
 _FARTHEST = 65535
 TURN_S = 0.02
-"""Period in which the wheels read commands, in seconds."""
+"""Period in which the wheels receive commands, in seconds."""
 _MOST_MADE_UP_S = 0.2
-"""Greatest delay that a simulator makes up for, in seconds."""
+"""Greatest delay of the simulator that is caught up with, in seconds."""
 
 
 def compressed_colour_message(rgb: Rgb, stamp_s: float) -> Any:

@@ -137,7 +137,7 @@ class Topic:
         return token_pattern(Role.SUBSCRIBES, domain=str(self.domain), name=self.name)
 
     def fits(self, declared: "Declared") -> bool:
-        """Tell whether an endpoint is of this topic, of its type and of an edition that can be read."""
+        """Tell whether an endpoint has this topic and type, in an edition of the type that can be decoded."""
         return declared[2:] in (self._as_declared(type_hash(self.type_name)), self._as_declared(NO_HASH))
 
     def _as_declared(self, edition: str) -> tuple[str, str, str, str]:
@@ -153,7 +153,7 @@ class Topic:
         return f"{self.domain}/{self.name.strip('/')}"
 
     def check_key(self, key: str) -> None:
-        """Raise RobotError if a message of this topic has another type, or another edition of its type."""
+        """Raise RobotError if a message of this topic has another type, or another edition of this type."""
         kind, edition = key.split("/")[-2:]
         if kind != dds_name(self.type_name):
             raise RobotError(

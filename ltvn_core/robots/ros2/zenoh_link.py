@@ -46,7 +46,7 @@ class Complaints:
         self._said_s: dict[str, float] = {}
 
     def say(self, error: RobotError) -> None:
-        """Log an error, unless the same one, apart from its numbers, was logged in the last 5 seconds."""
+        """Log an error, unless the same one was logged in the last 5 seconds; numbers in the text are ignored."""
         kind = re.sub(r"[0-9.]+", "#", str(error))
         now_s = time.monotonic()
         if now_s - self._said_s.get(kind, -_AGAIN_S) >= _AGAIN_S:
@@ -111,8 +111,8 @@ class ZenohLink:
     def command_publisher(self, topic: Topic) -> "TopicPublisher":
         """Announce a publisher of commands, for robots with any edition of ROS 2.
 
-        Other messages go only to editions with hashes of types, because a subscriber to all keys would receive them
-        twice.
+        Other messages are published only for editions with type hashes, because a subscriber to all keys would receive
+        them twice.
         """
         publisher = self.publisher(topic)
         listeners = Listeners(topic, _declare_publisher(self._session, topic, topic.unhashed_key))
@@ -136,7 +136,7 @@ class ZenohLink:
                 _LOG.exception("%s: a message could not be handled.", topic.name)
 
         self._keep(self._session.declare_subscriber(topic.any_type_key, receive))
-        self._announce(topic, Role.SUBSCRIBES, best_effort=False)  # Whoever sees the token may send at once.
+        self._announce(topic, Role.SUBSCRIBES, best_effort=False)  # A node that sees the token may send at once.
 
     def publishers(self, name: str) -> list[str]:
         """Return the nodes that announce a publisher of a topic, such as `/odom`."""
@@ -236,7 +236,8 @@ class TopicPublisher:
             return status is not None and bool(status.matching)
 
     def put(self, message: Any) -> None:
-        """Send a message now, or drop it if the link is closed, broken or full, because an old message is useless."""
+        """Send a message now, or drop it if the link is closed, broken or full; a message that waits would be
+        outdated."""
         payload = encode(message)
         with self._lock:
             if not self._is_open:

@@ -1,8 +1,8 @@
-"""Which contract belongs to which kind of plug-in, and the checks of a plug-in without running it.
+"""The contract of each kind of plug-in, and the checks of a plug-in without running it.
 
-Owns the contracts of readers (know your own format, and be calm about all others), of robots, as far as these can be
-looked over without driving (parts, images, clock), and of systems (build maps that hold together, the same ones from
-the same images). Those of predictors and scenes have files of their own.
+Owns three contracts. A reader must recognise its own format and reject all other files. A robot must have all parts,
+valid images and an increasing clock; it is not driven. A system must build valid maps, and the same map from the same
+images. Predictors and scenes have contracts in modules of their own.
 """
 
 import tempfile
@@ -43,7 +43,7 @@ POSES = 10
 
 
 def scene_checks(plugin: Plugin) -> Iterator[ContractCheck]:
-    """Open a scene and look for a place to stand."""
+    """Open a scene and find a free place."""
     return run_checks(
         ("opens by its name", lambda: _opens(plugin)),
         [
@@ -81,7 +81,7 @@ _FIRST: Mapping[PluginGroup, tuple[str, ...]] = {PREDICTORS: OWN_PREDICTORS, SYS
 
 
 def system_checks(plugin: Plugin) -> Iterator[ContractCheck]:
-    """Make a navigation system and let it build a small map."""
+    """Create a navigation system and let it build a small map."""
     contract = SystemContract(plugin, sample_images(IMAGES))
     return run_checks(
         ("is made with the thresholds of a method", contract.is_made),
@@ -95,28 +95,28 @@ def system_checks(plugin: Plugin) -> Iterator[ContractCheck]:
 
 @dataclass(frozen=True)
 class SystemContract:
-    """A navigation system and the images that it is tried on."""
+    """The contract of a navigation system, with the sample images for the test."""
 
     plugin: Plugin
     samples: SampleImages
 
     @cached_property
     def system(self) -> NavigationSystem:
-        """The system with the robust preset."""
+        """The system, with the robust preset."""
         return load_system(self.plugin).factory(ROBUST)
 
     @cached_property
     def predictor(self) -> Predictor:
-        """Needs no weights and no simulator."""
+        """A predictor that needs neither weights nor a simulator."""
         return GeometricPredictor(self.samples.meta.camera)
 
     @cached_property
     def deltas(self) -> Deltas:
-        """Of its map."""
+        """The deltas of the map that the system builds."""
         return self._build()
 
     def is_made(self) -> str:
-        """Look at its parts."""
+        """Check that the system has all parts."""
         require(
             isinstance(self.system, NavigationSystem),
             f"its factory must return a NavigationSystem, got {type(self.system).__name__}",
@@ -126,7 +126,7 @@ class SystemContract:
         return self.system.name
 
     def builds(self) -> str:
-        """Apply its deltas."""
+        """Check that the deltas make a valid map."""
         graph = TopologicalGraph(self.deltas)
         given = {seen.step for seen in self.samples.observations}
         require(bool(graph.nodes), "its map has no node")
@@ -134,12 +134,12 @@ class SystemContract:
         return f"{len(graph.nodes)} nodes, {len(graph.edges)} edges of {IMAGES} images"
 
     def is_deterministic(self) -> str:
-        """Build once more with the same random numbers."""
+        """Check that a second build with the same random numbers gives the same map."""
         require(self._build() == self.deltas, "the second map differs; draw random numbers only from `rng`")
         return ""
 
     def weighs_edges(self) -> str:
-        """Ask what each edge of its map costs."""
+        """Check the cost of each edge of the map."""
         costs = [self.system.edge_weight(edge.belief) for edge in TopologicalGraph(self.deltas).edges.values()]
         require(all(np.isfinite(cost) and cost >= 0 for cost in costs), f"got {costs[:3]}")
         return f"from {min(costs):.2f} to {max(costs):.2f}" if costs else "its map has no edge"
@@ -152,7 +152,7 @@ class SystemContract:
 
 
 def reader_checks(plugin: Plugin) -> Iterator[ContractCheck]:
-    """Show a reader files that are none of its business."""
+    """Check that a reader rejects files in other formats."""
     return run_checks(
         ("recognises and opens a drive", lambda: _has_parts(plugin)),
         [("does not recognise an empty folder", lambda: _recognises_nothing(plugin))],
@@ -179,7 +179,7 @@ def _recognises_nothing(plugin: Plugin) -> str:
 
 
 def robot_checks(plugin: Plugin) -> Iterator[ContractCheck]:
-    """Make a robot and look through its camera; nothing is driven."""
+    """Create a robot and check its images; it is not driven."""
     contract = RobotContract(plugin)
     return run_checks(
         ("is created, and returns a first image", contract.is_made),
@@ -193,7 +193,7 @@ def robot_checks(plugin: Plugin) -> Iterator[ContractCheck]:
 
 @dataclass(frozen=True)
 class RobotContract:
-    """A robot that stands."""
+    """The contract of a robot that stands still."""
 
     plugin: Plugin
 
@@ -203,18 +203,18 @@ class RobotContract:
         return open_robot(self.plugin.name, {self.plugin.name: self.plugin})
 
     def is_made(self) -> str:
-        """Look at its parts, as `ltvn app --robot` does."""
+        """Check that the robot has all parts, as `ltvn app --robot` does."""
         camera = self.robot.spec.camera
         return f"{self.robot.spec.name}, camera {camera.width} x {camera.height}"
 
     def takes_images(self) -> str:
-        """Look a few times."""
+        """Check a few images."""
         camera = self.robot.spec.camera
         seen = [admit_observation(self.robot.observe(), camera, camera, source=self.plugin.name) for _ in range(LOOKS)]
         return f"{sum(each.has_depth for each in seen)} of {LOOKS} with depth"
 
     def counts_upwards(self) -> str:
-        """Ask for its state a few times."""
+        """Check that step and time never decrease."""
         states = [self.robot.state() for _ in range(LOOKS)]
         for before, after in pairwise(states):
             require(
@@ -224,7 +224,7 @@ class RobotContract:
         return ""
 
     def stops(self) -> str:
-        """Stop, where it stands already, and go."""
+        """Check that a standing robot accepts a stop and can be closed."""
         self.robot.stop()
         getattr(self.robot, "close", self.robot.stop)()
         return ""
@@ -232,14 +232,14 @@ class RobotContract:
 
 @dataclass(frozen=True, slots=True)
 class PluginRow:
-    """A plug-in, and whether it can be used."""
+    """One plug-in of the list, and whether it can be used."""
 
     group: str
     name: str
     package: str
     version: str
     works: bool
-    """It can be loaded and looks like one; `ltvn plugins test NAME` tells more."""
+    """Whether it can be loaded and has the right type; `ltvn plugins test NAME` checks more."""
     why: str
     """The problem; empty if it works."""
 
@@ -254,7 +254,7 @@ def installed_plugins() -> list[Plugin]:
 
 
 def plugin_row(plugin: Plugin) -> PluginRow:
-    """Load a plug-in, and make nothing of it."""
+    """Load a plug-in without creating an object with it."""
     try:
         _load(plugin)
         why = ""
@@ -264,7 +264,7 @@ def plugin_row(plugin: Plugin) -> PluginRow:
 
 
 def contract_checks(plugin: Plugin, weights: Path | None = None) -> Iterator[ContractCheck]:
-    """Look at all points of a plug-in's contract, one after the other; only a predictor takes weights."""
+    """Yield the results of all checks of a plug-in's contract; only a predictor takes weights."""
     if plugin.group == PREDICTORS:
         return predictor_checks(plugin, weights)
     checks = _CONTRACTS.get(plugin.group, _loads)
@@ -272,7 +272,7 @@ def contract_checks(plugin: Plugin, weights: Path | None = None) -> Iterator[Con
 
 
 def _loads(plugin: Plugin) -> Iterator[ContractCheck]:
-    """The only checks of a verb or a question."""
+    """Check only that a verb or a question can be loaded."""
 
     def load() -> str:
         _load(plugin)
@@ -288,7 +288,8 @@ def _scene_checks(plugin: Plugin) -> Iterator[ContractCheck]:
 
 
 def _load(plugin: Plugin) -> None:
-    """Load a plug-in. Raises PluginError where it is nothing that can be called, or no system."""
+    """Load a plug-in. Raises PluginError if it cannot be called, or is not a navigation system where one is
+    expected."""
     if plugin.group == SYSTEMS:
         load_system(plugin)
     elif not callable(plugin.load()):

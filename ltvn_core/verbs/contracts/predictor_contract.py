@@ -1,7 +1,7 @@
-"""How the contract of a plug-in is checked, and what a predictor must do.
+"""The check of a plug-in's contract, and the contract of predictors.
 
-A predictor's answers have the right shapes, numbers that mean something, and the same answer to the same question. Owns
-also the sample images with depth for contract tests, from the demo map, which comes with the toolkit.
+A predictor must return arrays of the right shape, valid numbers, and the same result for the same images. Also owns the
+sample images with depth for contract tests, which come from the demo map of the toolkit.
 """
 
 import pickle
@@ -26,7 +26,8 @@ from ltvn_core.preprocessing import recorded_observation
 from ltvn_core.types import Features, Observation, Prediction, Predictor
 
 Check: TypeAlias = Callable[[], str]
-"""Looks at one point; returns what it found, and raises anything at all where the contract is broken."""
+"""Function that checks one requirement: returns what it measured, and raises any exception if the contract is
+broken."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,17 +45,17 @@ class ContractCheck:
 
 
 class BrokenContractError(Exception):
-    """A plug-in does not do what it must; the message says what it did instead."""
+    """A plug-in breaks its contract; the message says what it did instead."""
 
 
 def require(kept: bool, otherwise: str) -> None:
-    """Raise BrokenContractError unless the contract is kept."""
+    """Raise BrokenContractError with the message `otherwise` unless `kept` is true."""
     if not kept:
         raise BrokenContractError(otherwise)
 
 
 def run_check(name: str, check: Check) -> ContractCheck:
-    """Look at one point; whatever is raised is what is wrong."""
+    """Run one check; any exception counts as a broken contract."""
     try:
         return ContractCheck(name, passed=True, said=check())
     except (BrokenContractError, LtvnError) as broken:
@@ -64,7 +65,7 @@ def run_check(name: str, check: Check) -> ContractCheck:
 
 
 def run_checks(first: tuple[str, Check], others: Iterable[tuple[str, Check]]) -> Iterator[ContractCheck]:
-    """Look at all points; where the first one fails, there is nothing to look at the others with."""
+    """Run all checks; if the first one fails, the others cannot run."""
     begun = run_check(*first)
     yield begun
     if begun.passed:
@@ -73,19 +74,20 @@ def run_checks(first: tuple[str, Check], others: Iterable[tuple[str, Check]]) ->
 
 IMAGES = 8
 TOLERANCE = 0.01
-"""Batches of another size may add up numbers in another order, and features may be half floats."""
+"""Tolerance of equal results: batches of another size may add numbers in another order, and features may be half
+floats."""
 SAME_PLACE_R = 0.5
 SAME_PLACE_M = 0.25
-"""An image compared with itself is reachable, and right here."""
+"""Greatest distance, in metres, that a predictor may return for an image compared with itself."""
 WALL_M = 1.0
-"""Depth of the blank image: a plain wall."""
+"""Depth of the blank image, a plain wall, in metres."""
 
 
 class SampleImages(NamedTuple):
-    """Images and their source."""
+    """The sample images and the metadata of their recording."""
 
     observations: tuple[Observation, ...]
-    """In the order in which they were taken."""
+    """The images in the order in which they were taken."""
     meta: RecordingMetadata
 
 
@@ -99,7 +101,7 @@ def sample_images(count: int) -> SampleImages:
 
 
 def predictor_checks(plugin: Plugin, weights: Path | None = None) -> Iterator[ContractCheck]:
-    """Open a predictor for the demo map's images, with weights or a card, and look at all points of its contract."""
+    """Open a predictor for the demo map's images, with weights or a card, and check its whole contract."""
     contract = PredictorContract(plugin, sample_images(IMAGES), weights)
     return run_checks(
         ("opens and has a card", contract.opens),
@@ -121,7 +123,7 @@ def predictor_checks(plugin: Plugin, weights: Path | None = None) -> Iterator[Co
 
 @dataclass(frozen=True)
 class PredictorContract:
-    """A predictor and the images that it is tried on."""
+    """The contract of a predictor, with the sample images for the test."""
 
     plugin: Plugin
     samples: SampleImages
@@ -139,17 +141,17 @@ class PredictorContract:
 
     @cached_property
     def images(self) -> list[Observation]:
-        """The images as its camera would have taken them."""
+        """The sample images, as taken by the predictor's camera."""
         camera = self.samples.meta.camera
         return [recorded_observation(seen, camera, self.predictor.camera) for seen in self.samples.observations]
 
     @cached_property
     def features(self) -> Features:
-        """Of all images."""
+        """The features of all sample images."""
         return self.predictor.encode(self.images)
 
     def opens(self) -> str:
-        """Look at what it says of itself."""
+        """Check the card of the predictor."""
         card = predictor_card(self.predictor)
         again = predictor_card(open_plugin(self.plugin, self.request))
         require(card.fingerprint == again.fingerprint, "its fingerprint changes each time it is opened")
@@ -163,7 +165,7 @@ class PredictorContract:
         return f"{card.fingerprint}, {card.camera.width} x {card.camera.height}, {needs}, {measured}"
 
     def encodes_rows(self) -> str:
-        """Look at the shape of features."""
+        """Check the shape of the features."""
         rows = self.features
         require(isinstance(rows, np.ndarray), f"encode must return a numpy array, got {type(rows).__name__}")
         require(
@@ -173,7 +175,7 @@ class PredictorContract:
         return f"{rows.shape[1]} x {rows.dtype}"
 
     def encodes_in_any_order(self) -> str:
-        """Encode the images backwards, and one alone."""
+        """Check that images in reverse order, and one by one, give the same results."""
         backwards = self.predictor.encode(self.images[::-1])[::-1]
         self._require_equal(self._compare(backwards), self._compare(self.features), "in reverse order")
         alone = np.concatenate([self.predictor.encode([seen]) for seen in self.images])
@@ -181,13 +183,13 @@ class PredictorContract:
         return ""
 
     def returns_numbers(self) -> str:
-        """Look at all pairs."""
+        """Check r and waypoints of all pairs."""
         found = self._compare(self.features)
         self._require_sound(found, IMAGES * IMAGES)
         return f"r from {found.reachability.min():.2f} to {found.reachability.max():.2f}"
 
     def is_deterministic(self) -> str:
-        """Ask twice."""
+        """Check that two comparisons give the same result."""
         first = self._compare(self.features)
         second = self._compare(self.features)
         same = np.array_equal(first.reachability, second.reachability) and np.array_equal(
@@ -197,7 +199,7 @@ class PredictorContract:
         return ""
 
     def broadcasts(self) -> str:
-        """Compare one source with all targets at once and one by one."""
+        """Check that one source gives the same results with all targets at once and with each alone."""
         together = self.predictor.predict(self.features[:1], self.features)
         pairs = [self.predictor.predict(self.features[:1], self.features[k : k + 1]) for k in range(IMAGES)]
         apart = Prediction(
@@ -208,13 +210,13 @@ class PredictorContract:
         return ""
 
     def takes_nothing(self) -> str:
-        """Encode nothing and compare with nothing."""
+        """Check that zero images and zero targets are accepted."""
         require(len(self.predictor.encode([])) == 0, "encode must return zero rows for zero images")
         self._require_sound(self.predictor.predict(self.features[:1], self.features[:0]), 0)
         return ""
 
     def knows_an_image_again(self) -> str:
-        """Compare images with themselves."""
+        """Check that each image is recognised when compared with itself."""
         found = self.predictor.predict(self.features, self.features)
         away = np.hypot(found.waypoints[:, 0], found.waypoints[:, 1])
         least = float(found.reachability.min())
@@ -227,20 +229,20 @@ class PredictorContract:
         return f"r at least {least:.2f}, within {100 * farthest:.1f} cm"
 
     def accepts_a_blank_image(self) -> str:
-        """Compare a black image of a plain wall with itself and with others."""
+        """Check a black image of a plain wall against itself and the other images."""
         seen = self.images[0]
         depth = np.full(seen.rgb.shape[:2], WALL_M, np.float32)
         return self._accepts(replace(seen, rgb=np.zeros_like(seen.rgb), depth=depth))
 
     def accepts_no_depth(self) -> str:
-        """Compare an image without depth with itself and with others."""
+        """Check an image without depth against itself and the other images."""
         if predictor_card(self.predictor).needs_depth:
             return "not needed: it gets only images with depth"
         self._accepts(replace(self.images[0], depth=np.zeros(self.images[0].rgb.shape[:2], np.float32)))
         return self._accepts(replace(self.images[0], depth=None))
 
     def opens_in_workers(self) -> str:
-        """Send the factory and the features to another process and back."""
+        """Check that the factory and the features can be sent to another process and back."""
         factory = self.plugin.load()
         require(pickle.loads(pickle.dumps(factory)) is factory, "its factory must be a function or class of a module")
         sent = pickle.loads(pickle.dumps(self.features))
@@ -248,7 +250,7 @@ class PredictorContract:
         return ""
 
     def speed(self) -> str:
-        """Say how long an image and a pair take; its author must judge whether that is fast enough."""
+        """Return the time per image and per pair; the author must judge whether it is short enough."""
         before = time.perf_counter()
         self.predictor.encode(self.images)
         encoded = time.perf_counter()
@@ -265,7 +267,7 @@ class PredictorContract:
         return f"r at most {found:.2f} with other images"
 
     def _compare(self, rows: Features) -> Prediction:
-        """Compare all images with all."""
+        """Compare all images with all images."""
         count = len(rows)
         return self.predictor.predict(rows[np.repeat(np.arange(count), count)], rows[np.tile(np.arange(count), count)])
 

@@ -1,1 +1,1 @@
-"""The jobs that verbs do, one module each; they import plainly what they need, and `Verb.run` alone imports them."""
+"""The jobs of the verbs, one module each. They import all libraries that they need; only `Verb.run` imports them."""

@@ -1,7 +1,7 @@
-"""`ltvn baseline`: our network learns the labels of a rival on random walks, for a comparison under equal terms.
+"""`ltvn baseline`: trains our network on the labels of a rival, on random walks, for a fair comparison.
 
-From the shipped weights it is as good a rival as we can make; from nothing it is the rival of the paper. Some rivals
-add layers of their own to the shipped weights, and only those learn and are written.
+Started from the shipped weights, it is the strongest rival that we can train; started from random weights, it is the
+rival of the paper. Some rivals add layers to the shipped weights; then only these layers are trained and saved.
 """
 
 from dataclasses import asdict, dataclass
@@ -27,18 +27,18 @@ from ltvn_core.verbs.verb import Summary
 
 @dataclass(frozen=True)
 class BaselineSummary:
-    """New weights, and how well they know the rival's labels in scenes that were not learned from."""
+    """The new weights, and their accuracy on the rival's labels in scenes without training."""
 
     weights: Path
     fingerprint: str
     images: int
     pairs: int
-    """Labelled pairs."""
+    """Number of labelled pairs."""
     steps: int
     pairs_compared: int
     minutes: float
     before: dict[str, float]
-    """Figures of the weights that training started from, if there were any."""
+    """Figures of the initial weights, by the rival's labels; empty for random ones."""
     after: dict[str, float]
     """Figures of the new weights, by the rival's labels."""
 
@@ -77,12 +77,12 @@ def _check_options(options: BaselineVerb) -> None:
 
 
 def _below(options: BaselineVerb) -> Path | None:
-    """The weights that the rival adds layers to, if it does."""
+    """Return the weights to which the rival adds layers; None if it adds none."""
     return SHIPPED_WEIGHTS if _temporal_learning(options.baseline).added else None
 
 
 def _start(options: BaselineVerb, work: Path) -> Path | None:
-    """Return the weights to start from, those with new layers in the folder."""
+    """Return the initial weights, None for random ones; layers to add are saved with them in the folder `work`."""
     if (added := _temporal_learning(options.baseline).added) is None:
         return None if options.fresh else SHIPPED_WEIGHTS
     work.mkdir(parents=True, exist_ok=True)
@@ -92,7 +92,8 @@ def _start(options: BaselineVerb, work: Path) -> Path | None:
 
 
 def _learned(options: BaselineVerb, weights: Path) -> Path:
-    """Return new weights as they will be written: of added layers alone, and these in half precision."""
+    """Return the file of the new weights as it will be saved; if layers were added, it holds only these, in half
+    precision."""
     if _below(options) is None:
         return weights
     added = weights.with_name("added.safetensors")
@@ -145,7 +146,7 @@ def _card(
 
 
 def _temporal_learning(system: str) -> TemporalLearning:
-    """Return how a system learns by time; raises OptionError for one that does not."""
+    """Return the settings with which a system learns from time; raises OptionError if it does not."""
     learning = system_entry(system).learning
     trained = [entry.name for entry in baseline_systems()]
     if learning is not None and system in trained:

@@ -1,4 +1,4 @@
-"""`ltvn build`: a recording becomes a map, or several of one place do."""
+"""`ltvn build`: makes a map from one recording, or from several of the same place."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,22 +26,24 @@ class BuildSummary(WithDoubts):
     predictor_reason: str
     """Reason for the choice of the predictor."""
     frames: int
-    """Images of the recording."""
+    """Number of images in the recording."""
     without_depth: int
-    """Images without depth among them; a predictor that needs depth builds the map without them."""
+    """Number of images without depth; a predictor that needs depth builds the map without them."""
     nodes: int
     edges: int
     reserve: int
     pieces: int
-    """Parts between which no path leads there and back; 1 is what one wants."""
+    """Number of pieces of the map; 1 is ideal, because then every node can be reached from every other."""
     known_share: float
-    """Share of the images that are nodes of the largest piece or recognised as one; elsewhere a robot is lost."""
+    """Share of the images that are nodes of the largest piece, or are recognised as one; at other images a robot is
+    lost."""
     drives: tuple[DriveReport, ...] = ()
-    """Report on each of several drives: how it is joined, and what changed since the drives before it."""
+    """One report per drive if there are several: how it is joined to the map, and what changed since the earlier
+    drives."""
     goals: tuple[GoalReport, ...] = ()
-    """How each of --goals stands to the map: held, unsure or not held, and which node is most like it instead."""
+    """For each of --goals, whether the map holds it, and the most similar node if it does not."""
     findings: tuple[Finding, ...] = ()
-    """Doubts about the drive or the map; empty if there are none."""
+    """Warnings about the drive or the map; empty if there are none."""
 
 
 def build_map(options: BuildVerb) -> Summary:

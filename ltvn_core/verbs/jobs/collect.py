@@ -1,4 +1,4 @@
-"""`ltvn collect`: a scripted tour of a scene becomes a recording."""
+"""`ltvn collect`: records a scripted tour of a scene."""
 
 import logging
 from dataclasses import asdict, dataclass
@@ -20,7 +20,7 @@ from ltvn_core.verbs.collect import CollectVerb
 _LOG = logging.getLogger(__name__)
 
 MANY_WITHOUT_DEPTH = 0.3
-"""Share of images without depth that is doubtful; in a house that is open to one side it is about a tenth."""
+"""Share of images without depth that leads to a warning; in a house that is open on one side it is about a tenth."""
 
 
 @dataclass(frozen=True)
@@ -31,12 +31,12 @@ class CollectSummary(WithDoubts):
     scene: str
     frames: int
     without_depth: int
-    """Frames in which the camera found no depth at all; they are kept, and a map is built without them."""
+    """Number of images in which the camera found no depth; they are kept, but a map is built without them."""
     collisions: int
     driven_s: float
-    """Robot time."""
+    """Duration of the drive, in seconds on the robot's clock."""
     findings: tuple[Finding, ...] = ()
-    """Doubts about the drive; empty if there are none."""
+    """Warnings about the drive; empty if there are none."""
 
 
 def collect(options: CollectVerb) -> CollectSummary:
@@ -78,7 +78,7 @@ def collect(options: CollectVerb) -> CollectSummary:
 
 
 def depth_findings(recording: Path, has_depth: list[bool]) -> tuple[Finding, ...]:
-    """Return, and log, that many images show nothing. Raises SceneError where none does."""
+    """Return and log a warning if many images have no depth. Raises SceneError if no image has depth."""
     share = has_depth.count(False) / len(has_depth)
     if share == 1.0:
         raise SceneError(

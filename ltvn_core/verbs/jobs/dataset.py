@@ -1,4 +1,4 @@
-"""`ltvn dataset`: scenes become labelled image pairs on disk."""
+"""`ltvn dataset`: renders labelled image pairs of scenes and stores them."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +11,8 @@ from ltvn_core.verbs.dataset import DatasetVerb
 from ltvn_core.verbs.verb import Summary
 
 DEFAULT_SCENE_PREFIXES = ("train-", "tune-0", "tune-1", "tune-2")
-"""Scenes that a dataset holds unless others are named: to train on, and to choose the best weights by."""
+"""Name prefixes of the scenes of a dataset by default: scenes for training, and scenes for choosing the best
+weights."""
 
 
 @dataclass(frozen=True)

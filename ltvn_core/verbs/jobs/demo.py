@@ -1,4 +1,4 @@
-"""The whole main job without a browser: collect, build, navigate with maintenance, record. Part of `ltvn demo`.
+"""The complete workflow without a browser: collect, build, navigate with maintenance, record. Part of `ltvn demo`.
 
 With `--story` a door closes on the planned path, and the map learns.
 """
@@ -43,13 +43,13 @@ _LOG = logging.getLogger(__name__)
 
 @dataclass(frozen=True, kw_only=True)
 class DemoSummary(QueriesSummary):
-    """Results in numbers."""
+    """Results of the demo."""
 
     recording: Path
     map: Path | None
-    """The map after all queries, if it was asked for."""
+    """The map after all queries; None if it was not saved."""
     frames: int
-    """Images of the mapping tour."""
+    """Number of images of the mapping tour."""
     nodes: int
     """Number of nodes in the map at the end."""
     edges: int
@@ -65,13 +65,13 @@ class StorySummary:
     """Changes of the map when a door closed and opened again."""
 
     absent: int
-    """Edges that were seen blocked."""
+    """Number of edges that were seen blocked."""
     rerouted: bool
     """Whether a plan turned away from the closed door."""
     added: int
-    """Nodes and edges that driving added."""
+    """Number of nodes and edges that were added while driving."""
     returned: int
-    """Edges that were seen blocked, and open again later."""
+    """Number of edges that were seen blocked, and open again later."""
     captions: list[str]
     """The story in words."""
     recording: Path
@@ -81,7 +81,7 @@ class StorySummary:
 
 
 def run_demo(options: HeadlessDemoVerb) -> Summary:
-    """Do the job; raises OptionError, SceneError, RecordingError, MapError and WeightsError."""
+    """Run the demo; raises OptionError, SceneError, RecordingError, MapError and WeightsError."""
     if options.queries < 0 or options.loops < 1:
         raise OptionError(
             f"--queries must be 0 or more and --loops 1 or more, got {options.queries} and {options.loops}."
@@ -90,7 +90,7 @@ def run_demo(options: HeadlessDemoVerb) -> Summary:
 
 
 def _settings(options: HeadlessDemoVerb, system: NavigationSystem, predictor: str) -> dict[str, Any]:
-    """Say how the run was made, for the recording."""
+    """Return the settings of the run, for the recording."""
     return {
         "verb": "demo",
         "system": system.name,
@@ -185,7 +185,7 @@ def _play_recorded(
     known: LoadedMap | None,
     rng: np.random.Generator,
 ) -> DoorStory:
-    """Map the scene unless a map is known, and play the story in it."""
+    """Play the story in the known map, or map the scene first if there is none."""
     system = with_maintenance(open_system(DEFAULT_SYSTEM, open_method(options.preset, predictor)), STORY_MAINTENANCE)
     run = RunDescription(
         scene=simulation.scene.address,
@@ -210,7 +210,7 @@ def _play_recorded(
 
 
 def _play(story: DoorStory, runner: HeadlessRunner, rng: np.random.Generator) -> None:
-    """Play a story to its end, and write its captions down."""
+    """Play a story to its end, and store its captions."""
     navigator = runner.navigator(rng)
     told = 0
     queries = 0
@@ -244,7 +244,7 @@ def _play(story: DoorStory, runner: HeadlessRunner, rng: np.random.Generator) ->
         tell()
         match step:
             case CallBack():
-                pass  # No query is under way.
+                pass  # No query is in progress.
             case Change(change):
                 runner.world.apply(change)
             case Carry(pose):
@@ -259,7 +259,7 @@ def _play(story: DoorStory, runner: HeadlessRunner, rng: np.random.Generator) ->
 
 
 def _ready_made(scene: str, predictor: Predictor) -> LoadedMap | None:
-    """Return the shipped map of the demo apartment; None elsewhere, and where other weights are in use."""
+    """Return the shipped map of the demo apartment; None for other scenes, and if other weights are used."""
     place = demo_file(DEMO_MAP) if scene == "demo" else None
     known = None if place is None else load_map(place)
     return known if known is not None and known.meta.fingerprint == predictor.fingerprint else None

@@ -36,33 +36,33 @@ class EvaluateSummary:
     without: tuple[str, ...]
     seeds: tuple[int, ...]
     episodes: int
-    """In all."""
+    """Number of episodes of all scenes and seeds."""
     success_rate: float
     success_low: float
-    """95 % interval."""
+    """Lower limit of the 95 % confidence interval of the success rate."""
     success_high: float
     spl: float
     """Success weighted by path length."""
     collisions_per_episode: float
     steps_per_episode: float
-    """Control steps of 0.1 s."""
+    """Mean number of control steps of 0.1 s."""
     nodes: float
-    """Mean over the maps, as are the next two."""
+    """Mean number of nodes over the maps."""
     edges: float
     spurious_edges: float
-    """False edges, by the simulator's truth."""
+    """Mean number of false edges, by the simulator's ground truth."""
     failures: dict[str, int]
-    """Episodes that failed, by cause."""
+    """Number of failed episodes by cause."""
     images_without_depth: int
-    """Images of all mapping drives in which the camera found no depth; they are in the drives and not in the maps."""
+    """Number of images of all mapping drives in which the camera found no depth; the maps are built without them."""
     folder: Path
     """Folder of drives, weights, maps and results; a second call of the verb continues from them."""
     wall_s: float
 
 
 def _protocol(options: ProtocolOptions, episodes: int) -> EvaluationProtocol:
-    """Return the numbers of the test. Raises OptionError."""
-    # Chosen here and not by the workers, which may be machines with other libraries.
+    """Return the settings of the test. Raises OptionError."""
+    # The body is chosen here and not by the workers, which may be machines with other libraries.
     body = choose_body(options.body)
     plain = EvaluationProtocol(options.loops, options.goals, episodes, step_limit=options.step_limit, body=body)
     return protocol_under(plain, options.conditions)
@@ -80,7 +80,7 @@ def trial_plans(
     ):
         raise OptionError("--scene and --seed need at least one value, and no value twice.")
     for scene in options.scene:
-        check_scene(scene)  # Before weights are fine-tuned for any other.
+        check_scene(scene)  # Check all scenes before weights are fine-tuned for one of them.
     protocol = _protocol(options, episodes)
     predictor = ImageSource(camera=LOCOBOT.camera).choose(options.predictor).name
     return [
@@ -103,7 +103,8 @@ def trial_plans(
 
 
 def evaluate(options: EvaluateVerb) -> EvaluateSummary | PartSummary:
-    """Run what is not done yet. Raises OptionError, SceneError, WeightsError, MapError and RecordingError."""
+    """Run all episodes that have no result yet. Raises OptionError, SceneError, WeightsError, MapError and
+    RecordingError."""
     if options.record_failures < 0:
         raise OptionError(f"--record-failures must be 0 or more, got {options.record_failures}.")
     started = time.monotonic()
@@ -157,7 +158,7 @@ def _summary(options: EvaluateVerb, trials: Sequence[TrialResult], wall_s: float
 
 
 def command() -> str:
-    """Return the command line that is running, with the names alone of absolute paths: results are published."""
+    """Return the current command line, with file names instead of absolute paths, because results are published."""
     return shlex.join(["ltvn", *map(_without_folders, sys.argv[1:])])
 
 

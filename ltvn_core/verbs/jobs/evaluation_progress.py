@@ -1,6 +1,7 @@
-"""Progress of long tests: a bar while they run, and a summary if other parts are unfinished.
+"""Progress of long tests: a progress bar, and a summary if other parts are unfinished.
 
-The bar is that of `ltvn evaluate` and `ltvn lifelong`: first over the preparation of maps, then over the work.
+`ltvn evaluate` and `ltvn lifelong` use this bar: first for the preparation of the maps, then for the episodes or
+queries.
 """
 
 from dataclasses import dataclass
@@ -18,18 +19,18 @@ class PartSummary:
 
     part: str
     done: int
-    """Episodes, queries or scenes that this part has."""
+    """Number of episodes, queries or scenes in this part."""
     tests: int
-    """Tests of all parts: one for each scene, seed and maintenance."""
+    """Number of tests in all parts: one for each scene, seed and maintenance."""
     finished: int
-    """Tests of all parts that are complete."""
+    """Number of tests in all parts that are complete."""
     folder: Path
-    """Where all parts belong."""
+    """Folder that all parts share."""
     wall_s: float
 
 
 def progress_on_bar(bar: "tqdm[NoReturn]", maps: int) -> EvaluationProgress:
-    """Return a progress callback: a bar for the work, which first shows how many maps are prepared."""
+    """Return the progress callbacks for a bar, which first shows the preparation of `maps` maps."""
     shown = _PreparationOnBar(bar, maps)
     return EvaluationProgress(
         maps_ready=shown.maps_ready, work_done=bar.update, preparing=shown.preparing, unfinished=shown.unfinished
@@ -37,7 +38,7 @@ def progress_on_bar(bar: "tqdm[NoReturn]", maps: int) -> EvaluationProgress:
 
 
 class _PreparationOnBar:
-    """Borrows a bar until all maps are ready, then gives it back as it was."""
+    """Shows the preparation of the maps on a bar, and then resets the bar for the work."""
 
     def __init__(self, bar: "tqdm[NoReturn]", maps: int) -> None:
         self._bar = bar
@@ -50,16 +51,17 @@ class _PreparationOnBar:
         bar.set_postfix_str(f"0 of {maps} ready")
 
     def preparing(self, share: float) -> None:
-        """Show the share of all preparation that is done."""
+        """Show the share of the preparation that is done, in [0, 1]."""
         if self._ready < self._maps:
             self._bar.update(round(100 * share, 1) - self._bar.n)
 
     def unfinished(self, episodes: int) -> None:
-        """Say how many episodes are done that the bar does not count yet, because their batches are not over."""
+        """Show the number of finished episodes that the bar does not count yet, because their batches are
+        unfinished."""
         self._bar.set_postfix_str(f"{episodes} more in unfinished batches" if episodes else "")
 
     def maps_ready(self, ready: int) -> None:
-        """Count the maps; with the last one the bar begins to show the work."""
+        """Show the number of prepared maps; after the last one the bar shows the work."""
         self._ready = ready
         if ready < self._maps:
             self._bar.set_postfix_str(f"{ready} of {self._maps} ready")

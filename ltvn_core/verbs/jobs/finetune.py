@@ -1,4 +1,4 @@
-"""`ltvn finetune`: weights get to know the place of one recording (sections III-B and IV of the paper)."""
+"""`ltvn finetune`: adapts weights to the place of one recording (sections III-B and IV of the paper)."""
 
 from dataclasses import replace
 
@@ -15,11 +15,11 @@ from ltvn_core.verbs.jobs.tune_calibration import check_options, tuning_command
 from ltvn_core.verbs.verb import Summary
 
 _SHORT_MINUTES = 0.25
-"""Weights that learn for less than this are judged by a fifth of the pairs."""
+"""Time of training, in minutes, below which weights are evaluated on a fifth of the pairs."""
 
 
 def finetune_network(options: FinetuneVerb) -> Summary:
-    """Fine-tune, judge and save; raises OptionError, RecordingError, DatasetError and WeightsError."""
+    """Fine-tune, evaluate and save; raises OptionError, RecordingError, DatasetError and WeightsError."""
     check_options(options)
     rule = OdometryLabelRule(horizon=options.horizon, gated=not options.literal)
     with _ProgressBar() as bar:
@@ -35,20 +35,20 @@ def finetune_network(options: FinetuneVerb) -> Summary:
             work_folder=options.output.with_suffix(".finetuning"),
             on_progress=bar,
         )
-    assert found is not None  # There is no cancelling here.
+    assert found is not None  # Only a cancelled call returns None, and this one cannot be cancelled.
     return found
 
 
 def _plan(options: FinetuneVerb) -> FineTuningPlan:
-    """Return what the options make of the plan."""
+    """Return the plan of fine-tuning with the options."""
     plan = FineTuningPlan(minutes=options.minutes)
-    if options.minutes < _SHORT_MINUTES:  # Judging by all pairs would take longer than learning.
+    if options.minutes < _SHORT_MINUTES:  # Evaluating on all pairs would take longer than training.
         plan = replace(plan, validation_pairs=plan.validation_pairs // 5, validation_far=plan.validation_far // 5)
     return replace(plan, learning=replace(plan.learning, seed=options.seed))
 
 
 class _ProgressBar:
-    """A progress bar that fine-tuning fills."""
+    """The progress bar of fine-tuning."""
 
     def __init__(self) -> None:
         self._bar = tqdm(total=100.0, desc="fine-tuning", bar_format="{l_bar}{bar}| {elapsed}<{remaining}{postfix}")

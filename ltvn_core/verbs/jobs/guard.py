@@ -1,4 +1,4 @@
-"""`ltvn guard`: lets only fresh commands through to a robot's wheels."""
+"""`ltvn guard`: forwards only fresh commands to a robot's wheels."""
 
 import logging
 from contextlib import suppress
@@ -16,12 +16,13 @@ _LOG = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class GuardSummary:
-    """The guard is gone, and the robot stands."""
+    """Summary when the guard has ended, and the robot stands still."""
 
     forwarded: int
-    """Commands that were passed on."""
+    """Number of forwarded commands."""
     refused: int
-    """Commands that were late, out of order, not finite, of a second sender, or came after silence without a stop."""
+    """Number of refused commands: late, out of order, not finite, from a second sender, or without a stop after
+    silence."""
 
 
 def guard_robot(options: GuardVerb) -> Summary:

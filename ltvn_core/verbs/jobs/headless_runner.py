@@ -1,7 +1,7 @@
-"""The loop without a browser: pulls the navigator, lets simulated time pass, and writes down everything.
+"""The control loop without a browser: runs the navigator, advances simulated time, and records everything.
 
-Owns the order of driving, recording and judging. The page has its own loop (`ltvn_viz.session.session_loop`), because
-there time is real and a person may interfere.
+Owns the order of driving, recording and judging. The page has another loop (`ltvn_viz.session.session_loop`), because
+there time is real and a user may interfere.
 """
 
 from collections.abc import Callable, Sequence
@@ -29,7 +29,7 @@ class HeadlessRunner:
     """Robot, map and recording of one headless run."""
 
     def __init__(self, simulation: Simulation, writer: RecordingWriter, known: TopologicalMap) -> None:
-        """Take hold of everything; an empty map waits for `build`."""
+        """Combine the parts of a run; an empty map waits for `build`."""
         self.robot = simulation.robot
         self.scene = simulation.scene
         self.world = simulation.world
@@ -59,9 +59,9 @@ class HeadlessRunner:
         self._drawn.draw()
 
     def lead(self, path: NDArray[np.float64], consume: Callable[[Event], None]) -> None:
-        """Drive along a path (M, 2) as a person would; what the map learns from it is recorded and handed on.
+        """Drive along a path (M, 2) as a person would; each change of the map is recorded and passed to `consume`.
 
-        Raises MapError where the navigation system only builds whole maps.
+        Raises MapError if the navigation system cannot extend a map while driving.
         """
         system = self.map.system
         if system.online is None:
@@ -82,7 +82,8 @@ class HeadlessRunner:
         *,
         starts: Sequence[NodeId] | None = None,
     ) -> QueriesSummary:
-        """Drive to each goal in turn, from where the last query ended or from `starts`, and judge by exact poses."""
+        """Drive to each goal in turn, from the end of the last query or from `starts`, and judge arrival by exact
+        poses."""
         before = None if starts is None else lambda query: self.robot.teleport(self._exact_pose(starts[query]))
         queries = run_queries(
             self.navigator(rng), goals, advance=self.advance, verdict=self.verdict, before=before, consume=self.record
@@ -94,21 +95,21 @@ class HeadlessRunner:
         return QueriesSummary.of(results)
 
     def navigator(self, rng: np.random.Generator) -> Navigator:
-        """Return what drives by the map and maintains it."""
+        """Return a navigator that drives by the map and maintains it."""
         robot = RecordedRobot(self.robot, self.writer)
         actions = SimulatedActions(lambda node: self.robot.teleport(self._exact_pose(node)))
         return self.map.navigator(robot, seed=rng, world_time=lambda: self.world.time_s, actions=actions)
 
     def random_goals(self, count: int, rng: np.random.Generator) -> Sequence[NodeId]:
-        """Draw nodes to go to; raises MapError on an empty map."""
+        """Draw random nodes as goals; raises MapError for an empty map."""
         return random_goals(list(self.map.graph.nodes), count, rng)
 
     def advance(self) -> None:
-        """Let a control step pass."""
+        """Advance the simulation by one control step."""
         self.robot.advance(CONTROL_STEP_S)
 
     def verdict(self, query: int, goal: NodeId) -> Judged:
-        """Judge where the robot is by exact poses; raises MapError where the goal has none."""
+        """Judge by exact poses whether the robot is at the goal; raises MapError if the goal has no exact pose."""
         return judge_goal_reached(query, self.robot.exact_pose, self._exact_pose(goal))
 
     def _exact_pose(self, node: NodeId) -> Pose:

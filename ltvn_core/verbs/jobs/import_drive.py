@@ -1,4 +1,4 @@
-"""`ltvn import`: somebody else's drive becomes a recording."""
+"""`ltvn import`: converts a drive in another format to a recording."""
 
 from tqdm import tqdm
 

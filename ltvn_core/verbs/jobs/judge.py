@@ -1,4 +1,4 @@
-"""`ltvn judge`: how good a predictor is on a recording whose true poses are known."""
+"""`ltvn judge`: measures the accuracy of a predictor on a recording with true poses."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -35,29 +35,30 @@ from ltvn_core.verbs.verb import Summary
 
 @dataclass(frozen=True, kw_only=True)
 class ConditionSummary:
-    """The figures of one condition; None if they need truth, or pairs, that the recording does not have."""
+    """The figures under one condition; None for a figure that the recording has no true poses or no pairs for."""
 
     auc: float | None
     near_recall: float | None
-    """Share of the near pairs that the method would join (moved < 0.6 m, turned < 20 degrees, target in front)."""
+    """Share of the near pairs that the method would join; near is moved < 0.6 m, turned < 20 degrees, and target in
+    front."""
     far_fpr: float | None
-    """Share of the far pairs that the method would join (moved > 1.5 m or turned > 60 degrees)."""
+    """Share of the far pairs that the method would join; far is moved > 1.5 m or turned > 60 degrees."""
     waypoint_median_m: float | None
-    """Error of the waypoints of near pairs that are joined."""
+    """Median position error of the waypoints of joined near pairs, in metres."""
     waypoint_p90_m: float | None
     yaw_median_deg: float | None
     ece: float | None
     """Expected calibration error."""
     nodes: int
-    """Number of nodes of the map, which is built without the images that were left out."""
+    """Number of nodes of the map, which is built without the left-out images."""
     edges: int
     pieces: int
     largest_piece_share: float
-    """Share of the images in the map's largest piece, or recognised as one of its nodes."""
+    """Share of the images that are in the map's largest piece, or recognised as one of its nodes."""
     localised_share: float | None
-    """Share of the images left out that are localised within 0.5 m and 20 degrees."""
+    """Share of the left-out images that are localised within 0.5 m and 20 degrees."""
     wrong_place_share: float | None
-    """Share of them that are taken for a node that is far."""
+    """Share of the left-out images that are localised at a far node."""
     pairs: PairAccuracy | None
     """All figures of pairs."""
     map: MapAccuracy
@@ -78,28 +79,28 @@ class JudgeSummary(ConditionSummary, WithDoubts):
     predictor_reason: str
     """Reason for the choice of the predictor."""
     weights: Path | None
-    """Weights that replaced the predictor's own."""
+    """Weights that were used instead of the predictor's own; None for its own."""
     fingerprint: str
-    """Names the weights."""
+    """Fingerprint of the weights."""
     images: int
-    """Number of images that were judged."""
+    """Number of evaluated images."""
     without_truth: int
-    """Images left out because they have no true pose."""
+    """Number of images left out because they have no true pose."""
     without_depth: int
-    """Images left out because they have no depth and the predictor needs it."""
+    """Number of images left out because they have no depth and the predictor needs it."""
     skipped: int
-    """Images left out because there are more than --images."""
+    """Number of images left out because there are more than --images."""
     revisits: RevisitAccuracy | None
-    """Places recognised again, with --revisits."""
+    """Accuracy of recognising places again, with --revisits; None without it."""
     perturbed: dict[str, ConditionSummary]
     """The same figures under each perturbation."""
     findings: tuple[Finding, ...]
-    """Doubts about these figures."""
+    """Warnings about these figures."""
     report: Path | None
 
 
 def judge_predictor(options: JudgeVerb) -> Summary:
-    """Judge and summarise; raises RecordingError, ImageError, MapError, WeightsError, DatasetError, OptionError."""
+    """Evaluate and summarise; raises RecordingError, ImageError, MapError, WeightsError, DatasetError, OptionError."""
     _check(options)
     if options.report is not None:
         require_libraries("matplotlib", "jinja2")
@@ -169,7 +170,7 @@ def _revisits(
 def _write_report(
     options: JudgeVerb, judgement: Judgement, looking: JudgedSequence, mapped: JudgedSequence, predictor: str
 ) -> None:
-    from ltvn_core.evaluation.reports.judgement_page import render_judgement  # It needs an extra that judging does not.
+    from ltvn_core.evaluation.reports.judgement_page import render_judgement  # Needs an extra of its own.
 
     assert options.report is not None
     html = render_judgement(judgement, looking, mapped, predictor=predictor, most=options.worst)

@@ -1,4 +1,4 @@
-"""`ltvn lifelong`: the paper's lifelong test, and the same in a world that changes."""
+"""`ltvn lifelong`: the paper's lifelong test, and the same test in a changing world."""
 
 import time
 from collections.abc import Sequence
@@ -31,10 +31,10 @@ class LifelongSummary:
     preset: str
     without: tuple[str, ...]
     maintenance: str | None
-    """None is what the system does."""
+    """Name of the maintenance; None for the system's own."""
     seeds: tuple[int, ...]
     every: int
-    """Queries between two static tests."""
+    """Number of queries between two static tests."""
     episodes: int
     """Number of episodes of each static test."""
     all: LifelongMetrics
@@ -63,7 +63,7 @@ class WorldSummary(WorldMetrics):
 
 
 def run_lifelong_test(options: LifelongVerb) -> Summary:
-    """Run what is not done yet.
+    """Run all tests that have no result yet.
 
     Raises OptionError, SceneError, WeightsError, MapError, RecordingError, and WorldError.
     """
@@ -90,7 +90,7 @@ def _in_world(options: LifelongVerb, world: str) -> Summary:
         for trial in trials
     ]
     for plan in {plan.trial.scene: plan for plan in plans}.values():
-        plan.script(load_scene(plan.trial.scene))  # What it refuses is said now, not after minutes of mapping.
+        plan.script(load_scene(plan.trial.scene))  # Invalid options are rejected now, not after minutes of mapping.
     part = Part.parse(options.part)
     with (
         workers(options.processes, options.cluster, options.folder) as parallel,

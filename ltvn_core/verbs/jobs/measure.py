@@ -1,4 +1,4 @@
-"""`ltvn measure`: the constants of Eq. 3 and Eq. 4, and the errors behind them, from simulated drives."""
+"""`ltvn measure`: measures the constants of Eq. 3 and Eq. 4, and the errors behind them, in simulated drives."""
 
 import time
 from dataclasses import asdict, dataclass
@@ -34,16 +34,17 @@ _FEWEST_IMAGES = 10
 
 @dataclass(frozen=True)
 class MeasureSummary:
-    """Measurements of simulated driving; `driving` contains all of them."""
+    """Measurements from simulated driving; `driving` contains all of them."""
 
     card: Path | None
-    """The card that was written, if it was asked for."""
+    """The card that was written; None if none was."""
     refused: str | None
     """Reason why these figures cannot be the method's constants and were not written; None if they can."""
     p_success_if_reachable: float
-    """p(s given r), Laplace's estimate."""
+    """p(s given r), estimated with Laplace's rule."""
     p_success_if_not: float
-    """p(s given not r), Laplace's estimate; the method's general one where no false edge looked like an edge."""
+    """p(s given not r), estimated with Laplace's rule; if no false edge looked like an edge, the method's general
+    value."""
     sigma: float
     """Standard deviation of d."""
     driving: DrivingMeasurements
@@ -87,7 +88,7 @@ def _check(options: MeasureVerb) -> None:
 
 
 def _measure(options: MeasureVerb) -> DrivingMeasurements | PartSummary:
-    """Measure the scenes of this part, and sum up if none is missing any more."""
+    """Measure the scenes of this part, and sum up once all scenes are measured."""
     started = time.monotonic()
     part = Part.parse(options.part)
     if options.folder is None and part.count > 1:
@@ -105,13 +106,13 @@ def _measure(options: MeasureVerb) -> DrivingMeasurements | PartSummary:
 
 
 def _attempts_in_scenes(options: MeasureVerb) -> list[tuple[int, str, int]]:
-    """Return number, name and attempts of each scene."""
+    """Return number, name and attempts for each scene."""
     share, more = divmod(options.attempts, len(options.scenes))
     return [(number, name, share + (number < more)) for number, name in enumerate(options.scenes)]
 
 
 def _measured(options: MeasureVerb, number: int, name: str, attempts: int, bar: "tqdm[NoReturn]") -> SceneFigures:
-    """Return what is kept of a scene, or measure it and keep that."""
+    """Return the stored figures of a scene, or measure the scene and store them."""
     if (kept := _kept(options, name)) is not None:
         bar.update(attempts)
         return kept
@@ -128,7 +129,7 @@ def _kept(options: MeasureVerb, name: str) -> SceneFigures | None:
     for option in ("json", "debug", "write", "folder", "part"):
         del named[option]
     named["body"] = choose_body(options.body)
-    if named["body"] == "bullet":  # As when there was no other.
+    if named["body"] == "bullet":  # Left out, so that files from before there was another body stay valid.
         del named["body"]
     claim_settings(options.folder / "measure.json", named)
     return SceneFigures.load(_file(options, name)) if _file(options, name).exists() else None

@@ -24,7 +24,7 @@ from ltvn_core.verbs.verb import Summary
 
 
 def navigate(options: NavigateVerb) -> Summary:
-    """Drive and learn; raises MapError, OptionError, RecordingError, SceneError and WeightsError."""
+    """Drive and maintain the map; raises MapError, OptionError, RecordingError, SceneError and WeightsError."""
     if options.queries < 1 or (options.goal is not None and options.queries > 1):
         raise OptionError(
             f"--queries must be 1 or more, and 1 where --goal names the only goal, got {options.queries}."
@@ -35,12 +35,12 @@ def navigate(options: NavigateVerb) -> Summary:
 
 
 def _goals(options: NavigateVerb, runner: HeadlessRunner, rng: np.random.Generator) -> Sequence[NodeId]:
-    """Go to the one goal, or to random nodes."""
+    """Return the one given goal, or random nodes."""
     return runner.random_goals(options.queries, rng) if options.goal is None else [options.goal]
 
 
 def _drive(options: NavigateVerb) -> NavigateSummary:
-    """Open everything, run the queries, save the map if asked to."""
+    """Open all parts, run the queries, and save the map if requested."""
     started = time.monotonic()
     rng = np.random.default_rng(options.seed)
     known = options.open_map()
@@ -74,5 +74,5 @@ def _drive(options: NavigateVerb) -> NavigateSummary:
 
 
 def _start(known: TopologicalMap, rng: np.random.Generator) -> Pose | None:
-    """Return the pose of a random node's image; None, a free place, if it is unknown."""
+    """Return the pose of a random node's image; None for a random free place, if the pose is unknown."""
     return known.keyframes.observation(int(rng.choice(list(known.graph.nodes)))).exact_pose

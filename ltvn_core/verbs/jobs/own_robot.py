@@ -1,4 +1,4 @@
-"""`ltvn collect --robot` and `ltvn navigate --robot`: the same jobs with a robot that is not simulated."""
+"""`ltvn collect --robot` and `ltvn navigate --robot`: the same jobs with a robot outside the simulator."""
 
 import logging
 import time
@@ -25,9 +25,9 @@ _LOG = logging.getLogger(__name__)
 
 
 def collect_with(options: CollectVerb) -> CollectSummary:
-    """Record what a robot sees while somebody else drives it, until Ctrl-C or for `options.seconds`.
+    """Record the images of a robot while somebody else drives it, until Ctrl-C or for `options.seconds`.
 
-    A recorded drive that plays the robot ends it, too.
+    A recorded drive that is played as a robot also ends the recording.
     """
     name = str(options.robot)
     with opened_robot(name, drives=False) as own:

@@ -1,4 +1,5 @@
-"""`ltvn plant`: faults in a good map, and queries that meet them, for practice with the debugger and for its tests."""
+"""`ltvn plant`: puts faults into a good map, and runs queries that meet them, to practise with the debugger and to test
+it."""
 
 import time
 from collections.abc import Iterator
@@ -36,17 +37,18 @@ class PlantSummary:
 
     recording: Path
     faults: tuple[Fault, ...]
-    """One for each query of a round."""
+    """The faults, one for each query of a round."""
     nodes: int
     edges: int
     outcome: QueriesSummary
     pruned_spurious: int
-    """Number of pruned edges that are spurious by the truth."""
+    """Number of pruned edges that are spurious by the ground truth."""
     wall_s: float
 
 
 def plant_faults(options: PlantVerb) -> Summary:
-    """Plant, drive and record; raises OptionError, MapError, RecordingError, SceneError and WeightsError."""
+    """Insert the faults, drive and record; raises OptionError, MapError, RecordingError, SceneError and
+    WeightsError."""
     if options.steps < 1:
         raise OptionError(f"--steps must be 1 or more, got {options.steps}.")
     if options.edges < 1 or options.rounds < 1:
@@ -92,7 +94,7 @@ def _drive(options: PlantVerb) -> PlantSummary:
 
 
 def _system(options: PlantVerb, predictor: Predictor, loaded: LoadedMap) -> NavigationSystem:
-    """Return the map's system with the robust preset, which gives up early, and the maintenance that is asked for."""
+    """Return the map's system with the robust preset, which gives up early, and with the requested maintenance."""
     method = open_method("robust", predictor)
     short = replace(method.recovering, step_limit=options.steps, give_up_after_looks=12)
     system = recorded_system(loaded.meta.config).factory(replace(method, recovering=short))
@@ -104,7 +106,7 @@ def _insert_faults(
     known: TopologicalMap,
     truth: GroundTruth,
 ) -> Iterator[Fault]:
-    """Put the faults into the map; cut first, so that no other fault joins what is cut."""
+    """Put the faults into the map; missing edges come first, so that no other fault joins the separated parts."""
     graph = known.graph
     method = known.system.method
     belief = method.believing
@@ -129,7 +131,7 @@ def _apply_fault(graph: TopologicalGraph, fault: Fault) -> None:
 
 
 def _settings(options: PlantVerb, known: TopologicalMap, faults: tuple[Fault, ...]) -> dict[str, Any]:
-    """Say how the recording was made, and what is to be found in it."""
+    """Return the settings of the recording, with the faults to find in it."""
     said = [
         {"kind": fault.kind, "query": query, "start": fault.start, "goal": fault.goal, "edges": fault.edges}
         for query, fault in enumerate(faults * options.rounds)

@@ -1,4 +1,4 @@
-"""`ltvn plugins`: what packages add to the toolkit, whether it works, and a test of it."""
+"""`ltvn plugins`: lists the plug-ins of all packages, whether they work, and tests one of them."""
 
 import logging
 from dataclasses import dataclass
@@ -37,7 +37,7 @@ class PluginTestSummary:
 
 
 def list_or_test(options: PluginsVerb) -> Summary:
-    """List or test; raises OptionError for a plug-in that is not there."""
+    """List or test; raises OptionError if the plug-in is not installed."""
     if not options.command:
         rows = tuple(plugin_row(plugin) for plugin in installed_plugins() if options.group in ("", plugin.group.name))
         return PluginsSummary(rows, sum(not row.works for row in rows))

@@ -1,4 +1,4 @@
-"""`ltvn info | verify | repair | view`: look after recordings, and open one in the Rerun viewer, in the browser."""
+"""`ltvn info | verify | repair | view`: describe, check and repair recordings, and open one in the Rerun viewer."""
 
 import logging
 from dataclasses import dataclass
@@ -12,12 +12,12 @@ from ltvn_core.verbs.view import ViewVerb
 
 
 def tell_info(options: InfoVerb) -> Summary:
-    """Read the file's summary; raises RecordingError."""
+    """Return the summary of the file; raises RecordingError."""
     return read_info(options.recording)
 
 
 def verify_recording(options: VerifyVerb) -> Summary:
-    """Check the file; raises RecordingError that names `ltvn repair` for a cut or damaged one."""
+    """Check the file; for a cut or damaged one, raises RecordingError with a reference to `ltvn repair`."""
     return verify(options.recording)
 
 

@@ -1,4 +1,4 @@
-"""`ltvn report`: what an evaluation found, as one HTML page, as JSON, and as the tables of `docs/results.md`."""
+"""`ltvn report`: the results of an evaluation, as one HTML page, as JSON, and as the tables of `docs/results.md`."""
 
 import os
 from dataclasses import dataclass
@@ -18,18 +18,18 @@ from ltvn_core.verbs.verb import Summary
 
 @dataclass(frozen=True)
 class ReportSummary:
-    """Files that were written."""
+    """The files that were written."""
 
     output: Path
     results: Path
-    """All results in one file."""
+    """JSON file with all results."""
     page: Path | None
     pictures: tuple[Path, ...]
-    """Figures of the page."""
+    """Figures for the Markdown page."""
     trials: int
     lifelong: int
     worlds: int
-    """Maintenances in changing worlds, for each scene and seed."""
+    """Number of maintenances in changing worlds, for each scene and seed."""
     episodes: int
     failed: int
     failures_shown: int
@@ -77,7 +77,7 @@ def _check(options: ReportVerb) -> None:
 
 
 def _write(options: ReportVerb, found: FoundResults) -> int:
-    """Write page and JSON, and return how many failures the page shows."""
+    """Write page and JSON, and return the number of failures on the page."""
     rows = with_images(tqdm(select_failures(found.failures, options.failures), desc="failures", unit="episode"))
     html = render_page(found.drawn, rows, FIGURE_PALETTE, folder=options.output.parent, worlds=found.worlds)
     parts = [path.with_name(f".{path.name}.part") for path in (options.output, _json(options))]
@@ -86,7 +86,7 @@ def _write(options: ReportVerb, found: FoundResults) -> int:
         parts[1].unlink(missing_ok=True)
         parts[0].write_text(html, encoding="utf-8")
         save_results(parts[1], found.results)
-        # Only whole files take the place of an older report.
+        # An older report is replaced only when the new files are complete.
         os.replace(parts[0], options.output)
         os.replace(parts[1], _json(options))
     except OSError as error:

@@ -1,4 +1,4 @@
-"""`ltvn robot check`: looks a robot of ROS 2 over before anybody drives it, or a recorded drive that plays one."""
+"""`ltvn robot check`: checks a robot of ROS 2, or a recorded drive in its place, before anybody drives it."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -16,7 +16,7 @@ from ltvn_core.verbs.verb import Summary
 
 
 def check_robot(options: RobotVerb) -> Summary:
-    """Watch a robot, and drive it if asked to; raises OptionError, DriveError, RobotError and MapError."""
+    """Watch a robot, and drive it if requested; raises OptionError, DriveError, RobotError and MapError."""
     if not 0.5 <= options.seconds <= 600:
         raise OptionError(f"--seconds must be from 0.5 to 600, got {options.seconds}.")
     drive = NamedDrive.find(options.robot)
@@ -29,7 +29,7 @@ def check_robot(options: RobotVerb) -> Summary:
 
 
 def _live(options: RobotVerb) -> Summary:
-    # They need an extra that a recorded drive does not.
+    # Imported here, because they need an extra that a recorded drive does not.
     from ltvn_core.robots.ros2.robot_probe import look_over
     from ltvn_core.robots.ros2.ros_robot import open_ros_robot
 
@@ -53,26 +53,26 @@ def _recorded(options: RobotVerb, drive: NamedDrive) -> Summary:
 
 
 def _place_of_robot(robot: Robot, path: Path) -> PlacesReport:
-    """Say where in the map of a file a robot stands. Raises RobotError, MapError and RecordingError."""
+    """Return the node of a saved map at which a robot stands. Raises RobotError, MapError and RecordingError."""
     known = _opened(path)
     return _places(known, [fit_camera(robot, known.predictor.camera).observe()])
 
 
 def _places_of_drive(drive: NamedDrive, path: Path) -> PlacesReport:
-    """Say where in the map of a file a recorded drive led, every 12 cm or 10 degrees, as fast as that goes.
+    """Return the nodes of a saved map along a recorded drive, every 12 cm or 10 degrees, faster than real time.
 
     Raises DriveError, MapError and RecordingError.
     """
     known = _opened(path)
     time = _HurriedTime()
     played = play_drive(drive, WallClock(time.now, time.pass_by))
-    played.observe()  # Its time begins at the second look.
+    played.observe()  # The clock of the drive starts at the second observation.
     images = watch_drive(fit_camera(played, known.predictor.camera), lambda: played.is_over)
     return _places(known, images)
 
 
 class _HurriedTime:
-    """Time without waiting."""
+    """A clock that advances without waiting."""
 
     def __init__(self) -> None:
         self._now_s = 0.0

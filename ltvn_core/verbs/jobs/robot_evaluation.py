@@ -1,7 +1,7 @@
 """`ltvn evaluate-robot`: the paper's test on a robot (its Table II): episodes, queries with maintenance, episodes.
 
-Each result is on disk before the next episode begins, so that a run that was ended, or lost its robot, goes on where it
-was. Owns the order, the goals and who judges.
+Each result is saved before the next episode begins, so that an interrupted run, or one that lost its robot, can
+continue. Owns the order, the goals and the choice of the judge.
 """
 
 import logging
@@ -44,11 +44,11 @@ class RobotEvaluationSummary:
     queries: SuccessRate
     after: SuccessRate
     judged_by: tuple[str, ...]
-    """Who said what was reached: truth, person or belief."""
+    """Judges of the arrivals: truth, person or belief."""
     pruned: int
-    """Edges that the queries took away."""
+    """Number of edges that were pruned in the queries."""
     added: int
-    """Nodes and edges that they added."""
+    """Number of nodes and edges that were added in the queries."""
     driven_m: float
     folder: Path
     """Folder of episodes.jsonl, the recordings and the maps; a second call of the verb continues from them."""
@@ -56,7 +56,8 @@ class RobotEvaluationSummary:
 
 
 def evaluate_robot(options: EvaluateRobotVerb) -> RobotEvaluationSummary:
-    """Run what is not done yet. Raises RobotError where the robot is lost, MapError, RecordingError, OptionError."""
+    """Run all episodes and queries that have no result yet. Raises RobotError if the robot is lost, MapError,
+    RecordingError and OptionError."""
     if options.episodes < 1 or options.queries < 0:
         raise OptionError("--episodes must be 1 or more, and --queries 0 or more.")
     begun_s = time.monotonic()
@@ -69,24 +70,24 @@ def evaluate_robot(options: EvaluateRobotVerb) -> RobotEvaluationSummary:
 
 
 def _count(options: EvaluateRobotVerb, phase: Phase) -> int:
-    """Return how many episodes a phase has."""
+    """Return the number of episodes in a phase."""
     return options.queries if phase == "queries" else options.episodes
 
 
 def _log(options: EvaluateRobotVerb) -> Path:
-    """Return the file with the results of all that is done."""
+    """Return the file with all results so far."""
     return options.folder / "episodes.jsonl"
 
 
 def _results(options: EvaluateRobotVerb) -> dict[Phase, list[QueryResult]]:
-    """Read the results of each phase that are there, up to the first that is missing."""
+    """Return the stored results of each phase, up to the first missing one."""
     found = {(each.phase, each.query): each for each in read_query_log(_log(options))}
     keys = {phase: [(phase, number) for number in range(_count(options, phase))] for phase in PHASES}
     return {phase: [found[key] for key in takewhile(found.__contains__, keys[phase])] for phase in PHASES}
 
 
 def _run_phase(options: EvaluateRobotVerb, phase: Phase, own: Robot, done: int) -> None:
-    """Run what is left of a phase; what a query teaches is saved before its result is."""
+    """Run the remaining episodes of a phase; the map is saved before the result of a query."""
     count = _count(options, phase)
     goals = _goals(options, phase)
     learned = options.folder / f"map-{done if phase == 'queries' else options.queries}.rrd"
@@ -122,7 +123,7 @@ def _run_phase(options: EvaluateRobotVerb, phase: Phase, own: Robot, done: int) 
 
 
 def _drive_options(options: EvaluateRobotVerb, map_file: Path) -> NavigateOptions:
-    """Return the options with which `ltvn navigate` would drive by a map."""
+    """Return the options of `ltvn navigate` for a map."""
     return NavigateOptions(
         map=map_file,
         recording=options.folder,
@@ -134,13 +135,14 @@ def _drive_options(options: EvaluateRobotVerb, map_file: Path) -> NavigateOption
 
 
 def _goals(options: EvaluateRobotVerb, phase: Phase) -> Sequence[NodeId]:
-    """Return the goals of a phase, nodes of the map as it was; before and after they are the same."""
+    """Return the goals of a phase, which are nodes of the original map; they are the same before and after the
+    queries."""
     nodes = sorted(load_map(options.map).graph.nodes)
     return random_goals(nodes, _count(options, phase), np.random.default_rng([options.seed, int(phase == "queries")]))
 
 
 def _judged(robot: Robot, goal: Observation, result: QueryResult) -> QueryResult:
-    """Judge where the robot stands: by its true pose, else by a person, else by what it believes."""
+    """Return whether the robot is at the goal: by its true pose, else by a person, else by its own belief."""
     truth: Pose | None = getattr(robot, "true_pose", None)
     if truth is not None and goal.exact_pose is not None:
         judged = judge_goal_reached(result.query, truth, goal.exact_pose)

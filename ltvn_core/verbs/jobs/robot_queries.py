@@ -1,7 +1,6 @@
-"""Queries with a robot that is not simulated: time passes in real time, and everything is recorded.
+"""Queries with a robot outside the simulator: time is real, and everything is recorded.
 
-Owns the robot's end: it is stopped and closed, whatever happens. Simulated runs are written down and summed up in the
-same way.
+Guarantees that the robot is stopped and closed at the end. Simulated runs are recorded and summarised in the same way.
 """
 
 import logging
@@ -48,29 +47,29 @@ def opened_robot(name: str, *, drives: bool = True) -> Iterator[Robot]:
 
 
 def continued_robot(own: Robot, known: TopologicalMap) -> ContinuedRobot:
-    """Return a robot seen through the camera of a map's images, whose steps and stamps continue theirs."""
+    """Return a robot with the camera of a map's images; its steps and stamps continue those of the map."""
     last = known.keyframes.observation(known.keyframes.frames[-1])
     return ContinuedRobot(fit_camera(own, known.predictor.camera), last_step=last.step, last_stamp_s=last.stamp)
 
 
 class DrawnRun:
-    """Records the events of a robot that drives by a map, and draws the map again when it changes."""
+    """Records the events of a robot that drives by a map, and the drawing of the map when it changes."""
 
     def __init__(self, robot: Robot, writer: RecordingWriter, graph: TopologicalGraph) -> None:
-        """Take the time from the robot."""
+        """Use the robot's clock for the stamps."""
         self._robot = robot
         self._writer = writer
         self._graph = graph
 
     def record(self, event: Event) -> None:
-        """Record an event with the present time of the robot."""
+        """Record an event with the current time of the robot."""
         state = self._robot.state()
         self._writer.write_event(StampedEvent(state.step, state.stamp, event))
         if isinstance(event, GraphChanged) and event.delta.cause not in BULK_CAUSES:
             self.draw()
 
     def draw(self) -> None:
-        """Draw the map as it is now."""
+        """Record a drawing of the current map."""
         state = self._robot.state()
         self._writer.draw_graph(self._graph, state.step, state.stamp)
 
@@ -83,17 +82,18 @@ class QueriesSummary:
     reached: int
     """Queries that ended within 0.72 m and 0.4 rad of the goal by the robot's own decision."""
     collisions: int
-    """Touches during the queries."""
+    """Number of collisions during the queries."""
     pruned: int
-    """Edges that maintenance took away."""
+    """Number of edges that maintenance pruned."""
     added: int
-    """Edges and nodes that maintenance added."""
+    """Number of edges and nodes that maintenance added."""
     failures: dict[str, int]
-    """How the other queries ended, in the robot's own words; "arrived" means that it was wrong about that."""
+    """Number of other queries by their outcome, as the robot reported it; "arrived" is an arrival at the wrong
+    place."""
 
     @classmethod
     def of(cls, results: Sequence[QueryResult]) -> "QueriesSummary":
-        """Sum up queries."""
+        """Summarise the results of queries."""
         return cls(
             queries=len(results),
             reached=sum(each.reached for each in results),
@@ -105,7 +105,7 @@ class QueriesSummary:
 
 
 class RobotQueries:
-    """Drives a robot to nodes of a map, one after the other."""
+    """Drives a robot to nodes of a map, one query after the other."""
 
     def __init__(
         self,
@@ -122,7 +122,7 @@ class RobotQueries:
         self._navigator = known.navigator(RecordedRobot(robot, writer), seed=rng, actions=actions)
 
     def drive_to(self, goal: NodeId, query: int) -> QueryResult:
-        """Run a query in real time and record it. Raises RobotError where the robot is lost; it stands then."""
+        """Run a query in real time and record it. Raises RobotError if the robot is lost; it has been stopped then."""
         try:
             result = run_query(
                 self._navigator,

@@ -1,4 +1,4 @@
-"""`ltvn serve`: the simulated robot as a robot of ROS 2, in real time."""
+"""`ltvn serve`: offers the simulated robot as a robot of ROS 2, in real time."""
 
 import logging
 import math
@@ -21,13 +21,13 @@ _LOG = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class ServeSummary:
-    """The robot is gone again."""
+    """Summary when the robot is no longer served."""
 
     scene: str
     address: str
     """Address of the router."""
     driven_s: float
-    """Robot time."""
+    """Duration of the run, in seconds on the robot's clock."""
     collisions: int
 
 

@@ -1,4 +1,4 @@
-"""Messages to the person who started a run that can be watched in Rerun."""
+"""Messages to the user who started a run that can be watched in Rerun."""
 
 import logging
 
@@ -10,7 +10,7 @@ _LAST_PORT = 65535
 
 
 def announce_stream(port: int | None) -> int | None:
-    """Print how to watch the recording at `port`, and return the port; None means no stream.
+    """Print the command to watch the recording at `port`, and return the port; None means no stream.
 
     Raises OptionError for an invalid port.
     """

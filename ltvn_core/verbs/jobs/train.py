@@ -1,4 +1,4 @@
-"""`ltvn train`: a dataset becomes weights with a card."""
+"""`ltvn train`: trains weights on a dataset, and writes a card for them."""
 
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -30,11 +30,11 @@ from ltvn_core.verbs.train import TrainVerb
 from ltvn_core.verbs.verb import Summary
 
 _VALIDATION_DRIVE = 220
-"""Images of the drive through each validation scene."""
+"""Number of images of the drive through each validation scene."""
 _SHORT_DRIVE = 60
-"""Images of that drive in a short training, where comparing more would take longer than training itself."""
+"""Number of images of that drive in a short training, where comparing more would take longer than training itself."""
 _FEW_STEPS = 1000
-"""A training of fewer steps than this is short; it also compares a fifth of the pairs."""
+"""Number of steps below which a training is short; it also compares a fifth of the pairs."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class NetworkEvaluationSummary(NetworkMetrics):
     """Figures of weights, and of the paper's plain network beside them."""
 
     stacked: NetworkMetrics | None
-    """None unless --stacked names some."""
+    """Figures of the weights in --stacked; None without this option."""
 
 
 def train_network(options: TrainVerb) -> Summary:
@@ -83,7 +83,7 @@ def _plan(options: TrainVerb) -> TrainingPlan:
     plan = TrainingPlan(
         Hyperparameters(seed=options.seed), default_architecture(options.architecture), minutes=options.minutes
     )
-    if options.architecture == "stacked":  # It pays for every pair from the pixels on, so it is validated on fewer.
+    if options.architecture == "stacked":  # It runs on the pixels of every pair: validate on fewer.
         plan = replace(plan, validation_pairs=plan.validation_pairs // 4, validation_far=plan.validation_far // 4)
     if options.steps is None:
         return plan
@@ -94,7 +94,7 @@ def _plan(options: TrainVerb) -> TrainingPlan:
 
 
 def _is_short(options: TrainVerb) -> bool:
-    """Whether this is a trial of few steps, which would wait longer for a whole validation than for training."""
+    """Return whether this is a trial of few steps, in which a full validation would take longer than the training."""
     return options.steps is not None and options.steps < _FEW_STEPS
 
 
@@ -117,7 +117,7 @@ def _processes(options: TrainVerb) -> int:
 
 
 def _checked_output(options: TrainVerb) -> Path:
-    """Return the output. Raises OptionError if there is none or weights lie there already."""
+    """Return the output file. Raises OptionError if none is given or the file exists."""
     if options.output is None:
         raise OptionError("--output is missing: name the weights to write, for instance --output my.safetensors.")
     if options.output.exists():
@@ -158,16 +158,16 @@ class LoadTrainingData:
 
     folder: Path
     images: int
-    """Images of the drive through each validation scene."""
+    """Number of images of the drive through each validation scene."""
 
     def __call__(self) -> TrainingData:
-        """Read all shards; validation scenes also give drives. Raises DatasetError."""
+        """Read all shards, and render the drives through the validation scenes. Raises DatasetError."""
         learned, validation = read_shards(self.folder)
         return TrainingData(learned, validation, drives([shard.name for shard in validation], images=self.images))
 
 
 def read_shards(folder: Path) -> tuple[list[Shard], list[Shard]]:
-    """Return a dataset's shards to learn from and to validate on. Raises DatasetError if there are none of a kind."""
+    """Return a dataset's shards for training and for validation. Raises DatasetError if either is missing."""
     shards = [read_shard(path) for path in dataset_shards(folder)]
     learned, validation = split_shards((shard for shard in shards if shard.name not in TEST_SCENES), VALIDATION_SCENES)
     if not learned or not validation:

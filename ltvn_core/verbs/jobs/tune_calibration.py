@@ -1,6 +1,6 @@
-"""`ltvn finetune --predictor geometric`: a calibration learns from a drive. It needs no network, and so no torch.
+"""`ltvn finetune --predictor geometric`: fits a calibration to a drive. Needs no network, and therefore no torch.
 
-Owns the checks of all options of `ltvn finetune`, and the command line that cards name.
+Owns the checks of all options of `ltvn finetune`, and the command line in the cards.
 """
 
 from typing import cast
@@ -18,7 +18,7 @@ from ltvn_core.verbs.verb import Summary
 
 
 def finetune_calibration(options: FinetuneVerb) -> Summary:
-    """Tune, judge and save; raises OptionError and RecordingError."""
+    """Fit, evaluate and save; raises OptionError and RecordingError."""
     check_options(options)
     part = parse_part(options.part)
     recording = Recording.open(options.recording)
@@ -36,7 +36,7 @@ def finetune_calibration(options: FinetuneVerb) -> Summary:
 
 
 def check_options(options: FinetuneVerb) -> None:
-    """Raise OptionError for options that cannot be, of either predictor."""
+    """Raise OptionError for invalid options, for either predictor."""
     if options.horizon < 2:
         raise OptionError(f"--horizon must be 2 or more images, got {options.horizon}; 15 is a good start.")
     if not options.minutes > 0:
@@ -47,7 +47,7 @@ def check_options(options: FinetuneVerb) -> None:
 
 
 def tuning_command(options: FinetuneVerb) -> str:
-    """Return what a card names as the command that made it."""
+    """Return the command line for a card."""
     words = [f"--output {options.output.name}"]
     if options.predictor == "network":
         words += [f"--horizon {options.horizon}", f"--minutes {options.minutes:g}"]
@@ -60,7 +60,7 @@ def tuning_command(options: FinetuneVerb) -> str:
 
 
 class _StepBar:
-    """A progress bar for one step after the other."""
+    """A progress bar for consecutive steps."""
 
     def __init__(self) -> None:
         self._bar = tqdm(desc="read")

@@ -131,8 +131,14 @@ function showPage() {
   document.documentElement.dataset.ltvnReady = "";
 }
 
+// viser's panel first shows viser's settings, and then folds them up: until that is done, everything below them moves.
+function isPanelAtRest() {
+  const parts = document.querySelector("[data-ltvn-viser=inner] > :last-child")?.children ?? [];
+  return viserPanel() !== null && [...parts].filter((part) => part.offsetHeight > 0).length <= 1;
+}
+
 function endLoading() {
-  if (viserPanel() !== null) showPage();
+  if (isPanelAtRest()) showPage();
   // Whatever keeps the panel away, nobody shall look at a loading screen for ever.
   else if (seat.isOpen) endLoading.due ??= setTimeout(showPage, SHOW_ANYWAY_MS);
 }
@@ -162,6 +168,7 @@ function layOut() {
   byId("ltvn-settings").addEventListener("click", toggleViserSettings);
   const all = { childList: true, subtree: true, characterData: true, attributes: true, attributeFilter: ["aria-selected"] };
   new MutationObserver(arrangeSoon).observe(byId("root"), all);
+  byId("root").addEventListener("transitionend", arrangeSoon);
   addEventListener("resize", arrangeSoon);
   addEventListener("click", noteChosenTab, true);
   new ResizeObserver(arrangeSoon).observe(byId("ltvn-pictures"));

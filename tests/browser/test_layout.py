@@ -40,6 +40,12 @@ _SMALL_PRINT = """() => [...document.querySelectorAll("body *")].filter((shown) 
     !["STYLE", "SCRIPT", "NOSCRIPT"].includes(shown.tagName) &&
     parseFloat(getComputedStyle(shown).fontSize) < 12.99
 ).map((shown) => shown.textContent.trim().slice(0, 60))"""
+_NOTE_FIRST_PLACE = """
+new MutationObserver((_, observer) => {
+  observer.disconnect();
+  window.firstTop = document.querySelector("#root [role=tab]").getBoundingClientRect().top;
+}).observe(document, { subtree: true, attributeFilter: ["data-ltvn-ready"] });
+"""
 _NAME_IN_FOCUS = """() => {
     const shown = document.activeElement;
     return (shown.getAttribute("aria-label") ?? shown.textContent).trim();
@@ -305,3 +311,16 @@ def test_the_longest_words_of_the_pad_move_nothing_out_of_the_window(app: FlatAp
 def test_the_console_is_clean(page: Page, trouble: list[str]) -> None:
     page.locator("#ltvn-pictures").wait_for()
     assert trouble == []
+
+
+def test_the_panel_stands_still_from_the_moment_when_the_page_is_shown(app: FlatApp, chromium: Browser) -> None:
+    with chromium.new_page(viewport={"width": 1280, "height": 800}) as page:
+        draw_nothing(page)
+        page.add_init_script(_NOTE_FIRST_PLACE)
+        page.goto(app.server.url)
+        page.wait_for_function("window.firstTop !== undefined", timeout=PATIENCE_S * 1000)
+        tab = page.get_by_role("tab", name="Drive")
+        tab.click()  # Waits until the tab stands still.
+        box = tab.bounding_box()
+        assert box is not None
+        assert box["y"] == pytest.approx(page.evaluate("firstTop"), abs=1.0)

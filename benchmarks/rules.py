@@ -28,6 +28,7 @@ SCENES: Mapping[str, tuple[str, ...]] = {
     "tune-twin-0": ("one-loop",),
     "tune-plain-0": ("one-loop",),
     "tune-office-0": ("one-loop",),
+    "tune-hall-0": ("one-loop",),
 }
 """Scene -> what is harder there than usual. Thresholds may be chosen on these: none is in a table of results."""
 LEARNED_ONLY = ("believing", "expanding")

@@ -10,6 +10,7 @@ from ltvn_core.data.importing.floor_plan_alignment import align_floor_plan
 from ltvn_core.geometry import compose, relative
 from ltvn_core.types import Pose
 from ltvn_viz.layers import NODE_Z
+from ltvn_viz.layers.floor_plan import FLOOR_PLAN_NAME
 from ltvn_viz.session.floor_plan_clicks import FloorPlanClicks
 from ltvn_viz.session.snapshot import FloorPlanView
 from ltvn_viz.wishes.commands import Mode
@@ -23,6 +24,7 @@ pytestmark = pytest.mark.browser
 
 TRUE_FRAME = np.array([0.3, -0.2, 0.1])
 """Pose of the plan's frame in that of the map, which the person knows."""
+SHEET = f"{FLOOR_PLAN_NAME}-sheet"
 CLICK_M = 0.15
 """Error of a click on the screen, in metres."""
 
@@ -53,12 +55,18 @@ def frame_of(app: FlatApp) -> Pose:
 
 
 def point_out(app: FlatApp, page: Page, row: int, *, pairs: int) -> None:
-    """Click a node, and its place on the plan as it is drawn now."""
+    """Click a node, and its place on the plan as it is drawn now.
+
+    The sheet that takes clicks on the plan comes and goes a moment after the choice; a click that meets a sheet which
+    is gone already is dropped.
+    """
+    until(lambda: SHEET not in app.server.scene._handle_from_node_name)
     graph = app.harness.now.moment.graph
     click(app, page, graph.poses[row], NODE_Z)
     until(lambda: view_of(app).node is not None)
     node = view_of(app).node  # Several nodes stand at one place and look in different directions.
     expect(page.get_by_text(f"place of node {node}").first).to_be_visible()
+    until(lambda: SHEET in app.server.scene._handle_from_node_name)
     pose = graph.poses[int(np.flatnonzero(graph.ids == node)[0])]
     click(app, page, compose(frame_of(app), relative(TRUE_FRAME, pose)), 0.0)
     until(lambda: view_of(app).pairs == pairs)

@@ -7,7 +7,6 @@ a docstring, "paper" means that the quantity is theirs, "ours" that it is a depa
 Distances d are Eq. 2, which mixes metres with sqrt(2) per radian. Contains no behaviour.
 """
 
-import math
 from dataclasses import dataclass, field
 
 from ltvn_core.errors import OptionError
@@ -44,8 +43,6 @@ class BuildingConfig:
     """D_m: an image nearer than this to a node is merged (paper)."""
     merge_reachability: float = 0.6
     """Least r for merging (ours)."""
-    merge_yaw_rad: float = 0.45
-    """Greatest yaw between two images that merge, in radians; pi switches the gate off (ours)."""
     connect_distance: float = 1.0
     """D_c: two images nearer than this are joined by an edge (paper)."""
     connect_reachability: float = 0.8
@@ -153,8 +150,6 @@ class JudgingConfig:
     """Greatest d of a goal that is reached (ours)."""
     arrive_reachability: float = 0.6
     """Least r of a goal that is reached (ours)."""
-    arrive_yaw_rad: float = 0.25
-    """Greatest yaw to a goal that is reached; pi switches the gate off (ours)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -272,7 +267,6 @@ PAPER = Method(
     building=BuildingConfig(
         merge_distance=0.55,
         connect_distance=1.5,
-        merge_yaw_rad=math.pi,
         second_pass_reachability=0.0,
         bridges=False,
         tie_goals=False,
@@ -295,7 +289,7 @@ PAPER = Method(
         bends=0,
         back_off_m=0.1,
     ),
-    judging=JudgingConfig(success_distance=0.0, arrive_yaw_rad=math.pi),
+    judging=JudgingConfig(success_distance=0.0),
     believing=BeliefConfig(
         one_failure_per_query=False,
         hindered_weight=1.0,

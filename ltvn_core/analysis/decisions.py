@@ -61,7 +61,7 @@ _ENDS = {
 }
 """Rule for each way in which an attempt can end."""
 _OUTCOMES = {
-    e.Outcome.ARRIVED: ("judging.arrive_distance", "judging.arrive_reachability", "judging.arrive_yaw_rad"),
+    e.Outcome.ARRIVED: ("judging.arrive_distance", "judging.arrive_reachability"),
     e.Outcome.NO_PATH: ("recovering.give_up_after_looks",),
     e.Outcome.LOST: ("recovering.give_up_after_looks",),
     e.Outcome.STEP_LIMIT: ("recovering.step_limit",),

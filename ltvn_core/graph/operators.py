@@ -26,8 +26,6 @@ class OperatorThresholds:
     """D_m: greatest d for merging."""
     merge_reachability: float
     """Least r for merging."""
-    merge_yaw_rad: float
-    """Largest difference of heading for merging, in radians."""
     connect_distance: float
     """D_c: greatest d for an edge."""
     connect_reachability: float
@@ -39,7 +37,6 @@ class OperatorThresholds:
         return cls(
             config.merge_distance,
             config.merge_reachability,
-            config.merge_yaw_rad,
             config.connect_distance,
             config.connect_reachability,
         )
@@ -55,11 +52,7 @@ class OperatorThresholds:
 
 def mergeable(matches: Matches, thresholds: OperatorThresholds) -> NDArray[np.bool_]:
     """Tell for each node (N,) whether the image merges with it: d < D_m."""
-    return (
-        (matches.distances < thresholds.merge_distance)
-        & (matches.reachability > thresholds.merge_reachability)
-        & (np.abs(matches.waypoints[:, 2]) <= thresholds.merge_yaw_rad)
-    )
+    return (matches.distances < thresholds.merge_distance) & (matches.reachability > thresholds.merge_reachability)
 
 
 def connectable(matches: Matches, thresholds: OperatorThresholds) -> NDArray[np.bool_]:

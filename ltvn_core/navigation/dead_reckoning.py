@@ -72,11 +72,11 @@ class DeadReckoning:
         here = self._motion.odometry
         edges = [edge for edge in pairwise(segment) if edge in graph.edges]
         place = self.places(without=[edge for edge in edges if not was_driven(graph, graph.edges[edge])]).get(target)
-        if place is not None and self._stands_at(place) and (is_recognised or self._looks_different(target, place)):
+        if place is not None and _is_near(place) and (is_recognised or self._looks_different(target, place)):
             self._arrival = target, place, here
             return True
         place = self.places().get(target)
-        if place is not None and self._stands_at(place) and fits_depth(target, place):
+        if place is not None and _is_near(place) and fits_depth(target, place):
             self._arrival = self._seen = target, place, here
             return True
         self._arrival = None
@@ -95,17 +95,12 @@ class DeadReckoning:
     def is_at(self, node: NodeId) -> bool:
         """Tell whether the robot is at a goal node by odometry, if the place has changed."""
         places = self.places()
-        return node in places and self._stands_at(places[node]) and self._at(node, places[node]) is not None
-
-    def _stands_at(self, waypoint: Waypoint) -> bool:
-        within = float(distance(waypoint)) <= _AT_NODE_DISTANCE
-        return within and abs(float(waypoint[2])) <= self._context.method.judging.arrive_yaw_rad
+        return node in places and self._at(node, places[node]) is not None
 
     def _at(self, node: NodeId, waypoint: Waypoint) -> Localisation | None:
-        away = float(distance(waypoint))
-        if away > _AT_NODE_DISTANCE or not self._looks_different(node, waypoint):
+        if not _is_near(waypoint) or not self._looks_different(node, waypoint):
             return None
-        return Localisation(node, away, _CERTAIN, waypoint, None, np.inf, LOCAL)
+        return Localisation(node, float(distance(waypoint)), _CERTAIN, waypoint, None, np.inf, LOCAL)
 
     def places(self, *, without: Collection[EdgeKey] = ()) -> dict[NodeId, Waypoint]:
         """Return the waypoints (3,) by odometry of the nodes around the last recognised one; empty if there is none.
@@ -149,3 +144,8 @@ def _nearest(points: NDArray[np.float64], half_fov_rad: float) -> NDArray[np.flo
     columns = ((bearings[inside] + half_fov_rad) / (2 * half_fov_rad) * _DIRECTIONS).astype(np.intp)
     np.minimum.at(nearest, np.minimum(columns, _DIRECTIONS - 1), np.linalg.norm(points[inside], axis=1))
     return nearest
+
+
+def _is_near(waypoint: Waypoint) -> bool:
+    """Tell whether a node at `waypoint` (3,) is where the robot is."""
+    return float(distance(waypoint)) <= _AT_NODE_DISTANCE

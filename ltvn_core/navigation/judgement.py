@@ -108,11 +108,7 @@ def judge_attempt(
 
 def is_at_goal(reachability: float, waypoint: Waypoint, config: JudgingConfig) -> bool:
     """Tell whether the goal at `waypoint` (3,) is reached."""
-    return bool(
-        reachability > config.arrive_reachability
-        and distance(waypoint) < config.arrive_distance
-        and abs(waypoint[2]) <= config.arrive_yaw_rad
-    )
+    return bool(reachability > config.arrive_reachability and distance(waypoint) < config.arrive_distance)
 
 
 _AT_TARGET_DISTANCE = 0.3

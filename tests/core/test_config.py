@@ -2,7 +2,6 @@
 
 import inspect
 import json
-import math
 from dataclasses import asdict, fields, is_dataclass
 
 import cattrs
@@ -36,7 +35,6 @@ def test_the_literal_method_has_every_departure_switched_off() -> None:
     assert not PAPER.driving.depth_veto
     assert not PAPER.localising.follow_places
     assert not PAPER.judging.success_distance
-    assert PAPER.judging.arrive_yaw_rad == math.pi
     assert PAPER.believing.prune_after_failures == 1
     assert not PAPER.expanding.strict
 

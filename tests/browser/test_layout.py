@@ -15,7 +15,7 @@ from ltvn_viz.wishes.commands import Mode
 from tests.browser.actions import wait_for_rest
 from tests.browser.flat_app import FLOOR, FlatApp, serving
 from tests.browser.pages import draw_nothing, open_page
-from tests.waiting import PATIENCE_S, until
+from tests.waiting import PATIENCE_MS, PATIENCE_S, until
 
 pytestmark = pytest.mark.browser
 
@@ -318,7 +318,8 @@ def test_the_panel_stands_still_from_the_moment_when_the_page_is_shown(app: Flat
         draw_nothing(page)
         page.add_init_script(_NOTE_FIRST_PLACE)
         page.goto(app.server.url)
-        page.wait_for_function("window.firstTop !== undefined", timeout=PATIENCE_S * 1000)
+        page.set_default_timeout(PATIENCE_MS)
+        until(lambda: page.evaluate("window.firstTop !== undefined"))
         tab = page.get_by_role("tab", name="Drive")
         tab.click()  # Waits until the tab stands still.
         box = tab.bounding_box()

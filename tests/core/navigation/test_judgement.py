@@ -53,5 +53,5 @@ def test_the_goal_is_reached_near_reachable_and_facing_the_right_way() -> None:
     assert is_at_goal(0.9, np.array([0.2, 0.0, 0.1]), ROBUST.judging)
     assert not is_at_goal(0.5, np.array([0.2, 0.0, 0.1]), ROBUST.judging)
     assert not is_at_goal(0.9, np.array([0.6, 0.0, 0.0]), ROBUST.judging)
-    assert not is_at_goal(0.9, np.array([0.0, 0.0, 0.28]), ROBUST.judging)
+    assert not is_at_goal(0.9, np.array([0.0, 0.0, 0.33]), ROBUST.judging)
     assert is_at_goal(0.9, np.array([0.0, 0.0, 0.28]), PAPER.judging)

@@ -8,7 +8,6 @@ import viser
 from ltvn_viz.panels.debugger_panel import ANSWERED_WITHIN_S, DebuggerPanel
 from ltvn_viz.session.inspection import Inspection, QuestionName
 from ltvn_viz.session.snapshot import Snapshot
-from tests.viz.panels.panel_contents import nothing
 
 OFFERED = (QuestionName.NONE, QuestionName.EDGE, QuestionName.TIME)
 BEFORE = Snapshot(inspection=Inspection(offered=OFFERED))
@@ -19,7 +18,9 @@ class Panel:
 
     def __init__(self, gui: viser.GuiApi) -> None:
         self.seconds_later = 0.0
-        self.panel = DebuggerPanel(gui, nothing, clock=lambda: self.list.update_timestamp + self.seconds_later)
+        self.panel = DebuggerPanel(
+            gui, lambda _action, _value: None, clock=lambda: self.list.update_timestamp + self.seconds_later
+        )
         self.panel.show(BEFORE)
 
     @property

@@ -150,7 +150,7 @@ def choose_precision(network: BaseNetwork[FeaturesT]) -> MixedPrecision:
     for bfloat16 in (False, True):
         step = _training_step(network, MixedPrecision(bfloat16), rgb, depth)
         step()
-        seconds[bfloat16] = min(_seconds(step) for _ in range(2))
+        seconds[bfloat16] = min(_seconds(step, device) for _ in range(2))
     network.load_state_dict(state)  # Its batch normalisation has seen noise.
     network.zero_grad(set_to_none=True)
     choice = MixedPrecision(seconds[True] < 0.9 * seconds[False])
@@ -175,9 +175,11 @@ def _training_step(
     return step
 
 
-def _seconds(step: Callable[[], None]) -> float:
-    start = time.perf_counter()
+def _seconds(step: Callable[[], None], device: torch.device) -> float:
+    # On a CPU, processor time: other programs must not decide the precision, and with it what is learned from a seed.
+    clock = time.process_time if device.type == "cpu" else time.perf_counter
+    start = clock()
     step()
     if torch.cuda.is_available():
         torch.cuda.synchronize()
-    return time.perf_counter() - start
+    return clock() - start

@@ -157,8 +157,6 @@ class RepairedRecording:
 def verify(path: Path | str) -> VerifiedRecording:
     """Check that a recording is finished and was written by this program, and that every frame and event is unchanged.
 
-    If the file has a checksum of every message, the checksums that frames have in addition are not compared.
-
     Raises RecordingError otherwise; for a cut, unfinished or damaged file its message names `ltvn repair`.
     """
     path = Path(path)
@@ -168,14 +166,15 @@ def verify(path: Path | str) -> VerifiedRecording:
         _check_rows(recording, contents.record)
     if recording.half_frames:
         raise _changed(path, f"of frame {recording.half_frames[0]} only the colours or only the depth is there")
-    if contents.record is None:
-        _check_frames(recording)
-        recording.final_graph()  # Raises MapError when the deltas do not fit together.
+    damaged = [frame for frame in recording.frames if not recording.is_intact(frame)]
+    if damaged:
+        changed = f"{len(damaged)} of {len(recording.frames)} frames changed since they were written, the first is"
+        raise _changed(path, f"{changed} {damaged[0]}")
     _check_events(recording)
     return VerifiedRecording(
         recording=path,
         frames=len(recording.frames),
-        events=len(recording.stored_events),
+        events=len(recording.events),
         size_bytes=path.stat().st_size,
         checksummed=contents.record is not None,
         note=None if contents.record is not None else _NO_RECORD,
@@ -234,17 +233,11 @@ def _check_rows(recording: Recording, record: ClosingRecord) -> None:
             raise _changed(recording.path, f"{written} rows of {entity} were written and {found} are there")
 
 
-def _check_frames(recording: Recording) -> None:
-    damaged = [frame for frame in recording.frames if not recording.is_intact(frame)]
-    if damaged:
-        changed = f"{len(damaged)} of {len(recording.frames)} frames changed since they were written, the first is"
-        raise _changed(recording.path, f"{changed} {damaged[0]}")
-
-
 def _check_events(recording: Recording) -> None:
     for place, stored in enumerate(recording.stored_events):
         if not stored.intact or stored.event.sequence != place:
             raise _changed(recording.path, f"event {place} is missing or changed since it was written")
+    recording.final_graph()  # Raises MapError when the deltas do not fit together.
 
 
 def _changed(path: Path, what: str) -> RecordingError:

@@ -219,7 +219,7 @@ class FolderReader(ImageFilesReader):
 
     def _moment(self, place: int, path: Path) -> FrameMoment:
         stamp = self._stamps[place]
-        odometry = None if self._table is None else self._table.pose(path.name, stamp, place)
+        odometry = None if self._table is None else self._table.pose(path.name, stamp)
         truth = None if self._truth is None else self._truth.at(place)
         return FrameMoment.with_truth(stamp, truth, odometry)
 

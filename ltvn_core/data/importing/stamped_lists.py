@@ -170,7 +170,7 @@ class OdometryTable:
             return None
         return self._stamps.tolist()
 
-    def pose(self, file: str, stamp: float, place: int) -> Pose | None:
+    def pose(self, file: str, stamp: float) -> Pose | None:
         """Return the pose (3,) of a picture by its file name, or otherwise by its stamp; None if no row fits."""
         row = self._places.get(file, self._stems.get(Path(file).stem))
         if row is None and self._stamps is not None:

@@ -88,7 +88,7 @@ class VideoReader:
         try:
             for place, image in enumerate(images):
                 stamp = image.stamp if self._rate_hz is None else place / self._rate_hz
-                moment = FrameMoment(stamp, None if self._table is None else self._table.pose("", stamp, place))
+                moment = FrameMoment(stamp, None if self._table is None else self._table.pose("", stamp))
                 if wanted(moment):
                     yield self._frame(moment, image.frame, place)
         except DriveError as error:

@@ -7,17 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.config import DrivingConfig
-from ltvn_core.geometry import rotation
-from ltvn_core.types import CONTROL_STEP_S, Twist
+from ltvn_core.types import Twist
 
 _HORIZON_S = 0.8
 _STEPS = 6
 _TURN_OFFSETS_RAD_S = (0.0, 0.3, -0.3, 0.6, -0.6, 0.9, -0.9)
 """Changes of the turning rate that are tried, the smallest first."""
-_STRAIGHTENING_RAD = (0.0, *(sign * angle for angle in np.arange(0.04, 0.33, 0.04).tolist() for sign in (1, -1)))
-"""Turns on the spot that are tried beside an obstacle, the smallest first."""
-_STRAIGHTENING_RAD_S = 0.5
-"""Greatest rate of such a turn."""
 MAX_NOISE_POINTS = 2
 """Number of stray points that are ignored as noise."""
 CLEARANCE_TOLERANCE_M = 0.005
@@ -30,8 +25,7 @@ def collision_free_command(
 ) -> Twist | None:
     """Return the command nearest to `twist` that hits none of the points (M, 2) within `length_m`.
 
-    Points are in the robot's frame. In a narrow place the command is slower, or turns the robot parallel to the wall
-    beside it. Returns None if every arc ends in contact; a turn on the spot never does.
+    Points are in the robot's frame. Returns None if every arc ends in contact; a turn on the spot never does.
     """
     if not twist.linear_m_s or len(points) <= MAX_NOISE_POINTS:
         return twist
@@ -43,18 +37,8 @@ def collision_free_command(
         adjusted = Twist(twist.linear_m_s * (1 - 0.5 * abs(turn_offset) / config.turn_rad_s), turn)
         if _is_free(adjusted, points, reach_m, _clear_m(radius_m + config.veto_margin_m, now_m)):
             return adjusted
-    narrow_m = _clear_m(radius_m + NARROW_MARGIN_M, now_m)
     slow = Twist(twist.linear_m_s * _NARROW_SPEED_FACTOR, twist.angular_rad_s)
-    if _is_free(slow, points, reach_m, narrow_m):
-        return slow
-    if not config.swerve or now_m > radius_m + config.veto_margin_m:
-        return None
-    straight = slow._replace(angular_rad_s=0.0)
-    for angle_rad in _STRAIGHTENING_RAD:
-        if _is_free(straight, points @ rotation(angle_rad), reach_m, narrow_m):
-            turn = float(np.clip(angle_rad / CONTROL_STEP_S, -_STRAIGHTENING_RAD_S, _STRAIGHTENING_RAD_S))
-            return Twist(0.0, turn) if turn else straight
-    return None
+    return slow if _is_free(slow, points, reach_m, _clear_m(radius_m + NARROW_MARGIN_M, now_m)) else None
 
 
 def _clear_m(clear_m: float, now_m: float) -> float:

@@ -7,7 +7,6 @@ import pytest
 
 from ltvn_core.cameras.depth_points import map_points, obstacle_points
 from ltvn_core.config import ROBUST
-from ltvn_core.geometry import rotation
 from ltvn_core.navigation.obstacle_avoidance import collision_free_command
 from ltvn_core.navigation.obstacle_memory import ObstacleMemory
 from ltvn_core.robots.robot_spec import LOCOBOT
@@ -94,24 +93,6 @@ def corridor(half_width_m: float) -> np.ndarray:
     walls = half_width_m / left
     floor = scene()
     return np.where((floor == 0) | (walls < floor), np.where(walls < 8.0, walls, 0.0), floor).astype(np.float32)
-
-
-@pytest.mark.parametrize("lean_rad", [-0.25, -0.1, 0.1, 0.25])
-@pytest.mark.parametrize("forwards", [1.0, -1.0])
-def test_a_robot_askew_in_a_narrow_corridor_straightens_up_and_drives_on(lean_rad: float, forwards: float) -> None:
-    along = np.linspace(-1.5, 1.5, 300)
-    walls = np.concatenate([np.stack([along, np.full(300, side)], axis=-1) for side in (0.21, -0.21)])
-    wish = Twist(forwards * AHEAD.linear_m_s, 0.0)
-    yaw_rad = lean_rad
-    for _ in range(20):
-        points = walls @ rotation(yaw_rad)
-        free = collision_free_command(wish, points, 1.0, ROBUST.driving, radius_m=RADIUS_M)
-        assert free is not None
-        if free.linear_m_s:
-            break
-        yaw_rad += 0.1 * free.angular_rad_s
-    assert free.linear_m_s * forwards > 0
-    assert abs(yaw_rad) < 0.1
 
 
 @pytest.mark.parametrize("seed", range(5))

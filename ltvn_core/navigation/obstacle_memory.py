@@ -20,6 +20,7 @@ from ltvn_core.cameras.depth_points import (
 from ltvn_core.cameras.depth_scan import FREE_BEYOND_M, RANGE_M, DepthScan, bearing_bins
 from ltvn_core.geometry import relative, rotation
 from ltvn_core.navigation.bystanders import BODY_M, Bystanders
+from ltvn_core.navigation.obstacle_avoidance import MAX_NOISE_POINTS
 from ltvn_core.robots.robot_spec import RobotSpec
 from ltvn_core.types import FrameId, Observation, Pose
 
@@ -89,6 +90,8 @@ def _votes(scan: DepthScan, points: NDArray[np.float64]) -> tuple[NDArray[np.boo
 
 _REMEMBERED_IMAGES = 40
 """Number of images that are remembered; together they cover the last metres and a full turn."""
+_SURFACE_M = 0.05
+"""Depth of a surface in metres: points at one bearing within it are averaged."""
 _UPDATE_AFTER_M = 0.07
 _UPDATE_AFTER_RAD = 0.08
 """Turn after which the memory is updated, in radians. An image stays valid for longer than a control step, and an
@@ -115,6 +118,23 @@ _HIT_WIDTH_M, _HIT_POINTS = 0.5, 11
 """Assumed width of an obstacle that was hit, in metres, and the number of points that represent it."""
 _COLLISION_BEARINGS_RAD = np.deg2rad(np.repeat([-12.0, 0.0, 12.0], 3))
 """Bearings of the points of a collision; each point counts three times, so that it is not filtered as noise."""
+
+
+def _surfaces(scan: DepthScan, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the nearest surface at each bearing, (K, 2) averages of solid points (M, 2) in the odometry frame.
+
+    The nearest of thousands of noisy points lies centimetres before its wall, and a narrow way would look closed.
+    """
+    if not len(points):
+        return points
+    away_m, bearing = scan.polar(points)
+    bins, bin_of, count = np.unique(bearing_bins(bearing, scan.half_rad), return_inverse=True, return_counts=True)
+    order = np.lexsort((away_m, bin_of))
+    third = np.cumsum(count) - count + np.minimum(count - 1, MAX_NOISE_POINTS)
+    surface_m = away_m[order][third]
+    near = np.abs(away_m - surface_m[bin_of]) < _SURFACE_M
+    sums = [np.bincount(bin_of[near], weights=points[near, axis], minlength=len(bins)) for axis in (0, 1)]
+    return np.stack(sums, axis=-1) / np.bincount(bin_of[near], minlength=len(bins))[:, None]
 
 
 def _widened(moving: NDArray[np.float64]) -> list[NDArray[np.float64]]:
@@ -175,7 +195,7 @@ class ObstacleMemory:
         for k, points in enumerate(self._seen):
             self._seen[k] = points[~scan.looks_past(points)]
         if self._movement is None:
-            self._seen.append(things[nearby])
+            self._seen.append(_surfaces(scan, things[nearby]))
             return
         moves = self._movement.moving(scan, things, nearby)
         points = things[nearby & ~moves]
@@ -183,7 +203,7 @@ class ObstacleMemory:
         # People are remembered separately, because their points would stay after they have left.
         for place in self.people(observation.stamp):
             points = points[np.hypot(*(points - place).T) > BODY_M + _NEXT_TO_M]
-        self._seen.append(points)
+        self._seen.append(_surfaces(scan, points))
 
     def _read(self, observation: Observation) -> tuple[DepthScan, NDArray[np.float64], NDArray[np.bool_]]:
         """Return the scan of an image, its solid points (M, 2) in the odometry frame, and which are nearby (M,)."""

@@ -87,6 +87,36 @@ def test_a_robot_too_near_to_something_may_leave_it() -> None:
     assert collision_free_command(Twist(-0.5, 0.0), before, 1.0, STRAIGHT, radius_m=RADIUS_M) == Twist(-0.5, 0.0)
 
 
+def corridor(half_width_m: float) -> np.ndarray:
+    """Return the depth of a floor between two long walls."""
+    left = np.abs((np.mgrid[0:72, 0:96][1] + 0.5 - 48) / LENS.fx)
+    walls = half_width_m / left
+    floor = scene()
+    return np.where((floor == 0) | (walls < floor), np.where(walls < 8.0, walls, 0.0), floor).astype(np.float32)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_walls_in_many_noisy_depth_images_stay_where_they_are(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    obstacles = ObstacleMemory(LOCOBOT)
+    for k in range(12):
+        depth = corridor(0.22) * rng.normal(1.0, 0.02, (72, 96))
+        obstacles.add(replace(observation_at(np.array([0.1 * k, 0.0, 0.0]), k), depth=depth.astype(np.float32)))
+    aside = np.sort(np.abs(obstacles.nearby_points(np.array([1.1, 0.0, 0.0]))[:, 1]))
+    assert aside[2] > 0.22 - 0.012, "avoidance takes the third nearest point for the wall"
+
+
+def test_a_leg_before_a_wall_is_kept_and_two_stray_pixels_are_not() -> None:
+    obstacles = ObstacleMemory(LOCOBOT)
+    depth = scene((1.2, 5.0, -5.0, 3.0), (0.6, 0.03, -0.03, 0.4))
+    depth[40, 20] = depth[44, 20] = 0.3
+    obstacles.add(replace(observation_at(np.zeros(3), 1), depth=depth))
+    points = obstacles.nearby_points(np.zeros(3))
+    is_leg = np.abs(points[:, 1]) < 0.03
+    assert np.allclose(points[is_leg, 0], 0.6, atol=0.01)
+    assert np.allclose(points[~is_leg, 0], 1.2, atol=0.01)
+
+
 def test_what_was_seen_before_is_remembered_where_it_was() -> None:
     obstacles = ObstacleMemory(LOCOBOT)
     obstacles.add(replace(observation_at(np.zeros(3), 1), depth=scene((1.0, 0.1, -0.1, 0.6))))
@@ -101,10 +131,13 @@ def test_what_was_seen_before_is_remembered_where_it_was() -> None:
 def test_memory_is_bounded_and_one_image_counts_once(count: int) -> None:
     obstacles = ObstacleMemory(LOCOBOT)
     image = replace(observation_at(np.zeros(3), 1), depth=scene((1.0, 0.1, -0.1, 0.6)))
+    obstacles.add(replace(image, step=0))
+    of_one = len(obstacles.nearby_points(np.zeros(3)))
+    assert of_one > 0
     for k in range(count):
         obstacles.add(replace(image, step=k))
         obstacles.add(replace(image, step=k))
-    assert len(obstacles.nearby_points(np.zeros(3))) == min(count, 40) * len(obstacle_points(image.depth, LENS))
+    assert len(obstacles.nearby_points(np.zeros(3))) == min(count, 40) * of_one
 
 
 def test_what_the_robot_turned_away_from_a_whole_turn_ago_is_still_there() -> None:

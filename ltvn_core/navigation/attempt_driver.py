@@ -16,6 +16,7 @@ from ltvn_core.graph.place_belief import is_where_expected
 from ltvn_core.navigation.bystanders import BODY_M, Bystanders
 from ltvn_core.navigation.detour import find_detour, path_clearance_m
 from ltvn_core.navigation.events import AttemptEnd, Event, Tick
+from ltvn_core.navigation.gap_centring import drivable_aim
 from ltvn_core.navigation.motion import MotionExecutor
 from ltvn_core.navigation.obstacle_avoidance import collision_free_command
 from ltvn_core.navigation.obstacle_memory import ObstacleMemory
@@ -37,6 +38,9 @@ _WAITED_FOR_M = 1.5
 _CAREFUL_M, _SLOW_M_S, _SLOWER_1_S = 0.25, 0.15, 0.5
 """Speed limit near people: the second value up to the first distance; beyond it, the third is added per metre."""
 _TURNED_RAD, _SLOWEST_TURN_RAD_S = 0.05, 0.2
+_NARROW_REACH_M = 0.12
+"""Distance within which a command may hit nothing in a narrow way, in metres; the way bends, so no command is right for
+longer."""
 _ARC_ROOM_M = 0.2
 """Length of free path that a car needs for one arc of a turn, in metres."""
 _FINAL_APPROACH_M = 0.3
@@ -171,18 +175,30 @@ class AttemptDriver:
         """Return the next command, or the reason why the attempt ends here."""
         while True:
             aim, config = (goal, self._config) if self._detour is None else (self._detour, self._detour_config)
-            error = relative(self._motion.odometry, aim)
-            twist = self._turning.steer(error, config, backwards=self._backwards)
+            error, is_narrow = self._drivable_aim(relative(self._motion.odometry, aim))
+            twist = self._turning.steer(error, config, backwards=self._backwards, is_narrow=is_narrow)
             if twist is None:
                 if self._detour is None:
                     return AttemptEnd.REACHED
                 self._detour = None
                 continue
-            free = self._drivable(twist, float(np.hypot(error[0], error[1])))
+            length_m = float(np.hypot(error[0], error[1]))
+            free = self._drivable(twist, min(length_m, _NARROW_REACH_M) if is_narrow else length_m)
             if free is not None:
                 return free
             if not self._try_another_way(goal):
                 return AttemptEnd.BLOCKED
+
+    def _drivable_aim(self, aim: Waypoint) -> tuple[Waypoint, bool]:
+        """Return an aim (3,) in the robot's frame, moved to the middle of a narrow way, and whether the way is narrow.
+
+        A robot that backs up does not see what is beside it, and a car cannot steer to a place so close.
+        """
+        if not self._config.swerve or self._backwards or self._spec.speeds.turning_radius_m:
+            return aim, False
+        points = self._obstacles.nearby_points(self._motion.odometry)
+        place, is_narrow = drivable_aim(aim[:2], points, radius_m=self._spec.clear_radius_m)
+        return np.array([*place, aim[2]]), is_narrow
 
     def _try_another_way(self, goal: Pose) -> bool:
         """Turn round if backing up is blocked, because the camera faces ahead; otherwise plan a detour.

@@ -6,18 +6,14 @@ Owns which via points are tried, and which of the ways over them is best. Steeri
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import KDTree
 
-from ltvn_core.navigation.obstacle_avoidance import CLEARANCE_TOLERANCE_M, MAX_NOISE_POINTS, NARROW_MARGIN_M
+from ltvn_core.navigation.clearances import MAX_NOISE_POINTS, NARROW_MARGIN_M, Clearances
 
 _DETOUR_RANGES_M = np.array([0.1, 0.2, 0.3, 0.45, 0.6, 0.8])
 _DETOUR_BEARINGS_RAD = np.deg2rad(np.arange(-120.0, 121.0, 10.0))
 """Bearings of via points relative to the waypoint's; limited, because the area behind the robot is unseen."""
 _GOAL_OFFSETS_M = np.array([0.0, 0.03, -0.03, 0.06, -0.06])
 """Sideways offsets of the end of a path from the waypoint, in metres, because the waypoint is only a prediction."""
-_SAMPLES = 24
-_FAR_M = 0.5
-"""Distance from a way beyond which obstacles are ignored, in metres."""
 _COMFORT_MARGIN_M = 0.06
 """Preferred clearance beside the robot on a detour, in metres."""
 _CLEARANCE_COST = 20.0
@@ -33,20 +29,16 @@ def find_detour(
     """
     if len(points) <= MAX_NOISE_POINTS:
         return None
-    least_m = radius_m + NARROW_MARGIN_M
-    tree = KDTree(points)
+    clearances = Clearances(points)
     places, ends = _candidates(goal)
-    here = np.zeros_like(places)
-    now_m = float(_obstacle_distances_m(tree, here[:1])[0])
-    # A robot that is already too close to an obstacle may move away from it, but not closer.
     ways = len(places) // len(_GOAL_OFFSETS_M)  # The path to the via point does not depend on the end of the path.
-    first_m = np.tile(_path_clearances_m(tree, here[:ways], places[:ways]), len(_GOAL_OFFSETS_M))
-    open_at_first = first_m > min(least_m, now_m - CLEARANCE_TOLERANCE_M)
+    first_m = np.tile(clearances.of_lines(np.zeros((ways, 2)), places[:ways]), len(_GOAL_OFFSETS_M))
+    open_at_first = first_m > clearances.least_m(radius_m)
     if not open_at_first.any():
         return None
     second_m = np.zeros_like(first_m)
-    second_m[open_at_first] = _path_clearances_m(tree, places[open_at_first], ends[open_at_first])
-    possible = open_at_first & (second_m > least_m)
+    second_m[open_at_first] = clearances.of_lines(places[open_at_first], ends[open_at_first])
+    possible = open_at_first & (second_m > radius_m + NARROW_MARGIN_M)
     if not possible.any():
         return None
     length_m = np.linalg.norm(places, axis=-1) + np.linalg.norm(ends - places, axis=-1)
@@ -57,9 +49,7 @@ def find_detour(
 
 def path_clearance_m(goal: NDArray[np.float64], points: NDArray[np.float64]) -> float:
     """Return the clearance in metres of the straight line to `goal` (2,) from obstacles (M, 2); inf if it is large."""
-    if len(points) <= MAX_NOISE_POINTS:
-        return float("inf")
-    return float(_path_clearances_m(KDTree(points), np.zeros((1, 2)), goal[None])[0])
+    return float(Clearances(points).of_lines(np.zeros((1, 2)), goal[None])[0])
 
 
 def _candidates(goal: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -74,15 +64,3 @@ def _candidates(goal: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray
     )
     ends = goal + _GOAL_OFFSETS_M[:, None, None] * aside
     return np.tile(places, (len(_GOAL_OFFSETS_M), 1)), ends.reshape(-1, 2)
-
-
-def _path_clearances_m(tree: KDTree, starts: NDArray[np.float64], ends: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return (C,) clearances in metres of straight lines from (C, 2) to (C, 2), without their start points."""
-    share = np.linspace(0, 1, _SAMPLES + 1)[1:, None, None]
-    return _obstacle_distances_m(tree, starts + share * (ends - starts)).min(axis=0)
-
-
-def _obstacle_distances_m(tree: KDTree, places: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return (...) distances in metres from places (..., 2) to the nearest obstacle, without noise; inf if far."""
-    gaps, _ = tree.query(places, k=MAX_NOISE_POINTS + 1, distance_upper_bound=_FAR_M)
-    return np.asarray(gaps)[..., -1]

@@ -7,17 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.config import DrivingConfig
+from ltvn_core.navigation.clearances import CLEARANCE_TOLERANCE_M, MAX_NOISE_POINTS, NARROW_MARGIN_M
 from ltvn_core.types import Twist
 
 _HORIZON_S = 0.8
 _STEPS = 6
 _TURN_OFFSETS_RAD_S = (0.0, 0.3, -0.3, 0.6, -0.6, 0.9, -0.9)
 """Changes of the turning rate that are tried, the smallest first."""
-MAX_NOISE_POINTS = 2
-"""Number of stray points that are ignored as noise."""
-CLEARANCE_TOLERANCE_M = 0.005
-_NARROW_SPEED_FACTOR, NARROW_MARGIN_M = 0.4, 0.02
-"""Speed factor in narrow places, and the clearance kept there for errors of depth, in metres."""
+_NARROW_SPEED_FACTOR = 0.4
 
 
 def collision_free_command(

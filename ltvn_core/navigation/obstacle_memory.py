@@ -20,7 +20,7 @@ from ltvn_core.cameras.depth_points import (
 from ltvn_core.cameras.depth_scan import FREE_BEYOND_M, RANGE_M, DepthScan, bearing_bins
 from ltvn_core.geometry import relative, rotation
 from ltvn_core.navigation.bystanders import BODY_M, Bystanders
-from ltvn_core.navigation.obstacle_avoidance import MAX_NOISE_POINTS
+from ltvn_core.navigation.clearances import MAX_NOISE_POINTS
 from ltvn_core.robots.robot_spec import RobotSpec
 from ltvn_core.types import FrameId, Observation, Pose
 
@@ -92,6 +92,10 @@ _REMEMBERED_IMAGES = 40
 """Number of images that are remembered; together they cover the last metres and a full turn."""
 _SURFACE_M = 0.05
 """Depth of a surface in metres: points at one bearing within it are averaged."""
+_NEARER_M = 0.015
+"""Distance in metres by which an earlier point may be nearer than such a surface and still belong to it. Errors of
+odometry move a wall by this much; a thing that sticks out farther stays in memory, because the camera may not show it
+any more."""
 _UPDATE_AFTER_M = 0.07
 _UPDATE_AFTER_RAD = 0.08
 """Turn after which the memory is updated, in radians. An image stays valid for longer than a control step, and an
@@ -135,6 +139,13 @@ def _surfaces(scan: DepthScan, points: NDArray[np.float64]) -> NDArray[np.float6
     near = np.abs(away_m - surface_m[bin_of]) < _SURFACE_M
     sums = [np.bincount(bin_of[near], weights=points[near, axis], minlength=len(bins)) for axis in (0, 1)]
     return np.stack(sums, axis=-1) / np.bincount(bin_of[near], minlength=len(bins))[:, None]
+
+
+def _seen_again(scan: DepthScan, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return which points (M, 2) belong to a surface that an image shows again."""
+    away_m, bearing = scan.polar(points)
+    beyond_m = away_m - scan.beside(bearing)
+    return scan.inside(bearing) & ((beyond_m > -_NEARER_M) & (beyond_m < _SURFACE_M)).any(axis=0)
 
 
 def _widened(moving: NDArray[np.float64]) -> list[NDArray[np.float64]]:
@@ -193,7 +204,7 @@ class ObstacleMemory:
         scan, things, nearby = self._read(observation)
         # Points that an image shows to be free are dropped: the obstacle is gone, or was never there.
         for k, points in enumerate(self._seen):
-            self._seen[k] = points[~scan.looks_past(points)]
+            self._seen[k] = points[~(scan.looks_past(points) | _seen_again(scan, points))]
         if self._movement is None:
             self._seen.append(_surfaces(scan, things[nearby]))
             return

@@ -18,6 +18,8 @@ from ltvn_core.types import Pose, Twist, Waypoint
 _REVERSE_BEARING_RAD = float(np.deg2rad(100))
 _TURN_FIRST_RAD = 0.5
 """Bearing beyond which the robot turns on the spot before it drives."""
+_TURN_FIRST_IN_NARROW_RAD = 0.15
+"""The same in a narrow way, where an arc would touch its side."""
 _PASSED_M = 0.2
 """Distance within which a target on the other side of the robot counts as passed, in metres."""
 _SLOW_DOWN_M = 0.2
@@ -71,14 +73,18 @@ class TurningCircle:
         """Largest factor by which this body takes longer than one that turns on the spot."""
         return _CAR_LEGS if self._limits.turning_radius_m else 1
 
-    def steer(self, error: Waypoint, config: DrivingConfig, *, backwards: bool) -> Twist | None:
+    def steer(
+        self, error: Waypoint, config: DrivingConfig, *, backwards: bool, is_narrow: bool = False
+    ) -> Twist | None:
         """Return the velocities of `steer`, adapted to the turning radius.
 
-        A turn that has begun goes on until the target is straight ahead, although its arcs move the body.
+        A turn that has begun goes on until the target is straight ahead, although its arcs move the body. If the way
+        `is_narrow`, a robot that can turns on the spot rather than in an arc.
         """
         radius_m = self._limits.turning_radius_m
         if not radius_m:
-            return steer(error, config, backwards=backwards)
+            turn_first_rad = _TURN_FIRST_IN_NARROW_RAD if is_narrow else _TURN_FIRST_RAD
+            return steer(error, config, backwards=backwards, turn_first_rad=turn_first_rad)
         away_m = float(np.hypot(error[0], error[1]))
         turns = self._arc_began is not None
         # The arc to a point at distance d and bearing b has the radius d / (2 sin b).

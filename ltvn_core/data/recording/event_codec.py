@@ -8,9 +8,10 @@ import json
 import math
 import zlib
 from dataclasses import dataclass
-from typing import Self
+from typing import Any, Self
 
 import cattrs
+import msgspec
 import numpy as np
 from cattrs.strategies import configure_tagged_union
 
@@ -56,10 +57,18 @@ def decode_event(text: str) -> Event:
     Raises RecordingError if the text is not an event of this schema.
     """
     try:
-        data = parse_json(text)
+        data = _parsed(text)
         return _CONVERTER.structure(data | {"kind": current_kind(data["kind"])}, Event)  # pyright: ignore[reportArgumentType]
     except (ValueError, KeyError, TypeError, cattrs.BaseValidationError) as error:
         raise RecordingError(f"This is not an event of the current schema: {text[:120]}") from error
+
+
+def _parsed(text: str) -> dict[str, Any]:
+    try:
+        return msgspec.json.decode(text)
+    except (msgspec.DecodeError, RecursionError):
+        # Half of a surrogate pair, for instance, which a name of a file can contain and Python writes.
+        return parse_json(text)
 
 
 def current_kind(kind: str) -> str:

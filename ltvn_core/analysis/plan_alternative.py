@@ -19,7 +19,7 @@ from ltvn_core.types import NodeId
 
 
 class ExplanationKind(StrEnum):
-    """Subject of a step."""
+    """What one line of an explanation is about."""
 
     BORN = "born"
     """An edge or node was added."""

@@ -38,9 +38,6 @@ _WAITED_FOR_M = 1.5
 _CAREFUL_M, _SLOW_M_S, _SLOWER_1_S = 0.25, 0.15, 0.5
 """Speed limit near people: the second value up to the first distance; beyond it, the third is added per metre."""
 _TURNED_RAD, _SLOWEST_TURN_RAD_S = 0.05, 0.2
-_NARROW_REACH_M = 0.12
-"""Distance within which a command may hit nothing in a narrow way, in metres; the way bends, so no command is right for
-longer."""
 _ARC_ROOM_M = 0.2
 """Length of free path that a car needs for one arc of a turn, in metres."""
 _FINAL_APPROACH_M = 0.3
@@ -166,7 +163,9 @@ class AttemptDriver:
             return False
         spec = self._spec
         seen = [
-            transform_points(map_points(image, spec.camera, RELEVANT_RANGE_M, spec.height_m), compose(waypoint, pose))
+            transform_points(
+                map_points(image, spec.camera, RELEVANT_RANGE_M, spec.clear_height_m), compose(waypoint, pose)
+            )
             for image, pose in self._perception.observations_around(target, _FRAMES_AROUND_NODE)
         ]
         return path_clearance_m(waypoint[:2], np.concatenate(seen)) < self._config.back_up_clearance_m
@@ -182,8 +181,7 @@ class AttemptDriver:
                     return AttemptEnd.REACHED
                 self._detour = None
                 continue
-            length_m = float(np.hypot(error[0], error[1]))
-            free = self._drivable(twist, min(length_m, _NARROW_REACH_M) if is_narrow else length_m)
+            free = self._drivable(twist, float(np.hypot(error[0], error[1])), is_narrow=is_narrow)
             if free is not None:
                 return free
             if not self._try_another_way(goal):
@@ -225,10 +223,11 @@ class AttemptDriver:
         onward = ahead - place
         return compose(odometry, np.array([*place, np.arctan2(onward[1], onward[0])]))
 
-    def _drivable(self, wish: Twist, length_m: float) -> Twist | None:
+    def _drivable(self, wish: Twist, length_m: float, *, is_narrow: bool = False) -> Twist | None:
         """Return a collision-free command that this body can drive instead of the desired one; None without any."""
         ways = self._turning.commands(wish, self._motion.odometry)
-        return next((free for way in ways if (free := self.avoid_obstacles(way, length_m)) is not None), None)
+        commands = (self.avoid_obstacles(way, length_m, is_narrow=is_narrow) for way in ways)
+        return next((command for command in commands if command is not None), None)
 
     def turn(self, angle_rad: float) -> Generator[Event | Tick, None, None]:
         """Turn on the spot by an angle, measured by odometry; a car without room for its arcs stops."""
@@ -247,8 +246,11 @@ class AttemptDriver:
                 return
             yield from motion.move(twist)
 
-    def avoid_obstacles(self, twist: Twist, length_m: float) -> Twist | None:
-        """Return the command nearest to `twist` that avoids obstacles; None if there is none."""
+    def avoid_obstacles(self, twist: Twist, length_m: float, *, is_narrow: bool = False) -> Twist | None:
+        """Return the command nearest to `twist` that avoids obstacles; None if there is none.
+
+        `is_narrow` means that a free way through a gap is known.
+        """
         if not self._config.depth_veto or not twist.linear_m_s:
             return twist
         odometry = self._motion.odometry
@@ -257,7 +259,9 @@ class AttemptDriver:
             self._obstacles.add(self._perception.observation)
         points = self._obstacles.nearby_points(odometry, backwards=backwards)
         twist = self._careful(twist)
-        return collision_free_command(twist, points, length_m, self._config, radius_m=self._spec.clear_radius_m)
+        return collision_free_command(
+            twist, points, length_m, self._config, radius_m=self._spec.clear_radius_m, is_narrow=is_narrow
+        )
 
     def _careful(self, twist: Twist) -> Twist:
         """Return a command slowed down near people; people whom the robot has passed are ignored."""

@@ -15,14 +15,24 @@ _STEPS = 6
 _TURN_OFFSETS_RAD_S = (0.0, 0.3, -0.3, 0.6, -0.6, 0.9, -0.9)
 """Changes of the turning rate that are tried, the smallest first."""
 _NARROW_SPEED_FACTOR = 0.4
+_NARROW_REACH_M = 0.12
+"""Distance in metres within which a slow command may hit nothing, if the robot follows a way through a gap. The way
+bends, so no command is right for longer."""
 
 
 def collision_free_command(
-    twist: Twist, points: NDArray[np.float64], length_m: float, config: DrivingConfig, *, radius_m: float
+    twist: Twist,
+    points: NDArray[np.float64],
+    length_m: float,
+    config: DrivingConfig,
+    *,
+    radius_m: float,
+    is_narrow: bool = False,
 ) -> Twist | None:
     """Return the command nearest to `twist` that hits none of the points (M, 2) within `length_m`.
 
-    Points are in the robot's frame. Returns None if every arc ends in contact; a turn on the spot never does.
+    Points are in the robot's frame. `is_narrow` means that a free way through a gap is known. Returns None if every arc
+    ends in contact; a turn on the spot never does.
     """
     if not twist.linear_m_s or len(points) <= MAX_NOISE_POINTS:
         return twist
@@ -35,6 +45,8 @@ def collision_free_command(
         if _is_free(adjusted, points, reach_m, _clear_m(radius_m + config.veto_margin_m, now_m)):
             return adjusted
     slow = Twist(twist.linear_m_s * _NARROW_SPEED_FACTOR, twist.angular_rad_s)
+    if is_narrow:
+        reach_m = min(reach_m, _NARROW_REACH_M)
     return slow if _is_free(slow, points, reach_m, _clear_m(radius_m + NARROW_MARGIN_M, now_m)) else None
 
 

@@ -166,7 +166,7 @@ class ObstacleMemory:
     def __init__(self, spec: RobotSpec, *, bystanders: Bystanders | None = None) -> None:
         """Start with an empty memory; with `bystanders`, moving points are kept apart and reported to them."""
         self._camera = spec.camera
-        self._height_m = spec.height_m
+        self._height_m = spec.clear_height_m
         self._bumper_m = round(spec.clear_radius_m + _BUMPER_MARGIN_M, 3)
         self._seen: deque[NDArray[np.float64]] = deque(maxlen=_REMEMBERED_IMAGES)
         self._collisions: deque[_Collision] = deque()

@@ -59,6 +59,9 @@ class AccelerationLimits:
     angular_braking_rad_s2: float = 24.0
 
 
+_HEADROOM_M = 0.1
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RobotSpec:
     """The size, speeds and camera of a robot. Raises OptionError when a length is not positive."""
@@ -91,6 +94,12 @@ class RobotSpec:
         """Radius around the robot's centre that obstacle avoidance and labels keep free, rounded up to whole
         centimetres."""
         return math.ceil(self.radius_m * 100 - 1e-6) / 100
+
+    @property
+    def clear_height_m(self) -> float:
+        """Height above the floor that obstacle avoidance keeps free: a little above the robot, because a tilted camera
+        sees things higher than they hang."""
+        return round(self.height_m + _HEADROOM_M, 3)
 
 
 LOCOBOT = RobotSpec(

@@ -44,7 +44,7 @@ def connected_components(cells: Mask) -> tuple[NDArray[np.int32], int]:
 
 
 PLANNING_MARGIN_M = 0.04
-OBSTACLE_HEIGHT_M = 0.9
+OBSTACLE_HEIGHT_M = LOCOBOT.clear_height_m
 """Height below which surfaces are obstacles, in metres; the robot passes under higher ones."""
 PLANNING_CLEARANCE_M = LOCOBOT.clear_radius_m + PLANNING_MARGIN_M
 """Clearance of paths and random poses, for the centre of a LoCoBot, in metres: its radius and a margin."""

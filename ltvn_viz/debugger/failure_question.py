@@ -85,7 +85,7 @@ class FailureQuestion(Question[ShowFailures]):
     about = "Failed queries by cause and place; a time shows the second before the failure."
 
     def __init__(self) -> None:
-        """Start with all causes."""
+        """List the failures of all causes until one is chosen."""
         self._only: FailureMode | None = None
         self._known: tuple[object, FailureSummary | None] = (None, None)
         self._drawn: tuple[object, Overlay] = (None, EMPTY_OVERLAY)

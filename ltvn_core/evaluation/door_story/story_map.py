@@ -80,7 +80,7 @@ class _Crossing:
 
 
 class StoryMap:
-    """A map in a world with doors. For one thread, while the map does not change."""
+    """A map in a world with doors, which must not change meanwhile. Not safe for several threads."""
 
     def __init__(
         self,

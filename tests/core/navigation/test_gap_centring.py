@@ -41,8 +41,9 @@ def test_the_robot_drives_through_a_narrow_corridor_without_touching_it(
         )
         if wish is None:
             break
-        reach_m = 0.12 if is_narrow else 0.3
-        twist = collision_free_command(wish, points, reach_m, ROBUST.driving, radius_m=RADIUS_M)
+        twist = collision_free_command(
+            wish, points, float(np.hypot(*place)), ROBUST.driving, radius_m=RADIUS_M, is_narrow=is_narrow
+        )
         assert twist is not None, f"stuck at {pose}"
         pose = compose(pose, CONTROL_STEP_S * np.array([twist.linear_m_s, 0.0, twist.angular_rad_s]))
         nearest_m = min(nearest_m, float(np.hypot(*(walls - pose[:2]).T).min()))

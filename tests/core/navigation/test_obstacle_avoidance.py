@@ -168,7 +168,7 @@ def test_what_hangs_lower_than_the_robot_is_tall_stops_it() -> None:
     obstacles.add(replace(observation_at(np.zeros(3), 0), depth=hangs))
     here = obstacles.nearby_points(np.zeros(3))
     assert collision_free_command(AHEAD, here, 1.0, STRAIGHT, radius_m=RADIUS_M) is None
-    low = ObstacleMemory(replace(LOCOBOT, height_m=0.65))
+    low = ObstacleMemory(replace(LOCOBOT, height_m=0.55))
     low.add(replace(observation_at(np.zeros(3), 0), depth=hangs))
     assert len(low.nearby_points(np.zeros(3))) == 0
 

@@ -141,7 +141,7 @@ def _record(blob: bytes, start: int) -> tuple[RigCamera, int]:
 
 def _counted(counts: tuple[int, ...]) -> tuple[int, ...]:
     if any(not 0 <= count <= _MOST_BYTES for count in counts):
-        raise ValueError(f"lengths of {counts}")
+        raise ValueError(f"it claims calibrations of impossible lengths: {counts}")
     return counts
 
 

@@ -50,6 +50,7 @@ class BenchVerb(Verb):
             "camera": camera.render_large_mesh,
             "debugger": long_replay.open_and_travel,
             "driving": drive_latency.key_to_command,
+            "wheels": drive_latency.key_to_wheel,
             "learning": learning.learn,
             "localising": localising.localise,
             "matching": matching.build_map,

@@ -1,4 +1,5 @@
-"""How long a key press takes from the page's socket to the robot's drive command; part of `python -m benchmarks`.
+"""How long a key press takes from the page's socket to the robot's drive command, or to the wheels of a robot of ROS 2
+behind router and guard; part of `python -m benchmarks`.
 
 Owns the measuring page: a plain websocket that says what a browser would. Everything behind it is the app's own.
 """
@@ -18,19 +19,27 @@ from websockets.sync.client import connect
 from websockets.sync.connection import Connection
 
 from benchmarks.measurement import Measurement, measured
+from ltvn_core.robots.ros2.profile import open_profile
+from ltvn_core.robots.ros2.ros_messages import read_twist
+from ltvn_core.robots.ros2.topic_keys import TWIST, TWIST_STAMPED, Topic
+from ltvn_core.robots.ros2.zenoh_link import Received, ZenohLink
 from ltvn_core.types import Twist
 from ltvn_viz.app import AppOptions, RunningApp, open_app
 from ltvn_viz.server.guarded_server import GuardedServer
 from ltvn_viz.session.live_run import LiveRobot
+from ltvn_viz.session.options import DEMO_SCENE
+from ltvn_viz.verbs.jobs.robot_demo import PROFILE, robot_processes
 
 PRESSES = 60
 NODES, EDGES = 10_000, 50_000
 RECOLOUR_S = 0.2
+_GUARD_RESTS_S = 0.7
+"""Time in seconds between presses; a guard that has sent its zero wants a stop first."""
 
 
 def key_to_command() -> list[Measurement]:
     """Press and let go many times on the demo apartment, idle and while a large map changes its colours."""
-    with tempfile.TemporaryDirectory() as folder, _running(Path(folder)) as app:
+    with tempfile.TemporaryDirectory() as folder, _running(_demo(Path(folder))) as app:
         with _keyboard(app) as keyboard:
             idle = keyboard.latencies_ms()
         with _recolouring(app.server), _keyboard(app) as keyboard:
@@ -46,19 +55,47 @@ def key_to_command() -> list[Measurement]:
     ]
 
 
+def key_to_wheel() -> list[Measurement]:
+    """Press and let go many times, with page, router, guard and robot in processes of their own."""
+    heard: queue.Queue[float] = queue.Queue()
+
+    def take(received: Received) -> None:
+        if read_twist(received.message, "benchmark").linear_m_s:
+            heard.put(time.monotonic())
+
+    profile = open_profile(PROFILE)
+    command = Topic(profile.topics.command, TWIST_STAMPED if profile.driving.stamped else TWIST, profile.domain)
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        robot_processes(DEMO_SCENE) as processes,
+        ZenohLink.connect(processes.address, node="benchmark") as link,
+        _running(AppOptions(port=0, robot=processes.place, recordings=Path(folder))) as app,
+        page_socket(app.server, "/drive") as socket,
+    ):
+        link.subscribe(command, take, lambda _: None)
+        keyboard = _Keyboard(socket, heard, rests_s=_GUARD_RESTS_S)
+        keyboard.latencies_ms(3)  # The first command opens the connections between the processes.
+        took_ms = keyboard.latencies_ms()
+    name = "key to the wheels of a robot of ROS 2, through page, router and guard, 95th percentile"
+    return [measured(name, float(np.percentile(took_ms, 95)), "ms", at_most=60)]
+
+
 class _Keyboard:
     """A page that holds one key and watches when the robot hears of it."""
 
-    def __init__(self, socket: Connection, commands: "queue.Queue[float]") -> None:
+    def __init__(self, socket: Connection, commands: "queue.Queue[float]", *, rests_s: float = 0.05) -> None:
         self._socket, self._commands = socket, commands
+        self._rests_s = rests_s
         self._epoch = int(json.loads(socket.recv(timeout=10))["epoch"])
+        # Pings of the server are answered only while messages are read.
+        threading.Thread(target=lambda: [None for _ in socket], name="page", daemon=True).start()
 
-    def latencies_ms(self) -> list[float]:
-        return [self._press() for _ in range(PRESSES)]
+    def latencies_ms(self, presses: int = PRESSES) -> list[float]:
+        return [self._press() for _ in range(presses)]
 
     def _press(self) -> float:
         self._say()
-        time.sleep(0.05)  # A person, too, lets go for a moment.
+        time.sleep(self._rests_s)  # A person, too, lets go for a moment.
         while not self._commands.empty():
             self._commands.get_nowait()
         pressed = time.monotonic()
@@ -86,9 +123,13 @@ class _DriveSpy:
         self._robot.drive(twist)
 
 
+def _demo(folder: Path) -> AppOptions:
+    return AppOptions(port=0, predictor="oracle", recordings=folder)
+
+
 @contextmanager
-def _running(folder: Path) -> Iterator[RunningApp]:
-    with open_app(AppOptions(port=0, predictor="oracle", recordings=folder)) as app:
+def _running(options: AppOptions) -> Iterator[RunningApp]:
+    with open_app(options) as app:
         thread = threading.Thread(target=app.session.run, name="session")
         thread.start()
         try:

@@ -124,7 +124,7 @@ class DrivingConfig:
     depth_veto: bool = True
     """Refuse commands that would hit an obstacle in recent depth images (ours)."""
     swerve: bool = True
-    """Steer around the obstacle before such a command is refused (ours)."""
+    """Drive through the middle of narrow ways, and steer around obstacles before a command is refused (ours)."""
     back_up_clearance_m: float = 0.28
     """Least clearance in metres of a way for backing up; on a narrower way the robot turns round; 0 = never (ours)."""
     bends: int = 3

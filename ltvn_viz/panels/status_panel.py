@@ -154,7 +154,7 @@ class StatusPanel:
             self._due = self._clock() + REFRESH_S
             self.line.show(_line(snapshot))
         self.hint.show(
-            f'<div class="lt lt-hint"{first_tab(snapshot)}><div class="lt-card"><strong>Next:</strong> '
+            f'<div class="lt lt-hint"{first_tab(snapshot)}{_scene_click(snapshot)}><div class="lt-card"><strong>Next:</strong> '
             f'<span data-ltvn-copy="hint">{with_keys(snapshot.hint)}</span></div></div>'
         )
         self.reply.show(_GO_ON if snapshot.pause_notice else _END_ACTION if snapshot.waiting is not None else "")
@@ -182,6 +182,11 @@ def first_tab(snapshot: Snapshot) -> str:
     if snapshot.mode is Mode.REPLAY and snapshot.inspection.question != QuestionName.NONE:
         tab = "Why"  # A recording opened with a question should show the answer.
     return f' data-ltvn-tab="{tab}"'
+
+
+def _scene_click(snapshot: Snapshot) -> str:
+    """Return an attribute if the next step is a click in the scene, which an open tab hides on a phone."""
+    return " data-ltvn-scene" if snapshot.hint.startswith("Click ") else ""
 
 
 def _line(snapshot: Snapshot) -> str:

@@ -92,6 +92,15 @@ function isSheetOpen() {
   return "ltvnSheet" in document.documentElement.dataset;
 }
 
+// On a phone an open tab covers the scene, so it closes as soon as the next step is a click there.
+let awaitedClick = null;
+
+function makeRoomForClick() {
+  const awaited = document.querySelector("#root [data-ltvn-scene]")?.textContent ?? null;
+  if (awaited !== null && awaited !== awaitedClick) closeSheet();
+  awaitedClick = awaited;
+}
+
 function onNav(tab) {
   if (isSheetOpen() && tab.getAttribute("aria-selected") === "true") closeSheet();
   else openSheet(tab);
@@ -148,6 +157,7 @@ function arrange() {
   nameControls();
   hideUploadedNotes();
   keepTab();
+  makeRoomForClick();
   nameKeysInPanels();
   copyPieces();
   restoreFocus();

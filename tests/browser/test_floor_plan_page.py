@@ -104,3 +104,14 @@ def apart(poses: Pose) -> list[int]:
     last = int(np.hypot(*(poses - poses[first])[:, :2].T).argmax())
     gaps = [np.hypot(*(poses - poses[row])[:, :2].T) for row in (first, last)]
     return [first, last, int(np.minimum(*gaps).argmax())]
+
+
+def test_on_a_phone_the_tab_makes_room_for_the_clicks(app: FlatApp, chromium: Browser) -> None:
+    with open_page(chromium, app.server.url, width=390, height=844, draws=False) as phone:
+        phone.locator("#ltvn-nav").get_by_role("button", name="World").click()
+        sheet = phone.get_by_role("button", name="close the panel")
+        sheet.wait_for()
+        press(phone, "Align by clicks", lambda: view_of(app).is_aligning)
+        sheet.wait_for(state="hidden")
+        phone.locator("#ltvn-nav").get_by_role("button", name="World").click()
+        press(phone, "Cancel", lambda: not view_of(app).is_aligning)

@@ -154,7 +154,8 @@ class StatusPanel:
             self._due = self._clock() + REFRESH_S
             self.line.show(_line(snapshot))
         self.hint.show(
-            f'<div class="lt lt-hint"{first_tab(snapshot)}{_scene_click(snapshot)}><div class="lt-card"><strong>Next:</strong> '
+            f'<div class="lt lt-hint"{first_tab(snapshot)}{_scene_click(snapshot)}>'
+            '<div class="lt-card"><strong>Next:</strong> '
             f'<span data-ltvn-copy="hint">{with_keys(snapshot.hint)}</span></div></div>'
         )
         self.reply.show(_GO_ON if snapshot.pause_notice else _END_ACTION if snapshot.waiting is not None else "")

@@ -9,7 +9,7 @@ from scipy.spatial import KDTree
 
 MAX_NOISE_POINTS = 2
 """Number of stray points that are ignored as noise."""
-CLEARANCE_TOLERANCE_M = 0.005
+_TOLERANCE_M = 0.005
 NARROW_MARGIN_M = 0.02
 """Clearance kept beside the robot in narrow places, for errors of depth, in metres."""
 _FAR_M = 0.5
@@ -36,9 +36,9 @@ class Clearances:
         share = np.linspace(0, 1, _SAMPLES + 1)[1:, None, None]
         return self.at(starts + share * (ends - starts)).min(axis=0)
 
-    def least_m(self, radius_m: float) -> float:
-        """Return the least distance to obstacles that a robot of a radius keeps, in metres.
+    def least_m(self, wanted_m: float) -> float:
+        """Return the distance in metres to keep from obstacles: the wanted one, or a little less than the present one.
 
         A robot that is already too close to an obstacle may move away from it, but not closer.
         """
-        return min(radius_m + NARROW_MARGIN_M, float(self.at(np.zeros(2))) - CLEARANCE_TOLERANCE_M)
+        return min(wanted_m, float(self.at(np.zeros(2))) - _TOLERANCE_M)

@@ -33,7 +33,7 @@ def find_detour(
     places, ends = _candidates(goal)
     ways = len(places) // len(_GOAL_OFFSETS_M)  # The path to the via point does not depend on the end of the path.
     first_m = np.tile(clearances.of_lines(np.zeros((ways, 2)), places[:ways]), len(_GOAL_OFFSETS_M))
-    open_at_first = first_m > clearances.least_m(radius_m)
+    open_at_first = first_m > clearances.least_m(radius_m + NARROW_MARGIN_M)
     if not open_at_first.any():
         return None
     second_m = np.zeros_like(first_m)

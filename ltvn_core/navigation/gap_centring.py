@@ -73,7 +73,7 @@ def _centred_way(
     missing_m = np.maximum(radius_m + _COMFORT_MARGIN_M - clear_m, 0.0)
     if not missing_m[:, len(_ASIDE_M) // 2].any():
         return None
-    least_m = np.where(along_m <= _AIM_M, clearances.least_m(radius_m), radius_m + NARROW_MARGIN_M)
+    least_m = np.where(along_m <= _AIM_M, clearances.least_m(radius_m + NARROW_MARGIN_M), radius_m + NARROW_MARGIN_M)
     cost = (100 * missing_m) ** 2 + _ASIDE_COST * _ASIDE_M**2
     cost[clear_m <= least_m[:, None]] = np.inf
     if length_m <= _AHEAD_M:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.config import DrivingConfig
-from ltvn_core.navigation.clearances import CLEARANCE_TOLERANCE_M, MAX_NOISE_POINTS, NARROW_MARGIN_M
+from ltvn_core.navigation.clearances import MAX_NOISE_POINTS, NARROW_MARGIN_M, Clearances
 from ltvn_core.types import Twist
 
 _HORIZON_S = 0.8
@@ -36,30 +36,19 @@ def collision_free_command(
     """
     if not twist.linear_m_s or len(points) <= MAX_NOISE_POINTS:
         return twist
+    clearances = Clearances(points)
+    clear_m, narrow_m = (clearances.least_m(radius_m + margin) for margin in (config.veto_margin_m, NARROW_MARGIN_M))
     reach_m = min(length_m, abs(twist.linear_m_s) * _HORIZON_S)
-    now_m = float(_obstacle_distances_m(np.zeros((1, 2)), points)[0])
     for turn_offset in _TURN_OFFSETS_RAD_S if config.swerve else _TURN_OFFSETS_RAD_S[:1]:
         turn = float(np.clip(twist.angular_rad_s + turn_offset, -config.turn_rad_s, config.turn_rad_s))
         # A bent command is slower, because the robot needs time to see what comes into view.
         adjusted = Twist(twist.linear_m_s * (1 - 0.5 * abs(turn_offset) / config.turn_rad_s), turn)
-        if _is_free(adjusted, points, reach_m, _clear_m(radius_m + config.veto_margin_m, now_m)):
+        if clearances.at(_arc(adjusted, reach_m)).min() > clear_m:
             return adjusted
     slow = Twist(twist.linear_m_s * _NARROW_SPEED_FACTOR, twist.angular_rad_s)
     if is_narrow:
         reach_m = min(reach_m, _NARROW_REACH_M)
-    return slow if _is_free(slow, points, reach_m, _clear_m(radius_m + NARROW_MARGIN_M, now_m)) else None
-
-
-def _clear_m(clear_m: float, now_m: float) -> float:
-    """Return the distance to keep from obstacles, in metres, if the nearest one is `now_m` away.
-
-    A robot that is already too close to an obstacle may move away from it, but not closer.
-    """
-    return min(clear_m, now_m - CLEARANCE_TOLERANCE_M)
-
-
-def _is_free(twist: Twist, points: NDArray[np.float64], reach_m: float, clear_m: float) -> bool:
-    return bool(_obstacle_distances_m(_arc(twist, reach_m), points).min() > clear_m)
+    return slow if clearances.at(_arc(slow, reach_m)).min() > narrow_m else None
 
 
 def _arc(twist: Twist, reach_m: float) -> NDArray[np.float64]:
@@ -70,11 +59,3 @@ def _arc(twist: Twist, reach_m: float) -> NDArray[np.float64]:
     # A chord of the circle: as long as the arc times sinc, and turned by half its angle.
     chord = along * np.sinc(yaw / (2 * np.pi))
     return np.stack([chord * np.cos(yaw / 2), chord * np.sin(yaw / 2)], axis=-1)
-
-
-def _obstacle_distances_m(places: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return (P,) distances in metres from places (P, 2) to the nearest obstacle, without noise."""
-    ahead, left = (places[:, None, axis] - points[:, axis] for axis in (0, 1))
-    # Squared distances have the same order, so only one root for each place is needed.
-    squares = np.partition(ahead**2 + left**2, MAX_NOISE_POINTS, axis=1)
-    return np.sqrt(squares[:, MAX_NOISE_POINTS])

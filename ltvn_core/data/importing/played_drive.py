@@ -25,9 +25,9 @@ from ltvn_core.errors import DriveError, ImageError
 from ltvn_core.findings import Finding, findings_of
 from ltvn_core.plugins import ROBOTS, find_plugins
 from ltvn_core.robots.robot import Robot, WallClock
-from ltvn_core.robots.robot_check import RobotReport, TopicReport, fit_floor, robot_findings
 from ltvn_core.robots.robot_plugins import check_robot
 from ltvn_core.robots.robot_plugins import open_robot as open_live_robot
+from ltvn_core.robots.robot_report import RobotReport, TopicReport, fit_floor, robot_findings
 from ltvn_core.robots.robot_spec import LOCOBOT, RobotSpec
 from ltvn_core.robots.ros2.profile import RobotProfile, open_profile
 from ltvn_core.types import CONTROL_STEP_S, ZERO_TWIST, Observation, RobotState, Twist

@@ -9,7 +9,7 @@ import numpy as np
 
 from ltvn_core.findings import Finding, Severity
 from ltvn_core.geometry import wrap_angle
-from ltvn_core.robots.robot_check import RobotReport, TopicReport, TurnReport, fit_floor, robot_findings
+from ltvn_core.robots.robot_report import RobotReport, TopicReport, TurnReport, fit_floor, robot_findings
 from ltvn_core.robots.ros2.ros_robot import RosRobot
 from ltvn_core.robots.ros2.sensor_inbox import Stream
 from ltvn_core.types import Twist

@@ -8,7 +8,7 @@ from ltvn_core.errors import MapError, OptionError
 from ltvn_core.maps.topological_map import TopologicalMap
 from ltvn_core.navigation.passive_localisation import PassiveLocaliser
 from ltvn_core.robots.robot import Robot, WallClock
-from ltvn_core.robots.robot_check import PlaceSeen, PlacesReport
+from ltvn_core.robots.robot_report import PlaceSeen, PlacesReport
 from ltvn_core.robots.robot_view import fit_camera, watch_drive
 from ltvn_core.types import Observation
 from ltvn_core.verbs.robot import RobotVerb

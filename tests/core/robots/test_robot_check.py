@@ -13,7 +13,8 @@ from ltvn_core.data.recording.reader import Recording
 from ltvn_core.data.recording.recorded_run import RecordedRobot, record_images
 from ltvn_core.data.recording.writer import RecordingWriter
 from ltvn_core.navigation.events import Note, Severity
-from ltvn_core.robots.robot_check import ObservationCheck, fit_floor, sequence_findings
+from ltvn_core.robots.robot_check import ObservationCheck, sequence_findings
+from ltvn_core.robots.robot_report import fit_floor
 from ltvn_core.types import Observation
 from tests.core.data.recording import example_recording
 from tests.core.flat_world import FlatRobot, one_room

@@ -13,7 +13,7 @@ from ltvn_core.data.importing.played_drive import NamedDrive, PlayedDrive, open_
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.errors import DriveError, PluginError
 from ltvn_core.robots.robot import WallClock
-from ltvn_core.robots.robot_check import PlaceSeen, PlacesReport
+from ltvn_core.robots.robot_report import PlaceSeen, PlacesReport
 from ltvn_core.robots.ros2.profile import shipped_profiles
 from ltvn_core.types import Twist
 from tests.core.data.importing.rosbag.bag_examples import FOCAL, bag, colours, metres, straight_drive

@@ -320,7 +320,7 @@ def _cautious(logistics: Mapping[str, Logistic], parent: Calibration, caution: f
 
 
 def _across(pairs: OwnPairs, by_stretch: Sequence[Mapping[str, Logistic]]) -> NDArray[np.bool_]:
-    """Return a mask (P,) of the accepted pairs, each by the regressions of its source's fold."""
+    """Return which pairs (P,) are accepted, by regressions that were fitted without the stretch of their source."""
     accepted = np.zeros(len(pairs.source), bool)
     for (stretch, logistics), (depths, name) in product(enumerate(by_stretch), enumerate(DEPTHS)):
         rows = np.flatnonzero(pairs.found & (pairs.stretch[0] == stretch) & (pairs.depths == depths))

@@ -106,9 +106,9 @@ def true_presence(world: World, observation: Callable[[FrameId], Observation]) -
 
 
 def true_rooms(scene: Scene, observation: Callable[[FrameId], Observation]) -> RoomOf:
-    """Return a function that returns the rooms of nodes; `observation` returns their images.
+    """Return a lookup of a node's room, by the exact pose of its image, which `observation` returns.
 
-    The function raises MapError for images without exact poses.
+    The lookup raises MapError for images without exact poses.
     """
     truth = GroundTruth(scene.clearance, observation)
 

@@ -21,7 +21,7 @@ from websockets.sync.connection import Connection
 from benchmarks.measurement import Measurement, measured
 from ltvn_core.robots.ros2.profile import open_profile
 from ltvn_core.robots.ros2.ros_messages import read_twist
-from ltvn_core.robots.ros2.topic_keys import TWIST, TWIST_STAMPED, Topic
+from ltvn_core.robots.ros2.topic_keys import Topic, command_type
 from ltvn_core.robots.ros2.zenoh_link import Received, ZenohLink
 from ltvn_core.types import Twist
 from ltvn_viz.app import AppOptions, RunningApp, open_app
@@ -64,7 +64,7 @@ def key_to_wheel() -> list[Measurement]:
             heard.put(time.monotonic())
 
     profile = open_profile(PROFILE)
-    command = Topic(profile.topics.command, TWIST_STAMPED if profile.driving.stamped else TWIST, profile.domain)
+    command = Topic(profile.topics.command, command_type(stamped=profile.driving.stamped), profile.domain)
     with (
         tempfile.TemporaryDirectory() as folder,
         robot_processes(DEMO_SCENE) as processes,

@@ -62,11 +62,6 @@ class DepthScan(NamedTuple):
         left = y + sin * points[:, 0] + cos * points[:, 1]
         return np.hypot(ahead, left), np.arctan2(left, ahead)
 
-    def looks_past(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Return which points (M, 2) in the odometry frame are free, because the image shows surfaces behind them."""
-        away_m, bearing = self.polar(points)
-        return self.inside(bearing) & reach_past(self.beside(bearing), away_m + FREE_BEYOND_M)
-
     def inside(self, bearing: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Return which bearings (...) are inside the image, without its margins."""
         return np.abs(bearing) < self.half_rad - EDGE_RAD

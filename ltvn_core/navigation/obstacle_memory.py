@@ -17,7 +17,7 @@ from ltvn_core.cameras.depth_points import (
     points_within,
     transform_points,
 )
-from ltvn_core.cameras.depth_scan import FREE_BEYOND_M, RANGE_M, DepthScan, bearing_bins
+from ltvn_core.cameras.depth_scan import FREE_BEYOND_M, RANGE_M, DepthScan, bearing_bins, reach_past
 from ltvn_core.geometry import relative, rotation
 from ltvn_core.navigation.bystanders import BODY_M, Bystanders
 from ltvn_core.navigation.clearances import MAX_NOISE_POINTS
@@ -141,11 +141,16 @@ def _surfaces(scan: DepthScan, points: NDArray[np.float64]) -> NDArray[np.float6
     return np.stack(sums, axis=-1) / np.bincount(bin_of[near], minlength=len(bins))[:, None]
 
 
-def _seen_again(scan: DepthScan, points: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return which points (M, 2) belong to a surface that an image shows again."""
+def _replaced(scan: DepthScan, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return which earlier points (M, 2) an image replaces: it shows a surface behind them, or their own surface again.
+
+    In the first case the obstacle is gone, or was never there.
+    """
     away_m, bearing = scan.polar(points)
-    beyond_m = away_m - scan.beside(bearing)
-    return scan.inside(bearing) & ((beyond_m > -_NEARER_M) & (beyond_m < _SURFACE_M)).any(axis=0)
+    beside_m = scan.beside(bearing)
+    beyond_m = away_m - beside_m
+    is_again = ((beyond_m > -_NEARER_M) & (beyond_m < _SURFACE_M)).any(axis=0)
+    return scan.inside(bearing) & (is_again | reach_past(beside_m, away_m + FREE_BEYOND_M))
 
 
 def _widened(moving: NDArray[np.float64]) -> list[NDArray[np.float64]]:
@@ -202,9 +207,8 @@ class ObstacleMemory:
         if not observation.has_depth:
             return
         scan, things, nearby = self._read(observation)
-        # Points that an image shows to be free are dropped: the obstacle is gone, or was never there.
         for k, points in enumerate(self._seen):
-            self._seen[k] = points[~(scan.looks_past(points) | _seen_again(scan, points))]
+            self._seen[k] = points[~_replaced(scan, points)]
         if self._movement is None:
             self._seen.append(_surfaces(scan, things[nearby]))
             return

@@ -8,7 +8,17 @@ from ltvn_core.robots.ros2.profile import RobotProfile
 from ltvn_core.robots.ros2.robot_sensors import colour_topic, depth_topic, odometry_topic
 from ltvn_core.robots.ros2.ros_cameras import CAMERA_INFO
 from ltvn_core.robots.ros2.ros_images import COMPRESSED_IMAGE, IMAGE
-from ltvn_core.robots.ros2.topic_keys import BATTERY, BUMPER, ODOMETRY, TWIST, TWIST_STAMPED, Declared, Role, Topic
+from ltvn_core.robots.ros2.topic_keys import (
+    BATTERY,
+    BUMPER,
+    ODOMETRY,
+    TWIST,
+    TWIST_STAMPED,
+    Declared,
+    Role,
+    Topic,
+    command_type,
+)
 
 _TYPE_LINES = {
     ("topics.command", TWIST): "driving.stamped = false",
@@ -64,7 +74,7 @@ def _wanted(profile: RobotProfile) -> Iterator[_Wanted]:
     for name, kind in (("battery", BATTERY), ("bumper", BUMPER), ("truth", ODOMETRY)):
         if topic := getattr(topics, name):
             yield _Wanted(f"topics.{name}", Topic(topic, kind, domain))
-    command = TWIST_STAMPED if profile.driving.stamped else TWIST
+    command = command_type(stamped=profile.driving.stamped)
     yield _Wanted("topics.command", Topic(topics.command, command, domain), Role.SUBSCRIBES)
 
 

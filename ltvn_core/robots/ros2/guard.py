@@ -21,7 +21,7 @@ from ltvn_core.robots.ros2.profile import RobotProfile
 from ltvn_core.robots.ros2.robot_sensors import depth_topic, sensor_depth, sensor_size
 from ltvn_core.robots.ros2.ros_cameras import CAMERA_INFO, is_calibrated, ros_camera
 from ltvn_core.robots.ros2.ros_messages import read_stamp, read_twist, twist_message
-from ltvn_core.robots.ros2.topic_keys import TWIST, TWIST_STAMPED, Topic
+from ltvn_core.robots.ros2.topic_keys import Topic, command_type
 from ltvn_core.robots.ros2.zenoh_link import Complaints, Received, ZenohLink
 from ltvn_core.types import ZERO_TWIST, Depth, Twist
 
@@ -225,7 +225,7 @@ class Guard:
             accelerations=profile.accelerations,
             allows=(lambda twist: twist) if depth_stop is None else depth_stop.allows,
         )
-        kind = TWIST_STAMPED if self._stamped else TWIST
+        kind = command_type(stamped=self._stamped)
         self._command = profile.topics.command
         self._kind = kind
         self._wheels = link.command_publisher(Topic(self._command, kind, domain))

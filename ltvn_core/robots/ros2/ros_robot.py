@@ -35,7 +35,7 @@ from ltvn_core.robots.ros2.robot_sensors import (
 from ltvn_core.robots.ros2.ros_cameras import CAMERA_INFO, is_calibrated, ros_camera
 from ltvn_core.robots.ros2.ros_messages import twist_message
 from ltvn_core.robots.ros2.sensor_inbox import Moment, SensorInbox, Stream
-from ltvn_core.robots.ros2.topic_keys import BATTERY, BUMPER, ODOMETRY, TWIST, TWIST_STAMPED, Role, Topic
+from ltvn_core.robots.ros2.topic_keys import BATTERY, BUMPER, ODOMETRY, TWIST_STAMPED, Role, Topic, command_type
 from ltvn_core.robots.ros2.zenoh_link import Complaints, ZenohLink
 from ltvn_core.types import CONTROL_STEP_S, ZERO_TWIST, Observation, Pose, RobotState, Twist
 
@@ -176,7 +176,7 @@ class RosRobot:
         self._seen: tuple[Moment, Observation] | None = None
         self._step = 0
         driving = profile.driving
-        self._kind = TWIST_STAMPED if driving.stamped else TWIST
+        self._kind = command_type(stamped=driving.stamped)
         goal = driving.guard_topic if driving.guarded else profile.topics.command
         self._commands = link.command_publisher(Topic(goal, self._kind, profile.domain))
         self._sender = CommandSender(self._send, lambda: link.is_connected, profile.speeds)

@@ -33,7 +33,7 @@ from ltvn_core.robots.ros2.ros_messages import (
     read_twist,
     transform_message,
 )
-from ltvn_core.robots.ros2.topic_keys import BUMPER, ODOMETRY, TWIST, TWIST_STAMPED, Topic, type_store
+from ltvn_core.robots.ros2.topic_keys import BUMPER, ODOMETRY, Topic, command_type, type_store
 from ltvn_core.robots.ros2.zenoh_link import Complaints, Received, ZenohLink
 from ltvn_core.types import CONTROL_STEP_S, ZERO_TWIST, Depth, Observation, Pose, Rgb, Twist
 
@@ -93,7 +93,7 @@ class ServedRobot:
         if self._truth is not None:
             self._true_pose = link.publisher(Topic(topics.truth, ODOMETRY, domain))
         self._bumper = link.publisher(Topic(topics.bumper, BUMPER, domain)) if topics.bumper else None
-        kind = TWIST_STAMPED if profile.driving.stamped else TWIST
+        kind = command_type(stamped=profile.driving.stamped)
         link.subscribe(Topic(topics.command, kind, domain), self._take_command, self._refuse)
 
     def run(self, is_over: Callable[[], bool]) -> None:

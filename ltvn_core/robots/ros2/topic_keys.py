@@ -29,6 +29,11 @@ NO_HASH = "TypeHashNotSupported"
 """Placeholder for the hash, used by robots with ROS 2 Humble."""
 
 
+def command_type(*, stamped: bool) -> str:
+    """Return the type of the messages that drive a robot."""
+    return TWIST_STAMPED if stamped else TWIST
+
+
 @cache
 def type_store() -> Typestore:
     """Return the types of ROS 2 Jazzy; those used here are the same in Humble, Kilted and Lyrical."""

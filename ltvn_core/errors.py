@@ -67,3 +67,7 @@ class MissingLibraryError(LtvnError):
 
 class RobotError(LtvnError):
     """A robot cannot be reached, reports impossible values, or is not described well enough to be driven."""
+
+
+class RobotPausedError(RobotError):
+    """A robot was stopped because this program was paused; it obeys again once no commands come for a moment."""

@@ -9,6 +9,7 @@ from typing import TypeAlias, TypeVar
 import numpy as np
 
 from ltvn_core.config import RecoveryConfig
+from ltvn_core.errors import RobotPausedError
 from ltvn_core.graph.wheel_slips import SlipTracker
 from ltvn_core.navigation.events import Collided, Event, Outcome, Tick
 from ltvn_core.robots.robot import Robot
@@ -60,12 +61,21 @@ class MotionExecutor:
 
     def observe(self) -> Observation:
         """Take an observation now; correct odometry if the observation shows that the wheels slipped."""
-        seen = self._robot.observe()
+        seen = self._fresh_observation()
         if self._slips is None:
             return seen
         seen = self._slips.see(seen)
         self._state = self._state._replace(odometry=self._mended(self._robot.state()).odometry)
         return seen
+
+    def _fresh_observation(self) -> Observation:
+        """Take an observation; after a pause of this program, stand still until the robot obeys again."""
+        while True:
+            try:
+                return self._robot.observe()
+            except RobotPausedError:
+                self._robot.stop()
+                self._robot.clock.advance(CONTROL_STEP_S)
 
     def stop(self) -> None:
         """Stop now."""

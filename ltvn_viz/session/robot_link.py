@@ -46,9 +46,8 @@ class RobotLink:
         if self._phase is before:
             return None
         self.news = self._words()
-        return self.news or LinkNews(
-            f"{self._name} answers again. It is stopped; drive it, or choose a goal.", Severity.INFO, is_lost=False
-        )
+        again = f"{self._name} answers again. Without a query it stands still: drive it, or choose a goal."
+        return self.news or LinkNews(again, Severity.INFO, is_lost=False)
 
     def _phase_of(self, report: LinkReport) -> _Phase:
         if report.quality is LinkQuality.LOST:

@@ -92,8 +92,14 @@ def click_goal_image(app: App, page: Page, choose: Callable[[Sequence[NodeId]], 
 def hold_key(app: App, page: Page, key: str, holds: Callable[[], bool]) -> None:
     """Hold a key until something holds; press it anew where the page stalled for longer than the lease.
 
-    A robot whose guard missed a command stands until the key was let go, so a hold without effect ends as well.
+    A robot whose guard missed a command stands until the key was let go, so a hold without effect ends as well. The key
+    counts as let go when the robot was told to stop and obeys again.
     """
+    state = app.session.state
+
+    def was_let_go() -> bool:
+        return not state.teleop.is_driven and (state.link is None or state.link.report.stopped_because is None)
+
     for _ in range(HOLDS):
         page.keyboard.down(key)
         try:
@@ -104,6 +110,7 @@ def hold_key(app: App, page: Page, key: str, holds: Callable[[], bool]) -> None:
             page.keyboard.up(key)
         if holds():
             return
+        until(was_let_go)
     raise AssertionError(f"holding {key} never did it: {app.server.seat.state_of(1)}")
 
 

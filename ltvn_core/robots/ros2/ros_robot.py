@@ -16,7 +16,7 @@ from functools import partial
 from typing import Any
 
 from ltvn_core.cameras.camera_model import CameraModel
-from ltvn_core.errors import LtvnError, RobotError
+from ltvn_core.errors import LtvnError, RobotError, RobotPausedError
 from ltvn_core.findings import Finding
 from ltvn_core.robots.drive_lease import LEASE_S, DriveLease
 from ltvn_core.robots.link_report import STALE_S, LinkReport
@@ -59,6 +59,8 @@ class CommandSender:
         """Start with a stop; `send` transmits a command."""
         self.lease = DriveLease(time.monotonic, limits=limits)
         self._reason: str | None = None
+        self.was_paused = False
+        """Whether the last interruption was a pause of this program, not of the link."""
         self._asked_s = -math.inf
         self._send = send
         self._is_connected = is_connected
@@ -119,6 +121,7 @@ class CommandSender:
         with self._lock:
             if self._moving and took_s > _BREAK_S:
                 self._break(f"this program did not run for {took_s:.1f} s while the robot drove")
+                self.was_paused = True
             elif self._moving and not self._is_connected():
                 self._break("the link to the robot broke")
             twist = self.lease.command()
@@ -131,6 +134,7 @@ class CommandSender:
     def _break(self, reason: str) -> None:
         self.lease.cancel()
         self._reason = reason
+        self.was_paused = False
         self._asked_s = time.monotonic()  # Start the waiting time now, because the driver may still hold the controls.
         _LOG.warning("The robot is stopped: %s. Release the controls, then drive again.", reason)
 
@@ -194,7 +198,8 @@ class RosRobot:
     def observe(self) -> Observation:
         """Return the newest image with depth and odometry of the same time.
 
-        Raises RobotError if it is older than 0.5 s, or after an interruption until the driver releases the controls.
+        Raises RobotError if it is older than 0.5 s, or after an interruption until the driver releases the controls;
+        RobotPausedError if this program was interrupted, not the link.
         """
         if self._seen is None:
             self._await_fresh()
@@ -211,7 +216,8 @@ class RosRobot:
                 f"{self.inbox.complaint(time.monotonic())}.{link}"
             )
         if (reason := self._sender.break_reason) is not None:
-            raise RobotError(f"{self.profile.name} was stopped: {reason}. Release the controls, then drive again.")
+            kind = RobotPausedError if self._sender.was_paused else RobotError
+            raise kind(f"{self.profile.name} was stopped: {reason}. Release the controls, then drive again.")
         if self._seen is None or (self._seen[0] is not moment and self._seen[0].stamp_s != moment.stamp_s):
             self._seen = moment, self._decoded(moment)
         return self._seen[1]

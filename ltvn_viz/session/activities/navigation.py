@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import nullcontext, suppress
 from queue import SimpleQueue
 
-from ltvn_core.errors import RobotError
+from ltvn_core.errors import RobotError, RobotPausedError
 from ltvn_core.navigation.events import Event, Tick
 from ltvn_core.types import CONTROL_STEP_S, NodeId
 from ltvn_viz.session.live_run import LiveRun
@@ -95,6 +95,12 @@ class Navigation:
             self._live.robot.hold()
         if self._thinking or self.over:
             return
+        try:
+            self._go_on()
+        except RobotPausedError:
+            self._live.robot.hold()  # It obeys again after a moment without commands.
+
+    def _go_on(self) -> None:
         if self.held_because and not self.is_stopping:
             self._live.robot.hold()
             return
@@ -124,10 +130,10 @@ class Navigation:
             self._cancel()
         else:
             self._prepare()
-            if self._steps_left:
-                self._steps_left -= 1
         with suppress(RobotError) if self.is_stopping else nullcontext():  # A query can end without the robot.
             self._live.capture()  # Events name images by their step, so the image comes first.
+        if self._steps_left and not self.is_stopping:
+            self._steps_left -= 1
         self._thinking = True
         self._worker.submit(self._pull, self._pulled)
 

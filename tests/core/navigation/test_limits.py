@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from ltvn_core.config import PAPER, ROBUST, Method
+from ltvn_core.errors import RobotPausedError
 from ltvn_core.graph.deltas import Cause, NodeDropped
 from ltvn_core.navigation.events import AttemptEnd, AttemptEnded, Collided, Outcome, Planned, QueryEnded, Tick
 from ltvn_core.types import Observation
@@ -66,6 +67,28 @@ def test_a_goal_that_only_seems_near_does_not_hold_the_robot_for_ever(method: Me
         if isinstance(event, Tick):
             place.robot.advance()
     assert isinstance(events[-1], QueryEnded)
+
+
+class PausedRobot(FlatRobot):
+    """A robot whose program is paused for a moment; it obeys again when it was stopped."""
+
+    pauses = 3
+
+    def observe(self) -> Observation:
+        if self.pauses:
+            raise RobotPausedError("This program did not run.")
+        return super().observe()
+
+    def stop(self) -> None:
+        super().stop()
+        self.pauses = max(0, self.pauses - 1)
+
+
+def test_a_pause_of_the_program_stops_the_robot_but_not_the_query() -> None:
+    place = mapped_corridor(ROBUST)
+    place.robot = PausedRobot(place.world, [0.6, 1.0, 0.0], first_step=FIRST_STEP)
+    episode, _ = place.go(4)
+    assert episode.outcome == Outcome.ARRIVED
 
 
 def test_too_many_collisions_end_the_query() -> None:

@@ -1,9 +1,11 @@
 """Commands leave under a lease, and after a break nothing drives until whoever drives has let go."""
 
+import time
 from collections.abc import Iterator
 
 import pytest
 
+from ltvn_core.robots.drive_lease import LEASE_S
 from ltvn_core.robots.robot_spec import SpeedLimits
 from ltvn_core.robots.ros2.ros_robot import CommandSender
 from ltvn_core.types import ZERO_TWIST, Twist
@@ -18,6 +20,11 @@ class Wire:
     def __init__(self) -> None:
         self.sent: list[Twist] = []
         self.is_whole = True
+        self.stall_s = 0.0
+
+    def send(self, twist: Twist) -> None:
+        time.sleep(self.stall_s)
+        self.sent.append(twist)
 
 
 @pytest.fixture
@@ -27,7 +34,7 @@ def wire() -> Wire:
 
 @pytest.fixture
 def sender(wire: Wire) -> Iterator[CommandSender]:
-    opened = CommandSender(wire.sent.append, lambda: wire.is_whole, SpeedLimits())
+    opened = CommandSender(wire.send, lambda: wire.is_whole, SpeedLimits())
     yield opened
     opened.close()
 
@@ -67,3 +74,15 @@ def test_after_a_break_driving_comes_back_only_once_the_driver_let_go(sender: Co
     until(lambda: sender.break_reason is None)
     sender.drive(AHEAD)
     until(lambda: wire.sent[-1] == AHEAD)
+
+
+def test_a_pause_of_the_program_is_told_from_a_broken_link(sender: CommandSender, wire: Wire) -> None:
+    wire.stall_s = 2 * LEASE_S
+    until(lambda: sender.drive(AHEAD) or sender.break_reason)
+    assert sender.was_paused
+    wire.stall_s, wire.is_whole = 0.0, False
+    until(lambda: sender.break_reason is None)
+
+    until(lambda: sender.drive(AHEAD) or sender.break_reason)
+
+    assert not sender.was_paused

@@ -35,6 +35,18 @@ _SHIFT_M = 100.0
 """So far apart the thousands of nodes lie."""
 
 
+def lost_look_s(count: int) -> float:
+    """Return the time in seconds of a look of a robot that does not know where it is, in a map of `count` nodes."""
+    predictor = load_predictor()
+    seen = demo_observations(REAL + LOOKS)
+    features = predictor.encode(seen[:REAL])
+    graph, keyframes = TopologicalGraph(), KeyframeStore(predictor)
+    for k in range(count // REAL):
+        keyframes.add(_moved(seen[:REAL], k), _shuffled(features, k))
+        _grow(graph, _moved(seen[:REAL], k))
+    return seconds(_lost_look(predictor, graph, Matcher(predictor, keyframes, ROBUST.matching), seen[REAL:]), 21)
+
+
 def localise() -> list[Measurement]:
     """Search ever larger maps, as a robot does that does not know where it is, and one as a robot that does."""
     predictor = load_predictor()

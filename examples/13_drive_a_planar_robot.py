@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 import ltvn_core as ltvn
-from ltvn_core.navigation.event_text import describe_event
+from ltvn_core.analysis.event_text import describe_event
 from ltvn_core.navigation.events import AttemptEnded, Planned, QueryEnded, QueryStarted
 from ltvn_core.robots.robot_spec import LOCOBOT, SpeedLimits
 from ltvn_core.simulation.opening import open_simulation

@@ -1,7 +1,7 @@
 """Breakpoints: conditions at which a run stops, written as a user types them: "prune", "edge 12->40", "margin < 0.2".
 
 Owns the kinds of breakpoints, parsing and formatting of their text form, the test of one event, and the search for hits
-in a live run or a recording. The text of an event comes from `navigation.event_text`, the state before it from the
+in a live run or a recording. The text of an event comes from `analysis.event_text`, the state before it from the
 timeline; the caller decides what happens at a hit.
 """
 
@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import NamedTuple, TypeAlias, assert_never
 
+from ltvn_core.analysis.event_text import describe_event, edge_text
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import Instant
 from ltvn_core.analysis.timeline_rows import is_other_plan
@@ -19,7 +20,6 @@ from ltvn_core.errors import OptionError
 from ltvn_core.graph import deltas as d
 from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.navigation import events as e
-from ltvn_core.navigation.event_text import describe_event, edge_text
 from ltvn_core.terminal_text import parse_number
 from ltvn_core.types import NodeId
 

@@ -1,7 +1,7 @@
 """Collects the events of a run into queries, plans, attempts and marks, one event after the other.
 
 Owns the treatment of events that are cut off or have no beginning, the choice of events that get a mark, and the choice
-of marks at which stepping through the run stops. `navigation.event_text` makes the text of a mark, and the page its
+of marks at which stepping through the run stops. `analysis.event_text` makes the text of a mark, and the page its
 look. Each event takes constant time.
 """
 
@@ -10,12 +10,12 @@ from copy import copy
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple, assert_never
 
+from ltvn_core.analysis.event_text import describe_event
 from ltvn_core.analysis.timeline_records import AttemptRecord, Instant, Mark, MarkKind, PlanRecord, QueryRecord
 from ltvn_core.graph import deltas as d
 from ltvn_core.graph.deltas import Cause
 from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.navigation import events as e
-from ltvn_core.navigation.event_text import describe_event
 from ltvn_core.navigation.events import (
     ActionBegun,
     ActionEnded,

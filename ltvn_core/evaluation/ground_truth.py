@@ -13,8 +13,8 @@ from ltvn_core.errors import LtvnError, MapError
 from ltvn_core.evaluation.results import EdgeCalibrationBin, MapDrawing, MapTruthMetrics
 from ltvn_core.geometry import distance, relative
 from ltvn_core.graph.connectivity import count_strongly_connected_components
-from ltvn_core.graph.map_coverage import Standing, reached_from_most, standings
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
+from ltvn_core.maps.map_coverage import Standing, reached_from_most, standings
 from ltvn_core.network.metrics import calibration_table
 from ltvn_core.simulation.clearance_map import ClearanceMap
 from ltvn_core.simulation.oracle_predictor import MIN_CLEARANCE_M, is_drivable, is_line_free

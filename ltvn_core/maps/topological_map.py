@@ -18,12 +18,12 @@ from ltvn_core.data.recording.map_file import LoadedMap, check_fingerprint, load
 from ltvn_core.findings import Finding, WithDoubts
 from ltvn_core.graph.builder import ProgressCallback
 from ltvn_core.graph.keyframes import KeyframeStore
-from ltvn_core.graph.map_check import MappedDrive, diagnose
-from ltvn_core.graph.map_coverage import GoalReport, MapCoverage, goal_reports, map_coverage
 from ltvn_core.graph.navigation_system import Deltas, NavigationSystem
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.maps.joined_drives import JoinedDrive
 from ltvn_core.maps.joined_map import DriveReport, drive_findings, join_map
+from ltvn_core.maps.map_check import MappedDrive, diagnose
+from ltvn_core.maps.map_coverage import GoalReport, MapCoverage, goal_reports, map_coverage
 from ltvn_core.navigation.action_performer import ActionPerformer
 from ltvn_core.navigation.bystanders import Bystanders
 from ltvn_core.navigation.navigator import Navigator

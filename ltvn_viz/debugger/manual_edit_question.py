@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from ltvn_core import palette
 from ltvn_core.analysis.answer import Inline, Link, joined
+from ltvn_core.analysis.event_text import describe_delta
 from ltvn_core.analysis.manual_edits import (
     add_edge,
     connect_by_action,
@@ -23,7 +24,6 @@ from ltvn_core.config import BeliefConfig
 from ltvn_core.errors import LtvnError, OptionError
 from ltvn_core.graph import deltas as d
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
-from ltvn_core.navigation.event_text import describe_delta
 from ltvn_core.types import NodeId
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.question import AnswerBuilder, Question, request_link, time_link

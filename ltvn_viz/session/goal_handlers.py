@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from ltvn_core.errors import LtvnError, OptionError, SceneError
 from ltvn_core.graph.image_similarity import LIKELY_HELD
-from ltvn_core.graph.map_coverage import GoalReport
+from ltvn_core.maps.map_coverage import GoalReport
 from ltvn_core.navigation.events import Severity
 from ltvn_core.types import FrameId, NodeId, Rgb
 from ltvn_viz.session.activities.navigation import Navigation

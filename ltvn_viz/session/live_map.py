@@ -15,10 +15,10 @@ from ltvn_core.geometry import distance, relative
 from ltvn_core.graph.deltas import Cause, DriveBegun, FramesReleased, GraphDelta, NodeDropped
 from ltvn_core.graph.image_similarity import most_similar_nodes
 from ltvn_core.graph.keyframes import ODOMETRY_JUMP, KeyframeStore
-from ltvn_core.graph.map_check import MappedDrive, diagnose
-from ltvn_core.graph.map_coverage import GoalReport, map_coverage
 from ltvn_core.graph.navigation_system import NavigationSystem, OnlineStrategy
 from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.maps.map_check import MappedDrive, diagnose
+from ltvn_core.maps.map_coverage import GoalReport, map_coverage
 from ltvn_core.maps.topological_map import TopologicalMap
 from ltvn_core.navigation.action_performer import ActionPerformer
 from ltvn_core.navigation.events import Event, Judged, Tick

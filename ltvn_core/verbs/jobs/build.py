@@ -9,8 +9,8 @@ from ltvn_core.atomic_files import require_new_path
 from ltvn_core.errors import OptionError
 from ltvn_core.findings import Finding, WithDoubts
 from ltvn_core.graph.connectivity import count_strongly_connected_components
-from ltvn_core.graph.map_coverage import GoalReport
 from ltvn_core.maps.joined_map import DriveReport
+from ltvn_core.maps.map_coverage import GoalReport
 from ltvn_core.maps.recorded_map import BuildOptions, build_recorded_map, save_recorded_map
 from ltvn_core.verbs.build import BuildVerb
 from ltvn_core.verbs.verb import Summary

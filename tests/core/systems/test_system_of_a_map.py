@@ -10,7 +10,7 @@ from ltvn_core.data.recording.map_file import load_map
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.data.recording.writer import RecordingWriter
 from ltvn_core.errors import MapError
-from ltvn_core.graph.map_coverage import GoalReport, Standing
+from ltvn_core.maps.map_coverage import GoalReport, Standing
 from ltvn_core.network.weights_file import weights_fingerprint
 from ltvn_core.systems.registry import system_entry
 from ltvn_core.verbs.build import BuildVerb

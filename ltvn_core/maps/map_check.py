@@ -19,9 +19,9 @@ from ltvn_core.geometry import relative
 from ltvn_core.graph.connectivity import strongly_connected_components
 from ltvn_core.graph.image_similarity import colour_descriptors
 from ltvn_core.graph.keyframes import KeyframeStore
-from ltvn_core.graph.map_coverage import MapCoverage, evenly
 from ltvn_core.graph.revisits import near_pairs, revisits
 from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.maps.map_coverage import MapCoverage, evenly
 from ltvn_core.types import Features, FrameId, Observation, Predictor, is_usable
 
 MANY_NODES = 6

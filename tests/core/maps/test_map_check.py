@@ -9,10 +9,10 @@ from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.data.recording.map_file import load_map
 from ltvn_core.graph.connectivity import count_strongly_connected_components
 from ltvn_core.graph.deltas import Cause, EdgeAdded, NodeAdded
-from ltvn_core.graph.map_check import map_findings
-from ltvn_core.graph.map_coverage import MapCoverage
 from ltvn_core.graph.operators import node_from_observation
 from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.maps.map_check import map_findings
+from ltvn_core.maps.map_coverage import MapCoverage
 from ltvn_core.maps.topological_map import build_map
 from ltvn_core.types import Features, Observation, Prediction, Tilt
 from tests.core.flat_world import FlatPredictor, observation_at, one_room, tour

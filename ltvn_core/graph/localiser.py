@@ -11,15 +11,17 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ltvn_core.config import LocalisingConfig
-from ltvn_core.geometry import distance
+from ltvn_core.geometry import distance, wrap_angle
 from ltvn_core.graph.matching import Matcher, Matches
 from ltvn_core.graph.place_belief import AT_PLACE, BelievedPlace, is_where_expected
 from ltvn_core.graph.topological_graph import TopologicalGraph
-from ltvn_core.types import Features, FrameId, NodeId, Waypoint
+from ltvn_core.types import Features, FrameId, NodeId, Pose, Waypoint
 
 LOCAL = "local"
 GLOBAL = "global"
 _MIN_REACHABILITY = 1e-6
+_ASKED_AT_ONCE = 8
+"""Number of nodes around a place that are compared in one call, the nearest first."""
 _DOUBT_AT_PLACE = 0.5
 """Weight of -ln r in the score at a place, added to d."""
 
@@ -92,15 +94,35 @@ class Localiser:
         The distances of the nodes are taken from the place, not from the image, because a corridor looks the same one
         metre farther on.
         """
-        nodes = [node for node in place.nodes if node not in prior.doubted]
-        matches = self._matcher.match(features, nodes)
-        expected = np.array([place.nodes[node] for node in nodes]).reshape(-1, 3)
-        trusted = matches.reachability * is_where_expected(expected, matches.waypoints, AT_PLACE)
-        found = matches.with_reachability(trusted)
-        away = np.array([distance(place.nodes[node]) for node in found.nodes])
-        scores = away + _DOUBT_AT_PLACE * doubt(found.reachability)
-        best = best_localisation(found, scores, near_enough(found, self._config), LOCAL)
+        away = {node: float(distance(pose)) for node, pose in self._near_place(place, prior).items()}
+        nodes = sorted(away, key=away.__getitem__)
+        found, scores, passing = self._matcher.match(features, ()), np.empty(0), np.empty(0, bool)
+        for start in range(0, len(nodes), _ASKED_AT_ONCE):
+            second_best = np.partition(scores[passing], 1)[1] if np.count_nonzero(passing) > 1 else np.inf
+            if away[nodes[start]] >= second_best:
+                break  # No score is below the node's distance, so neither the best nor the runner-up can change.
+            asked = self._where_expected(place, features, nodes[start : start + _ASKED_AT_ONCE])
+            found = found.concatenated(asked)
+            scores = np.array([away[node] for node in found.nodes]) + _DOUBT_AT_PLACE * doubt(found.reachability)
+            passing = near_enough(found, self._config)
+        best = best_localisation(found, scores, passing, LOCAL)
         return best._replace(probability=place.probability)
+
+    def _near_place(self, place: BelievedPlace, prior: LocalisationPrior) -> dict[NodeId, Pose]:
+        """Return the expected poses (3,) of the nodes that an image at a place can be near enough to."""
+        most_m = self._config.distance + AT_PLACE[0]
+        most_rad = self._config.distance / np.sqrt(2) + AT_PLACE[1]
+        return {
+            node: pose
+            for node, pose in place.nodes.items()
+            if node not in prior.doubted and np.hypot(pose[0], pose[1]) < most_m and abs(wrap_angle(pose[2])) < most_rad
+        }
+
+    def _where_expected(self, place: BelievedPlace, features: Features, nodes: Sequence[NodeId]) -> Matches:
+        """Compare an image (1, F) with nodes; r is 0 where a node is not seen about where it is expected."""
+        found = self._matcher.match(features, nodes)
+        expected = np.array([place.nodes[node] for node in found.nodes])
+        return found.with_reachability(found.reachability * is_where_expected(expected, found.waypoints, AT_PLACE))
 
     def _best_among(self, nodes: Sequence[NodeId], features: Features, scope: str) -> Localisation:
         matches = self._matcher.match(features, nodes)

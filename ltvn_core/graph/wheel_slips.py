@@ -152,8 +152,9 @@ def _gaps(tree: KDTree, before: DepthScan, points: NDArray[np.float64], motions:
 def _surface(points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the points (K, 2) of a scan, with points added between neighbours that belong to one surface."""
     gaps = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    between = [
-        points[k] + np.linspace(0, 1, int(gaps[k] / _SURFACE_STEP_M) + 2)[1:-1, None] * (points[k + 1] - points[k])
-        for k in np.flatnonzero(gaps < _SURFACE_GAP_M)
-    ]
-    return np.concatenate([points, *between])
+    near = np.flatnonzero(gaps < _SURFACE_GAP_M)
+    added = (gaps[near] / _SURFACE_STEP_M).astype(np.intp)
+    first = np.repeat(near, added)
+    number = np.arange(len(first)) - np.repeat(np.cumsum(added) - added, added) + 1
+    share = number * np.repeat(1 / (added + 1), added)
+    return np.concatenate([points, points[first] + share[:, None] * (points[first + 1] - points[first])])

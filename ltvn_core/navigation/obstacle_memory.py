@@ -4,6 +4,7 @@ Owns the points and how long each is remembered: a door frame leaves the image b
 contain low obstacles close to the robot, which no image shows. Decides nothing: `navigation.obstacle_avoidance` does.
 """
 
+import itertools
 from collections import deque
 from typing import NamedTuple
 
@@ -207,8 +208,7 @@ class ObstacleMemory:
         if not observation.has_depth:
             return
         scan, things, nearby = self._read(observation)
-        for k, points in enumerate(self._seen):
-            self._seen[k] = points[~_replaced(scan, points)]
+        self._forget_replaced(scan)
         if self._movement is None:
             self._seen.append(_surfaces(scan, things[nearby]))
             return
@@ -219,6 +219,16 @@ class ObstacleMemory:
         for place in self.people(observation.stamp):
             points = points[np.hypot(*(points - place).T) > BODY_M + _NEXT_TO_M]
         self._seen.append(_surfaces(scan, points))
+
+    def _forget_replaced(self, scan: DepthScan) -> None:
+        """Forget the points of earlier images that an image replaces."""
+        if not self._seen:
+            return
+        ends = np.cumsum([len(points) for points in self._seen])
+        points = np.concatenate(self._seen)
+        kept = ~_replaced(scan, points)
+        for k, (start, end) in enumerate(itertools.pairwise([0, *ends.tolist()])):
+            self._seen[k] = points[start:end][kept[start:end]]
 
     def _read(self, observation: Observation) -> tuple[DepthScan, NDArray[np.float64], NDArray[np.bool_]]:
         """Return the scan of an image, its solid points (M, 2) in the odometry frame, and which are nearby (M,)."""

@@ -29,7 +29,7 @@ def look(nodes: str) -> Costs:
     """Time a look of a robot that does not know where it is."""
     from benchmarks.localising import lost_look_s
 
-    return {"ms a look": 1e3 * lost_look_s(int(nodes))}
+    return {"a look, ms": 1e3 * lost_look_s(int(nodes))}
 
 
 def correct(poses: str) -> Costs:
@@ -38,7 +38,7 @@ def correct(poses: str) -> Costs:
 
     closures = round(int(poses) * 17 / 60)
     false = round(closures * _FALSE_OF_CLOSURES)
-    return {"s": correction_s(int(poses), closures - false, false)}
+    return {"time, s": correction_s(int(poses), closures - false, false)}
 
 
 def build(images: str) -> Costs:
@@ -46,7 +46,7 @@ def build(images: str) -> Costs:
     from benchmarks.matching import build_s
 
     spent_s = build_s(int(images))
-    return {"s": spent_s, "images a second": int(images) / spent_s}
+    return {"time, s": spent_s, "images a second": int(images) / spent_s}
 
 
 def build_two(images: str) -> Costs:
@@ -63,7 +63,7 @@ def record(hours: str) -> Costs:
 
     found = LongRecordingVerb(hours=float(hours)).run()
     assert isinstance(found, LongRecordingSummary)
-    return {f"{row.unit} {row.name}": row.value for row in found.measurements}
+    return {f"{row.name}, {row.unit}": row.value for row in found.measurements}
 
 
 def limits(_: str) -> Costs:
@@ -80,8 +80,8 @@ def limits(_: str) -> Costs:
     vectors = rng.normal(size=(_VECTORS, PairArchitecture().place)).astype(np.float32)
     searched_s = seconds(lambda: np.argmax(vectors @ vectors[0]), 21)
     return {
-        "GB/s of memory copied": 2 * _BANDWIDTH_BYTES / copied_s / 1e9,
-        f"ms to compare a place vector with {_VECTORS:,}": 1e3 * searched_s,
+        "memory copied, GB/s": 2 * _BANDWIDTH_BYTES / copied_s / 1e9,
+        f"a place vector against {_VECTORS:,}, ms": 1e3 * searched_s,
     }
 
 
@@ -97,12 +97,12 @@ POINTS = (
     (limits.__name__, ""),
 )
 TITLES = {
-    "look": "localise in {} nodes",
-    "correct": "correct {} poses by closures, a third of them false",
-    "build": "build a map from {} images",
-    "build_two": "the same from {} images, two processes at a time",
-    "record": "a recording of {} h",
-    "limits": "limits of the machine",
+    "look": "localise a lost robot: nodes",
+    "correct": "correct a drive by closures, a third of them false: poses",
+    "build": "build a map: images",
+    "build_two": "two builds at a time: images of each",
+    "record": "a recording: hours",
+    "limits": "the machine itself",
 }
 
 
@@ -131,7 +131,7 @@ class CurvesVerb(Verb):
         self.folder.mkdir(parents=True, exist_ok=True)
         points = {(job, size): self._point(job, size) for job, size in tqdm(POINTS, desc="measure", unit="point")}
         if self.page is not None:
-            fill_blocks(self.page, {"curves": "\n".join(_table(points))})
+            fill_blocks(self.page, {"curves": "\n".join(_tables(points)).strip()})
         return CurvesSummary({f"{job} {size}".strip(): costs for (job, size), costs in points.items()})
 
     def _point(self, job: str, size: str) -> Costs:
@@ -143,12 +143,18 @@ class CurvesVerb(Verb):
         return json.loads(kept.read_text(encoding="utf-8"))
 
 
-def _table(points: Mapping[tuple[str, str], Costs]) -> Iterator[str]:
-    yield "| what | costs |"
-    yield "|---|---|"
-    for (job, size), costs in points.items():
-        title = TITLES[job].format(f"{float(size):,g}" if size else "")
-        yield f"| {title} | {', '.join(f'{value:.3g} {name}' for name, value in costs.items())} |"
+def _tables(points: Mapping[tuple[str, str], Costs]) -> Iterator[str]:
+    """Yield the lines of a table for each job, with a column for each size."""
+    for job, title in TITLES.items():
+        columns = [(size, costs) for (name, size), costs in points.items() if name == job]
+        sizes = [f"{float(size):,g}" if size else "" for size, _ in columns]
+        yield from ("", f"| {title} | {' | '.join(sizes)} |", "|---" * (len(columns) + 1) + "|")
+        for name in columns[0][1]:
+            yield f"| {name} | {' | '.join(_rounded(costs[name]) for _, costs in columns)} |"
+
+
+def _rounded(value: float) -> str:
+    return f"{value:,.0f}" if value >= 100 else f"{value:.2g}"
 
 
 if __name__ == "__main__":

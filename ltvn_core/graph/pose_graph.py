@@ -24,8 +24,9 @@ of three steps lose, in half the solves."""
 _MOST_ROUNDS = 200
 _LAST_STEPS = 10
 _CONVERGED = 1e-4
-_EXACT, _MOST_ITERATIONS = 1e-8, 14
-"""Relative residual at which conjugate gradients end, and the largest number of iterations."""
+_ROUGH, _EXACT, _MOST_ITERATIONS = 0.1, 1e-8, 30
+"""Relative residuals at which conjugate gradients end, between rounds and in the last steps, and the largest number of
+iterations. Each round solves another problem, so a rough step is enough until the last ones."""
 _LONGEST_WAY = 1.5
 """Largest ratio of a true distance to the one that the wheels measured."""
 
@@ -94,7 +95,7 @@ def _optimise_possible(poses: Pose, odometry: RelativePoses, closures: RelativeP
     control = _TRUNCATED_ABOVE / max(2 * worst - _TRUNCATED_ABOVE, _TRUNCATED_ABOVE)
     solver = _Solver()
     for _ in range(_MOST_ROUNDS):
-        poses = _least_squares(poses, odometry, closures, weights, solver, most_steps=1)
+        poses = _least_squares(poses, odometry, closures, weights, solver, most_steps=1, accuracy=_ROUGH)
         weights = _truncated_weights(_squared(closures.errors(poses)), control)
         if ((weights == 0) | (weights == 1)).all():
             break
@@ -120,6 +121,7 @@ def _least_squares(
     solver: "_Solver",
     *,
     most_steps: int,
+    accuracy: float = _EXACT,
 ) -> Pose:
     """Take Gauss-Newton steps, limited in number."""
     closures, weights = closures.among(weights > 0), weights[weights > 0]
@@ -128,7 +130,7 @@ def _least_squares(
         second = _linearised(poses, closures, weights)
         normal = (first.jacobian.T @ first.jacobian + second.jacobian.T @ second.jacobian)[3:, 3:]
         gradient = (first.jacobian.T @ first.errors + second.jacobian.T @ second.errors)[3:]
-        step = solver.solve(csc_array(normal), -gradient).reshape(-1, 3)
+        step = solver.solve(csc_array(normal), -gradient, accuracy).reshape(-1, 3)
         poses = np.concatenate([poses[:1], poses[1:] + step])
         if np.abs(step).max(initial=0.0) < _CONVERGED:
             break
@@ -144,11 +146,14 @@ class _Solver:
     def __init__(self) -> None:
         self._factors: SuperLU | None = None
 
-    def solve(self, normal: csc_array, right: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return x (N,) with `normal` (N, N) x = `right` (N,); `normal` is symmetric and positive definite."""
+    def solve(self, normal: csc_array, right: NDArray[np.float64], accuracy: float) -> NDArray[np.float64]:
+        """Return x (N,) with `normal` (N, N) x = `right` (N,), up to a relative residual.
+
+        `normal` must be symmetric and positive definite.
+        """
         if self._factors is not None:
             like = LinearOperator(normal.shape, self._factors.solve)
-            solution, failed = cg(normal, right, rtol=_EXACT, maxiter=_MOST_ITERATIONS, M=like)
+            solution, failed = cg(normal, right, rtol=accuracy, maxiter=_MOST_ITERATIONS, M=like)
             if not failed:
                 return solution
         # An ordering for symmetric matrices fills in far less than SuperLU's own choice, COLAMD.

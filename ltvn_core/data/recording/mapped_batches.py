@@ -28,7 +28,7 @@ class MappedBatches:
     def append(self, entity: str, batch: pa.RecordBatch) -> None:
         """Append a batch to the batches of its entity."""
         self._part[entity].append(batch.replace_schema_metadata(None))  # The metadata refer to a single chunk only.
-        self._part_bytes += batch.nbytes
+        self._part_bytes += batch.get_total_buffer_size()  # Ten times as fast as `nbytes`.
         if self._part_bytes >= PART_BYTES:
             self._close_part(move=True)
 

@@ -70,4 +70,4 @@ class RobotError(LtvnError):
 
 
 class RobotPausedError(RobotError):
-    """A robot was stopped because this program was paused; it obeys again once no commands come for a moment."""
+    """A robot was stopped because this program paused briefly; it obeys again once no commands come for a moment."""

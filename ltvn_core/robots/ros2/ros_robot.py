@@ -44,6 +44,8 @@ _EVERY_S = 0.05
 _BREAK_S = LEASE_S
 """Time between two iterations of the sender that counts as an interruption, in seconds: the program was paused or the
 machine slept, and the robot has stopped."""
+_BRIEF_S = 2.0
+"""Length of a pause of this program, in seconds, above which a query does not continue by itself."""
 LET_GO_S = 0.5
 """Time without commands after which the driver has released the controls, in seconds."""
 _CLOCKS_APART_S = 1.0
@@ -60,7 +62,7 @@ class CommandSender:
         self.lease = DriveLease(time.monotonic, limits=limits)
         self._reason: str | None = None
         self.was_paused = False
-        """Whether the last interruption was a pause of this program, not of the link."""
+        """Whether the last interruption was only a brief pause of this program."""
         self._asked_s = -math.inf
         self._send = send
         self._is_connected = is_connected
@@ -121,7 +123,7 @@ class CommandSender:
         with self._lock:
             if self._moving and took_s > _BREAK_S:
                 self._break(f"this program did not run for {took_s:.1f} s while the robot drove")
-                self.was_paused = True
+                self.was_paused = took_s < _BRIEF_S
             elif self._moving and not self._is_connected():
                 self._break("the link to the robot broke")
             twist = self.lease.command()
@@ -199,7 +201,7 @@ class RosRobot:
         """Return the newest image with depth and odometry of the same time.
 
         Raises RobotError if it is older than 0.5 s, or after an interruption until the driver releases the controls;
-        RobotPausedError if this program was interrupted, not the link.
+        RobotPausedError if the interruption was only a brief pause of this program.
         """
         if self._seen is None:
             self._await_fresh()

@@ -6,12 +6,23 @@ import numpy as np
 import pytest
 
 from ltvn_core.config import PAPER, ROBUST, Method
+from ltvn_core.geometry import distance, relative
 from ltvn_core.graph.deltas import Belief, Cause, Edge, EdgeAdded, NodeAdded, PoseRow
 from ltvn_core.graph.keyframes import KeyframeStore
-from ltvn_core.graph.localiser import GLOBAL, LOCAL, Localisation, LocalisationPrior, Localiser, plan_neighbourhood
+from ltvn_core.graph.localiser import (
+    GLOBAL,
+    LOCAL,
+    Localisation,
+    LocalisationPrior,
+    Localiser,
+    near_enough,
+    plan_neighbourhood,
+)
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.operators import node_from_observation
+from ltvn_core.graph.place_belief import AT_PLACE, BelievedPlace, is_where_expected
 from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.types import Features, Prediction
 from tests.core.flat_world import FlatPredictor, observation_at, one_room
 
 IMAGES = [observation_at(np.array([0.5 + 0.5 * k, 1.0, 0.0]), k) for k in range(8)]
@@ -109,3 +120,38 @@ def test_the_nodes_that_look_like_an_image_come_best_first() -> None:
 def test_around_a_plan_are_its_nodes_and_where_their_edges_lead() -> None:
     _, graph = line(FlatPredictor(one_room()), ROBUST)
     assert set(plan_neighbourhood(graph, (2, 3))) == {2, 3, 4}
+
+
+class UnsurePredictor(FlatPredictor):
+    """Gives pairs of images an r between 0.3 and 1."""
+
+    def predict(self, sources: Features, targets: Features) -> Prediction:
+        answer = super().predict(sources, targets)
+        answer.reachability[:] = 0.65 + 0.35 * np.sin(1e3 * np.add(sources[:, 0], targets[:, 0]))
+        return answer
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_at_a_believed_place_comparing_few_nodes_finds_what_comparing_all_finds(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    predictor = UnsurePredictor(one_room())
+    poses = np.column_stack([rng.uniform(0.5, 4.5, 150), rng.uniform(0.5, 3.5, 150), rng.uniform(-1, 1, 150)])
+    images = [observation_at(pose, k) for k, pose in enumerate(poses)]
+    keyframes = KeyframeStore(predictor)
+    keyframes.add(images)
+    matcher = Matcher(predictor, keyframes, ROBUST.matching)
+    graph = TopologicalGraph(NodeAdded(node_from_observation(seen), Cause.BUILD) for seen in images)
+    here = np.array([2.5, 2.0, 0.0])
+    features = predictor.encode([observation_at(here, 99)])
+    expected = relative(here + rng.normal(0, 0.1, 3), poses)
+    place = BelievedPlace(dict(enumerate(expected)), 0.9, is_recognised=True)
+
+    fix = Localiser(matcher, ROBUST.localising).localise(features, graph, LocalisationPrior(place=place))
+
+    found = matcher.match(features, tuple(range(150)))
+    agrees = is_where_expected(expected, found.waypoints, AT_PLACE) & near_enough(found, ROBUST.localising)
+    scores = np.where(agrees, distance(expected) - 0.5 * np.log(found.reachability), np.inf)
+    first, second = np.argsort(scores)[:2]
+    assert np.count_nonzero(agrees) > 8
+    assert (fix.node, fix.runner_up) == (first, second)
+    assert fix.margin == pytest.approx(scores[second] - scores[first])

@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import least_squares
 
-from ltvn_core.geometry import compose, relative
+from ltvn_core.geometry import compose, relative, wrap_angle
 from ltvn_core.graph.pose_graph import RelativePoses, optimise
 from ltvn_core.types import Pose
 
@@ -57,6 +58,23 @@ def test_true_closures_put_a_drive_right_and_false_ones_are_found_out(false: int
     assert np.abs(found.poses - truth)[:, :2].max() < 0.6
     assert found.kept[: len(again)].all()
     assert not found.kept[len(again) :][far].any()
+
+
+def test_the_poses_are_those_of_exact_least_squares() -> None:
+    truth, odometry = square(), drifted(square())
+    again = np.arange(CORNERS * 8, len(truth), 2)
+    chain, closures = in_a_row(odometry), measured(truth, again, again % (CORNERS * 8), 0.1)
+
+    found = optimise(odometry, chain, closures)
+
+    def errors(moved: np.ndarray) -> np.ndarray:
+        poses = np.concatenate([odometry[:1], moved.reshape(-1, 3)])
+        return np.concatenate([chain.errors(poses).ravel(), closures.errors(poses).ravel()])
+
+    exact = least_squares(errors, truth[1:].ravel(), xtol=1e-12, ftol=1e-12)
+    assert found.kept.all()
+    gap = relative(exact.x.reshape(-1, 3), found.poses[1:])
+    assert np.abs([*gap[:, :2].ravel(), *wrap_angle(gap[:, 2])]).max() < 1e-3
 
 
 def test_closures_that_no_way_can_be_long_enough_for_bend_nothing() -> None:

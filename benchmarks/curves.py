@@ -115,7 +115,7 @@ class CurvesSummary:
 
 @dataclass(frozen=True, kw_only=True)
 class CurvesVerb(Verb):
-    """Measure all points that the folder does not have; takes about twenty minutes, and more where recordings must be written."""
+    """Measure all points that the folder does not have; takes twenty minutes, and more to write recordings."""
 
     folder: Annotated[Path, tyro.conf.arg(metavar="FOLDER")] = Path("runs/curves")
     """Where the points are kept, and found again by the next call."""

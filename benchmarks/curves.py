@@ -10,7 +10,7 @@ import sys
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import tyro
 
@@ -19,8 +19,6 @@ from ltvn_core.verbs.verb import Summary, Verb
 
 Costs = dict[str, float]
 """Numbers of one point by name with unit."""
-_FALSE_OF_CLOSURES = 6 / 17
-_IMAGES_AT_ONCE = 560
 _BANDWIDTH_BYTES = 2**29
 _VECTORS = 100_000
 
@@ -34,11 +32,10 @@ def look(nodes: str) -> Costs:
 
 def correct(poses: str) -> Costs:
     """Time the correction of a drive, with closures for every fourth pose, of which a third is false."""
-    from benchmarks.pose_graph import correction_s
+    from benchmarks.pose_graph import FALSE, POSES, TRUE, correction_s
 
-    closures = round(int(poses) * 17 / 60)
-    false = round(closures * _FALSE_OF_CLOSURES)
-    return {"time, s": correction_s(int(poses), closures - false, false)}
+    share = int(poses) / POSES
+    return {"time, s": correction_s(int(poses), round(share * TRUE), round(share * FALSE))}
 
 
 def build(images: str) -> Costs:
@@ -51,8 +48,7 @@ def build(images: str) -> Costs:
 
 def build_two(images: str) -> Costs:
     """Build two maps at the same time, each in its process."""
-    command = [sys.executable, "-m", "benchmarks.curves", build.__name__, images]
-    both = [subprocess.Popen(command, stdout=subprocess.PIPE) for _ in range(2)]
+    both = [subprocess.Popen(_command(build.__name__, images), stdout=subprocess.PIPE) for _ in range(2)]
     rates = [json.loads(each.communicate()[0])["images a second"] for each in both]
     return {"images a second": sum(rates)}
 
@@ -85,25 +81,27 @@ def limits(_: str) -> Costs:
     }
 
 
-JOBS: Mapping[str, Callable[[str], Costs]] = {
-    job.__name__: job for job in (look, correct, build, build_two, record, limits)
-}
-POINTS = (
-    *((look.__name__, nodes) for nodes in ("1000", "10000", "100000")),
-    *((correct.__name__, poses) for poses in ("750", "1500", "3000", "6000")),
-    *((build.__name__, images) for images in ("280", "560", "1120", "2240")),
-    (build_two.__name__, str(_IMAGES_AT_ONCE)),
-    *((record.__name__, hours) for hours in ("0.5", "1", "8")),
-    (limits.__name__, ""),
+class Curve(NamedTuple):
+    """One job at several sizes."""
+
+    job: Callable[[str], Costs]
+    title: str
+    sizes: tuple[str, ...]
+
+
+CURVES = (
+    Curve(look, "localise a lost robot: nodes", ("1000", "10000", "100000")),
+    Curve(correct, "correct a drive by closures, a third of them false: poses", ("750", "1500", "3000", "6000")),
+    Curve(build, "build a map: images", ("280", "560", "1120", "2240")),
+    Curve(build_two, "two builds at a time: images of each", ("560",)),
+    Curve(record, "a recording: hours", ("0.5", "1", "8")),
+    Curve(limits, "the machine itself", ("",)),
 )
-TITLES = {
-    "look": "localise a lost robot: nodes",
-    "correct": "correct a drive by closures, a third of them false: poses",
-    "build": "build a map: images",
-    "build_two": "two builds at a time: images of each",
-    "record": "a recording: hours",
-    "limits": "the machine itself",
-}
+JOBS = {curve.job.__name__: curve.job for curve in CURVES}
+
+
+def _command(job: str, size: str) -> list[str]:
+    return [sys.executable, "-m", "benchmarks.curves", job, size]
 
 
 @dataclass(frozen=True)
@@ -129,7 +127,8 @@ class CurvesVerb(Verb):
         from ltvn_core.evaluation.reports.evaluation_page import fill_blocks
 
         self.folder.mkdir(parents=True, exist_ok=True)
-        points = {(job, size): self._point(job, size) for job, size in tqdm(POINTS, desc="measure", unit="point")}
+        wanted = [(curve.job.__name__, size) for curve in CURVES for size in curve.sizes]
+        points = {(job, size): self._point(job, size) for job, size in tqdm(wanted, desc="measure", unit="point")}
         if self.page is not None:
             fill_blocks(self.page, {"curves": "\n".join(_tables(points)).strip()})
         return CurvesSummary({f"{job} {size}".strip(): costs for (job, size), costs in points.items()})
@@ -137,20 +136,19 @@ class CurvesVerb(Verb):
     def _point(self, job: str, size: str) -> Costs:
         kept = self.folder / f"{job}-{size}.json"
         if not kept.exists():
-            command = [sys.executable, "-m", "benchmarks.curves", job, size]
-            done = subprocess.run(command, check=True, stdout=subprocess.PIPE)
+            done = subprocess.run(_command(job, size), check=True, stdout=subprocess.PIPE)
             kept.write_bytes(done.stdout)
         return json.loads(kept.read_text(encoding="utf-8"))
 
 
 def _tables(points: Mapping[tuple[str, str], Costs]) -> Iterator[str]:
     """Yield the lines of a table for each job, with a column for each size."""
-    for job, title in TITLES.items():
-        columns = [(size, costs) for (name, size), costs in points.items() if name == job]
-        sizes = [f"{float(size):,g}" if size else "" for size, _ in columns]
-        yield from ("", f"| {title} | {' | '.join(sizes)} |", "|---" * (len(columns) + 1) + "|")
-        for name in columns[0][1]:
-            yield f"| {name} | {' | '.join(_rounded(costs[name]) for _, costs in columns)} |"
+    for curve in CURVES:
+        columns = [points[curve.job.__name__, size] for size in curve.sizes]
+        sizes = [f"{float(size):,g}" if size else "" for size in curve.sizes]
+        yield from ("", f"| {curve.title} | {' | '.join(sizes)} |", "|---" * (len(columns) + 1) + "|")
+        for name in columns[0]:
+            yield f"| {name} | {' | '.join(_rounded(costs[name]) for costs in columns)} |"
 
 
 def _rounded(value: float) -> str:

@@ -122,8 +122,8 @@ class CommandSender:
     def _turn(self, took_s: float) -> None:
         with self._lock:
             if self._moving and took_s > _BREAK_S:
-                self._break(f"this program did not run for {took_s:.1f} s while the robot drove")
-                self.was_paused = took_s < _BRIEF_S
+                reason = f"this program did not run for {took_s:.1f} s while the robot drove"
+                self._break(reason, was_paused=took_s < _BRIEF_S)
             elif self._moving and not self._is_connected():
                 self._break("the link to the robot broke")
             twist = self.lease.command()
@@ -133,10 +133,10 @@ class CommandSender:
                 self._send(twist)
             self._moving = twist != ZERO_TWIST
 
-    def _break(self, reason: str) -> None:
+    def _break(self, reason: str, *, was_paused: bool = False) -> None:
         self.lease.cancel()
+        self.was_paused = was_paused  # Before the reason, because another thread reads both.
         self._reason = reason
-        self.was_paused = False
         self._asked_s = time.monotonic()  # Start the waiting time now, because the driver may still hold the controls.
         _LOG.warning("The robot is stopped: %s. Release the controls, then drive again.", reason)
 

@@ -1,6 +1,7 @@
 """A person lays the floor plan under the map by clicks, in a real headless Chromium."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -10,11 +11,10 @@ from ltvn_core.data.importing.floor_plan_alignment import align_floor_plan
 from ltvn_core.geometry import compose, relative
 from ltvn_core.types import Pose
 from ltvn_viz.layers import NODE_Z
-from ltvn_viz.layers.floor_plan import FLOOR_PLAN_NAME
 from ltvn_viz.session.floor_plan_clicks import FloorPlanClicks
 from ltvn_viz.session.snapshot import FloorPlanView
 from ltvn_viz.wishes.commands import Mode
-from tests.browser.actions import press, wait_for_rest
+from tests.browser.actions import PRESSED_S, press, wait_for_rest
 from tests.browser.flat_app import FlatApp, serving
 from tests.browser.pages import is_bare_scene, on_screen, open_page
 from tests.core.data.importing.plan_files import laid_room
@@ -24,7 +24,6 @@ pytestmark = pytest.mark.browser
 
 TRUE_FRAME = np.array([0.3, -0.2, 0.1])
 """Pose of the plan's frame in that of the map, which the person knows."""
-SHEET = f"{FLOOR_PLAN_NAME}-sheet"
 CLICK_M = 0.15
 """Error of a click on the screen, in metres."""
 
@@ -55,27 +54,34 @@ def frame_of(app: FlatApp) -> Pose:
 
 
 def point_out(app: FlatApp, page: Page, row: int, *, pairs: int) -> None:
-    """Click a node, and its place on the plan as it is drawn now.
-
-    The sheet that takes clicks on the plan comes and goes a moment after the choice; a click that meets a sheet which
-    is gone already is dropped.
-    """
-    until(lambda: SHEET not in app.server.scene._handle_from_node_name)
+    """Click a node, and its place on the plan as it is drawn now."""
     graph = app.harness.now.moment.graph
-    click(app, page, graph.poses[row], NODE_Z)
-    until(lambda: view_of(app).node is not None)
-    node = view_of(app).node  # Several nodes stand at one place and look in different directions.
-    expect(page.get_by_text(f"place of node {node}").first).to_be_visible()
-    until(lambda: SHEET in app.server.scene._handle_from_node_name)
-    pose = graph.poses[int(np.flatnonzero(graph.ids == node)[0])]
-    click(app, page, compose(frame_of(app), relative(TRUE_FRAME, pose)), 0.0)
-    until(lambda: view_of(app).pairs == pairs)
+
+    def place() -> Pose:
+        """Return the place of the node that is chosen: several stand at one place and look in different directions."""
+        pose = graph.poses[int(np.flatnonzero(graph.ids == view_of(app).node)[0])]
+        return compose(frame_of(app), relative(TRUE_FRAME, pose))
+
+    click(app, page, lambda: graph.poses[row], NODE_Z, lambda: view_of(app).node is not None)
+    expect(page.get_by_text(f"place of node {view_of(app).node}").first).to_be_visible()
+    click(app, page, place, 0.0, lambda: view_of(app).pairs == pairs)
 
 
-def click(app: FlatApp, page: Page, pose: Pose, height_m: float) -> None:
-    point = on_screen(app.server.viser, page, np.array([*pose[:2], height_m]))
-    assert is_bare_scene(page, point)
-    page.mouse.click(*point)
+def click(app: FlatApp, page: Page, at: Callable[[], Pose], height_m: float, took_effect: Callable[[], bool]) -> None:
+    """Click a point of the scene until the click takes effect.
+
+    The sheet that receives clicks on the plan comes and goes in the browser a moment after the app says so. A click
+    that meets a sheet which is no longer wanted is dropped; one that comes before the sheet may choose another node.
+    """
+
+    def again() -> None:
+        point = on_screen(app.server.viser, page, np.array([*at()[:2], height_m]))
+        assert is_bare_scene(page, point)
+        page.mouse.click(*point)
+        with suppress(AssertionError):
+            until(took_effect, patience_s=PRESSED_S)
+
+    until(took_effect, meanwhile=again)
 
 
 def test_three_clicks_on_nodes_and_three_on_the_plan_align_it(app: FlatApp, page: Page) -> None:

@@ -21,6 +21,7 @@ import rerun_bindings
 from ltvn_core.data.recording import schema
 from ltvn_core.data.recording.appended_file import WAITING_BYTES, AppendedFile
 from ltvn_core.data.recording.blueprint import Layout, send_layout
+from ltvn_core.data.recording.frame_codec import EncodedFrame
 from ltvn_core.data.recording.live_server import LiveServer
 from ltvn_core.data.recording.rrf2.chunk_table import ChunkTable
 from ltvn_core.data.recording.rrf2.closing_record import RecordingEnding
@@ -160,7 +161,7 @@ class DurableStream:
         self._description: rr.AsComponents | None = None
         self._lock = threading.RLock()
         """Guards the logged rows; never held while waiting for the disk."""
-        self._ending = RecordingEnding()
+        self._ending = RecordingEnding(recording_id)
         self._live = None if live_port is None else LiveServer(live_port, path)
         try:
             self._file = AppendedFile(path, min_free_bytes=min_free_bytes, ending=self._ending)
@@ -216,6 +217,14 @@ class DurableStream:
             self._set_time(time)
             self._rerun.log(entity, values[0], *values[1:])
             self._ending.rows[entity] += 1
+
+    def index(self, frame: EncodedFrame) -> None:
+        """Enter a frame, whose rows are logged in the same block, in the index of the finished file."""
+        with self._lock:
+            if self._taking():
+                self._ending.frames.append(
+                    frame.step, frame.stamp, frame.odometry, frame.exact_pose, has_original=frame.original is not None
+                )
 
     def send(self, batch: pa.RecordBatch) -> None:
         """Write rows as Rerun's readers return them."""

@@ -4,7 +4,7 @@ Does not change the file. Images stay compressed until they are requested.
 """
 
 import gc
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
@@ -19,8 +19,10 @@ from ltvn_core.data.recording.event_codec import decode_event
 from ltvn_core.data.recording.frame_codec import EncodedFrame, decode_frame
 from ltvn_core.data.recording.metadata import RecordingMetadata
 from ltvn_core.data.recording.rrd_contents import RrdContents, open_contents
+from ltvn_core.data.recording.rrf2.row_index import FrameTable
 from ltvn_core.data.recording.schema import read_cell
-from ltvn_core.data.recording.stored_rows import BatchRow, StoredEvent, frame_of, stored_events
+from ltvn_core.data.recording.step_rows import StepRows
+from ltvn_core.data.recording.stored_rows import StoredEvent, frame_of, stored_events
 from ltvn_core.errors import CameraError, RecordingError
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import GraphChanged, StampedEvent
@@ -64,14 +66,11 @@ class Recording:
         self.path = path
         self.meta: RecordingMetadata = contents.meta
         self._contents = contents
-        rgb = _by_step(contents.batches_of(schema.RGB))
-        depth = _by_step(contents.batches_of(schema.DEPTH))
-        self._originals = _by_step(contents.batches_of(schema.ORIGINAL))
+        self._rgb = _step_rows(contents, schema.RGB)
+        self._depth = _step_rows(contents, schema.DEPTH)
+        self._originals = _step_rows(contents, schema.ORIGINAL)
         # A truncated file may end between the two halves of a frame; only complete frames count.
-        self._rows: Mapping[FrameId, tuple[BatchRow, BatchRow]] = {
-            step: (rgb[step], depth[step]) for step in sorted(rgb.keys() & depth.keys())
-        }
-        self._halves = tuple(sorted(rgb.keys() ^ depth.keys()))
+        self._steps = np.intersect1d(self._rgb.steps, self._depth.steps, assume_unique=True)
 
     @classmethod
     def open(cls, path: Path | str) -> Self:
@@ -84,12 +83,12 @@ class Recording:
     @cached_property
     def frames(self) -> Sequence[FrameId]:
         """Ids of all frames, in order."""
-        return tuple(self._rows)
+        return tuple(self._steps.tolist())
 
     @property
     def half_frames(self) -> Sequence[FrameId]:
         """Return the ids of frames for which only the image or only the depth row exists; they cannot be read."""
-        return self._halves
+        return tuple(np.setxor1d(self._rgb.steps, self._depth.steps, assume_unique=True).tolist())
 
     def observation(self, frame: FrameId) -> Observation:
         """Decode one frame. Raises RecordingError if it does not exist, ImageError if its image is unusable."""
@@ -97,11 +96,12 @@ class Recording:
 
     def stored_frame(self, frame: FrameId) -> StoredFrame:
         """Return one frame with compressed images. Raises RecordingError if it does not exist."""
-        if frame not in self._rows:
+        rgb = self._rgb.row(frame)
+        depth = self._depth.row(frame)
+        if rgb is None or depth is None:
             held = f"{len(self.frames)} frames from {self.frames[0]} to {self.frames[-1]}" if self.frames else "none"
             raise RecordingError(f"{self.path} has no frame {frame}; it holds {held}.")
-        rgb, depth = self._rows[frame]
-        original = self._originals.get(frame)
+        original = self._originals.row(frame)
         return StoredFrame(
             frame_of(rgb, depth, original),
             rgb.checksum(schema.FRAME_ROW),
@@ -119,21 +119,15 @@ class Recording:
     @cached_property
     def poses(self) -> FramePoses:
         """Poses of all frames, without reading any image."""
-        chosen = [rgb for rgb, _ in self._rows.values()]
+        if self._contents.row_index is not None:
+            return _indexed_poses(self._contents.row_index.frames)
         # Reading row by row takes half a second for 20,000 frames, so whole columns are read.
-        starts = dict[int, int]()
-        batches = list[pa.RecordBatch]()
-        count = 0
-        for batch in (row.batch for row in chosen):
-            if id(batch) not in starts:
-                starts[id(batch)], count = count, count + batch.num_rows
-                batches.append(batch)
-        rows = np.array([starts[id(row.batch)] + row.row for row in chosen], np.int64)
-        odometry = _column(batches, "odometry").reshape(-1, 3)
-        exact = _column(batches, "exact_pose")
+        rows = self._rgb.numbers_of(self._steps)
+        odometry = _column(self._rgb.batches, "odometry").reshape(-1, 3)
+        exact = _column(self._rgb.batches, "exact_pose")
         return FramePoses(
-            steps=np.array(self.frames, np.int64),
-            stamps=_column(batches, "stamp")[rows],
+            steps=self._steps,
+            stamps=_column(self._rgb.batches, "stamp")[rows],
             odometry=odometry[rows],
             exact=exact.reshape(-1, 3)[rows] if exact.size == odometry.size else None,
         )
@@ -164,8 +158,7 @@ class Recording:
         """Return the number of rows of an entity with a time; None for an entity that is only drawn."""
         if entity not in schema.READ_BACK:
             return None
-        batches = self._contents.batches_of(entity)
-        return sum(batch.num_rows for batch in batches if schema.STEP in batch.schema.names)
+        return self._contents.row_count(entity)
 
     def user_rows(self) -> Iterator[pa.RecordBatch]:
         """Yield the rows that a user logged with `RecordingWriter.log`, as Rerun's readers return them."""
@@ -182,13 +175,22 @@ def _folded(events: Iterable[StampedEvent]) -> TopologicalGraph:
     return TopologicalGraph(stamped.event.delta for stamped in events if isinstance(stamped.event, GraphChanged))
 
 
-def _by_step(batches: Sequence[pa.RecordBatch]) -> dict[FrameId, BatchRow]:
-    return {
-        step: BatchRow(batch, index)
-        for batch in batches
-        if schema.STEP in batch.schema.names
-        for index, step in enumerate(batch.column(schema.STEP).to_pylist())
-    }
+def _step_rows(contents: RrdContents, entity: str) -> StepRows:
+    batches = contents.batches_of(entity)
+    if contents.row_index is None:
+        return StepRows.of([batch for batch in batches if schema.STEP in batch.schema.names])
+    chunks = contents.row_index.chunks.get(f"/{entity}")
+    if chunks is None or not chunks.in_order:
+        return StepRows.of(batches)
+    frames = contents.row_index.frames
+    steps = frames.steps[frames.has_original] if entity == schema.ORIGINAL else frames.steps
+    return StepRows.known(batches, steps, chunks.rows)
+
+
+def _indexed_poses(frames: FrameTable) -> FramePoses:
+    order = np.argsort(frames.steps)
+    exact = None if np.isnan(frames.exact).any() else frames.exact[order]
+    return FramePoses(frames.steps[order], frames.stamps[order], frames.odometry[order], exact)
 
 
 def _column(batches: Sequence[pa.RecordBatch], name: str) -> NDArray[np.float64]:

@@ -17,17 +17,18 @@ from rerun.chunk import RrdReader
 
 from ltvn_core.atomic_files import require_usable_name
 from ltvn_core.data.recording import schema
+from ltvn_core.data.recording.indexed_rows import indexed_batches
 from ltvn_core.data.recording.mapped_batches import MappedBatches
 from ltvn_core.data.recording.metadata import RecordingMetadata, read_metadata, read_schema_version
 from ltvn_core.data.recording.reading_trial import reading_failure
 from ltvn_core.data.recording.rrf2.closing_record import ClosingRecord, FileCheck, check_file
 from ltvn_core.data.recording.rrf2.framing import is_finished, is_rrd
+from ltvn_core.data.recording.rrf2.row_index import RowIndex
 from ltvn_core.data.recording.stored_rows import believable, damaged_first
 from ltvn_core.errors import RecordingError
 
 ROW_ID = "rerun.controls.RowId"
 DESCRIPTION = f"/__properties/{schema.PROPERTIES}"
-_READ = frozenset(f"/{entity}" for entity in schema.READ_BACK)
 _LONG = frozenset(f"/{entity}" for entity in (schema.RGB, schema.DEPTH, schema.ORIGINAL, schema.EVENTS))
 
 
@@ -91,13 +92,20 @@ class RrdContents(NamedTuple):
 
     meta: RecordingMetadata
     rows: Mapping[str, Sequence[pa.RecordBatch]]
-    """Batches by entity path (with a leading slash), in the order of the file."""
+    """Batches by entity path (with a leading slash), in the order of the file; with an index, each is read when it is
+    asked for."""
     record: ClosingRecord | None = None
     """The closing record; None for older files and those that Rerun's tools rewrote."""
+    row_index: RowIndex | None = None
+    """Index of the rows; None for older files, and if all rows were read."""
 
     def batches_of(self, entity: str) -> Sequence[pa.RecordBatch]:
         """Return the batches of one entity."""
         return self.rows.get(f"/{entity}", ())
+
+    def row_count(self, entity: str) -> int:
+        """Return the number of rows of one entity that have a time."""
+        return sum(batch.num_rows for batch in self.batches_of(entity) if schema.STEP in batch.schema.names)
 
     def user_rows(self) -> Iterator[pa.RecordBatch]:
         """Yield the rows that a user logged in addition to the recorder's."""
@@ -153,10 +161,14 @@ def require_whole(path: Path) -> FileCheck:
     raise RecordingError(f"{path} {what}. Run `ltvn repair {path} --output NEW.rrd` to recover all undamaged frames.")
 
 
-def open_contents(path: Path) -> RrdContents:
-    """Read all rows of a complete and finished recording. Raises RecordingError for anything else, with advice on what
-    to do."""
+def open_contents(path: Path, *, whole: bool = False) -> RrdContents:
+    """Open a complete and finished recording; reads all of its rows if it has no index, or if `whole`.
+
+    Raises RecordingError for anything else, with advice on what to do.
+    """
     found = require_whole(path)
+    if found.record is not None and found.row_index is not None and not whole:
+        return _indexed_contents(path, found.record, found.row_index)
     if found.record is None and (failure := reading_failure(path)) is not None:
         raise _damaged_inside(path, failure)
     store = read_store(path)
@@ -173,6 +185,15 @@ def open_contents(path: Path) -> RrdContents:
                 "original recording, which has it."
             )
     return RrdContents(meta, store.rows, found.record)
+
+
+def _indexed_contents(path: Path, record: ClosingRecord, index: RowIndex) -> RrdContents:
+    try:
+        rows = indexed_batches(path, record, index)
+    except OSError as error:
+        raise unreadable(path, error) from error
+    meta = read_description(path, StoreRows(index.recording_id, rows))
+    return RrdContents(meta, rows, record, index)
 
 
 def several_recordings(path: Path, ids: Sequence[str]) -> RecordingError:
@@ -236,7 +257,7 @@ def _read_batches(path: Path, named: Path) -> _StoreBatches:
         for chunk in chunks:
             if chunk.entity_path in _LONG:
                 long.append(chunk.entity_path, chunk.to_record_batch())
-            elif _is_read(chunk.entity_path):
+            elif schema.is_read_back(chunk.entity_path):
                 rows[chunk.entity_path].append(chunk.to_record_batch())
         rows.update(long.take())
     except Exception as error:
@@ -293,11 +314,6 @@ def has_expected_columns(entity: str, batch: pa.RecordBatch) -> bool:
         return True
     found = {column.name: str(column.type) for column in batch.schema}
     return all(found.get(name) == kind for name, kind in schema.COLUMNS.get(entity.removeprefix("/"), {}).items())
-
-
-def _is_read(entity: str) -> bool:
-    """Tell whether an entity is read back; most entities are only drawn."""
-    return entity in _READ or entity.startswith("/__properties") or not schema.is_own_entity(entity)
 
 
 def _damaged_inside(path: Path, why: str) -> RecordingError:

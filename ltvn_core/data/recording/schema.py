@@ -111,7 +111,14 @@ def is_own_entity(path: str) -> bool:
 
 
 READ_BACK = (RGB, DEPTH, ORIGINAL, EVENTS, SCENE)
-"""Entities that are read back; all others are only drawn."""
+"""Entities that are read back, as are the properties and what users logged; all others are only drawn."""
+_READ = frozenset(f"/{entity}" for entity in READ_BACK)
+
+
+def is_read_back(path: str) -> bool:
+    """Tell whether an entity, with a leading slash, is read back; most entities are only drawn."""
+    return path in _READ or path.startswith("/__properties") or not is_own_entity(path)
+
 
 FRAME_ROW = "ltvn.Frame"
 """Exact columns beside the RGB image: stamp, odometry, exact_pose, crc32; tilt if there is one."""

@@ -140,6 +140,7 @@ class RecordingWriter:
             self._stream.log(time, schema.DEPTH, *_depth_row(frame))
             if frame.original is not None:
                 self._stream.log(time, schema.ORIGINAL, *_original_row(frame, frame.original))
+            self._stream.index(frame)
             self._draw(time, map_drawing.draw_robot(frame.drawn_pose, frame.odometry))
 
     def write_event(self, stamped: StampedEvent) -> None:

@@ -10,7 +10,7 @@ repeated here.
 import logging
 from array import array
 from collections import defaultdict, deque
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Iterator, Mapping, Sequence, Set
 from typing import NamedTuple
 
 import numpy as np
@@ -40,6 +40,9 @@ _ENCODING, _PAYLOAD, _COMPRESSION, _SIZE = 1, 2, 3, 4
 _LZ4 = 2
 _ENTITY, _CHUNK_ID, _OFFSET, _LENGTH = "chunk_entity_path", "chunk_id", "chunk_byte_offset", "chunk_byte_size"
 _TEXTS = (_ENTITY, _CHUNK_ID)
+_LISTED = ("chunk_num_rows", f"{schema.STEP}:start", f"{schema.STEP}:end", "chunk_is_static")
+_RECORDING = b"\x08\x01"
+"""Beginning of the key of a recording's store; that of the viewer's layout differs."""
 _MOST_RATIO = 255
 """Largest compression ratio of LZ4."""
 
@@ -140,6 +143,19 @@ class ChunkPlace(NamedTuple):
     length: int
 
 
+class ListedChunk(NamedTuple):
+    """A chunk of one entity, as Rerun's table describes it."""
+
+    number: int
+    """Number of the chunk among all chunks of the file."""
+    rows: int
+    first_step: int
+    """Smallest step of its rows; 0 for rows without a time."""
+    last_step: int
+    is_static: bool
+    """Whether its rows have no time."""
+
+
 class _Block(NamedTuple):
     footer: bytes
     offsets: Sequence[int]
@@ -224,6 +240,20 @@ class ChunkTable:
             _LOG.warning("The recording has no table of chunks: it could not be made.", exc_info=True)
             return b""
 
+    def listed(self, count: int) -> Mapping[str, Sequence[ListedChunk]] | None:
+        """Return those of the first `count` chunks that are read back, by entity; None if any chunk was in no table."""
+        self.take_in()
+        if self._incomplete or count > self._count:
+            return None
+        found: dict[str, list[ListedChunk]] = defaultdict(list)
+        for key, store in self._stores.items():
+            if not key.startswith(_RECORDING):
+                continue
+            for layout, rows in store.rows.items():
+                if schema.is_read_back(layout.entity):
+                    found[layout.entity] += _listed(layout, rows, count)
+        return {entity: sorted(chunks) for entity, chunks in found.items()}
+
     def _read(self, block: _Block) -> None:
         chunk_of = {offset: self._count + place for place, offset in enumerate(block.offsets)}
         ids = dict[int, bytes]()
@@ -294,6 +324,16 @@ class ChunkTable:
         fields = list(store.fields.values())
         arrays = [known[each.name] if each.name in known else _column(each, parts, len(chunks)) for each in fields]
         return pa.RecordBatch.from_arrays(arrays, schema=pa.schema(fields))
+
+
+def _listed(layout: _Layout, rows: _Rows, count: int) -> Iterator[ListedChunk]:
+    numbers = np.frombuffer(rows.numbers, np.int64).reshape(len(rows.chunks), -1)
+    place_of = dict(zip(layout.columns, layout.places, strict=True))
+    absent = np.zeros(len(numbers), np.int64)
+    columns = [numbers[:, place_of[name]] if name in place_of else absent for name in _LISTED]
+    for chunk, *cells in zip(rows.chunks, *(column.tolist() for column in columns), strict=True):
+        if chunk < count:
+            yield ListedChunk(chunk, *cells[:3], is_static=bool(cells[3]))
 
 
 def listed_chunks(footer: bytes) -> Set[ChunkPlace] | None:

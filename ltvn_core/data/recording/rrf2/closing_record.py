@@ -6,13 +6,16 @@ message, and the tail. Owns its layout. Does not interpret messages.
 """
 
 import json
+import logging
 import struct
 import zlib
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NamedTuple
+from typing import BinaryIO, NamedTuple
+
+import pyarrow as pa
 
 from ltvn_core.data.recording.rrf2.chunk_table import ChunkPlace, ChunkTable, listed_chunks
 from ltvn_core.data.recording.rrf2.framing import (
@@ -24,12 +27,16 @@ from ltvn_core.data.recording.rrf2.framing import (
     MessageSum,
     RrdFraming,
     Tail,
+    checksum,
+    find_end,
     read_end,
     walk_messages,
 )
+from ltvn_core.data.recording.rrf2.row_index import FrameList, RowIndex, index_field, read_index
 from ltvn_core.protobuf_fields import bytes_field_start
 from ltvn_core.structured_text import parse_json
 
+_LOG = logging.getLogger(__name__)
 _MAGIC = b"LTVNEND1"
 _FIELD = 7000
 """Number of the protobuf field; Rerun has no such field and skips it."""
@@ -64,22 +71,27 @@ class RecordingEnding:
     """Builds the ending of a recording that is written in blocks: first the file's header of 12 bytes, then the
     messages."""
 
-    def __init__(self) -> None:
+    def __init__(self, recording_id: str) -> None:
         """Begin with nothing."""
+        self._recording_id = recording_id
         self.rows = Counter[str]()
         """Number of rows with a time by entity path; the logger counts them."""
         self.static_rows = Counter[str]()
         """Number of rows without a time by entity path."""
         self.chunks = ChunkTable()
         """Rerun's table of the chunks; whoever takes chunks from Rerun adds them."""
+        self.frames = FrameList()
+        """The frames; whoever logs a frame appends it."""
         self._header_crc32: int | None = None
+        self._body_crc32 = 0
         self._table = bytearray()
         """Packed checksums; an hour of recording has some sixty thousand."""
 
     def count(self, block: bytes) -> None:
         """Register the header, or a message that was written to the file."""
+        self._body_crc32 = zlib.crc32(block, self._body_crc32)
         if self._header_crc32 is None:
-            self._header_crc32 = zlib.crc32(block)
+            self._header_crc32 = self._body_crc32
             return
         self.chunks.take_in()
         kind, length = MESSAGE_HEADER.unpack_from(block)
@@ -88,7 +100,8 @@ class RecordingEnding:
     def encoded(self, *, complete: bool, is_short: bool = False) -> bytes:
         """Return the bytes to write after the last message.
 
-        Unless `complete`, the record contains no numbers of rows. A short ending omits Rerun's table of chunks.
+        Unless `complete`, the record contains no numbers of rows, and there is no index. A short ending omits Rerun's
+        table of chunks, and the index.
         """
         record = ClosingRecord(
             header_crc32=self._header_crc32 or 0,
@@ -96,24 +109,40 @@ class RecordingEnding:
             rows=self.rows if complete else {},
             static_rows=self.static_rows if complete else {},
         )
-        return closing_bytes(record, b"" if is_short else self.chunks.encoded(chunk_places(record.messages)))
+        if is_short:
+            return closing_bytes(record)
+        places = chunk_places(record.messages)
+        index = self._index(record.messages, len(places)) if complete else b""
+        return closing_bytes(record, self.chunks.encoded(places), index)
+
+    def _index(self, messages: Sequence[MessageSum], chunks: int) -> bytes:
+        """Return the index; empty if it cannot be made. Never raises, because a recording is whole without it."""
+        try:
+            listed = self.chunks.listed(chunks)
+            if listed is None:
+                return b""
+            return index_field(self._recording_id, self._body_crc32, listed, messages, self.frames.table())
+        except (pa.ArrowException, ValueError, LookupError, TypeError, MemoryError):
+            _LOG.warning("The recording has no index: it could not be made.", exc_info=True)
+            return b""
 
 
-def closing_bytes(record: ClosingRecord, footer: bytes = b"") -> bytes:
-    """Return the bytes after the last message: the end message with Rerun's footer and the record, and the tail."""
+def closing_bytes(record: ClosingRecord, footer: bytes = b"", index: bytes = b"") -> bytes:
+    """Return the bytes after the last message: the end message with Rerun's footer, the index and the record, and the
+    tail."""
     counts = {"rows": dict(record.rows), "static_rows": dict(record.static_rows)}
     text = json.dumps(counts, sort_keys=True, separators=(",", ":")).encode()
     table = b"".join(_SUM.pack(each.kind, each.crc32, each.length) for each in record.messages)
     body = _MAGIC + _SIZES.pack(len(text), len(record.messages)) + text + table + _CRC.pack(record.header_crc32)
-    field_start = bytes_field_start(_FIELD, len(body) + 2 * _CRC.size)
+    before = footer + index + bytes_field_start(_FIELD, len(body) + 2 * _CRC.size)
     start = record.messages_end + MESSAGE_HEADER.size
     tail = Tail.of(start, footer)
     # The first checksum covers the surroundings of the record, the second one the record with the first checksum.
     # So the record can be trusted even if its surroundings are damaged.
-    end = EndMessage(record.messages_end, footer + field_start + body + bytes(2 * _CRC.size), tail)
+    end = EndMessage(record.messages_end, before + body + bytes(2 * _CRC.size), tail)
     body += _CRC.pack(_surroundings_crc32(end, len(body) + 2 * _CRC.size))
     body += _CRC.pack(zlib.crc32(body))
-    return end._replace(payload=footer + field_start + body).encoded()
+    return end._replace(payload=before + body).encoded()
 
 
 def read_closing_record(end: EndMessage) -> ClosingRecord | None:
@@ -207,12 +236,16 @@ class FileCheck(NamedTuple):
     """Closing record; None for an unfinished file, a damaged end, and a file that Rerun itself finished."""
     damage: str | None
     """Damage of a finished file, as a clause; None if its checksums are correct."""
+    row_index: RowIndex | None = None
+    """Index of its rows, if it has one."""
 
 
 def check_file(path: Path) -> FileCheck:
     """Read a file and compare every byte with its closing record, if it has one. Raises OSError."""
     with path.open("rb") as file:
         size = file.seek(0, 2)
+        if (found := _check_at_once(file, size)) is not None:
+            return found
         file.seek(0)
         header_crc32 = zlib.crc32(file.read(HEADER_BYTES))
         messages = tuple(walk_messages(file, size))
@@ -223,6 +256,19 @@ def check_file(path: Path) -> FileCheck:
         return FileCheck(framing, None, None)
     record = read_closing_record(end)
     return FileCheck(framing, record, _damage(header_crc32, messages, end, record))
+
+
+def _check_at_once(file: BinaryIO, size: int) -> FileCheck | None:
+    """Check the bytes of an undamaged file with an index by a single checksum; None for any other file."""
+    end = find_end(file, size)
+    record = None if end is None else read_closing_record(end)
+    index = None if end is None or record is None else read_index(end.appended)
+    if end is None or record is None or index is None or record.messages_end != end.position:
+        return None
+    file.seek(0)
+    if checksum(file, end.position) != index.body_crc32:
+        return None
+    return FileCheck(RrdFraming(len(record.messages), end.position, finished=True), record, None, index)
 
 
 def _damage(

@@ -119,7 +119,7 @@ def walk_messages(file: BinaryIO, size: int) -> Iterator[MessageSum]:
         position += MESSAGE_HEADER.size + length
         if kind not in KNOWN_KINDS or position > size:
             return
-        yield MessageSum(kind, length, _checksum(file, length, zlib.crc32(header)))
+        yield MessageSum(kind, length, checksum(file, length, zlib.crc32(header)))
 
 
 class EndMessage(NamedTuple):
@@ -166,7 +166,17 @@ def read_end(file: BinaryIO, position: int, size: int) -> EndMessage | None:
     return EndMessage(position, payload, tail)
 
 
-def _checksum(file: BinaryIO, length: int, start: int) -> int:
+def find_end(file: BinaryIO, size: int) -> EndMessage | None:
+    """Return the end message to which the tail of a file points; None if there is none."""
+    file.seek(max(0, size - TAIL_BYTES))
+    tail = Tail.read(file.read(TAIL_BYTES))
+    if tail is None or not HEADER_BYTES + MESSAGE_HEADER.size <= tail.footer_start < size:
+        return None
+    return read_end(file, tail.footer_start - MESSAGE_HEADER.size, size)
+
+
+def checksum(file: BinaryIO, length: int, start: int = 0) -> int:
+    """Return the CRC-32 of the next `length` bytes of a file, which continues the checksum `start`."""
     while length > 0 and (block := file.read(min(length, 1 << 20))):
         start = zlib.crc32(block, start)
         length = length - len(block)

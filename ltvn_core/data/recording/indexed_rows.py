@@ -1,0 +1,103 @@
+"""Reads the rows of a recording with an index, one message at a time, and only when they are asked for.
+
+Owns the file that stays open for this, and the layout of a message with a chunk of rows. Each message is compared with
+its checksum, because the file may have changed since it was opened.
+"""
+
+import os
+import threading
+import weakref
+import zlib
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from pathlib import Path
+from typing import overload
+
+import numpy as np
+import pyarrow as pa
+
+from ltvn_core.data.recording.rrf2.closing_record import ClosingRecord
+from ltvn_core.data.recording.rrf2.framing import HEADER_BYTES, MESSAGE_HEADER, MessageSum
+from ltvn_core.data.recording.rrf2.row_index import RowIndex
+from ltvn_core.errors import RecordingError
+from ltvn_core.protobuf_fields import read_fields
+
+_COMPRESSION, _SIZE, _TABLE = 2, 3, 5
+_LZ4 = 2
+_KEPT = 8
+"""Number of messages of an entity that stay in memory, for neighbouring rows."""
+_IN_MEMORY_BYTES = 2**26
+"""Size of the largest file that is read at once, so that it need not stay open."""
+
+
+class IndexedBatches(Sequence[pa.RecordBatch]):
+    """The batches of one entity, each read when it is asked for."""
+
+    def __init__(self, messages: "_Messages", numbers: Sequence[int]) -> None:
+        """Take the file's messages, and the numbers of those that belong to the entity."""
+        self._numbers = numbers
+        self._read = lru_cache(_KEPT)(messages.batch)
+
+    def __len__(self) -> int:
+        """Return the number of batches."""
+        return len(self._numbers)
+
+    @overload
+    def __getitem__(self, place: int) -> pa.RecordBatch: ...
+    @overload
+    def __getitem__(self, place: slice) -> Sequence[pa.RecordBatch]: ...
+    def __getitem__(self, place: int | slice) -> pa.RecordBatch | Sequence[pa.RecordBatch]:
+        """Read a batch, or several. Raises RecordingError if the file has changed."""
+        if isinstance(place, slice):
+            return [self._read(number) for number in self._numbers[place]]
+        return self._read(self._numbers[place])
+
+
+def indexed_batches(path: Path, record: ClosingRecord, index: RowIndex) -> Mapping[str, IndexedBatches]:
+    """Return the batches of a checked file, by entity path. Raises OSError if it cannot be opened."""
+    messages = _Messages(path, record.messages)
+    return {entity: IndexedBatches(messages, chunks.messages.tolist()) for entity, chunks in index.chunks.items()}
+
+
+class _Messages:
+    """The messages of a file, which stays open if it is large."""
+
+    def __init__(self, path: Path, sums: Sequence[MessageSum]) -> None:
+        self._path = path
+        self._sums = sums
+        self._places = HEADER_BYTES + np.cumsum([0, *(each.size for each in sums)])
+        self._bytes = path.read_bytes() if path.stat().st_size <= _IN_MEMORY_BYTES else None
+        self._lock = threading.Lock()
+        if self._bytes is None:
+            self._file = os.open(path, os.O_RDONLY | getattr(os, "O_BINARY", 0))
+            weakref.finalize(self, os.close, self._file)
+
+    def batch(self, number: int) -> pa.RecordBatch:
+        """Decode the message of this number. Raises RecordingError."""
+        try:
+            return _decoded(self._checked(number)[MESSAGE_HEADER.size :])
+        except (OSError, ValueError, LookupError, TypeError, pa.ArrowException) as error:
+            raise RecordingError(
+                f"{self._path} changed after it was opened: message {number} cannot be read ({error}). Open it again."
+            ) from error
+
+    def _checked(self, number: int) -> bytes:
+        known = self._sums[number]
+        place = int(self._places[number])
+        if self._bytes is not None:
+            data = self._bytes[place : place + known.size]
+        else:
+            with self._lock:  # Windows has no `pread`.
+                os.lseek(self._file, place, os.SEEK_SET)
+                data = os.read(self._file, known.size)
+        if zlib.crc32(data) != known.crc32:
+            raise ValueError("its checksum differs")
+        return data
+
+
+def _decoded(payload: bytes) -> pa.RecordBatch:
+    fields = {each.number: each.value for each in read_fields(payload)}
+    table = fields[_TABLE]
+    if fields.get(_COMPRESSION) == _LZ4:
+        table = pa.Codec("lz4_raw").decompress(table, fields[_SIZE])
+    return pa.ipc.open_stream(table).read_next_batch()

@@ -1,0 +1,131 @@
+"""A recording with an index shows the same as one that is read as a whole, without reading its images first."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rerun as rr
+
+from ltvn_core.data.recording import indexed_rows
+from ltvn_core.data.recording.damage.integrity import repair, verify
+from ltvn_core.data.recording.reader import Recording
+from ltvn_core.data.recording.rrd_contents import open_contents
+from ltvn_core.data.recording.rrf2.chunk_table import ListedChunk
+from ltvn_core.data.recording.rrf2.closing_record import check_file
+from ltvn_core.data.recording.rrf2.row_index import FrameList, index_field, read_index
+from ltvn_core.data.recording.writer import RecordingWriter
+from ltvn_core.errors import RecordingError
+from ltvn_core.types import OriginalImage, Tilt
+from tests.core.data.recording import example_recording
+from tests.repository import DEMO_DRIVE, DEMO_FAULT, DEMO_MAP
+
+
+def is_indexed(path: Path) -> bool:
+    return check_file(path).row_index is not None
+
+
+def assert_same_as_whole(path: Path) -> None:
+    """Compare everything that can be read of a recording with a reading of all its rows."""
+    indexed, whole = Recording.open(path), Recording(path, open_contents(path, whole=True))
+    assert indexed.meta == whole.meta
+    assert indexed.frames == whole.frames
+    assert indexed.half_frames == whole.half_frames
+    assert indexed.stored_events == whole.stored_events
+    assert indexed.scene_glb() == whole.scene_glb()
+    assert all(one.equals(other) for one, other in zip(indexed.user_rows(), whole.user_rows(), strict=True))
+    for one, other in zip(indexed.poses, whole.poses, strict=True):
+        np.testing.assert_array_equal(one, other)
+    for frame in indexed.frames:
+        one, other = indexed.stored_frame(frame), whole.stored_frame(frame)
+        assert one.intact
+        assert one[1:] == other[1:]  # The checksums of all its contents.
+
+
+@pytest.fixture
+def rich(tmp_path: Path) -> Path:
+    """A recording in many messages: pictures kept now and then, steps out of order, no exact pose, rows of a user."""
+    path = tmp_path / "rich.rrd"
+    with RecordingWriter(path, scene="demo", config={}, fingerprint="") as writer:
+        camera = Recording.open(DEMO_DRIVE).meta.camera
+        for step in (3, 1, 2, 9, 7, 20, 21, 22):
+            tilt = Tilt(0.0, 0.1) if step in (1, 21) else None
+            seen = replace(example_recording.observation(step), exact_pose=None, tilt=tilt)
+            if step % 2:
+                seen = replace(seen, original=OriginalImage(b"\xff\xd8 a picture", camera))
+            writer.write_frame(seen if step != 9 else replace(seen, depth=None))
+            writer.log("my/score", step / 2)
+            if step % 3 == 0:
+                writer._stream.flush()
+        writer.log("my/note", rr.TextLog("the end"))
+    return path
+
+
+def test_what_the_index_shows_is_what_the_file_holds(whole: Path, rich: Path) -> None:
+    for path in (whole, rich):
+        assert is_indexed(path)
+        assert_same_as_whole(path)
+        assert verify(path).frames == len(Recording.open(path).frames)
+
+
+@pytest.mark.parametrize("path", [DEMO_DRIVE, DEMO_FAULT, DEMO_MAP], ids=lambda path: path.stem)
+def test_a_rewritten_recording_has_an_index(path: Path, tmp_path: Path) -> None:
+    repair(path, tmp_path / "new.rrd")
+    assert is_indexed(tmp_path / "new.rrd")
+    assert_same_as_whole(tmp_path / "new.rrd")
+
+
+def test_a_recording_without_images_has_an_index(tmp_path: Path) -> None:
+    with RecordingWriter(tmp_path / "empty.rrd", scene="demo", config={}, fingerprint=""):
+        pass
+    assert is_indexed(tmp_path / "empty.rrd")
+    assert_same_as_whole(tmp_path / "empty.rrd")
+
+
+def test_a_file_that_was_deleted_can_still_be_read(rich: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for in_memory in (0, 2**26):
+        monkeypatch.setattr(indexed_rows, "_IN_MEMORY_BYTES", in_memory)
+        copied = rich.with_name(f"copy-{in_memory}.rrd")
+        copied.write_bytes(rich.read_bytes())
+        opened = Recording.open(copied)
+        copied.unlink()
+        assert all(opened.is_intact(frame) for frame in opened.frames)
+
+
+@pytest.mark.parametrize("damage", [b"", bytes(10**6)], ids=["emptied", "overwritten"])
+def test_a_file_that_changed_after_it_was_opened_is_not_believed(
+    whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, damage: bytes
+) -> None:
+    monkeypatch.setattr(indexed_rows, "_IN_MEMORY_BYTES", 0)
+    copied = tmp_path / "copy.rrd"
+    copied.write_bytes(whole.read_bytes())
+    opened = Recording.open(copied)
+    copied.write_bytes(damage)  # Into the same file.
+    with pytest.raises(RecordingError, match="Open it again"):
+        opened.observation(opened.frames[-1])
+
+
+@pytest.mark.parametrize(
+    ("chunks", "in_order"),
+    [
+        ([ListedChunk(0, 3, 4, 6, is_static=False)], True),
+        ([ListedChunk(0, 2, 4, 6, is_static=False), ListedChunk(1, 1, 5, 5, is_static=False)], False),
+        ([ListedChunk(0, 3, 4, 7, is_static=False)], False),
+        ([ListedChunk(0, 2, 4, 5, is_static=False)], None),
+        ([ListedChunk(0, 4, 4, 6, is_static=False)], None),
+    ],
+    ids=["as written", "sorted by columns", "another step", "a row less", "a row more"],
+)
+def test_the_order_of_images_is_believed_only_where_it_is_sure(
+    chunks: Sequence[ListedChunk], *, in_order: bool | None, whole: Path
+) -> None:
+    record = check_file(whole).record
+    assert record is not None
+    rgb, depth = "/world/robot/camera/rgb", "/world/robot/camera/depth"
+    listed = {rgb: chunks, depth: [ListedChunk(0, 3, 4, 6, is_static=False)]}
+    frames = FrameList()
+    for step in (4, 5, 6):
+        frames.append(step, step / 5, np.zeros(3), None, has_original=False)
+    index = read_index(index_field("id", 1, listed, record.messages, frames.table()))
+    assert (None if index is None else index.chunks[rgb].in_order) == in_order

@@ -9,11 +9,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ltvn_core.analysis.map_replay import MapReplay
 from ltvn_core.analysis.timeline import Timeline
-from ltvn_core.analysis.timeline_records import Instant, MapChange
+from ltvn_core.analysis.timeline_records import Instant
 from ltvn_core.errors import OptionError
-from ltvn_core.graph.deltas import BULK_CAUSES, EdgeAdded, EdgePruned, NodeAdded, NodeDropped
+from ltvn_core.graph.deltas import BULK_CAUSES, EdgeAdded, EdgePruned, GraphDelta, NodeAdded, NodeDropped
 from ltvn_core.types import FrameId
 
 
@@ -110,21 +109,17 @@ def _rolling(succeeded: NDArray[np.bool_], window: int) -> NDArray[np.float64]:
 def _counts(timeline: Timeline, lasts: list[int]) -> NDArray[np.int64]:
     """Return (Q, 5): nodes and edges after each query; edges pruned, nodes added and edges added since the previous
     query."""
-    rows = np.zeros((len(lasts), 5), np.int64)
-    folding = MapReplay()
-    place = 0
-    for row, last in zip(rows, lasts, strict=True):
-        while place < len(timeline.changes) and timeline.changes[place].event <= last:
-            before = len(folding.graph.edges)
-            folding.take(timeline.changes[place])
-            row[2:] += _counted(timeline.changes[place], before - len(folding.graph.edges))
-            place += 1
-        row[:2] = len(folding.graph.nodes), len(folding.graph.edges)
-    return rows
+    sizes = timeline.drawing.sizes()
+    lost = (-np.diff(sizes[:, 1])).tolist()
+    counted = [_counted(change.delta, each) for change, each in zip(timeline.changes, lost, strict=True)]
+    totals = np.cumsum([(0, 0, 0), *counted], axis=0)
+    over = np.searchsorted([change.event for change in timeline.changes], lasts, "right")
+    return np.hstack([sizes[over], np.diff(totals[over], axis=0, prepend=0)])
 
 
-def _counted(change: MapChange, lost: int) -> tuple[int, int, int]:
-    delta = change.delta
+def _counted(delta: GraphDelta, lost: int) -> tuple[int, int, int]:
+    """Return how many edges were pruned, nodes added and edges added by a change after which `lost` edges are
+    missing."""
     if delta.cause in BULK_CAUSES:
         return 0, 0, 0
     gone = lost if isinstance(delta, EdgePruned | NodeDropped) else 0

@@ -141,6 +141,10 @@ class GraphHistory:
             self._latest = (version, self._view(version))
         return self._latest[1]
 
+    def sizes(self) -> NDArray[np.int64]:
+        """Return the number of nodes and edges (V + 1, 2) at each version, from 0 on."""
+        return np.stack([self._alive(self._nodes), self._alive(self._edges)], axis=1)
+
     def added_edges(self, version: int, stamp: float, within_s: float) -> FadingEdges:
         """Return the edges of the map at `version` that were added in the last `within_s` seconds before `stamp`."""
         n = int(np.searchsorted(self._edges["born"], version, "right"))
@@ -219,6 +223,11 @@ class GraphHistory:
             acts=acts[kept],
             exits=exits,
         )
+
+    def _alive(self, table: GrowingTable) -> NDArray[np.int64]:
+        born = np.bincount(table["born"], minlength=self.version + 1)
+        died = np.bincount(table["died"][table["died"] <= self.version], minlength=self.version + 1)
+        return np.cumsum(born - died)
 
     def _fading(self, stamps: NDArray, candidate: NDArray, stamp: float, within_s: float) -> FadingEdges:
         rows = np.flatnonzero(candidate & (stamps > stamp - within_s) & (stamps <= stamp))

@@ -119,7 +119,8 @@ def _after_end(progress: NavigationProgress, event: e.QueryEnded) -> NavigationP
 def _after_change(progress: NavigationProgress, event: e.GraphChanged) -> NavigationProgress:
     if isinstance(event.delta, deltas.PresenceObserved):
         return _after_look(progress, event, event.delta)
-    progress = progress._replace(blocked=_still_there(progress.blocked, event.delta))
+    if progress.blocked:
+        progress = progress._replace(blocked=_still_there(progress.blocked, event.delta))
     if event.delta.cause in deltas.BULK_CAUSES:
         return progress._replace(pruned=0, added=0)
     if isinstance(event.delta, deltas.EdgePruned):

@@ -4,7 +4,7 @@ Does not hold the images. A row is added in constant time, and all rows are read
 """
 
 from bisect import bisect_right
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
@@ -41,6 +41,15 @@ class GrowingTable:
         self._length += 1
         return row
 
+    def extend(self, columns: Mapping[str, NDArray]) -> None:
+        """Add rows, given by columns of equal length."""
+        until = self._length + len(next(iter(columns.values())))
+        while self._capacity < until:
+            self._grow()
+        for name, array in self._arrays.items():
+            array[self._length : until] = columns[name]
+        self._length = until
+
     def _grow(self) -> None:
         # Doubling replaces the arrays, so that a view of the old arrays keeps its rows unchanged.
         self._capacity *= 2
@@ -71,6 +80,18 @@ class RecordedFrames:
         self._stamps.append(max(stamp, self._stamps[-1]) if self._stamps else stamp)
         self._driven.append(x=pose[0], y=pose[1], yaw=pose[2])
         self.place(step, pose)
+
+    def extend(
+        self, steps: Sequence[FrameId], stamps: Sequence[float], poses: Sequence[Pose], *, placed_until: FrameId
+    ) -> None:
+        """Add many images, each with its step, stamp and pose (3,); those up to the step `placed_until` are only
+        placed."""
+        self._poses.update(zip(steps, poses, strict=True))
+        driven = np.array(steps) > placed_until
+        self._steps += np.array(steps)[driven].tolist()
+        times = np.array([*self._stamps[-1:], *np.array(stamps, float)[driven]])
+        self._stamps[-1:] = np.maximum.accumulate(times).tolist()
+        self._driven.extend(dict(zip(("x", "y", "yaw"), np.array(poses)[driven].T, strict=True)))
 
     def place(self, step: FrameId, pose: Pose) -> None:
         """Set the pose (3,) of an image that was not taken in this run: an image of the map with which it began."""

@@ -23,6 +23,7 @@ from ltvn_core.analysis.timeline_records import (
     QueryRecord,
 )
 from ltvn_core.analysis.timeline_rows import ClosedRows, TimelineRows
+from ltvn_core.garbage_collection import garbage_collection_paused
 from ltvn_core.graph.deltas import Belief, Cause, NodeAdded
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.navigation.events import GraphChanged, StampedEvent
@@ -51,11 +52,9 @@ class Timeline:
         timeline = cls()
         arrived = list(events)
         loaded = _loaded_until(arrived)
-        for step, stamp, pose in frames:
-            if step > loaded:
-                timeline.append_frame(step, stamp, pose)
-            else:
-                timeline.place_frame(step, pose)
+        columns = list(zip(*frames, strict=True))
+        if columns:
+            timeline.frames.extend(*columns, placed_until=loaded)
         timeline._fold(sorted(arrived, key=_step), _late_count(arrived))
         return timeline
 
@@ -285,14 +284,13 @@ class Timeline:
     def _append(self, stamped: StampedEvent) -> None:
         number = len(self._events)
         event = stamped.event
-        stamp = max(float(stamped.stamp), self._stamps[-1]) if self._stamps else float(stamped.stamp)
-        instant = Instant(int(stamped.step), stamp)
+        stamp = max(stamped.stamp, self._stamps[-1]) if self._stamps else float(stamped.stamp)
+        before = self._progress[-1] if self._progress else NO_PROGRESS
         if isinstance(event, GraphChanged):
             seen_from = self.frames.pose(event.delta.node.id) if isinstance(event.delta, NodeAdded) else None
-            self._maps.append(number, instant, event, seen_from)
-        before = self.progress_before(number)
-        if number in self._maps.begun_by:
-            before = before._replace(blocked=frozenset())  # These edges belong to the previous map.
+            self._maps.append(number, Instant(stamped.step, stamp), event, seen_from)
+            if number in self._maps.begun_by:
+                before = before._replace(blocked=frozenset())  # These edges belong to the previous map.
         self._progress.append(apply_event(before, event))
         self._stamps.append(stamp)
         self._events.append(stamped)
@@ -300,8 +298,9 @@ class Timeline:
     @property
     def _rows(self) -> TimelineRows:
         """The rows of all events so far."""
-        for number in range(self._row_events, len(self._events)):
-            self._take_row(number)
+        with garbage_collection_paused():
+            for number in range(self._row_events, len(self._events)):
+                self._take_row(number)
         self._row_events = len(self._events)
         return self._known_rows
 

@@ -10,9 +10,19 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import NamedTuple
 
+from ltvn_core.analysis.event_text import describe_event
 from ltvn_core.graph.deltas import GraphDelta
 from ltvn_core.graph.topological_graph import EdgeKey
-from ltvn_core.navigation.events import AttemptEnded, AttemptStarted, Judged, Localised, Outcome, Planned, QueryEnded
+from ltvn_core.navigation.events import (
+    AttemptEnded,
+    AttemptStarted,
+    Event,
+    Judged,
+    Localised,
+    Outcome,
+    Planned,
+    QueryEnded,
+)
 from ltvn_core.types import FrameId, NodeId
 
 
@@ -59,7 +69,13 @@ class Mark(NamedTuple):
     """Index in the timeline's events."""
     ids: tuple[NodeId, ...]
     """The nodes that the mark is about; source and target of an edge."""
-    text: str
+    happened: Event | str
+    """The event, or a line about it."""
+
+    @property
+    def text(self) -> str:
+        """One line about the event, put into words only when it is shown."""
+        return self.happened if isinstance(self.happened, str) else describe_event(self.happened).text
 
 
 class MapChange(NamedTuple):

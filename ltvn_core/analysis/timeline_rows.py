@@ -10,7 +10,6 @@ from copy import copy
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple, assert_never
 
-from ltvn_core.analysis.event_text import describe_event
 from ltvn_core.analysis.timeline_records import AttemptRecord, Instant, Mark, MarkKind, PlanRecord, QueryRecord
 from ltvn_core.graph import deltas as d
 from ltvn_core.graph.deltas import Cause
@@ -62,7 +61,7 @@ def mark_of(index: int, instant: Instant, event: e.Event, last_plan: tuple[NodeI
     found = event_mark(event, last_plan)
     if found is None or found.kind not in _STOPS:
         return None
-    return Mark(kind=found.kind, instant=instant, event=index, ids=found.about, text=describe_event(event).text)
+    return Mark(kind=found.kind, instant=instant, event=index, ids=found.about, happened=event)
 
 
 def is_other_plan(nodes: tuple[NodeId, ...], last_plan: tuple[NodeId, ...]) -> bool:
@@ -236,7 +235,7 @@ class TimelineRows:
         """Note that map number `epoch` begins with event number `index`."""
         self._epoch = epoch
         text = f"map {epoch + 1} is loaded ({cause.value})"
-        self._add_mark(Mark(kind=MarkKind.MAP, instant=instant, event=index, ids=(), text=text))
+        self._add_mark(Mark(kind=MarkKind.MAP, instant=instant, event=index, ids=(), happened=text))
 
     def _add_mark(self, mark: Mark) -> None:
         self.marks[None].append(mark)

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import Instant
@@ -43,6 +43,20 @@ class PredictorView(NamedTuple):
         return recorded_observation(seen, self.camera, self.predictor.camera)
 
 
+class Comparison(Protocol):
+    """How images are compared."""
+
+    @property
+    def predictor(self) -> Predictor:
+        """The predictor that compares them."""
+        ...
+
+    @property
+    def method(self) -> Method:
+        """The thresholds, with the constants measured for the predictor."""
+        ...
+
+
 @dataclass(frozen=True, eq=False)
 class DebugContext:
     """A run and a moment in it."""
@@ -65,10 +79,8 @@ class DebugContext:
     """Returns an image by its frame; None if it is not in memory. For the session's thread only."""
     camera: CameraModel
     """Camera of the run's images, which may differ from the predictor's."""
-    method: Method
-    """The thresholds in use."""
-    predictor: Predictor
-    """The predictor that compares the images; a recording may have been made with another."""
+    comparison: Callable[[], Comparison]
+    """Returns how the images are compared; the first call may open a predictor, which takes seconds."""
     weights: str
     """Fingerprint of the network that the run was made with; empty if unknown."""
     system: str
@@ -92,6 +104,16 @@ class DebugContext:
     viewpoint: Viewpoint | None = None
     """The person's view, for the question that shares it; None for all others, which then need no refresh when it
     changes."""
+
+    @property
+    def method(self) -> Method:
+        """The thresholds in use."""
+        return self.comparison().method
+
+    @property
+    def predictor(self) -> Predictor:
+        """The predictor that compares the images; a recording may have been made with another."""
+        return self.comparison().predictor
 
     @property
     def instant(self) -> Instant:

@@ -8,6 +8,7 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
 from typing import TypeVar
 
@@ -35,7 +36,7 @@ ResultT = TypeVar("ResultT")
 def replay_context(
     replay: Playback,
     moment: RunMoment,
-    method: ReplayMethod,
+    comparison: Callable[[], ReplayMethod],
     *,
     known_events: int,
     live: Timeline,
@@ -46,7 +47,10 @@ def replay_context(
     floor_plan: FloorPlan | None = None,
     viewpoint: Viewpoint | None = None,
 ) -> DebugContext:
-    """Return the context of questions at a moment of an open recording, whose images `method` compares."""
+    """Return the context of questions at a moment of an open recording.
+
+    `comparison` returns how its images are compared.
+    """
     run = replay.timeline
     return DebugContext(
         name=replay.name,
@@ -58,8 +62,7 @@ def replay_context(
         known_events=known_events,
         observation=replay.observation,
         camera=replay.camera_model,
-        method=method.method,
-        predictor=method.predictor,
+        comparison=comparison,
         weights=replay.weights,
         system=replay.system,
         presence_filter=recorded_filter(replay.maintenance),
@@ -114,7 +117,7 @@ class FileCase:
             raise RecordingError(f"{path} does not exist or is not a file; give the path of a .rrd recording or map.")
         self.path = path
         self.library = library or RecordingLibrary(path.absolute().parent)
-        self._replay = read_replay(path, _file_method)
+        self._replay = read_replay(path, self._remember)
 
     @property
     def timeline(self) -> Timeline:
@@ -135,17 +138,23 @@ class FileCase:
         if not 0 <= at_s <= length_s + _ROUNDING_S:  # False for NaN too.
             raise OptionError(f"{self.path.name} has times from 0 to {length_s:.1f} s, so {at_s:g} s is outside.")
         self._replay.seek(at_s)
-        method = self._replay.method
-        assert method is not None
         return replay_context(
             self._replay,
             self._replay.moment(),
-            method,
+            lambda: self._comparison,
             known_events=len(self.timeline.events),
             live=Timeline(),
             in_background=BackgroundCache(jobs, lambda: None),
             library=self.library,
         )
+
+    def _remember(self, meta: RecordingMetadata) -> None:
+        self._meta = meta
+
+    @cached_property
+    def _comparison(self) -> ReplayMethod:
+        """How the images are compared; opened only for a question that compares them, because that takes seconds."""
+        return _file_method(self._meta)
 
 
 _ROUNDING_S = 0.1

@@ -14,6 +14,7 @@ from ltvn_core.analysis.answer import Answer
 from ltvn_core.analysis.timeline_records import QueryRecord
 from ltvn_core.analysis.what_if_changes import format_what_if_change
 from ltvn_core.errors import OptionError
+from ltvn_core.garbage_collection import garbage_collection_paused
 from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.terminal_text import which_name
 from ltvn_core.types import NodeId
@@ -140,7 +141,8 @@ def ask_file(case: FileCase, asked: FileAsk, *, longest_s: float = LONGEST_S) ->
         raise OptionError(
             f"“{question.name}” ({asked.word}) cannot be answered in {case.path.name}; these can: {', '.join(offered)}."
         )
-    answer = _answered(question, context, asked, jobs)
+    with garbage_collection_paused():
+        answer = _answered(question, context, asked, jobs)
     return FileAnswer(asked=replace(asked, at_s=context.moment.stamp - context.start_s), answer=answer)
 
 

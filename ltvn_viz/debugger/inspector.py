@@ -68,8 +68,7 @@ class DebugContextBuilder:
             known_events=self._count(run),
             observation=_live_observation(state),
             camera=state.live.robot.spec.camera,
-            method=live_map.system.method,
-            predictor=live_map.predictor,
+            comparison=lambda: ReplayMethod(live_map.predictor, live_map.system.method),
             weights=live_map.fingerprint,
             system=live_map.system.name,
             presence_filter=_live_filter(state),
@@ -89,7 +88,7 @@ class DebugContextBuilder:
         return replay_context(
             replay,
             moment,
-            replay.method or robots,
+            lambda: replay.method or robots,
             known_events=self._count(replay.timeline),
             live=state.live.timeline,
             in_background=self._in_background,

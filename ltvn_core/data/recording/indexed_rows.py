@@ -24,6 +24,7 @@ from ltvn_core.protobuf_fields import read_fields
 
 _COMPRESSION, _SIZE, _TABLE = 2, 3, 5
 _LZ4 = 2
+_CODEC = pa.Codec("lz4_raw")
 _KEPT = 8
 """Number of messages of an entity that stay in memory, for neighbouring rows."""
 _IN_MEMORY_BYTES = 2**26
@@ -99,5 +100,5 @@ def _decoded(payload: bytes) -> pa.RecordBatch:
     fields = {each.number: each.value for each in read_fields(payload)}
     table = fields[_TABLE]
     if fields.get(_COMPRESSION) == _LZ4:
-        table = pa.Codec("lz4_raw").decompress(table, fields[_SIZE])
+        table = _CODEC.decompress(table, fields[_SIZE])
     return pa.ipc.open_stream(table).read_next_batch()

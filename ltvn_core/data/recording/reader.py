@@ -3,15 +3,15 @@
 Does not change the file. Images stay compressed until they are requested.
 """
 
-import gc
+import itertools
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple, Self
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from ltvn_core.data.recording import schema
@@ -24,9 +24,13 @@ from ltvn_core.data.recording.schema import read_cell
 from ltvn_core.data.recording.step_rows import StepRows
 from ltvn_core.data.recording.stored_rows import StoredEvent, frame_of, stored_events
 from ltvn_core.errors import CameraError, RecordingError
+from ltvn_core.garbage_collection import garbage_collection_paused
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import GraphChanged, StampedEvent
 from ltvn_core.types import FrameId, Observation, Pose
+
+_PART = 1_000
+"""Number of batches of events that are decoded together."""
 
 
 class FramePoses(NamedTuple):
@@ -142,8 +146,9 @@ class Recording:
     def events(self) -> list[StampedEvent]:
         """All events in the order in which they were written. Raises RecordingError if an event is damaged."""
         with garbage_collection_paused():
-            columns = [_event_columns(batch) for batch in self._contents.batches_of(schema.EVENTS)]
-            rows = sorted(row for column in columns for row in zip(*column, strict=True))
+            batches = self._contents.batches_of(schema.EVENTS)
+            parts = [_event_rows(batches[k : k + _PART]) for k in range(0, len(batches), _PART)]
+            rows = sorted(itertools.chain.from_iterable(parts))
             return [StampedEvent(step, stamp, decode_event(text)) for _, step, stamp, text in rows]
 
     def graph_at(self, step: FrameId) -> TopologicalGraph:
@@ -199,25 +204,14 @@ def _column(batches: Sequence[pa.RecordBatch], name: str) -> NDArray[np.float64]
     return np.concatenate([np.empty(0), *(part.to_numpy(zero_copy_only=False) for part in parts)])
 
 
-def _event_columns(batch: pa.RecordBatch) -> tuple[list[int], list[int], list[float], list[str]]:
-    """Return sequence numbers, steps, stamps and JSON texts of events."""
-    sequence, stamp, text = (
-        batch.column(f"{schema.EVENT_ROW}:{name}").flatten().to_pylist() for name in ("sequence", "stamp", "json")
-    )
-    return sequence, batch.column(schema.STEP).to_pylist(), stamp, text
-
-
-@contextmanager
-def garbage_collection_paused() -> Iterator[None]:
-    """Pause garbage collection within the block, unless it is already paused.
-
-    This halves the time for creating many long-lived objects, as when a long recording is read.
-    """
-    if not gc.isenabled():
-        yield
-        return
-    gc.disable()
-    try:
-        yield
-    finally:
-        gc.enable()
+def _event_rows(batches: Sequence[pa.RecordBatch]) -> Iterator[tuple[int, int, float, str]]:
+    """Return sequence number, step, stamp and JSON text of each event."""
+    columns = [
+        pc.call_function(
+            "list_flatten", [pa.chunked_array([each.column(f"{schema.EVENT_ROW}:{name}") for each in batches])]
+        )
+        for name in ("sequence", "stamp", "json")
+    ]
+    steps = pa.chunked_array([batch.column(schema.STEP) for batch in batches])
+    sequence, stamp, text = (column.to_pylist() for column in columns)
+    return zip(sequence, steps.to_pylist(), stamp, text, strict=True)

@@ -20,8 +20,9 @@ from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.cameras.rectification import have_same_rays
 from ltvn_core.config import Method
 from ltvn_core.data.recording.metadata import RecordingMetadata
-from ltvn_core.data.recording.reader import Recording, garbage_collection_paused
+from ltvn_core.data.recording.reader import Recording
 from ltvn_core.errors import LtvnError
+from ltvn_core.garbage_collection import garbage_collection_paused
 from ltvn_core.predictors.choice import IMPORTED, ImageSource, PredictorChoice
 from ltvn_core.predictors.opening import NETWORK, open_method, open_predictor
 from ltvn_core.robots.robot_spec import LOCOBOT

@@ -18,7 +18,7 @@ import pyarrow as pa
 
 from ltvn_core.data.recording.rrf2.closing_record import ClosingRecord
 from ltvn_core.data.recording.rrf2.framing import HEADER_BYTES, MESSAGE_HEADER, MessageSum
-from ltvn_core.data.recording.rrf2.row_index import RowIndex
+from ltvn_core.data.recording.rrf2.row_index import IndexedChunks, RowIndex
 from ltvn_core.errors import RecordingError
 from ltvn_core.protobuf_fields import read_fields
 
@@ -34,9 +34,9 @@ _IN_MEMORY_BYTES = 2**26
 class IndexedBatches(Sequence[pa.RecordBatch]):
     """The batches of one entity, each read when it is asked for."""
 
-    def __init__(self, messages: "_Messages", numbers: Sequence[int]) -> None:
-        """Take the file's messages, and the numbers of those that belong to the entity."""
-        self._numbers = numbers
+    def __init__(self, messages: "_Messages", chunks: IndexedChunks) -> None:
+        """Take the file's messages, and the chunks of the entity."""
+        self._numbers = list(zip(chunks.messages.tolist(), chunks.rows.tolist(), strict=True))
         self._read = lru_cache(_KEPT)(messages.batch)
 
     def __len__(self) -> int:
@@ -50,14 +50,14 @@ class IndexedBatches(Sequence[pa.RecordBatch]):
     def __getitem__(self, place: int | slice) -> pa.RecordBatch | Sequence[pa.RecordBatch]:
         """Read a batch, or several. Raises RecordingError if the file has changed."""
         if isinstance(place, slice):
-            return [self._read(number) for number in self._numbers[place]]
-        return self._read(self._numbers[place])
+            return [self._read(*number) for number in self._numbers[place]]
+        return self._read(*self._numbers[place])
 
 
 def indexed_batches(path: Path, record: ClosingRecord, index: RowIndex) -> Mapping[str, IndexedBatches]:
     """Return the batches of a checked file, by entity path. Raises OSError if it cannot be opened."""
     messages = _Messages(path, record.messages)
-    return {entity: IndexedBatches(messages, chunks.messages.tolist()) for entity, chunks in index.chunks.items()}
+    return {entity: IndexedBatches(messages, chunks) for entity, chunks in index.chunks.items()}
 
 
 class _Messages:
@@ -73,10 +73,13 @@ class _Messages:
             self._file = os.open(path, os.O_RDONLY | getattr(os, "O_BINARY", 0))
             weakref.finalize(self, os.close, self._file)
 
-    def batch(self, number: int) -> pa.RecordBatch:
-        """Decode the message of this number. Raises RecordingError."""
+    def batch(self, number: int, rows: int) -> pa.RecordBatch:
+        """Decode the message of this number, which has so many rows. Raises RecordingError."""
         try:
-            return _decoded(self._checked(number)[MESSAGE_HEADER.size :])
+            batch = _decoded(self._checked(number)[MESSAGE_HEADER.size :])
+            if batch.num_rows != rows:
+                raise ValueError(f"it has {batch.num_rows} rows instead of {rows}")
+            return batch
         except (OSError, ValueError, LookupError, TypeError, pa.ArrowException) as error:
             raise RecordingError(
                 f"{self._path} changed after it was opened: message {number} cannot be read ({error}). Open it again."

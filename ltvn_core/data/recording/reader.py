@@ -114,11 +114,17 @@ class Recording:
         )
 
     def is_intact(self, frame: FrameId) -> bool:
-        """Tell whether a frame can be read and is unchanged."""
+        """Tell whether a frame can be read and is unchanged, and has the pose of the index."""
         try:
-            return self.stored_frame(frame).intact
+            stored = self.stored_frame(frame)
         except (LookupError, ValueError, TypeError, CameraError):
             return False
+        poses = self.poses
+        row = int(np.searchsorted(poses.steps, frame))
+        known = (poses.stamps[row], *poses.odometry[row], *(() if poses.exact is None else poses.exact[row]))
+        own = stored.frame
+        exact = () if poses.exact is None or own.exact_pose is None else own.exact_pose
+        return stored.intact and known == (own.stamp, *own.odometry, *exact)
 
     @cached_property
     def poses(self) -> FramePoses:

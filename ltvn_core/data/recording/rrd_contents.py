@@ -105,6 +105,9 @@ class RrdContents(NamedTuple):
 
     def row_count(self, entity: str) -> int:
         """Return the number of rows of one entity that have a time."""
+        if self.row_index is not None and entity in schema.COLUMNS:
+            chunks = self.row_index.chunks.get(f"/{entity}")
+            return 0 if chunks is None else int(chunks.rows.sum())
         return sum(batch.num_rows for batch in self.batches_of(entity) if schema.STEP in batch.schema.names)
 
     def user_rows(self) -> Iterator[pa.RecordBatch]:

@@ -160,7 +160,7 @@ def verify(path: Path | str) -> VerifiedRecording:
     Raises RecordingError otherwise; for a cut, unfinished or damaged file its message names `ltvn repair`.
     """
     path = Path(path)
-    contents = open_contents(path, whole=True)
+    contents = open_contents(path)
     recording = Recording(path, contents)
     if contents.record is not None:
         _check_rows(recording, contents.record)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from ltvn_core.analysis.failure_triage import WASTED_SHARE
 from ltvn_core.evaluation.ground_truth import GroundTruth
 from ltvn_core.evaluation.query_result import FailureCause, QueryResult
-from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.navigation.events import (
     OBSTRUCTED_ENDS,
     AttemptEnded,
@@ -163,7 +163,7 @@ class FailureClassifier:
             self._mislocalised_plans += self._is_mislocalised
             segment.causes.add(FailureCause.NO_PATH)
         elif isinstance(event, AttemptStarted):
-            if event.source is not None and self._truth.is_spurious((event.source, event.target)):
+            if event.source is not None and self._is_spurious((event.source, event.target)):
                 segment.causes.add(FailureCause.SPURIOUS_EDGE)
         elif isinstance(event, AttemptEnded):
             self._latest = event.frame
@@ -171,6 +171,10 @@ class FailureClassifier:
                 segment.causes.add(FailureCause.COLLISION)
         elif isinstance(event, Collided):
             segment.collisions += 1
+
+    def _is_spurious(self, key: EdgeKey) -> bool:
+        edge = self._graph.edges.get(key)
+        return self._truth.is_spurious(key, by_odometry=edge is not None and edge.by_odometry)
 
     def _close(self, end: FrameId) -> None:
         if self._segment is not None:

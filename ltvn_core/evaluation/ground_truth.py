@@ -1,13 +1,13 @@
 """The ground truth of a map in simulation: exact poses of its nodes, and which of its edges are drivable.
 
-`ltvn_core.simulation.oracle_predictor` defines "drivable"; a turn on the spot is also drivable. Edges are directed: the
-two directions of one prediction are two edges, and driving in reverse counts as driving.
+`ltvn_core.simulation.oracle_predictor` defines "drivable"; a turn on the spot is also drivable, and so is a free line
+of any length if odometry rather than an image supports the edge. Edges are directed: the two directions of one
+prediction are two edges, and driving in reverse counts as driving.
 """
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ltvn_core.errors import LtvnError, MapError
 from ltvn_core.evaluation.results import EdgeCalibrationBin, MapDrawing, MapTruthMetrics
@@ -51,6 +51,8 @@ class GroundTruth:
         self._observation = observation
         self._poses: dict[FrameId, Pose] = dict(poses or {})
         self._drivable: dict[EdgeKey, bool] = {}
+        self._free: dict[EdgeKey, bool] = {}
+        """Whether the straight line between the nodes is free, by edge."""
 
     def pose(self, node: NodeId) -> Pose:
         """Return the exact pose (3,) of a node; raise MapError if its image has none."""
@@ -76,16 +78,19 @@ class GroundTruth:
         """Return exact poses (N, 3); raise MapError if an image has none."""
         return np.array([self.pose(node) for node in nodes], np.float64).reshape(-1, 3)
 
-    def is_spurious(self, edge: EdgeKey) -> bool:
-        """Return whether an edge from one node to the other would be spurious, whether or not the map has it."""
+    def is_spurious(self, edge: EdgeKey, *, by_odometry: bool = False) -> bool:
+        """Return whether an edge from one node to the other would be spurious, whether or not the map has it.
+
+        An edge `by_odometry` leads over floor that was seen free, so it may be of any length if its line is free.
+        """
         self._judge_edges([edge])
-        return not self._drivable[edge]
+        return not (self._drivable[edge] or (by_odometry and self._free[edge]))
 
     def spurious(self, graph: TopologicalGraph) -> set[EdgeKey]:
         """Return the spurious edges of a map; the result for each edge is cached."""
         driven = graph.driven_edges  # An edge with an action, such as a lift, needs no floor between its nodes.
         self._judge_edges(driven)
-        return {edge for edge in driven if not self._drivable[edge]}
+        return {edge for edge in driven if self.is_spurious(edge, by_odometry=graph.edges[edge].by_odometry)}
 
     def is_at(self, robot: Pose, node: NodeId) -> bool:
         """Return whether the robot at (3,) is at a node, so that a localisation there is correct.
@@ -109,15 +114,12 @@ class GroundTruth:
         fresh = [edge for edge in edges if edge not in self._drivable]
         if fresh:
             sources, targets = (self.poses(ends) for ends in zip(*fresh, strict=True))
-            drivable = is_drivable(self.clearance, sources, targets) | _is_turn(self.clearance, sources, targets)
+            free = is_line_free(self.clearance, sources, targets)
+            # At one place, a robot can turn by any angle.
+            turns = free & (np.hypot(*(targets - sources)[:, :2].T) <= AT_ONE_PLACE_M)
+            drivable = is_drivable(self.clearance, sources, targets) | turns
             self._drivable.update(zip(fresh, drivable.tolist(), strict=True))
-
-
-def _is_turn(clearance: ClearanceMap, sources: Pose, targets: Pose) -> NDArray[np.bool_]:
-    """Return whether N pairs of poses (N, 3) are at one place, where a robot can turn by any angle."""
-    turns = np.hypot(*(targets - sources)[:, :2].T) <= AT_ONE_PLACE_M
-    turns[turns] = is_line_free(clearance, sources[turns], targets[turns])
-    return turns
+            self._free.update(zip(fresh, free.tolist(), strict=True))
 
 
 def shortest_m(clearance: ClearanceMap, start: Pose, goal: Pose) -> float:

@@ -74,7 +74,7 @@ class LifelongDrive:
         return replace(
             result,
             pruned=len(pruned),
-            pruned_spurious=sum(runner.truth.is_spurious(edge) for edge in pruned),
+            pruned_spurious=sum(_is_spurious(runner, before[edge]) for edge in pruned),
             added_nodes=len(graph.nodes.keys() - known),
             added_edges=len(added),
             added_spurious=len(added & spurious),
@@ -134,9 +134,13 @@ def bad_edges(runner: EpisodeRunner, pruned: Iterable[Edge], seed: int) -> set[E
     bad = set[EdgeKey]()
     for edge in pruned:
         key = edge.source, edge.target
-        if key not in bad and (runner.truth.is_spurious(key) or _mostly_fails(runner, edge, seed)):
+        if key not in bad and (_is_spurious(runner, edge) or _mostly_fails(runner, edge, seed)):
             bad.add(key)
     return bad
+
+
+def _is_spurious(runner: EpisodeRunner, edge: Edge) -> bool:
+    return runner.truth.is_spurious((edge.source, edge.target), by_odometry=edge.by_odometry)
 
 
 def _mostly_fails(runner: EpisodeRunner, edge: Edge, seed: int) -> bool:

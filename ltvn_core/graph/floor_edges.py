@@ -28,13 +28,17 @@ from ltvn_core.types import NodeId
 _PLACE_M = 0.45
 """Distance in metres below which two nodes are one place: robots on both sides of the thinnest wall are farther
 apart."""
-_REACH_M = 2.5
-"""Length of the longest edge, in metres; a robot drives no farther without localising."""
+_REACH_M = 5.0
+"""Length of the longest edge, in metres."""
+_LONG_M = 2.5
+"""Length of an edge above which a robot may lose its place on the way, in metres."""
 _REACH_RAD = 1.5
 """Largest turn at the end of an edge, in radians; after a larger turn the robot's image shows nothing of the target."""
 _STRETCH = 1.2
 """Least ratio between the cost of the path without an edge and the cost of the edge; 1.5 lowers SPL
 (`docs/results.md`)."""
+_LONG_STRETCH = 1.6
+"""The same for a long edge: only a shortcut across a hall is worth driving so far without localising."""
 _MOST_DRIVEN_M = 60.0
 """Greatest length of the path along the drive over which odometry still gives the relative pose of two nodes, in
 metres."""
@@ -109,7 +113,8 @@ class _Ways:
         source = self.rows[edge.source]
         target = self.rows[edge.target]
         lengths = rustworkx.dijkstra_shortest_path_lengths(self.costs, source, float, goal=target)
-        return target not in lengths or lengths[target] > _STRETCH * self._cost(edge)
+        stretch = _STRETCH if np.hypot(*edge.waypoint[:2]) <= _LONG_M else _LONG_STRETCH
+        return target not in lengths or lengths[target] > stretch * self._cost(edge)
 
     def _cost(self, edge: Edge) -> float:
         return edge_cost(edge.belief, self.method.planning)

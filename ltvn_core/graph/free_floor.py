@@ -43,7 +43,8 @@ class FreeFloor:
         it."""
         way = _along(target.waypoints[0, :2])
         poses, driven_m = self._gate.seen_from(source, self._frames)
-        near = np.flatnonzero((driven_m <= WELL_KNOWN_M) & (np.hypot(poses[:, 0], poses[:, 1]) < RANGE_M))
+        in_range = np.hypot(poses[:, 0], poses[:, 1]) < RANGE_M + np.hypot(*way[-1])
+        near = np.flatnonzero((driven_m <= WELL_KNOWN_M) & in_range)
         if not self._is_free(way, near, poses[near]):
             return False
         solid = np.concatenate([np.empty((0, 2)), *(transform_points(self._things[k], poses[k]) for k in near)])

@@ -10,7 +10,6 @@ from typing import NamedTuple
 from ltvn_core.config import JudgingConfig, Method
 from ltvn_core.geometry import distance
 from ltvn_core.graph.place_belief import LIKELY, BelievedPlace
-from ltvn_core.navigation.dead_reckoning import DeadReckoning
 from ltvn_core.navigation.events import Note, Severity
 from ltvn_core.navigation.motion import EventGenerator
 from ltvn_core.navigation.perception import Perception
@@ -28,18 +27,12 @@ class GoalCheck:
         method: Method,
         perception: Perception,
         goal: NodeId,
-        reckoning: DeadReckoning,
         place: Callable[[], BelievedPlace | None],
     ) -> None:
-        """Check for `goal`.
-
-        `reckoning` locates a goal that has changed so much that it is not recognised; `place` returns the robot's most
-        probable place.
-        """
+        """Check for `goal`; `place` returns the robot's most probable place."""
         self._method = method
         self._perception = perception
         self._goal = goal
-        self._reckoning = reckoning
         self._place = place
 
     def check(self) -> EventGenerator[bool]:
@@ -47,7 +40,7 @@ class GoalCheck:
         allows it."""
         seen = self._perception.node_match(self._goal)
         if not is_at_goal(seen.reachability, seen.waypoint, self._method.judging):
-            return self._reckoning.is_at(self._goal)
+            return False
         supported = self._perception.with_node_support(self._goal)
         if supported.reachability <= self._method.localising.reachability:
             return False

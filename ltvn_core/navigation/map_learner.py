@@ -20,7 +20,7 @@ from ltvn_core.navigation.motion import MotionExecutor
 from ltvn_core.navigation.obstruction_finder import ObstructionFinder
 from ltvn_core.navigation.perception import NodeMatch, Perception
 from ltvn_core.navigation.query_memory import MOST_OBSTRUCTIONS, QueryMemory
-from ltvn_core.types import NodeId, Waypoint
+from ltvn_core.types import NodeId
 
 _STEPS_OF_A_WAY = 10
 """Number of control steps after which the robot counts as having left the place of the last attempt."""
@@ -57,14 +57,6 @@ class MapLearner:
         """Remember the robot's localisation before an attempt."""
         self._obstructions.depart(localisation)
 
-    def knows_surroundings(self, source: NodeId) -> bool:
-        """Tell whether images of the map show most of the robot's surroundings, if it departed from `source`."""
-        return self._obstructions.knows_surroundings(source)
-
-    def fits_depth(self, node: NodeId, waypoint: Waypoint) -> bool:
-        """Tell whether the images of a node, at a waypoint (3,) from here, show the robot's surroundings."""
-        return self._obstructions.fits_depth(node, waypoint)
-
     def look(self, path: GraphPath) -> Generator[Event, None, bool]:
         """Look for obstacles before an attempt; tell whether a new one closes the path, so that the robot replans."""
         context = self._context
@@ -76,7 +68,6 @@ class MapLearner:
             seen = [edge for edge in self._obstructions.open_ways() if edge not in self._memory.felt_closed]
             yield from context.apply_deltas(presence.observe_open(context.graph, seen, now_s), self._query)
             return False
-        self._memory.saw_change = True
         yield from context.apply_deltas(presence.observe(context.graph, obstruction, now_s), self._query)
         # Obstacles beside a goal may seem to close the edges to it.
         ahead = (edge for edge in itertools.pairwise(in_sight) if edge in across and edge[1] != self._goal)

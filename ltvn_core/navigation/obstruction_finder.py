@@ -157,20 +157,6 @@ class ObstructionFinder:
         anything = Obstruction(node=segment[0], points=solid, known=solid[:0], stopped=False)
         return self.find(segment) if edges_obstructed(self._context.graph, anything) else None
 
-    def knows_surroundings(self, source: NodeId) -> bool:
-        """Tell whether images of the map show enough of the surroundings of a robot that departed from `source`."""
-        if self._departure is None or self._node != source:
-            return False
-        here = self._here()
-        solid = self._solid_points(here)
-        return bool(self._is_new(solid, source, here).sum() <= (1 - self._needed_share) * len(solid))
-
-    def fits_depth(self, node: NodeId, waypoint: Waypoint) -> bool:
-        """Tell whether the images of a node, at a waypoint (3,) from here, show the robot's surroundings."""
-        solid = self._solid_points(invert(waypoint))
-        new = _is_new_to(solid, self._images_of([(node, np.zeros(3))]))
-        return len(solid) >= _LEAST_POINTS and bool(new.mean() <= 1 - _KNOWN_SHARE_IF_UNSURE)
-
     def find(self, segment: Sequence[NodeId], *, blocked: bool = False, again: bool = False) -> Obstruction | None:
         """Return the new obstacles around the robot on its path along nodes; None without any.
 

@@ -49,8 +49,6 @@ class QueryMemory:
         self.obstructions = 0
         """Number of obstructions met so far."""
         self._fresh_hopes = 0
-        self.saw_change = False
-        """Whether an obstacle was seen to close an edge, so that places nearby may look different."""
         self.felt_closed: set[EdgeKey] = set()
         """Edges closed by an obstacle that stopped the robot; an image of a free path does not reopen them."""
         self.doubted: set[NodeId] = set()
@@ -86,7 +84,6 @@ class QueryMemory:
         """Remember that the robot was taken to a node; what was known about its place before no longer holds."""
         self.assumed_node = node
         self.approached = None
-        self.saw_change = False
         self.doubted.clear()
 
     def record_stop(self, edge: EdgeKey) -> bool:

@@ -17,7 +17,6 @@ from ltvn_core.graph.planner import GraphPath
 from ltvn_core.navigation.action_runner import ActionRunner
 from ltvn_core.navigation.attempt_driver import AttemptDriver, AttemptResult
 from ltvn_core.navigation.context import NavigationContext
-from ltvn_core.navigation.dead_reckoning import DeadReckoning
 from ltvn_core.navigation.events import (
     OBSTRUCTED_ENDS,
     AttemptEnd,
@@ -79,10 +78,9 @@ class QueryRunner:
         self._attempt_driver = AttemptDriver(
             motion, perception, context.method.driving, context.spec, bystanders=context.bystanders
         )
-        self._reckoning = DeadReckoning(context, motion, perception)
-        self._view_learner = ViewLearner(context, motion, perception, self._reckoning, query)
+        self._view_learner = ViewLearner(context, motion, perception, query)
         self._places = PlaceTracker(context.graph, context.matcher, context.system)
-        self._goal_check = GoalCheck(context.method, perception, goal, self._reckoning, self._place)
+        self._goal_check = GoalCheck(context.method, perception, goal, self._place)
         self._map_learner = MapLearner(context, motion, perception, self._attempt_driver, self._memory, query, goal)
         self._recovery = Recovery(context, motion, perception, self._attempt_driver, self._memory, query)
 
@@ -124,10 +122,6 @@ class QueryRunner:
             prior = LocalisationPrior(self._memory.plan, self._memory.doubted, self._place())
             localisation = context.system.localise(features, context.graph, prior, context.matcher)
             yield from self._view_learner.learn(localisation)
-            if (arrived := self._reckoning.take_arrival()) is not None:
-                localisation = arrived
-            elif localisation.node is None:
-                localisation = self._reckoning.localise() or localisation
         frame = self._perception.observation.step
         yield Localised(
             query=self._query,
@@ -313,12 +307,6 @@ class QueryRunner:
                 self._memory.assumed_node = target  # The image does not show the target, only the belief does.
             why = "the images of the whole query say that the robot is there"
             return AttemptVerdict(True, why, rule="localising.follow_places")
-        may_have_arrived = is_unsure and source is not None and self._map_learner.knows_surroundings(source)
-        recognised = self._memory.saw_change and seen.reachability > self._method.localising.reachability
-        if may_have_arrived and self._reckoning.arrive(
-            segment, is_recognised=recognised, fits_depth=self._map_learner.fits_depth
-        ):
-            return AttemptVerdict(True, "by odometry the robot is there, but the place looks different now")
         return verdict
 
     def _is_recognised(self, seen: NodeMatch) -> bool:

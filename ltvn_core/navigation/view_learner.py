@@ -10,13 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ltvn_core.geometry import distance, invert, relative, wrap_angle
+from ltvn_core.geometry import compose, distance, invert, relative, wrap_angle
 from ltvn_core.graph.deltas import Cause, NodeView, ViewDropped, ViewUsed
 from ltvn_core.graph.localiser import Localisation
 from ltvn_core.graph.node_views import ViewConfig, view_deltas
 from ltvn_core.graph.operators import pose_row
+from ltvn_core.graph.presence.obstruction import nearby_poses
 from ltvn_core.navigation.context import NavigationContext
-from ltvn_core.navigation.dead_reckoning import DeadReckoning
 from ltvn_core.navigation.events import Event
 from ltvn_core.navigation.motion import MotionExecutor
 from ltvn_core.navigation.perception import Perception
@@ -58,16 +58,16 @@ class ViewLearner:
         context: NavigationContext,
         motion: MotionExecutor,
         perception: Perception,
-        reckoning: DeadReckoning,
         query: int,
     ) -> None:
-        """Start without candidates; `reckoning` estimates the robot's place by odometry."""
+        """Start without candidates."""
         self._context = context
         self._config = context.system.views
         self._query = query
         self._motion = motion
         self._perception = perception
-        self._reckoning = reckoning
+        self._seen: tuple[NodeId, Waypoint, Pose] | None = None
+        """The last node that was surely recognised, its waypoint (3,), and the odometry there (3,)."""
         self._candidates: dict[NodeId, _Candidate] = {}
         self._used: set[FrameId] = set()
         self._recognised_at_m = -np.inf
@@ -76,12 +76,11 @@ class ViewLearner:
         """Check earlier candidates against a localisation, and look for a new candidate here."""
         config = self._config
         if config is None:
-            self._reckoning.recognise(localisation)
             return
         if localisation.node is not None and localisation.reachability > self._context.method.localising.reachability:
             yield from self._count_use(localisation.node, localisation.view)
             yield from self._prove(localisation.node, localisation.waypoint, config, after_m=_PROOF_M)
-            self._reckoning.recognise(localisation)
+            self._seen = localisation.node, localisation.waypoint, self._motion.odometry
             self._recognised_at_m = self._motion.path_m
         if self._motion.path_m - self._recognised_at_m > _TRUSTED_M:
             self._candidates.clear()
@@ -106,7 +105,7 @@ class ViewLearner:
         """Make candidates views if a node is recognised where odometry expects it; otherwise discard all candidates."""
         if not self._candidates:
             return
-        expected = self._reckoning.places().get(node)
+        expected = self._places().get(node)
         gap = None if expected is None else relative(expected, waypoint)
         if gap is None or np.hypot(gap[0], gap[1]) > _GAP_M or abs(float(wrap_angle(gap[2]))) > _GAP_RAD:
             self._candidates.clear()
@@ -129,7 +128,7 @@ class ViewLearner:
 
     def _look(self, config: ViewConfig) -> None:
         """Make the image a candidate for the nearest node, if that node is near and not recognised."""
-        places = self._reckoning.places() if self._perception.is_usable else {}
+        places = self._places() if self._perception.is_usable else {}
         if not places:
             return
         node = min(places, key=lambda each: float(distance(places[each])))
@@ -144,6 +143,15 @@ class ViewLearner:
         least = config.distance if known is None else known.distance
         if candidate.distance < least and self._perception.node_match(node).reachability <= config.recognised_above:
             self._candidates[node] = candidate
+
+    def _places(self) -> dict[NodeId, Waypoint]:
+        """Return the waypoints (3,) by odometry of the nodes around the last recognised one; empty without one."""
+        if self._seen is None or self._seen[0] not in self._context.graph.nodes:
+            return {}
+        node, waypoint, odometry = self._seen
+        here = compose(invert(waypoint), relative(odometry, self._motion.odometry))
+        poses = nearby_poses(self._context.graph, node)
+        return {other: relative(here, pose) for other, pose in poses.items()}
 
     @property
     def _now_s(self) -> float:

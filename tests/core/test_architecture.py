@@ -41,6 +41,7 @@ FOUNDATION = (
     "errors",
     "extras",
     "findings",
+    "garbage_collection",
     "image_validity",
     "atomic_files",
     "palette",

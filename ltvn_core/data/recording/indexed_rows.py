@@ -91,7 +91,7 @@ class _Messages:
         if self._bytes is not None:
             data = self._bytes[place : place + known.size]
         else:
-            with self._lock:  # Windows has no `pread`.
+            with self._lock:  # Windows cannot read at a position without moving there.
                 os.lseek(self._file, place, os.SEEK_SET)
                 data = os.read(self._file, known.size)
         if zlib.crc32(data) != known.crc32:

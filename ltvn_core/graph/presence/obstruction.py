@@ -5,7 +5,7 @@ odometry does not matter. The navigator detects obstructions and decides about t
 """
 
 import heapq
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -115,12 +115,11 @@ def distances_to_way(points: FloatArray, start: FloatArray, end: FloatArray) -> 
     return np.linalg.norm(points - start - share[:, None] * way, axis=1)
 
 
-def nearby_poses(graph: TopologicalGraph, node: NodeId, *, without: Collection[EdgeKey] = ()) -> dict[NodeId, Pose]:
+def nearby_poses(graph: TopologicalGraph, node: NodeId) -> dict[NodeId, Pose]:
     """Return the poses (3,) of the nodes near a node, in its frame, along the shortest chains of waypoints.
 
-    The nodes are ordered by the length of their chains. Chains use no edge in `without`, in either direction.
+    The nodes are ordered by the length of their chains.
     """
-    left_out = {*without, *((target, source) for source, target in without)}
     found: dict[NodeId, Pose] = {}
     queue: list[tuple[float, NodeId, list[float]]] = [(0.0, node, [0.0, 0.0, 0.0])]
     while queue:
@@ -128,7 +127,7 @@ def nearby_poses(graph: TopologicalGraph, node: NodeId, *, without: Collection[E
         if here in found:
             continue
         found[here] = np.array(place)
-        edges = [edge for edge in _edges_at(graph, here) if (edge.source, edge.target) not in left_out]
+        edges = _edges_at(graph, here)
         onward = [
             (so_far, other, edge)
             for edge in edges

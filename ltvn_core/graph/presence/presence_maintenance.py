@@ -68,10 +68,10 @@ def never_existed(graph: TopologicalGraph, pruned: EdgePruned) -> bool:
     # The current failure is not counted in the map yet.
     failures = edge.attempts + 1
     seen_blocked = (edge.source, edge.target) in graph.presence
-    return failures >= _LEAST_FAILURES and not seen_blocked and not was_driven(graph, edge)
+    return failures >= _LEAST_FAILURES and not seen_blocked and not _was_driven(graph, edge)
 
 
-def was_driven(graph: TopologicalGraph, edge: Edge) -> bool:
+def _was_driven(graph: TopologicalGraph, edge: Edge) -> bool:
     """Return whether an edge was driven successfully, or during mapping.
 
     The latter is so if it joins two consecutive images and agrees with odometry between them.

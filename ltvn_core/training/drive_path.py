@@ -14,12 +14,8 @@ from numpy.typing import NDArray
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.errors import RecordingError
 from ltvn_core.geometry import relative
-from ltvn_core.network.training_data.trajectory_pairs import (
-    KeyframeSelection,
-    OdometryLabelRule,
-    odometry_jumps,
-    odometry_steps,
-)
+from ltvn_core.network.training_data.trajectory import KeyframeSelection, odometry_jumps, odometry_steps
+from ltvn_core.network.training_data.trajectory_pairs import OdometryLabelRule
 from ltvn_core.types import Observation, Pose, Waypoint
 
 

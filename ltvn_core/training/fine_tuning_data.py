@@ -60,7 +60,8 @@ def label_drive(
     """Label the pairs of images in memory by a rule. Raises RecordingError if the images are not a usable drive."""
     import numpy as np
 
-    from ltvn_core.network.training_data.trajectory_pairs import label_trajectory, select_keyframes
+    from ltvn_core.network.training_data.trajectory import select_keyframes
+    from ltvn_core.network.training_data.trajectory_pairs import label_trajectory
 
     drive = select_keyframes(observations, name, camera=camera)
     return label_trajectory(drive, rule, np.random.default_rng(0))

@@ -17,7 +17,7 @@ from ltvn_core.network.training_data.free_space import FreeSpace
 from ltvn_core.network.training_data.pose_sampling import CameraVariation, DatasetScene, cluster_pairs
 from ltvn_core.network.training_data.shards import Shard, render_poses
 from ltvn_core.network.training_data.temporal_rules import TemporalLabelRule
-from ltvn_core.network.training_data.trajectory_pairs import UNKNOWN, UNREACHABLE
+from ltvn_core.network.training_data.trajectory import UNKNOWN, UNREACHABLE
 from ltvn_core.types import Pose
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ltvn_core.network.training_data.trajectory_pairs import REACHABLE, UNKNOWN, UNREACHABLE, Trajectory
+from ltvn_core.network.training_data.trajectory import REACHABLE, UNKNOWN, UNREACHABLE, Trajectory
 
 TAU_STEPS = 8.0
 """Scale tau, in steps, that converts ViNG's temporal distance d to r = exp(-d / tau), so that it can be learned with

@@ -20,12 +20,8 @@ from ltvn_core.network.optimization.fine_tuning_loop import (
 )
 from ltvn_core.network.optimization.reachability_calibration import calibrate_after_fine_tuning
 from ltvn_core.network.optimization.trainer import Hyperparameters, freeze_batch_norm
-from ltvn_core.network.training_data.trajectory_pairs import (
-    OdometryLabelRule,
-    TrajectoryPairs,
-    label_trajectory,
-    select_keyframes,
-)
+from ltvn_core.network.training_data.trajectory import select_keyframes
+from ltvn_core.network.training_data.trajectory_pairs import OdometryLabelRule, TrajectoryPairs, label_trajectory
 from ltvn_core.network.training_examples import FarCriterion, MixedBatchSampler
 from ltvn_core.network.weights_file import load_weights, save_weights, weights_fingerprint
 from tests.core.network.tiny_data import SMALL, tiny_drive, tiny_shard

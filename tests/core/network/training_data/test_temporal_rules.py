@@ -7,14 +7,8 @@ import pytest
 
 from ltvn_core.network.training_data.random_walk import WalkRecipe, label_walks
 from ltvn_core.network.training_data.temporal_rules import TemporalClosenessRule, TemporalDistanceRule
-from ltvn_core.network.training_data.trajectory_pairs import (
-    REACHABLE,
-    UNKNOWN,
-    UNREACHABLE,
-    Trajectory,
-    label_trajectory,
-    select_keyframes,
-)
+from ltvn_core.network.training_data.trajectory import REACHABLE, UNKNOWN, UNREACHABLE, Trajectory, select_keyframes
+from ltvn_core.network.training_data.trajectory_pairs import label_trajectory
 from ltvn_core.systems.registry import system_entry
 from tests.core.network.training_data.box_world import two_rooms
 from tests.core.network.training_data.example_drive import observations_at, poses_turning

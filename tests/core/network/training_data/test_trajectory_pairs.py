@@ -7,17 +7,8 @@ import pytest
 
 from ltvn_core.errors import ImageError, RecordingError
 from ltvn_core.network.training_data.reachability_labels import ReachabilityLimits, label_poses
-from ltvn_core.network.training_data.trajectory_pairs import (
-    REACHABLE,
-    UNKNOWN,
-    UNREACHABLE,
-    OdometryLabelRule,
-    Trajectory,
-    far_apart,
-    label_trajectory,
-    near_labels,
-    select_keyframes,
-)
+from ltvn_core.network.training_data.trajectory import REACHABLE, UNKNOWN, UNREACHABLE, Trajectory, select_keyframes
+from ltvn_core.network.training_data.trajectory_pairs import OdometryLabelRule, far_apart, label_trajectory, near_labels
 from ltvn_core.types import Pose
 from tests.core.network.training_data.box_world import two_rooms
 from tests.core.network.training_data.example_drive import observations_at, poses_along, poses_turning

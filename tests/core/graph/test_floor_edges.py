@@ -119,3 +119,36 @@ def test_free_floor_joins_two_nodes_and_a_wall_does_not(camera_robot: SimulatedR
 def test_floor_that_no_image_shows_is_not_free(camera_robot: SimulatedRobot) -> None:
     away = seen_from(camera_robot, [(1.0, 1.0, np.pi), (1.0, 2.0, np.pi), (2.3, 2.0, 0.0), (2.3, 1.0, 0.0)])
     assert not joined(away, 0, 3)
+
+
+@pytest.fixture(scope="module")
+def hall_robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SimulatedRobot]:
+    """A robot in the same house without the wall between the rooms."""
+    hall = box_house()
+    for name in list(hall.geometry)[-2:]:
+        hall.delete_geometry(name)
+    path = save(hall, tmp_path_factory.mktemp("hall") / "hall.glb")
+    with closing(open_simulation(str(path), seed=0, odometry_noise=OdometryNoise.NONE).robot) as robot:
+        yield robot
+
+
+ALONG_WALLS = (
+    *((0.6, y, np.pi / 2) for y in np.arange(1.6, 3.0, 0.55)),
+    *((x, 3.2, 0.0) for x in np.arange(0.8, 5.0, 0.6)),
+)
+
+
+@pytest.mark.parametrize(
+    ("end", "is_joined"),
+    [(((5.0, 2.6, -np.pi / 2), (5.0, 2.0, -np.pi / 2), (5.0, 1.4, -np.pi / 2), (5.0, 1.0, 0.0)), True), ((), False)],
+    ids=["around the hall", "along two walls"],
+)
+def test_a_long_edge_crosses_a_hall_only_where_the_way_round_is_much_longer(
+    hall_robot: SimulatedRobot, end: tuple[tuple[float, float, float], ...], *, is_joined: bool
+) -> None:
+    stops = [*ALONG_WALLS, *end]
+    heading = float(np.arctan2(stops[-1][1] - 1.0, stops[-1][0] - 0.6))
+    images = seen_from(hall_robot, [(0.6, 1.0, heading), *stops])
+    gate = OdometryGate(images, ROBUST.building)
+    edges = floor_edges(chain(images), gate, FreeFloor(images, LOCOBOT.camera, gate), ROBUST)
+    assert any(np.hypot(*each.edge.waypoint[:2]) > 3 for each in edges) == is_joined

@@ -13,7 +13,8 @@ from ltvn_core.data.recording.damage.integrity import repair, verify
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.data.recording.rrd_contents import open_contents
 from ltvn_core.data.recording.rrf2.chunk_table import ListedChunk
-from ltvn_core.data.recording.rrf2.closing_record import check_file
+from ltvn_core.data.recording.rrf2.closing_record import check_file, closing_bytes
+from ltvn_core.data.recording.rrf2.framing import CHUNK_KIND
 from ltvn_core.data.recording.rrf2.row_index import FrameList, index_field, read_index
 from ltvn_core.data.recording.writer import RecordingWriter
 from ltvn_core.errors import RecordingError
@@ -74,6 +75,27 @@ def test_a_rewritten_recording_has_an_index(path: Path, tmp_path: Path) -> None:
     repair(path, tmp_path / "new.rrd")
     assert is_indexed(tmp_path / "new.rrd")
     assert_same_as_whole(tmp_path / "new.rrd")
+
+
+def test_verify_compares_the_poses_of_the_index_with_those_of_the_images(whole: Path, tmp_path: Path) -> None:
+    found = check_file(whole)
+    assert found.record is not None
+    assert found.row_index is not None
+    number_of = np.cumsum([message.kind == CHUNK_KIND for message in found.record.messages]) - 1
+    listed = {
+        entity: [
+            ListedChunk(int(number_of[message]), int(rows), 0, 0, is_static=False)
+            for message, rows in zip(chunks.messages, chunks.rows, strict=True)
+        ]
+        for entity, chunks in found.row_index.chunks.items()
+    }
+    frames = found.row_index.frames
+    moved = frames._replace(odometry=frames.odometry + 0.01)
+    index = index_field("id", found.row_index.body_crc32, listed, found.record.messages, moved)
+    data = whole.read_bytes()[: found.record.messages_end]
+    (tmp_path / "moved.rrd").write_bytes(data + closing_bytes(found.record, index=index))
+    with pytest.raises(RecordingError, match="10 of 10 frames changed"):
+        verify(tmp_path / "moved.rrd")
 
 
 def test_a_recording_without_images_has_an_index(tmp_path: Path) -> None:

@@ -17,6 +17,7 @@ from ltvn_core.maps.joined_drives import join_drives
 from ltvn_core.maps.topological_map import TopologicalMap, build_map
 from ltvn_core.predictors.choice import AUTO, ImageSource, PredictorChoice
 from ltvn_core.predictors.opening import open_method, open_predictor
+from ltvn_core.predictors.remembered_answers import RememberedPredictor
 from ltvn_core.systems.registry import DEFAULT_SYSTEM, system_entry
 from ltvn_core.types import FrameId, Observation
 
@@ -51,11 +52,16 @@ class RecordedMap(NamedTuple):
 
 
 def build_recorded_map(
-    paths: Path | Sequence[Path], options: BuildOptions, progress: ProgressCallback = lambda _done, _total: None
+    paths: Path | Sequence[Path],
+    options: BuildOptions,
+    progress: ProgressCallback = lambda _done, _total: None,
+    *,
+    answers: Path | None = None,
 ) -> RecordedMap:
     """Build a map from the images of one recording, or of several drives of one place.
 
-    `progress` is called with the number of images done and the number of all images.
+    `progress` is called with the number of images done and the number of all images. `answers` is a file in which the
+    predictor's answers are kept until the map is built, so that an interrupted build can go on.
 
     Raises RecordingError, MapError, OptionError and WeightsError.
     """
@@ -68,9 +74,10 @@ def build_recorded_map(
     entry = system_entry(options.system)
     weights = entry.weights_for(choice.name, options.weights)
     predictor = open_predictor(choice.name, meta.scene, weights, camera=meta.camera)
+    remembered = None if answers is None else RememberedPredictor(predictor, answers)
     built = build_map(
         joined.observations,
-        predictor=predictor,
+        predictor=remembered or predictor,
         predictor_name=choice.name,
         system=entry.factory(open_method(options.preset, predictor)),
         scene=meta.scene,
@@ -81,6 +88,8 @@ def build_recorded_map(
         drives=joined.drives,
         progress=progress,
     )
+    if remembered is not None:
+        remembered.close()
     built = replace(built, findings=(*joined.findings, *built.findings), scene_glb=recordings[0].scene_glb())
     return RecordedMap(built, choice, joined.observations)
 

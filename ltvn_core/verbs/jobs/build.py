@@ -1,5 +1,6 @@
 """`ltvn build`: makes a map from one recording, or from several of the same place."""
 
+import logging
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,6 +15,10 @@ from ltvn_core.maps.map_coverage import GoalReport
 from ltvn_core.maps.recorded_map import BuildOptions, build_recorded_map, save_recorded_map
 from ltvn_core.verbs.build import BuildVerb
 from ltvn_core.verbs.verb import Summary
+
+log = logging.getLogger(__name__)
+_ANSWERS = ".unfinished"
+"""Ending of the file beside the map that keeps the predictor's answers while the map is being built."""
 
 
 @dataclass(frozen=True)
@@ -59,14 +64,18 @@ def build_map(options: BuildVerb) -> Summary:
         goals=options.goals,
         seed=options.seed,
     )
+    answers = options.output.with_name(options.output.name + _ANSWERS)
+    if answers.exists():
+        log.warning("Going on with the interrupted build of %s. To begin anew, delete %s.", options.output, answers)
     with tqdm(desc="build", unit="image") as bar:
 
         def show(done: int, total: int) -> None:
             bar.total = total
             bar.update(done - bar.n)
 
-        built, choice, observations = build_recorded_map(options.recordings, wanted, show)
+        built, choice, observations = build_recorded_map(options.recordings, wanted, show, answers=answers)
     save_recorded_map(built, options.output, wanted)
+    answers.unlink()
     graph = built.graph
     assert built.coverage is not None
     return BuildSummary(

@@ -6,6 +6,7 @@ both make the same map.
 
 import logging
 from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
@@ -74,22 +75,20 @@ def build_recorded_map(
     entry = system_entry(options.system)
     weights = entry.weights_for(choice.name, options.weights)
     predictor = open_predictor(choice.name, meta.scene, weights, camera=meta.camera)
-    remembered = None if answers is None else RememberedPredictor(predictor, answers)
-    built = build_map(
-        joined.observations,
-        predictor=remembered or predictor,
-        predictor_name=choice.name,
-        system=entry.factory(open_method(options.preset, predictor)),
-        scene=meta.scene,
-        camera=meta.camera,
-        is_lens_known=is_lens_known(meta),
-        seed=options.seed,
-        goals=options.goals,
-        drives=joined.drives,
-        progress=progress,
-    )
-    if remembered is not None:
-        remembered.close()
+    with nullcontext(predictor) if answers is None else RememberedPredictor(predictor, answers) as asked:
+        built = build_map(
+            joined.observations,
+            predictor=asked,
+            predictor_name=choice.name,
+            system=entry.factory(open_method(options.preset, predictor)),
+            scene=meta.scene,
+            camera=meta.camera,
+            is_lens_known=is_lens_known(meta),
+            seed=options.seed,
+            goals=options.goals,
+            drives=joined.drives,
+            progress=progress,
+        )
     built = replace(built, findings=(*joined.findings, *built.findings), scene_glb=recordings[0].scene_glb())
     return RecordedMap(built, choice, joined.observations)
 

@@ -8,9 +8,9 @@ import io
 import logging
 import struct
 import zlib
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,7 +48,7 @@ class RememberedPredictor:
 
     def encode(self, observations: Sequence[Observation]) -> Features:
         """Return (N, F) features, one row per image."""
-        question = [part for seen in observations for part in (seen.rgb, seen.depth) if part is not None]
+        question = [np.asarray(part) for seen in observations for part in _parts(seen)]
         return self._answers.answer("encode", question, lambda: [self._predictor.encode(observations)])[0]
 
     def predict(self, sources: Features, targets: Features) -> Prediction:
@@ -56,7 +56,11 @@ class RememberedPredictor:
         found = self._answers.answer("predict", [sources, targets], lambda: self._predictor.predict(sources, targets))
         return Prediction(*found)
 
-    def close(self) -> None:
+    def __enter__(self) -> Self:
+        """Return this predictor."""
+        return self
+
+    def __exit__(self, *error: object) -> None:
         """Close the file, which stays."""
         self._answers.close()
 
@@ -78,7 +82,7 @@ class _AnswerFile:
 
     def __init__(self, path: Path) -> None:
         self.reused = 0
-        path.touch()
+        path.touch(mode=0o600)
         self._size_bytes = path.stat().st_size
         self._file: io.BufferedRandom | None = path.open("r+b")
         self._is_known = True
@@ -89,7 +93,7 @@ class _AnswerFile:
         """Return the stored answer if the file goes on with this question; else compute and store it."""
         asked = zlib.crc32(kind.encode())
         for part in question:
-            asked = zlib.crc32(np.ascontiguousarray(part), zlib.crc32(repr(part.shape).encode(), asked))
+            asked = zlib.crc32(np.ascontiguousarray(part).data, zlib.crc32(repr(part.shape).encode(), asked))
         if self._is_known and (known := self._next(asked)) is not None:
             self.reused += 1
             return known
@@ -131,6 +135,14 @@ class _AnswerFile:
         except OSError as error:
             _LOG.warning("An interrupted build could not go on later: %s.", error.strerror)
             self.close()
+
+
+def _parts(seen: Observation) -> Iterator[NDArray[Any] | int]:
+    yield seen.step
+    yield seen.odometry
+    yield seen.rgb
+    if seen.depth is not None:
+        yield seen.depth
 
 
 def _arrays(body: bytes) -> list[NDArray[Any]]:

@@ -39,6 +39,7 @@ def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_map_is_built_with_the_weights_of_its_system(drive: Path, tmp_path: Path, system: str) -> None:
     output = tmp_path / "map.rrd"
     BuildVerb(recordings=(drive,), output=output, system=system).run()
+    assert list(tmp_path.iterdir()) == [output]
     meta = load_map(output).meta
     assert meta.fingerprint == weights_fingerprint(system_entry(system).weights)
     assert meta.config["system"] == system

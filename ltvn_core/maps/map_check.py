@@ -264,7 +264,7 @@ def _overlap(drive: MappedDrive, recognised: NDArray[np.bool_] | None) -> Iterat
         yield _cause(
             f"{text}; where a pair is not, the map may fall into pieces.",
             "Look at those images (`ltvn view`). In turns, near bare walls or in the dark, drive slower, record more "
-            "images per second, or {_thin_less(drive)}.",
+            f"images per second, or {_thin_less(drive)}.",
         )
         return
     apart = _far_apart(drive)

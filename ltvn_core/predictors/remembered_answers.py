@@ -6,6 +6,7 @@ the first question that differs on, the file begins anew. Owns the file.
 
 import io
 import logging
+import pickle
 import struct
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -93,12 +94,14 @@ class _AnswerFile:
         """Return the stored answer if the file goes on with this question; else compute and store it."""
         asked = zlib.crc32(kind.encode())
         for part in question:
-            asked = zlib.crc32(np.ascontiguousarray(part).data, zlib.crc32(repr(part.shape).encode(), asked))
-        if self._is_known and (known := self._next(asked)) is not None:
+            asked = _checksum(part, asked)
+        known = self._next(asked) if self._is_known else None
+        if known:
             self.reused += 1
             return known
         answer = list(compute())
-        self._append(asked, answer)
+        if known is None:
+            self._append(asked, answer)
         return answer
 
     def close(self) -> None:
@@ -107,7 +110,8 @@ class _AnswerFile:
             self._file = None
 
     def _next(self, asked: int) -> list[NDArray[Any]] | None:
-        """Return the next stored answer if it is for this question; else forget it and all that follow."""
+        """Return the next stored answer, which may be empty, if it is for this question; else forget it and all that
+        follow."""
         assert self._file is not None
         start = self._file.tell()
         header = self._file.read(_HEADER.size)
@@ -126,7 +130,8 @@ class _AnswerFile:
         if self._file is None:
             return
         body = io.BytesIO()
-        for part in answer:
+        # Features of other types than numbers are not stored, because reading them could run code; they are made anew.
+        for part in answer if not any(part.dtype.hasobject for part in answer) else ():
             np.lib.format.write_array(body, np.asarray(part), allow_pickle=False)
         data = body.getvalue()
         try:
@@ -135,6 +140,11 @@ class _AnswerFile:
         except OSError as error:
             _LOG.warning("An interrupted build could not go on later: %s.", error.strerror)
             self.close()
+
+
+def _checksum(part: NDArray[Any], start: int) -> int:
+    start = zlib.crc32(repr((part.shape, part.dtype)).encode(), start)
+    return zlib.crc32(pickle.dumps(part) if part.dtype.hasobject else np.ascontiguousarray(part).data, start)
 
 
 def _parts(seen: Observation) -> Iterator[NDArray[Any] | int]:

@@ -65,7 +65,8 @@ class _SetbackTracker:
         self._edge: EdgeKey | None = None
 
     def take(self, index: int, event: Event) -> None:
-        description = describe_event(event)
+        if isinstance(event, GraphChanged):
+            return  # A change of the map is only the consequence of a setback.
         if isinstance(event, Localised):
             self._node = self._node if event.node is None else event.node
             self._edge = None
@@ -73,7 +74,8 @@ class _SetbackTracker:
             self._edge = None if event.source is None else (event.source, event.target)
         elif isinstance(event, Planned) and event.nodes:
             self._nearer(event.cost)
-        if not _is_setback(event, description.severity):
+        description = describe_event(event)
+        if description.severity is Severity.INFO:
             return
         setback = Setback(event=index, text=description.sentence, edge=self._edge, node=self._node)
         if isinstance(event, Collided):
@@ -108,11 +110,6 @@ def _tracked(timeline: Timeline, query: QueryRecord) -> _SetbackTracker:
     for index in range(query.first, query.last + 1):
         watch.take(index, timeline.events[index].event)
     return watch
-
-
-def _is_setback(event: Event, severity: Severity) -> bool:
-    """Tell whether an event is a setback; a change of the map is only the consequence of one."""
-    return severity is not Severity.INFO and not isinstance(event, GraphChanged)
 
 
 class FailureMode(StrEnum):

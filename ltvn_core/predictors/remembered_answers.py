@@ -28,14 +28,10 @@ class RememberedPredictor:
     """Answers as `predictor` does, and from the file where it holds the answer. Implements `types.Predictor`."""
 
     def __init__(self, predictor: Predictor, path: Path) -> None:
-        """Keep the answers in the file `path`, which an interrupted build may have left. Raises OSError."""
+        """Keep the answers in the file `path`, which an interrupted build may have left; keep none if it cannot be
+        opened."""
         self._predictor = predictor
         self._answers = _AnswerFile(path)
-
-    @property
-    def reused(self) -> int:
-        """Number of answers that came from the file."""
-        return self._answers.reused
 
     @property
     def fingerprint(self) -> str:
@@ -82,11 +78,16 @@ class _AnswerFile:
     """Answers in the order of their questions: first those of an earlier build, then new ones."""
 
     def __init__(self, path: Path) -> None:
-        self.reused = 0
-        path.touch(mode=0o600)
-        self._size_bytes = path.stat().st_size
-        self._file: io.BufferedRandom | None = path.open("r+b")
-        self._is_known = True
+        self._file: io.BufferedRandom | None = None
+        self._is_known = False
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.touch(mode=0o600)
+            self._size_bytes = path.stat().st_size
+            self._file = path.open("r+b")
+            self._is_known = True
+        except OSError as error:
+            _warn(error)
 
     def answer(
         self, kind: str, question: Iterable[NDArray[Any]], compute: Callable[[], Iterable[NDArray[Any]]]
@@ -97,7 +98,6 @@ class _AnswerFile:
             asked = _checksum(part, asked)
         known = self._next(asked) if self._is_known else None
         if known:
-            self.reused += 1
             return known
         answer = list(compute())
         if known is None:
@@ -138,8 +138,12 @@ class _AnswerFile:
             self._file.write(_HEADER.pack(asked, zlib.crc32(data), len(data)) + data)
             self._file.flush()
         except OSError as error:
-            _LOG.warning("An interrupted build could not go on later: %s.", error.strerror)
+            _warn(error)
             self.close()
+
+
+def _warn(error: OSError) -> None:
+    _LOG.warning("If this build is interrupted, it will have to begin anew: %s.", error.strerror)
 
 
 def _checksum(part: NDArray[Any], start: int) -> int:

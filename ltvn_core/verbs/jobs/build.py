@@ -75,7 +75,7 @@ def build_map(options: BuildVerb) -> Summary:
 
         built, choice, observations = build_recorded_map(options.recordings, wanted, show, answers=answers)
     save_recorded_map(built, options.output, wanted)
-    answers.unlink()
+    answers.unlink(missing_ok=True)
     graph = built.graph
     assert built.coverage is not None
     return BuildSummary(

@@ -68,3 +68,14 @@ def test_a_finished_build_asks_nothing_again(tmp_path: Path) -> None:
     answers = tmp_path / "map.rrd.unfinished"
     whole, _ = built(answers)
     assert built(answers) == (whole, 0)
+
+
+def test_a_build_whose_answers_cannot_be_kept_goes_on_without_them(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    assert built(tmp_path / "file" / "map.rrd.unfinished") == built(None)
+
+
+def test_a_folder_that_is_not_there_is_made(tmp_path: Path) -> None:
+    answers = tmp_path / "new" / "folder" / "map.rrd.unfinished"
+    assert built(answers) == built(None)
+    assert answers.exists()

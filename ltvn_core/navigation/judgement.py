@@ -4,52 +4,36 @@ The network that created a false edge also accepts the end of it. The robust met
 evidence: the place belief, which uses all images on the way. Owns the rules.
 """
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 from ltvn_core.config import JudgingConfig, Method
 from ltvn_core.geometry import distance
-from ltvn_core.graph.place_belief import LIKELY, BelievedPlace
+from ltvn_core.graph.place_belief import LIKELY
 from ltvn_core.navigation.events import Note, Severity
 from ltvn_core.navigation.motion import EventGenerator
-from ltvn_core.navigation.perception import Perception
-from ltvn_core.types import NodeId, Waypoint
+from ltvn_core.navigation.query import Query
+from ltvn_core.types import Waypoint
 
 _SUCCESS_DISTANCE, _SUCCESS_REACHABILITY = "judging.success_distance", "judging.success_reachability"
 _BY_PLACE = "localising.follow_places"
+_AT_TARGET_DISTANCE = 0.3
+"""Distance d below which the robot is at the target."""
 
 
-class GoalCheck:
-    """Checks whether the robot is at the goal of a query."""
-
-    def __init__(
-        self,
-        method: Method,
-        perception: Perception,
-        goal: NodeId,
-        place: Callable[[], BelievedPlace | None],
-    ) -> None:
-        """Check for `goal`; `place` returns the robot's most probable place."""
-        self._method = method
-        self._perception = perception
-        self._goal = goal
-        self._place = place
-
-    def check(self) -> EventGenerator[bool]:
-        """Tell whether the robot is at the goal: its image and its neighbours in time match, and the place belief
-        allows it."""
-        seen = self._perception.node_match(self._goal)
-        if not is_at_goal(seen.reachability, seen.waypoint, self._method.judging):
-            return False
-        supported = self._perception.with_node_support(self._goal)
-        if supported.reachability <= self._method.localising.reachability:
-            return False
-        place = self._place()
-        if place is None or not place.rules_out(self._goal, seen.waypoint, LIKELY):
-            return True
-        text = "The place looked like the goal, but the images of the whole query say that the goal is elsewhere."
-        yield Note(text, Severity.WARN, rule=_BY_PLACE)
+def check_goal(query: Query) -> EventGenerator[bool]:
+    """Tell whether the robot is at the goal: its image and its neighbours in time match, and the place belief allows
+    it."""
+    seen = query.perception.node_match(query.goal)
+    if not is_at_goal(seen.reachability, seen.waypoint, query.method.judging):
         return False
+    if not query.is_recognised(query.perception.with_node_support(query.goal).reachability):
+        return False
+    place = query.place()
+    if place is None or not place.rules_out(query.goal, seen.waypoint, LIKELY):
+        return True
+    text = "The place looked like the goal, but the images of the whole query say that the goal is elsewhere."
+    yield Note(text, Severity.WARN, rule=_BY_PLACE)
+    return False
 
 
 class AttemptVerdict(NamedTuple):
@@ -100,9 +84,5 @@ def judge_attempt(
 
 
 def is_at_goal(reachability: float, waypoint: Waypoint, config: JudgingConfig) -> bool:
-    """Tell whether the goal at `waypoint` (3,) is reached."""
+    """Tell whether the goal at `waypoint` (3,) is reached, by the current image alone."""
     return bool(reachability > config.arrive_reachability and distance(waypoint) < config.arrive_distance)
-
-
-_AT_TARGET_DISTANCE = 0.3
-"""Distance d below which the robot is at the target."""

@@ -22,6 +22,7 @@ from ltvn_core.navigation.context import NavigationContext
 from ltvn_core.navigation.events import Event, NavigatorState, QueryEnded, QueryStarted, StateChanged, Tick
 from ltvn_core.navigation.motion import MotionExecutor, QueryAborted
 from ltvn_core.navigation.perception import Perception
+from ltvn_core.navigation.query import Query
 from ltvn_core.navigation.query_runner import QueryRunner
 from ltvn_core.robots.robot import Robot
 from ltvn_core.types import NodeId, Observation, Predictor
@@ -91,7 +92,7 @@ class Navigator:
         try:
             yield QueryStarted(query, goal)
             try:
-                outcome = yield from QueryRunner(self._context, motion, perception, goal, query).run()
+                outcome = yield from QueryRunner(Query(self._context, motion, perception, goal, query)).run()
             except QueryAborted as over:
                 outcome = over.outcome
             motion.stop()

@@ -26,12 +26,9 @@ from ltvn_core.graph.presence.obstruction import (
     ways_nearby,
 )
 from ltvn_core.graph.presence.presence_observations import is_open
-from ltvn_core.graph.topological_graph import EdgeKey
-from ltvn_core.navigation.attempt_driver import AttemptDriver
-from ltvn_core.navigation.context import NavigationContext
-from ltvn_core.navigation.motion import MotionExecutor
-from ltvn_core.navigation.perception import Perception
-from ltvn_core.types import Depth, NodeId, Pose, Waypoint
+from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
+from ltvn_core.navigation.query import Departure, Query
+from ltvn_core.types import Depth, NodeId, Pose
 
 _BEARING_STEP_RAD = math.radians(2.2)
 """Width of one direction, in radians; wider than two pixels, so that every direction contains some pixels."""
@@ -111,119 +108,108 @@ _CELLS = 1 << 32
 """Stride of a row of cells, larger than any row."""
 
 
-class ObstructionFinder:
-    """Compares the surroundings with the images of the map."""
+def departure(query: Query, localisation: Localisation) -> Departure | None:
+    """Return the place from where an attempt begins; None if it is not certain enough, or if the system does not use
+    observations of presence."""
+    if localisation.node is None or not query.context.system.follows_presence:
+        return None
+    if not query.is_recognised(localisation.reachability):
+        return None
+    unsure = localisation.reachability < _SURE_REACHABILITY
+    share = _KNOWN_SHARE_IF_UNSURE if unsure else _KNOWN_SHARE
+    return Departure(localisation.node, localisation.waypoint, query.motion.odometry, share)
 
-    def __init__(
-        self, context: NavigationContext, motion: MotionExecutor, perception: Perception, driver: AttemptDriver
-    ) -> None:
-        """Use the images of `perception`; `driver` remembers obstacles seen on the way."""
-        self._context = context
-        self._motion = motion
-        self._perception = perception
-        self._driver = driver
-        self._departure: tuple[Waypoint, Pose] | None = None
-        self._node: NodeId | None = None
-        self._needed_share = _KNOWN_SHARE
 
-    def depart(self, localisation: Localisation) -> None:
-        """Remember the place of departure, if it is certain enough and the system uses observations of presence."""
-        unsure = localisation.reachability < _SURE_REACHABILITY
-        self._needed_share = _KNOWN_SHARE_IF_UNSURE if unsure else _KNOWN_SHARE
-        believed = localisation.reachability > self._context.method.localising.reachability
-        is_of_use = believed and self._context.system.follows_presence
-        self._node = localisation.node
-        self._departure = (localisation.waypoint, self._motion.odometry) if is_of_use else None
+def open_ways(query: Query) -> list[EdgeKey]:
+    """Return the edges that were last seen closed, but whose paths are now seen to be free."""
+    if query.departure is None:
+        return []
+    graph = query.context.graph
+    closed = {key for key in graph.presence if not is_open(graph, key)}
+    if not closed:
+        return []
+    back = invert(_here(query, query.departure))
+    view = FreeView(query.perception.observation.depth, query.context.spec.camera)
+    ways = {key: way for key, way in ways_nearby(graph, query.departure.node).items() if key in closed}
+    return [key for key, way in ways.items() if view.shows_free(transform_points(way, back))]
 
-    def open_ways(self) -> list[EdgeKey]:
-        """Return the edges that were last seen closed, but whose paths are now seen to be free."""
-        if self._departure is None or self._node is None:
-            return []
-        graph = self._context.graph
-        node = self._node
-        closed = {key for key in graph.presence if not is_open(graph, key)}
-        if not closed:
-            return []
-        back = invert(self._here())
-        view = FreeView(self._perception.observation.depth, self._context.spec.camera)
-        ways = {key: way for key, way in ways_nearby(graph, node).items() if key in closed}
-        return [key for key, way in ways.items() if view.shows_free(transform_points(way, back))]
 
-    def look(self, segment: Sequence[NodeId]) -> Obstruction | None:
-        """Return the result of `find` if anything lies across the path of a nearby edge, which is cheap to check."""
-        if self._departure is None or len(segment) < 2:
-            return None
-        solid = self._solid_points(self._here())
-        anything = Obstruction(node=segment[0], points=solid, known=solid[:0], stopped=False)
-        return self.find(segment) if edges_obstructed(self._context.graph, anything) else None
+def obstruction_ahead(query: Query, segment: Sequence[NodeId]) -> Obstruction | None:
+    """Return the new obstacles if anything lies across the path of a nearby edge, which is cheap to check."""
+    if query.departure is None or len(segment) < 2:
+        return None
+    solid = _solid_points(query, _here(query, query.departure))
+    anything = Obstruction(node=segment[0], points=solid, known=solid[:0], stopped=False)
+    return find_obstruction(query, segment) if edges_obstructed(query.context.graph, anything) else None
 
-    def find(self, segment: Sequence[NodeId], *, blocked: bool = False, again: bool = False) -> Obstruction | None:
-        """Return the new obstacles around the robot on its path along nodes; None without any.
 
-        Nothing is reported while the robot's place is uncertain. `blocked` means that an obstacle stopped the robot.
-        `again` means that one stopped it on this edge before; the obstacle then counts as being in the way, even if no
-        image shows it there.
-        """
-        if self._departure is None or len(segment) < 2:
-            return None
-        here = self._here()
-        solid = self._solid_points(here)
-        is_new = self._is_new(solid, segment[0], here)
-        new = solid[is_new]
-        if len(new) > (1 - self._needed_share) * len(solid):
-            return None
-        if blocked:
-            new = np.concatenate([new, self._hit_unseen(segment[0], here)])
-        stopped = blocked and (again or self._is_on_way(new, segment))
-        if not stopped and len(new) < _LEAST_POINTS:
-            return None
-        return Obstruction(node=segment[0], points=new, known=solid[~is_new], stopped=stopped)
+def find_obstruction(
+    query: Query, segment: Sequence[NodeId], *, blocked: bool = False, again: bool = False
+) -> Obstruction | None:
+    """Return the new obstacles around the robot on its path along nodes; None without any.
 
-    def _here(self) -> Pose:
-        """Return the robot's pose (3,) in the frame of the node that it departed from."""
-        assert self._departure is not None
-        node_seen, odometry = self._departure
-        return compose(invert(node_seen), relative(odometry, self._motion.odometry))
+    Nothing is reported while the robot's place is uncertain. `blocked` means that an obstacle stopped the robot.
+    `again` means that one stopped it on this edge before; the obstacle then counts as being in the way, even if no
+    image shows it there.
+    """
+    if query.departure is None or len(segment) < 2:
+        return None
+    here = _here(query, query.departure)
+    solid = _solid_points(query, here)
+    is_new = _is_new(query, solid, segment[0], here)
+    new = solid[is_new]
+    if len(new) > (1 - query.departure.needed_share) * len(solid):
+        return None
+    if blocked:
+        new = np.concatenate([new, _hit_unseen(query, segment[0], here)])
+    stopped = blocked and (again or _is_on_way(query.context.graph, new, segment))
+    if not stopped and len(new) < _LEAST_POINTS:
+        return None
+    return Obstruction(node=segment[0], points=new, known=solid[~is_new], stopped=stopped)
 
-    def _solid_points(self, here: Pose) -> NDArray[np.float64]:
-        """Return (M, 2) solid points that a robot at a pose (3,) sees now or saw nearby recently, thinned out."""
-        seen = obstacle_points(self._perception.observation.depth, self._context.spec.camera, _RANGE_M)
-        return _thinned(transform_points(np.concatenate([seen, self._driver.solid_points()]), here))
 
-    def _hit_unseen(self, node: NodeId, here: Pose) -> NDArray[np.float64]:
-        """Return (M, 2) points of a collision with an obstacle that no image showed, in the frame of a node.
+def _here(query: Query, left: Departure) -> Pose:
+    """Return the robot's pose (3,) in the frame of the node that it departed from."""
+    return compose(invert(left.waypoint), relative(left.odometry, query.motion.odometry))
 
-        This happens when the robot backs up. Collisions with known obstacles, or beside them, are left out.
-        """
-        hit = transform_points(self._driver.hit_points(), here)
-        return hit if self._is_new(hit, node, here).all() else hit[:0]
 
-    def _is_new(self, points: NDArray[np.float64], node: NodeId, here: Pose) -> NDArray[np.bool_]:
-        """Return which points (M,), in the frame of a node, are far from all points in the images of the map."""
-        poses = nearby_poses(self._context.graph, node)
-        nearest = sorted(poses, key=lambda other: float(np.hypot(*(poses[other] - here)[:2])))[:_NODES]
-        return _is_new_to(points, self._images_of([(other, poses[other]) for other in nearest]))
+def _solid_points(query: Query, here: Pose) -> NDArray[np.float64]:
+    """Return (M, 2) solid points that a robot at a pose (3,) sees now or saw nearby recently, thinned out."""
+    seen = obstacle_points(query.perception.observation.depth, query.context.spec.camera, _RANGE_M)
+    return _thinned(transform_points(np.concatenate([seen, query.driver.solid_points()]), here))
 
-    def _images_of(self, nodes: Sequence[tuple[NodeId, Pose]]) -> NDArray[np.float64]:
-        """Return (M, 2) points in the images around nodes, each node at a pose (3,)."""
-        camera = self._context.spec.camera
-        return np.concatenate(
-            [
-                transform_points(map_points(image, camera, 2 * _RANGE_M), compose(place, pose))
-                for node, place in nodes
-                for image, pose in self._perception.observations_around(node, _IMAGES_AROUND)
-            ]
-        )
 
-    def _is_on_way(self, points: NDArray[np.float64], segment: Sequence[NodeId]) -> bool:
-        """Tell whether points in the frame of the first node lie in the path of the robot's body."""
-        start = np.zeros(3)
-        for edge in itertools.pairwise(segment):
-            end = compose(start, np.array(self._context.graph.edges[edge].waypoint))
-            if (distances_to_way(points, start[:2], end[:2]) <= BODY_M).sum() >= _LEAST_ON_WAY:
-                return True
-            start = end
-        return False
+def _hit_unseen(query: Query, node: NodeId, here: Pose) -> NDArray[np.float64]:
+    """Return (M, 2) points of a collision with an obstacle that no image showed, in the frame of a node.
+
+    This happens when the robot backs up. Collisions with known obstacles, or beside them, are left out.
+    """
+    hit = transform_points(query.driver.hit_points(), here)
+    return hit if _is_new(query, hit, node, here).all() else hit[:0]
+
+
+def _is_new(query: Query, points: NDArray[np.float64], node: NodeId, here: Pose) -> NDArray[np.bool_]:
+    """Return which points (M,), in the frame of a node, are far from all points in the images of the map."""
+    poses = nearby_poses(query.context.graph, node)
+    nearest = sorted(poses, key=lambda other: float(np.hypot(*(poses[other] - here)[:2])))[:_NODES]
+    camera = query.context.spec.camera
+    mapped = [
+        transform_points(map_points(image, camera, 2 * _RANGE_M), compose(poses[other], pose))
+        for other in nearest
+        for image, pose in query.perception.observations_around(other, _IMAGES_AROUND)
+    ]
+    return _is_new_to(points, np.concatenate(mapped))
+
+
+def _is_on_way(graph: TopologicalGraph, points: NDArray[np.float64], segment: Sequence[NodeId]) -> bool:
+    """Tell whether points in the frame of the first node lie in the path of the robot's body."""
+    start = np.zeros(3)
+    for edge in itertools.pairwise(segment):
+        end = compose(start, np.array(graph.edges[edge].waypoint))
+        if (distances_to_way(points, start[:2], end[:2]) <= BODY_M).sum() >= _LEAST_ON_WAY:
+            return True
+        start = end
+    return False
 
 
 def _is_new_to(points: NDArray[np.float64], mapped: NDArray[np.float64]) -> NDArray[np.bool_]:

@@ -12,11 +12,10 @@ import numpy as np
 from ltvn_core.geometry import compose, relative
 from ltvn_core.graph.localiser import LOCAL, Localisation, LocalisationPrior
 from ltvn_core.graph.operators import pose_row
-from ltvn_core.graph.place_belief import LIKELY, SURE, BelievedPlace, is_where_expected
+from ltvn_core.graph.place_belief import LIKELY, SURE, is_where_expected
 from ltvn_core.graph.planner import GraphPath
-from ltvn_core.navigation.action_runner import ActionRunner
-from ltvn_core.navigation.attempt_driver import AttemptDriver, AttemptResult
-from ltvn_core.navigation.context import NavigationContext
+from ltvn_core.navigation.action_runner import run_action
+from ltvn_core.navigation.attempt_driver import AttemptResult
 from ltvn_core.navigation.events import (
     OBSTRUCTED_ENDS,
     AttemptEnd,
@@ -29,15 +28,15 @@ from ltvn_core.navigation.events import (
     Planned,
     StateChanged,
 )
-from ltvn_core.navigation.judgement import AttemptVerdict, GoalCheck, judge_attempt
-from ltvn_core.navigation.map_learner import MapLearner
-from ltvn_core.navigation.motion import EventGenerator, MotionExecutor, QueryAborted
-from ltvn_core.navigation.perception import NodeMatch, Perception
-from ltvn_core.navigation.place_tracker import PlaceTracker
-from ltvn_core.navigation.query_memory import QueryMemory
-from ltvn_core.navigation.recovery import Recovery
+from ltvn_core.navigation.judgement import AttemptVerdict, check_goal, judge_attempt
+from ltvn_core.navigation.map_learner import learn_from_attempt, look_for_obstacles
+from ltvn_core.navigation.motion import EventGenerator, QueryAborted
+from ltvn_core.navigation.obstruction_finder import departure
+from ltvn_core.navigation.perception import NodeMatch
+from ltvn_core.navigation.query import Query
+from ltvn_core.navigation.recovery import recover, turn, turn_to_see
 from ltvn_core.navigation.view_learner import ViewLearner
-from ltvn_core.navigation.way_planner import WayPlanner
+from ltvn_core.navigation.way_planner import plan_way, way_exists
 from ltvn_core.types import NodeId, Waypoint
 
 _AT_NODE_DISTANCE = 0.3
@@ -49,50 +48,28 @@ _AT_TARGET_M = 0.35
 
 
 class QueryRunner:
-    """Drives the robot to one goal node."""
+    """Drives the robot to the goal of a query."""
 
-    def __init__(
-        self, context: NavigationContext, motion: MotionExecutor, perception: Perception, goal: NodeId, query: int
-    ) -> None:
-        """Start a query to `goal` with an empty memory."""
-        self._context = context
-        self._method = context.method
-        self._motion = motion
-        self._perception = perception
-        self._goal = goal
+    def __init__(self, query: Query) -> None:
+        """Start with a robot that knows nothing about its place."""
         self._query = query
-        self._memory = QueryMemory(context.method.planning, context.method.localising)
-        self._way_planner = WayPlanner(context, self._memory, goal)
-        self._actions = ActionRunner(context, motion, perception, query)
+        self._memory = query.memory
+        self._perception = query.perception
+        self._motion = query.motion
+        self._context = query.context
+        self._views = ViewLearner(query)
         self._reached: NodeId | None = None
         self._state = NavigatorState.IDLE
-        self._know_nothing_by_odometry()
-
-    def _know_nothing_by_odometry(self) -> None:
-        """Replace the parts that follow the robot by odometry by new ones, which know nothing yet."""
-        context = self._context
-        motion = self._motion
-        perception = self._perception
-        query = self._query
-        goal = self._goal
-        self._attempt_driver = AttemptDriver(
-            motion, perception, context.method.driving, context.spec, bystanders=context.bystanders
-        )
-        self._view_learner = ViewLearner(context, motion, perception, query)
-        self._places = PlaceTracker(context.graph, context.matcher, context.system)
-        self._goal_check = GoalCheck(context.method, perception, goal, self._place)
-        self._map_learner = MapLearner(context, motion, perception, self._attempt_driver, self._memory, query, goal)
-        self._recovery = Recovery(context, motion, perception, self._attempt_driver, self._memory, query)
 
     def run(self) -> EventGenerator[Outcome]:
         """Localise, plan, drive, judge, update, until the goal is reached or the query is given up."""
         while True:
-            if (yield from self._perception.can_compare()) and (yield from self._goal_check.check()):
-                yield from self._view_learner.arrive(self._goal)
+            if (yield from self._perception.can_compare()) and (yield from check_goal(self._query)):
+                yield from self._views.arrive(self._query.goal)
                 return Outcome.ARRIVED
             if not self._perception.is_usable:
                 yield from self._enter(NavigatorState.RECOVERING)
-                yield from self._recovery.turn_to_see()
+                yield from turn_to_see(self._query)
                 continue
             localisation = yield from self._localise()
             if localisation.node is None:
@@ -115,16 +92,15 @@ class QueryRunner:
         assumed = self._memory.take_assumed_node()
         if assumed is not None and assumed in self._context.graph.nodes:
             localisation = self._localisation_at(assumed)
-            yield from self._view_learner.learn(localisation)
         else:
             context = self._context
             features = self._perception.features
-            prior = LocalisationPrior(self._memory.plan, self._memory.doubted, self._place())
+            prior = LocalisationPrior(self._memory.plan, self._memory.doubted, self._query.place())
             localisation = context.system.localise(features, context.graph, prior, context.matcher)
-            yield from self._view_learner.learn(localisation)
+        yield from self._views.learn(localisation)
         frame = self._perception.observation.step
         yield Localised(
-            query=self._query,
+            query=self._query.number,
             frame=frame,
             node=localisation.node,
             distance=localisation.distance,
@@ -139,7 +115,7 @@ class QueryRunner:
     def _localisation_at(self, node: NodeId) -> Localisation:
         """Return a localisation at a given node, with its waypoint from the place belief, or else from the image."""
         match = self._perception.node_match(node)
-        known = self._known_waypoint(node, LIKELY)
+        known = self._query.known_waypoint(node, LIKELY)
         match = match if known is None else match.with_waypoint(known)
         return Localisation(node, match.distance, match.reachability, match.waypoint, None, np.inf, LOCAL)
 
@@ -147,14 +123,15 @@ class QueryRunner:
         """Find the cheapest path; if there is none, let the system extend the map."""
         yield from self._enter(NavigatorState.PLANNING)
         context = self._context
-        stamp = self._perception.observation.stamp
-        path = self._way_planner.plan(start, stamp)
-        if not path.nodes and not self._way_planner.exists(start) and self._memory.should_expand_from(start):
-            deltas = context.system.maintenance.no_path(context.graph, start, self._goal, context.matcher, context.rng)
-            yield from context.apply_deltas(deltas, self._query)
-            path = self._way_planner.plan(start, stamp)
+        query = self._query
+        path = plan_way(query, start)
+        if not path.nodes and not way_exists(query, start) and self._memory.should_expand_from(start):
+            yield from query.apply(
+                context.system.maintenance.no_path(context.graph, start, query.goal, context.matcher, context.rng)
+            )
+            path = plan_way(query, start)
         self._memory.plan = path.nodes
-        yield Planned(self._query, path.nodes, path.cost)
+        yield Planned(query.number, path.nodes, path.cost)
         return path
 
     def _until_action(self, path: GraphPath) -> GraphPath:
@@ -168,7 +145,7 @@ class QueryRunner:
     def _stands_at_node(self, localisation: Localisation) -> bool:
         """Tell whether the robot is close enough to its node to need no approach."""
         node = localisation.node
-        known = None if node is None else self._known_waypoint(node, SURE)
+        known = None if node is None else self._query.known_waypoint(node, SURE)
         is_there = known is not None and np.hypot(known[0], known[1]) < _AT_TARGET_M
         return is_there or localisation.distance <= _AT_NODE_DISTANCE or self._reached == node
 
@@ -177,14 +154,15 @@ class QueryRunner:
         yield from self._enter(NavigatorState.ACTING)
         edge = (source, target)
         self._reached = None
-        succeeded = yield from self._actions.run(edge)
+        succeeded = yield from run_action(self._query, edge)
         if not succeeded or self._memory.count_drive(edge):
             self._memory.close(edge)
         if succeeded:
             self._memory.arrive_elsewhere(target)
             self._perception.trail.clear()
-            self._know_nothing_by_odometry()
-            self._places.begin_at(target, self._perception.trail, self._motion.odometry)
+            self._query.forget_odometry()
+            self._views = ViewLearner(self._query)
+            self._query.places.begin_at(target, self._perception.trail, self._motion.odometry)
 
     def _follow(self, localisation: Localisation, path: GraphPath) -> EventGenerator[bool]:
         """Drive to the subgoal; tell whether the robot already is at the goal, so that nothing is left to drive."""
@@ -195,8 +173,8 @@ class QueryRunner:
             node_match = self._perception.node_match(segment[0])
         source, target = _ends(segment)
         self._memory.approached = target if source is None else None
-        self._map_learner.depart(localisation)
-        if (yield from self._map_learner.look(path)):
+        self._query.departure = departure(self._query, localisation)
+        if (yield from look_for_obstacles(self._query, path)):
             yield from self._motion.wait_one_step()
             return False
         result = yield from self._drive(segment, node_match)
@@ -206,11 +184,11 @@ class QueryRunner:
         yield from self._motion.wait_one_step()
         if result.end is AttemptEnd.BLOCKED:
             # The same attempt would be blocked again, so the robot turns to look for another way.
-            yield from self._recovery.turn()
+            yield from turn(self._query)
             return False
         # An attempt without a step would be repeated without end, so the robot counts as arrived.
         self._memory.assumed_node = target
-        return source is None and target == self._goal
+        return source is None and target == self._query.goal
 
     def _subgoal_segment(self, path: GraphPath) -> tuple[NodeId, ...]:
         """Return the path up to the subgoal; only the goal if the robot is already there."""
@@ -224,10 +202,10 @@ class QueryRunner:
         at."""
         source, target = _ends(segment)
         node_match = self._perception.node_match(target)
-        driving = self._method.driving
-        if source is None and self._is_recognised(node_match):
+        driving = self._query.method.driving
+        if source is None and self._query.is_recognised(node_match.reachability):
             return node_match
-        known = self._known_waypoint(target, LIKELY)
+        known = self._query.known_waypoint(target, LIKELY)
         looks_reachable = node_match.reachability >= driving.departure_reachability
         if known is not None and not (looks_reachable and is_where_expected(known, node_match.waypoint)):
             return node_match.with_waypoint(known)
@@ -253,13 +231,13 @@ class QueryRunner:
         attempt = next(self._context.attempt_numbers)
         frame = self._perception.observation.step
         yield AttemptStarted(
-            self._query, attempt, source, target, frame, pose_row(node_match.waypoint), node_match.reachability
+            self._query.number, attempt, source, target, frame, pose_row(node_match.waypoint), node_match.reachability
         )
         try:
             is_known = self._is_by_odometry(segment) or (
-                source is not None and self._known_waypoint(target, LIKELY) is not None
+                source is not None and self._query.known_waypoint(target, LIKELY) is not None
             )
-            result = yield from self._attempt_driver.drive(target, node_match.waypoint, is_known=is_known)
+            result = yield from self._query.driver.drive(target, node_match.waypoint, is_known=is_known)
         except QueryAborted as over:
             end = AttemptEnd.CANCELLED if over.outcome is Outcome.CANCELLED else AttemptEnd.TIMEOUT
             yield self._ended(attempt, source, target, end, AttemptVerdict(False, f"cut short: {over.outcome.value}"))
@@ -271,7 +249,7 @@ class QueryRunner:
         if verdict.succeeded and not result.steps and self._context.system.follows_presence:
             return result  # A robot that did not move has learned nothing about open edges.
         if source is not None and usable:
-            yield from self._map_learner.learn(attempt, segment, node_match, verdict, result)
+            yield from learn_from_attempt(self._query, attempt, segment, node_match, verdict, result)
         elif source is not None:
             self._memory.record_failures(segment)  # So that it is not driven without end; the map stays as it is.
         elif self._context.system.follows_presence and result.end in OBSTRUCTED_ENDS:
@@ -290,35 +268,24 @@ class QueryRunner:
             return AttemptVerdict(False, "the last image has no depth, so it cannot be judged", hindered=True)
         seen = self._perception.node_match(target)
         left = relative(self._motion.odometry, result.goal)
-        place = self._place()
+        place = self._query.place()
         verdict = judge_attempt(
             seen.reachability,
             seen.distance,
             left,
-            self._method,
+            self._query.method,
             fits_place=place is None or not place.rules_out(target, seen.waypoint, SURE),
             hindered=result.end in _INCONCLUSIVE_ENDS,
             driven_too_often=driven_too_often,
         )
         is_unsure = not verdict.succeeded and result.end is AttemptEnd.REACHED and not driven_too_often
-        known = self._known_waypoint(target, SURE) if is_unsure and source is not None else None
+        known = self._query.known_waypoint(target, SURE) if is_unsure and source is not None else None
         if known is not None and np.hypot(known[0], known[1]) < _AT_TARGET_M:
-            if not self._is_recognised(seen):
+            if not self._query.is_recognised(seen.reachability):
                 self._memory.assumed_node = target  # The image does not show the target, only the belief does.
             why = "the images of the whole query say that the robot is there"
             return AttemptVerdict(True, why, rule="localising.follow_places")
         return verdict
-
-    def _is_recognised(self, seen: NodeMatch) -> bool:
-        return seen.reachability > self._method.localising.reachability
-
-    def _place(self) -> BelievedPlace | None:
-        return self._places.place(self._perception.trail, self._motion.odometry, self._memory.doubted)
-
-    def _known_waypoint(self, node: NodeId, probability: float) -> Waypoint | None:
-        """Return the waypoint (3,) of a node from here, if the place belief is certain enough."""
-        place = self._place()
-        return None if place is None or place.probability <= probability else place.nodes.get(node)
 
     def _ended(
         self, attempt: int, source: NodeId | None, target: NodeId, end: AttemptEnd, verdict: AttemptVerdict
@@ -326,7 +293,7 @@ class QueryRunner:
         seen = self._perception.node_match(target)
         frame = self._perception.observation.step
         return AttemptEnded(
-            query=self._query,
+            query=self._query.number,
             attempt=attempt,
             source=source,
             target=target,
@@ -341,7 +308,7 @@ class QueryRunner:
 
     def _recover(self, why: Outcome) -> EventGenerator[None]:
         yield from self._enter(NavigatorState.RECOVERING)
-        yield from self._recovery.recover(why)
+        yield from recover(self._query, why)
 
     def _enter(self, state: NavigatorState) -> Iterator[Event]:
         if state is not self._state:

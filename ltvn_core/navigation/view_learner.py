@@ -16,10 +16,8 @@ from ltvn_core.graph.localiser import Localisation
 from ltvn_core.graph.node_views import ViewConfig, view_deltas
 from ltvn_core.graph.operators import pose_row
 from ltvn_core.graph.presence.obstruction import nearby_poses
-from ltvn_core.navigation.context import NavigationContext
 from ltvn_core.navigation.events import Event
-from ltvn_core.navigation.motion import MotionExecutor
-from ltvn_core.navigation.perception import Perception
+from ltvn_core.navigation.query import Query
 from ltvn_core.types import Features, FrameId, NodeId, Observation, Pose, Waypoint
 
 _TRUSTED_M = 4.0
@@ -53,19 +51,13 @@ class _Candidate:
 class ViewLearner:
     """Finds views during one query."""
 
-    def __init__(
-        self,
-        context: NavigationContext,
-        motion: MotionExecutor,
-        perception: Perception,
-        query: int,
-    ) -> None:
+    def __init__(self, query: Query) -> None:
         """Start without candidates."""
-        self._context = context
-        self._config = context.system.views
         self._query = query
-        self._motion = motion
-        self._perception = perception
+        self._context = query.context
+        self._motion = query.motion
+        self._perception = query.perception
+        self._config = query.context.system.views
         self._seen: tuple[NodeId, Waypoint, Pose] | None = None
         """The last node that was surely recognised, its waypoint (3,), and the odometry there (3,)."""
         self._candidates: dict[NodeId, _Candidate] = {}
@@ -77,7 +69,7 @@ class ViewLearner:
         config = self._config
         if config is None:
             return
-        if localisation.node is not None and localisation.reachability > self._context.method.localising.reachability:
+        if localisation.node is not None and self._query.is_recognised(localisation.reachability):
             yield from self._count_use(localisation.node, localisation.view)
             yield from self._prove(localisation.node, localisation.waypoint, config, after_m=_PROOF_M)
             self._seen = localisation.node, localisation.waypoint, self._motion.odometry
@@ -98,8 +90,8 @@ class ViewLearner:
         """Count the use of a view, once per query."""
         if frame is not None and frame not in self._used:
             self._used.add(frame)
-            used = ViewUsed(node, frame, self._now_s, Cause.SIGHT)
-            yield from self._context.apply_deltas([used], self._query)
+            used = ViewUsed(node, frame, self._query.now_s, Cause.SIGHT)
+            yield from self._query.apply([used])
 
     def _prove(self, node: NodeId, waypoint: Waypoint, config: ViewConfig, *, after_m: float) -> Iterator[Event]:
         """Make candidates views if a node is recognised where odometry expects it; otherwise discard all candidates."""
@@ -121,9 +113,9 @@ class ViewLearner:
         if candidate.node not in graph.nodes or frame in graph.frames:
             return
         keyframes.add([candidate.observation], candidate.features)
-        view = NodeView(frame, pose_row(candidate.pose), self._now_s)
+        view = NodeView(frame, pose_row(candidate.pose), self._query.now_s)
         deltas = view_deltas(graph.views, candidate.node, view, config)
-        yield from self._context.apply_deltas(deltas, self._query)
+        yield from self._query.apply(deltas)
         keyframes.drop(delta.frame for delta in deltas if isinstance(delta, ViewDropped))
 
     def _look(self, config: ViewConfig) -> None:
@@ -152,7 +144,3 @@ class ViewLearner:
         here = compose(invert(waypoint), relative(odometry, self._motion.odometry))
         poses = nearby_poses(self._context.graph, node)
         return {other: relative(here, pose) for other, pose in poses.items()}
-
-    @property
-    def _now_s(self) -> float:
-        return self._context.world_time_s(self._motion.stamp)

@@ -1,0 +1,83 @@
+"""One query to a goal: the state that all its parts share, and the questions that most of them ask.
+
+Owns this state, and what of it ends when the robot is carried. The loop itself is in `navigation.query_runner`.
+"""
+
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple
+
+from ltvn_core.config import Method
+from ltvn_core.graph.deltas import GraphDelta
+from ltvn_core.graph.place_belief import BelievedPlace
+from ltvn_core.navigation.attempt_driver import AttemptDriver
+from ltvn_core.navigation.context import NavigationContext
+from ltvn_core.navigation.events import GraphChanged
+from ltvn_core.navigation.motion import MotionExecutor
+from ltvn_core.navigation.perception import Perception
+from ltvn_core.navigation.place_tracker import PlaceTracker
+from ltvn_core.navigation.query_memory import QueryMemory
+from ltvn_core.types import NodeId, Pose, Waypoint
+
+
+class Departure(NamedTuple):
+    """Where an attempt began, from where obstacles can be compared with the map."""
+
+    node: NodeId
+    waypoint: Waypoint
+    """(3,) pose of the node in the robot's frame."""
+    odometry: Pose
+    """(3,) pose of the robot in the odometry frame."""
+    needed_share: float
+    """Least share of the surroundings that the map must know."""
+
+
+class Query:
+    """A query that runs."""
+
+    def __init__(
+        self, context: NavigationContext, motion: MotionExecutor, perception: Perception, goal: NodeId, number: int
+    ) -> None:
+        """Start with an empty memory."""
+        self.context = context
+        self.motion = motion
+        self.perception = perception
+        self.goal = goal
+        self.number = number
+        self.memory = QueryMemory(context.method.planning, context.method.localising)
+        self.forget_odometry()
+
+    def forget_odometry(self) -> None:
+        """Renew what follows the robot by odometry: obstacles, the place belief, and the place of departure."""
+        context = self.context
+        self.driver = AttemptDriver(
+            self.motion, self.perception, context.method.driving, context.spec, bystanders=context.bystanders
+        )
+        self.places = PlaceTracker(context.graph, context.matcher, context.system)
+        self.departure: Departure | None = None
+
+    @property
+    def method(self) -> Method:
+        """The system's thresholds."""
+        return self.context.method
+
+    @property
+    def now_s(self) -> float:
+        """Time of the world at the current observation, in seconds."""
+        return self.context.world_time_s(self.perception.observation.stamp)
+
+    def place(self) -> BelievedPlace | None:
+        """Return the robot's most probable place; None without a place belief."""
+        return self.places.place(self.perception.trail, self.motion.odometry, self.memory.doubted)
+
+    def known_waypoint(self, node: NodeId, probability: float) -> Waypoint | None:
+        """Return the waypoint (3,) of a node from here, if the likeliest place is more probable than `probability`."""
+        place = self.place()
+        return None if place is None or place.probability <= probability else place.nodes.get(node)
+
+    def is_recognised(self, reachability: float) -> bool:
+        """Tell whether a node with this r is recognised."""
+        return reachability > self.method.localising.reachability
+
+    def apply(self, deltas: Iterable[GraphDelta], attempt: int | None = None) -> Iterator[GraphChanged]:
+        """Change the map, and yield an event for each change."""
+        return self.context.apply_deltas(deltas, self.number, attempt)

@@ -53,10 +53,7 @@ class BuildingConfig:
     """Maximum number of edges of a left-over image, the most reachable ones first (ours)."""
     bridges: bool = True
     """Connect images left over after the second pass to merged images, which then become nodes. If there are none,
-    connect them to the next image of the drive by odometry (ours)."""
-    tie_goals: bool = True
-    """Connect goals that are still left over by odometry along the drive; without odometry, connect them to the most
-    reachable node by an edge with a low belief (ours)."""
+    connect them to the next image of the drive by odometry, and goals over several images (ours)."""
     odometry_drift: float = 0.04
     """Drift of odometry in metres per metre driven; an edge that contradicts odometry by more is rejected; 0 = off
     (ours)."""
@@ -269,7 +266,6 @@ PAPER = Method(
         connect_distance=1.5,
         second_pass_reachability=0.0,
         bridges=False,
-        tie_goals=False,
         odometry_drift=0.0,
         close_loops=False,
         floor_edges=False,

@@ -2,7 +2,8 @@
 
 A predictor may recognise an image from a merged image but from no node, because the node is farther away. Where two
 consecutive images show nothing in common, as in front of a bare wall, the robot still drove from one to the other, and
-odometry is accurate over such a short way. Both kinds of bridge are ours. Owns which images are joined; changes no map.
+odometry is accurate over such a short way. A goal is joined over several such images, so that a path leads to it. All
+bridges are ours. Owns which images are joined; changes no map.
 """
 
 from collections.abc import Collection, Container, Iterator, Sequence
@@ -21,6 +22,8 @@ REACH = 30
 """Number of images before and after that are compared first, and that odometry may join."""
 _BESIDE = 4
 """An image joined by odometry must be recognised from one of this many left-over images before or after it."""
+_MOST_HOPS = 12
+"""Largest number of edges, about ten metres of driving, over which odometry is followed to a goal."""
 
 
 class Bridge(NamedTuple):
@@ -90,6 +93,34 @@ class BridgeSearch:
         found = self._loop_closures.connections(frame, found, self._thresholds)
         return Bridge(frame, found.take(np.array([found.reachability.argmax()]))) if len(found) else None
 
+    def to_goal(self, goal: FrameId, placed: Container[FrameId]) -> tuple[Bridge, ...]:
+        """Return the shortest chain of bridges by odometry from a placed image to a goal, in the order to cross them.
+
+        None if odometry breaks off, or if the chain would be too long.
+        """
+        chains = [chain for step in (-1, 1) if (chain := self._chain(goal, placed, step))]
+        return min(chains, key=lambda chain: sum(bridge.matches.distances[0] for bridge in chain), default=())
+
+    def _chain(self, goal: FrameId, placed: Container[FrameId], step: int) -> tuple[Bridge, ...]:
+        """Follow odometry from a goal to the next placed image, backwards or forwards in time, in the longest hops."""
+        bridges = list[Bridge]()
+        here = goal
+        while here not in placed and len(bridges) < _MOST_HOPS:
+            row = self._row[here]
+            beside = self._frames[row + 1 :] if step > 0 else self._frames[:row][::-1]
+            hop = None
+            for other in beside:
+                if (onward := self._by_odometry(here, other)) is None:
+                    break
+                hop = onward
+                if other in placed:
+                    break
+            if hop is None:
+                return ()
+            bridges.append(hop)
+            (here,) = hop.matches.nodes
+        return tuple(reversed(bridges)) if here in placed else ()
+
     def _ways(self, frame: FrameId, placed: Container[FrameId]) -> Iterator[Bridge]:
         """Yield the paths by odometry from a frame to the nearest placed image before it, and to the nearest one after
         it."""
@@ -97,8 +128,13 @@ class BridgeSearch:
         before = self._frames[max(row - REACH, 0) : row][::-1]
         for beside in (before, self._frames[row + 1 : row + 1 + REACH]):
             other = next((other for other in beside if other in placed), None)
-            driven = None if other is None else self._odometry_gate.driven(frame, other)
-            if other is None or driven is None or distance(driven) >= self._thresholds.connect_distance:
-                continue
-            # No image supports the edge, so it gets the lowest p that an edge supported by images can have.
-            yield Bridge(frame, Matches.of_one(other, self._thresholds.connect_reachability, driven), by_odometry=True)
+            if other is not None and (way := self._by_odometry(frame, other)) is not None:
+                yield way
+
+    def _by_odometry(self, frame: FrameId, other: FrameId) -> Bridge | None:
+        """Return the bridge between two images by odometry; None if they are too far apart, or odometry breaks off."""
+        driven = self._odometry_gate.driven(frame, other)
+        if driven is None or distance(driven) >= self._thresholds.connect_distance:
+            return None
+        # No image supports the edge, so it gets the lowest p that an edge supported by images can have.
+        return Bridge(frame, Matches.of_one(other, self._thresholds.connect_reachability, driven), by_odometry=True)

@@ -17,7 +17,6 @@ from ltvn_core.graph.deltas import Cause, EdgeAdded, FramesReserved, GraphDelta,
 from ltvn_core.graph.drive_closures import with_closed_loops
 from ltvn_core.graph.floor_edges import floor_edges
 from ltvn_core.graph.free_floor import FreeFloor
-from ltvn_core.graph.goal_ties import GoalTies
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.loop_closures import LoopClosureVerifier
 from ltvn_core.graph.matching import Matcher, Matches
@@ -71,8 +70,7 @@ def build(
     run = _BuildRun(observations, matcher, odometry_gate, loop_closures, method, goals)
     run.run(rng, lambda done, total: tell(round(closing * total + (1 - closing) * done), total))
     run.keep_largest_pieces()
-    if method.building.tie_goals:
-        run.tie_goals()
+    run.join_goals()
     keyframes.keep_only([*run.nodes, *run.reserve])
     deltas = run.finish()
     if not method.building.floor_edges:
@@ -166,11 +164,12 @@ class _BuildRun:
         self._merged = {frame: found for frame, found in self._merged.items() if frame in kept}
         self._left += [seen for seen in self._observations if seen.step in dropped]
 
-    def tie_goals(self) -> None:
-        """Make nodes of the goals that are still left over, and join each by the best path available."""
-        search = GoalTies(self._observations, self._matcher, self._odometry_gate, self._second_pass_thresholds)
+    def join_goals(self) -> None:
+        """Make nodes of the goals that are still left over, and join each by odometry along the drive."""
+        if not self._method.building.bridges:
+            return
         for goal in sorted(self._goals - self.nodes.keys()):
-            for bridge in search.ties(goal, self.nodes.keys() | self._merged.keys()):
+            for bridge in self._bridges.to_goal(goal, self.nodes.keys() | self._merged.keys()):
                 self._cross(bridge, Cause.GOAL)
         self._left = [seen for seen in self._left if seen.step not in self.nodes]
 

@@ -1,10 +1,9 @@
 """The odometry gate: how far apart two images of one trajectory can be, allowing for drift.
 
 Owns that allowance. Odometry is evidence against false edges between perceptual aliases, and saves comparing images
-that cannot be near. It joins nodes only in `graph.bridges`, `graph.goal_ties` and `graph.floor_edges`. Across a jump of
-odometry, as after a restart, and between two drives, relative poses are known only through links, unless one drive
-continues the odometry of the other (`maps.joined_drives`). A drive whose odometry never moves counts as a drive without
-odometry.
+that cannot be near. It joins nodes only in `graph.bridges` and `graph.floor_edges`. Across a jump of odometry, as
+after a restart, and between two drives, relative poses are known only through links, unless one drive continues the
+odometry of the other (`maps.joined_drives`). A drive whose odometry never moves counts as a drive without odometry.
 """
 
 from collections.abc import Collection, Sequence

@@ -12,14 +12,14 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
+from ltvn_core.analysis.image_similarity import colour_descriptors
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.cameras.rectification import Rectification, have_same_rays
+from ltvn_core.data.importing.revisits import near_pairs, revisits
 from ltvn_core.findings import Finding
 from ltvn_core.geometry import relative
 from ltvn_core.graph.connectivity import strongly_connected_components
-from ltvn_core.graph.image_similarity import colour_descriptors
 from ltvn_core.graph.keyframes import KeyframeStore
-from ltvn_core.graph.revisits import near_pairs, revisits
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.maps.map_coverage import MapCoverage, evenly
 from ltvn_core.types import Features, FrameId, Observation, Predictor, is_usable

@@ -6,8 +6,8 @@ A goal that the map may not hold is reported before the robot drives. Runs in th
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from ltvn_core.analysis.image_similarity import LIKELY_HELD
 from ltvn_core.errors import LtvnError, OptionError, SceneError
-from ltvn_core.graph.image_similarity import LIKELY_HELD
 from ltvn_core.maps.map_coverage import GoalReport
 from ltvn_core.navigation.events import Severity
 from ltvn_core.types import FrameId, NodeId, Rgb

@@ -8,12 +8,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from ltvn_core.analysis.image_similarity import most_similar_nodes
 from ltvn_core.errors import MapError
 from ltvn_core.evaluation.query_run import QueryRun, judge_goal_reached
 from ltvn_core.findings import Finding
 from ltvn_core.geometry import distance, relative
 from ltvn_core.graph.deltas import Cause, DriveBegun, FramesReleased, GraphDelta, NodeDropped
-from ltvn_core.graph.image_similarity import most_similar_nodes
 from ltvn_core.graph.keyframes import ODOMETRY_JUMP, KeyframeStore
 from ltvn_core.graph.navigation_system import NavigationSystem, OnlineStrategy
 from ltvn_core.graph.topological_graph import TopologicalGraph

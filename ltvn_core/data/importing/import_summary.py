@@ -15,10 +15,10 @@ from ltvn_core.data.importing.drive_statistics import Drift, DriveStatistics, Ti
 from ltvn_core.data.importing.frame_preparation import ASSUMED_FOV_DEG
 from ltvn_core.data.importing.import_options import OdometrySource
 from ltvn_core.data.importing.raw_frame import DriveFacts
+from ltvn_core.data.importing.revisits import NEAR_M
 from ltvn_core.data.importing.source_camera import HOW_TO, HOW_TO_SCALE
 from ltvn_core.findings import Finding, WithDoubts
 from ltvn_core.geometry import wrap_angle
-from ltvn_core.graph.revisits import NEAR_M
 
 STEEP_DEG = 20.0
 """Pitch in degrees above which a level predictor sees less than two thirds of a picture."""

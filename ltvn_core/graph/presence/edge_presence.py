@@ -4,7 +4,7 @@ Owns running the filter over the observations in a map. The planner that uses th
 `graph.presence.presence_plan`.
 """
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Mapping
 from typing import Protocol, TypeAlias
 
 from ltvn_core.graph.deltas import PresenceObserved
@@ -91,25 +91,3 @@ class FilteredPresence:
     ) -> tuple[PresenceObserved, ...]:
         """Return observations that these edges, and others closed by the same obstacle, are open."""
         return seen_open_deltas(graph, seen, stamp)
-
-
-class KnownPresence:
-    """The true presence, which is only known in simulation."""
-
-    def __init__(self, closed_edges: Callable[[TopologicalGraph], Collection[EdgeKey]]) -> None:
-        """Use `closed_edges`, which returns the edges of a map that are closed now."""
-        self._closed_edges = closed_edges
-
-    def probabilities(self, graph: TopologicalGraph, now_s: float) -> EdgeProbabilities:
-        """Return the closed edges, each with p(open) = 0."""
-        return dict.fromkeys(self._closed_edges(graph), 0.0)
-
-    def observe(self, graph: TopologicalGraph, obstruction: Obstruction, stamp: float) -> tuple[PresenceObserved, ...]:
-        """Return nothing, because the truth needs no observations."""
-        return ()
-
-    def observe_open(
-        self, graph: TopologicalGraph, seen: Collection[EdgeKey], stamp: float
-    ) -> tuple[PresenceObserved, ...]:
-        """Return nothing, because the truth needs no observations."""
-        return ()

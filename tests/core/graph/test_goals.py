@@ -8,7 +8,6 @@ import numpy as np
 from ltvn_core.config import ROBUST, Method
 from ltvn_core.geometry import relative
 from ltvn_core.graph.builder import build
-from ltvn_core.graph.goal_ties import UNSURE_P
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.ltvn import ltvn_system
 from ltvn_core.graph.planner import Planner
@@ -18,22 +17,19 @@ from ltvn_core.maps.topological_map import build_map
 from ltvn_core.types import Features, FrameId, Observation, Prediction
 from tests.core.flat_world import FlatPredictor, one_room, tour
 
-WITHOUT = replace(ROBUST, building=replace(ROBUST.building, bridges=False, tie_goals=False))
+WITHOUT = replace(ROBUST, building=replace(ROBUST.building, bridges=False))
 
 
 class BlankPredictor(FlatPredictor):
-    """Recognises nothing in some frames, by no more than `sure`."""
+    """Recognises nothing in some frames."""
 
     blank: frozenset[FrameId] = frozenset()
-    sure: float = 0.01
 
     def predict(self, sources: Features, targets: Features) -> Prediction:
         found = super().predict(sources, targets)
         first, second = np.broadcast_arrays(sources[:, 3], targets[:, 3])
         unlike = np.isin(first, list(self.blank)) | np.isin(second, list(self.blank))
-        return Prediction(
-            np.where(unlike, np.minimum(self.sure, found.reachability), found.reachability), found.waypoints
-        )
+        return Prediction(np.where(unlike, 0.01, found.reachability), found.waypoints)
 
 
 def line() -> list[Observation]:
@@ -41,9 +37,9 @@ def line() -> list[Observation]:
     return list(tour([(0.7, 0.7), (4.2, 0.7)], spins=False))
 
 
-def blanks(*frames: FrameId, sure: float = 0.01) -> BlankPredictor:
+def blanks(*frames: FrameId) -> BlankPredictor:
     predictor = BlankPredictor(one_room())
-    predictor.blank, predictor.sure = frozenset(frames), sure
+    predictor.blank = frozenset(frames)
     return predictor
 
 
@@ -91,21 +87,15 @@ def test_without_tying_it_is_told_and_the_node_most_like_it_named() -> None:
     assert f"node {report.nearest}" in str(report.finding)
 
 
-def test_where_odometry_jumps_the_image_that_agrees_both_ways_ties_it_in_unsurely() -> None:
+def test_where_odometry_jumps_a_goal_that_nothing_recognises_is_not_held() -> None:
     images = line()
     goal = images[len(images) // 2].step
     alone = [
         replace(seen, odometry=np.add(seen.odometry, [0.0, 3.0, 0.0])) if seen.step == goal else seen for seen in images
     ]
-    graph, report = built(alone, blanks(goal, sure=0.4), goal)
+    _, report = built(alone, blanks(goal), goal)
 
-    assert report.standing is Standing.UNSURE
-    assert "not sure" in str(report.finding)
-    assert {edge.belief.p for key, edge in graph.edges.items() if goal in key} == {0.4}
-    assert UNSURE_P < 0.5
-
-    nobody = built(alone, blanks(goal), goal)[1]
-    assert nobody.standing is Standing.NOT_HELD
+    assert report.standing is Standing.NOT_HELD
 
 
 def test_a_map_says_of_each_goal_how_it_stands_when_it_is_built() -> None:

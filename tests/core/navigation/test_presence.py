@@ -5,9 +5,9 @@ import itertools
 import pytest
 
 from ltvn_core.config import ROBUST
+from ltvn_core.evaluation.worlds.world_truth import KnownPresence
 from ltvn_core.graph.deltas import BeliefUpdated, Cause, PresenceObserved
 from ltvn_core.graph.ltvn import ltvn_system
-from ltvn_core.graph.presence.edge_presence import KnownPresence
 from ltvn_core.navigation.events import AttemptStarted, Event, GraphChanged, Outcome, Planned, QueryEnded, StateChanged
 from ltvn_core.systems.maintenance import with_maintenance
 from tests.core.navigation.mapped_world import events_of

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ltvn_core.graph.image_similarity import most_similar_nodes
+from ltvn_core.analysis.image_similarity import most_similar_nodes
 from ltvn_core.graph.keyframes import KeyframeStore
 from tests.core.flat_world import FlatPredictor, observation_at, one_room
 

@@ -34,6 +34,12 @@ def relative(source: Pose, target: Pose) -> Waypoint:
     return compose(invert(source), target)
 
 
+def agree(first: Pose, second: Pose, limits: tuple[float, float]) -> NDArray[np.bool_]:
+    """Tell (...) whether two poses (..., 3) differ by less than `limits`, in metres and radians."""
+    gap = relative(first, second)
+    return (np.hypot(gap[..., 0], gap[..., 1]) < limits[0]) & (np.abs(gap[..., 2]) < limits[1])
+
+
 def distance(waypoint: Waypoint) -> NDArray[np.float64]:
     """Return d(w) = ||log T(w)||_F, Eq. 2, for waypoints (..., 3).
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ltvn_core.geometry import compose, distance, relative, tilt_distance, wrap_angle
+from ltvn_core.geometry import agree, compose, distance, relative, tilt_distance
 from ltvn_core.graph.matching import Matcher, Matches
 from ltvn_core.graph.operators import OperatorThresholds, connectable
 from ltvn_core.types import Features, FrameId, Waypoint
@@ -20,7 +20,7 @@ _PAIRS = 8
 """Number of pairs of images that are compared for one match, those farthest from its ends."""
 _NEAR = 0.9
 """Images expected within this d of each other are compared."""
-_GAP_M, _GAP_RAD = 0.35, 0.35
+_GAP = (0.35, 0.35)
 """Largest error of a waypoint that confirms a pair, in m and rad."""
 _MIN_REACHABILITY = 0.5
 _MIN_PAIRS = 3
@@ -107,9 +107,7 @@ class LoopClosureVerifier:
         """Tell for P pairs of images whether the network confirms their expected relative poses (P, 3) in either
         direction."""
         reachability, waypoints = self._matcher.match_pairs(first, second)
-        gap = relative(expected, waypoints)
-        near = (np.hypot(gap[:, 0], gap[:, 1]) < _GAP_M) & (np.abs(wrap_angle(gap[:, 2])) < _GAP_RAD)
-        return near & (reachability > _MIN_REACHABILITY)
+        return agree(expected, waypoints, _GAP) & (reachability > _MIN_REACHABILITY)
 
 
 def _expected_overlaps(

@@ -17,13 +17,13 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import breadth_first_order, connected_components, minimum_spanning_tree
 from scipy.spatial import KDTree
 
-from ltvn_core.geometry import compose, invert, relative, wrap_angle
+from ltvn_core.geometry import agree, compose, invert, relative, wrap_angle
 from ltvn_core.graph.matching import Matches
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.types import NodeId, Pose, Waypoint
 
-_GAP_M, _GAP_RAD = 0.5, 0.4
-"""Two estimates of where a node is agree if they differ by no more than this, in m and rad."""
+_GAP = (0.5, 0.35)
+"""Two estimates of where a node is agree if they differ by less than this, in m and rad."""
 _FAR_M = 1e4
 """Distance between parts that no edge joins, large enough that no node of one is near the other, in metres."""
 
@@ -47,8 +47,8 @@ def lay_out(graph: TopologicalGraph) -> NodeLayout:
     driven = graph.driven_edges
     edges = np.array([(row_of[source], row_of[target]) for source, target in driven], np.intp).reshape(-1, 2)
     waypoints = np.array([edge.waypoint for edge in driven.values()]).reshape(-1, 3)
-    agree = _near(relative(poses[edges[:, 0]], poses[edges[:, 1]]), waypoints)
-    part_of = _components(len(nodes), edges[agree])
+    fit = agree(relative(poses[edges[:, 0]], poses[edges[:, 1]]), waypoints, _GAP)
+    part_of = _components(len(nodes), edges[fit])
     between = part_of[edges[:, 0]] != part_of[edges[:, 1]]
     frames = _frames(poses, part_of, edges[between], waypoints[between])
     return NodeLayout(nodes, compose(frames[part_of], poses))
@@ -92,19 +92,14 @@ def _joint(poses: Pose, edges: Rows, waypoints: Waypoint) -> tuple[Pose, int]:
     """
     seen = compose(poses[edges[:, 0]], waypoints)
     frames = compose(seen, invert(poses[edges[:, 1]]))
-    agree = _near(compose(frames[:, None], poses[edges[:, 1]][None]), seen[None]).sum(axis=1)
-    best = int(np.argmax(agree))
-    return frames[best], int(agree[best])
+    count = agree(compose(frames[:, None], poses[edges[:, 1]][None]), seen[None], _GAP).sum(axis=1)
+    best = int(np.argmax(count))
+    return frames[best], int(count[best])
 
 
 def _components(count: int, edges: Rows) -> Rows:
     joined = coo_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(count, count))
     return np.asarray(connected_components(joined, directed=False)[1], np.intp)
-
-
-def _near(first: Pose, second: Pose) -> NDArray[np.bool_]:
-    gap = relative(first, second)
-    return (np.hypot(gap[..., 0], gap[..., 1]) < _GAP_M) & (np.abs(wrap_angle(gap[..., 2])) < _GAP_RAD)
 
 
 FloatArray = NDArray[np.float64]
@@ -113,8 +108,6 @@ _MOST, _LEAST_LOG_WEIGHT = 120, -14.0
 """Largest number of hypotheses, and the lowest ln weight relative to the best."""
 _OVERLAP_M, _M_PER_RAD = 0.7, 0.6
 """Distance within which a node should be recognised, in metres, and the metres that a radian counts as."""
-_GAP = (0.5, 0.35)
-"""Largest error of a recognised node's pose, in m and rad."""
 _MIN_REACHABILITY = 0.5
 _AGREES, _DISAGREES, _NOTHING_NEAR = float(np.log(0.85 / 0.45)), float(np.log(0.15 / 0.55)), -0.3
 """ln likelihood ratios of an image at a place: if it agrees, if it disagrees, and if no node is near."""
@@ -281,7 +274,7 @@ class PlaceBelief:
         for k in np.argsort(matches.distances, kind="stable"):
             if matches.nodes[k] in self._row_of:
                 pose = compose(self._layout.poses[self._row_of[matches.nodes[k]]], invert(matches.waypoints[k]))
-                if not _is_within(relative(pose, poses), _SAME_PLACE).any():
+                if not agree(pose, poses, _SAME_PLACE).any():
                     poses = np.concatenate([poses, pose[None]])
         new = np.full(len(poses) - len(self._places), log_weight)
         self._places = _Places(poses, np.concatenate([self._places.log_weights, new]))
@@ -294,7 +287,7 @@ class PlaceBelief:
         for k in np.argsort(-places.log_weights, kind="stable").tolist():
             if places.log_weights[k] < best + _LEAST_LOG_WEIGHT or len(kept) >= _MOST:
                 break
-            if not _is_within(relative(places.poses[k], places.poses[kept]), _MERGED).any():
+            if not agree(places.poses[k], places.poses[kept], _MERGED).any():
                 kept.append(k)
         self._places = _Places(places.poses[kept], places.log_weights[kept] - best)
         self._is_recognised = bool(kept) and kept[0] < len(agrees) and bool(agrees[kept[0]])
@@ -311,18 +304,13 @@ def is_where_expected(expected: Pose, seen: Pose, limits: tuple[float, float] = 
 
     `limits` are the largest differences in m and rad.
     """
-    return _is_within(relative(expected, seen), limits)
+    return agree(expected, seen, limits)
 
 
 def _pairs(found: NDArray[np.object_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Return all pairs of a place and a node, as rows (P,), from the list of nodes found for each place."""
     counts = [len(rows) for rows in found]
     return np.repeat(np.arange(len(found)), counts), np.array([row for rows in found for row in rows], np.intp)
-
-
-def _is_within(gap: FloatArray, limits: tuple[float, float]) -> NDArray[np.bool_]:
-    """Return a mask (...) of the waypoints (..., 3) that are within limits, in m and rad."""
-    return (np.hypot(gap[..., 0], gap[..., 1]) < limits[0]) & (np.abs(wrap_angle(gap[..., 2])) < limits[1])
 
 
 def _apart(waypoint: FloatArray) -> FloatArray:

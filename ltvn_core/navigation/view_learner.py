@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ltvn_core.geometry import compose, distance, invert, relative, wrap_angle
+from ltvn_core.geometry import agree, compose, distance, invert, relative
 from ltvn_core.graph.deltas import Cause, NodeView, ViewDropped, ViewUsed
 from ltvn_core.graph.localiser import Localisation
 from ltvn_core.graph.node_views import ViewConfig, view_deltas
@@ -22,7 +22,7 @@ from ltvn_core.types import Features, FrameId, NodeId, Observation, Pose, Waypoi
 
 _TRUSTED_M = 4.0
 """Distance over which odometry is trusted after a node was recognised, in metres."""
-_GAP_M, _GAP_RAD = 0.35, 0.35
+_GAP = (0.35, 0.35)
 """Largest difference between the waypoint of a recognised node and the one by odometry, in metres and radians."""
 _PROOF_M = 2.0
 """Distance that the robot must drive without contradiction before an image becomes a view, in metres; 0 at the
@@ -98,8 +98,7 @@ class ViewLearner:
         if not self._candidates:
             return
         expected = self._places().get(node)
-        gap = None if expected is None else relative(expected, waypoint)
-        if gap is None or np.hypot(gap[0], gap[1]) > _GAP_M or abs(float(wrap_angle(gap[2]))) > _GAP_RAD:
+        if expected is None or not agree(expected, waypoint, _GAP):
             self._candidates.clear()
             return
         for candidate in [*self._candidates.values()]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ltvn_core.config import Method
-from ltvn_core.geometry import relative
+from ltvn_core.geometry import agree, relative
 from ltvn_core.graph.deltas import Edge, EdgePruned
 from ltvn_core.graph.ltvn import LifelongMaintenance
 from ltvn_core.graph.maintenance import AttemptEvidence, UnrecognisedObservation
@@ -18,7 +18,7 @@ from ltvn_core.graph.presence.presence_observations import obstructed_deltas, op
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.types import NodeId
 
-_SAME_PLACE_M, _SAME_YAW_RAD = 0.4, 0.4
+_SAME_PLACE = (0.4, 0.4)
 """Largest difference from odometry, in metres and radians, at which an edge between consecutive images counts as driven
 during mapping."""
 _LEAST_FAILURES = 3
@@ -82,5 +82,4 @@ def _was_driven(graph: TopologicalGraph, edge: Edge) -> bool:
     if any(first < node < last for node in graph.nodes):
         return False
     source, target = (np.array(graph.nodes[node].odometry) for node in (edge.source, edge.target))
-    gap = relative(relative(source, target), np.array(edge.waypoint))
-    return bool(np.hypot(gap[0], gap[1]) < _SAME_PLACE_M and abs(gap[2]) < _SAME_YAW_RAD)
+    return bool(agree(relative(source, target), np.array(edge.waypoint), _SAME_PLACE))

@@ -2,11 +2,11 @@
 
 A predictor may recognise an image from a merged image but from no node, because the node is farther away. Where two
 consecutive images show nothing in common, as in front of a bare wall, the robot still drove from one to the other, and
-odometry is accurate over such a short way. A goal is joined over several such images, so that a path leads to it. All
-bridges are ours. Owns which images are joined; changes no map.
+odometry is accurate over such a short way. All bridges are ours. Owns which images are joined; changes no map.
 """
 
-from collections.abc import Collection, Container, Iterator, Sequence
+import itertools
+from collections.abc import Collection, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -18,12 +18,16 @@ from ltvn_core.graph.odometry_gate import OdometryGate
 from ltvn_core.graph.operators import OperatorThresholds
 from ltvn_core.types import FrameId, Observation
 
-REACH = 30
-"""Number of images before and after that are compared first, and that odometry may join."""
+_REACH = 30
+"""Number of images before and after that are compared first."""
 _BESIDE = 4
 """An image joined by odometry must be recognised from one of this many left-over images before or after it."""
 _MOST_HOPS = 12
-"""Largest number of edges, about ten metres of driving, over which odometry is followed to a goal."""
+"""Largest number of edges, about ten metres of driving, over which odometry is followed to a left-over image."""
+
+
+_BROKEN = 1e6
+"""Length of a step at which odometry breaks off, larger than any reach."""
 
 
 class Bridge(NamedTuple):
@@ -55,6 +59,10 @@ class BridgeSearch:
         self._loop_closures = loop_closures
         self._thresholds = thresholds
         self._asked: dict[FrameId, set[FrameId]] = {}
+        steps = [odometry_gate.driven(*pair) for pair in itertools.pairwise(self._frames)]
+        lengths = [np.inf if step is None else float(distance(step)) for step in steps]
+        self._driven = np.concatenate([[0.0], np.cumsum(np.minimum(lengths, _BROKEN))])
+        """(N,) d driven before each image."""
 
     def by_merged_image(self, frame: FrameId, merged: Collection[FrameId]) -> Bridge | None:
         """Return the bridge from a left-over image to the most reachable merged image; None if it can be connected with
@@ -62,22 +70,64 @@ class BridgeSearch:
 
         An image near in time is preferred, because two images near in time are hardly ever perceptual aliases.
         """
-        beside = [other for other in self._beside(frame, REACH) if other in merged]
+        beside = [other for other in self._beside(frame, _REACH) if other in merged]
         return self._recognised(frame, beside) or self._recognised(frame, sorted(merged))
 
-    def by_odometry(self, left: Collection[FrameId], placed: Container[FrameId]) -> Bridge | None:
-        """Return the shortest path by odometry from a left-over image to a node or a merged image; None if there is
-        none.
+    def by_odometry(
+        self, left: Collection[FrameId], placed: Collection[FrameId], goals: Collection[FrameId]
+    ) -> tuple[Bridge, ...]:
+        """Return the shortest chain of bridges by odometry from a node or a merged image to a left-over image, in the
+        order to cross them; none if there is none.
 
-        The left-over image must be recognised from another left-over image near it in time. Otherwise no other image
-        could join the map through it.
+        The left-over image must be a goal, or recognised from another left-over image near it in time. Otherwise no
+        other image could join the map through it.
         """
-        ways = [way for frame in left for way in self._ways(frame, placed)]
-        for way in sorted(ways, key=lambda way: (way.matches.distances[0], way.frame)):
-            beside = [other for other in self._beside(way.frame, _BESIDE) if other in left]
-            if self._recognised(way.frame, beside) is not None:
-                return way
-        return None
+        for frame, step in self._nearest_first(left, placed):
+            beside = [other for other in self._beside(frame, _BESIDE) if other in left]
+            is_useful = frame in goals or self._recognised(frame, beside) is not None
+            if is_useful and (chain := self._chain(frame, placed, step)):
+                return chain
+        return ()
+
+    def _nearest_first(self, left: Collection[FrameId], placed: Collection[FrameId]) -> Iterator[tuple[FrameId, int]]:
+        """Yield the left-over images in reach of a placed one, the nearest along the drive first, each with -1 if the
+        placed image comes before it, or 1 if it comes after it."""
+        rows = np.array([self._row[frame] for frame in left], np.intp)
+        ends = np.sort([self._row[frame] for frame in placed]).astype(np.intp)
+        after = np.searchsorted(ends, rows)
+        driven = np.concatenate([[-np.inf], self._driven[ends], [np.inf]])
+        gaps = np.stack([self._driven[rows] - driven[after], driven[after + 1] - self._driven[rows]])
+        nearest = gaps.min(axis=0)
+        for k in np.lexsort((rows, nearest)):
+            if nearest[k] >= _MOST_HOPS * self._thresholds.connect_distance:
+                return
+            yield self._frames[rows[k]], -1 if gaps[0, k] <= gaps[1, k] else 1
+
+    def _chain(self, frame: FrameId, placed: Collection[FrameId], step: int) -> tuple[Bridge, ...]:
+        """Follow odometry from an image to the next placed one, backwards or forwards in time, in the longest hops."""
+        bridges = list[Bridge]()
+        here = frame
+        while here not in placed:
+            hops = [*self._hops(here, placed, step)]
+            if not hops or len(bridges) == _MOST_HOPS:
+                return ()
+            bridges.append(hops[-1])
+            (here,) = hops[-1].matches.nodes
+        return tuple(reversed(bridges))
+
+    def _hops(self, frame: FrameId, placed: Collection[FrameId], step: int) -> Iterator[Bridge]:
+        """Yield bridges from an image to those before or after it, nearest in time first, up to the next placed one."""
+        row = self._row[frame] + step
+        while 0 <= row < len(self._frames):
+            other = self._frames[row]
+            driven = self._odometry_gate.driven(frame, other)
+            if driven is None or distance(driven) >= self._thresholds.connect_distance:
+                return
+            # No image supports the edge, so it gets the lowest p that an edge supported by images can have.
+            yield Bridge(frame, Matches.of_one(other, self._thresholds.connect_reachability, driven), by_odometry=True)
+            if other in placed:
+                return
+            row += step
 
     def _beside(self, frame: FrameId, reach: int) -> Sequence[FrameId]:
         """Return up to `reach` frames before and after a frame, without itself."""
@@ -92,49 +142,3 @@ class BridgeSearch:
         found = found.take(self._odometry_gate.plausible(frame, found))
         found = self._loop_closures.connections(frame, found, self._thresholds)
         return Bridge(frame, found.take(np.array([found.reachability.argmax()]))) if len(found) else None
-
-    def to_goal(self, goal: FrameId, placed: Container[FrameId]) -> tuple[Bridge, ...]:
-        """Return the shortest chain of bridges by odometry from a placed image to a goal, in the order to cross them.
-
-        None if odometry breaks off, or if the chain would be too long.
-        """
-        chains = [chain for step in (-1, 1) if (chain := self._chain(goal, placed, step))]
-        return min(chains, key=lambda chain: sum(bridge.matches.distances[0] for bridge in chain), default=())
-
-    def _chain(self, goal: FrameId, placed: Container[FrameId], step: int) -> tuple[Bridge, ...]:
-        """Follow odometry from a goal to the next placed image, backwards or forwards in time, in the longest hops."""
-        bridges = list[Bridge]()
-        here = goal
-        while here not in placed and len(bridges) < _MOST_HOPS:
-            row = self._row[here]
-            beside = self._frames[row + 1 :] if step > 0 else self._frames[:row][::-1]
-            hop = None
-            for other in beside:
-                if (onward := self._by_odometry(here, other)) is None:
-                    break
-                hop = onward
-                if other in placed:
-                    break
-            if hop is None:
-                return ()
-            bridges.append(hop)
-            (here,) = hop.matches.nodes
-        return tuple(reversed(bridges)) if here in placed else ()
-
-    def _ways(self, frame: FrameId, placed: Container[FrameId]) -> Iterator[Bridge]:
-        """Yield the paths by odometry from a frame to the nearest placed image before it, and to the nearest one after
-        it."""
-        row = self._row[frame]
-        before = self._frames[max(row - REACH, 0) : row][::-1]
-        for beside in (before, self._frames[row + 1 : row + 1 + REACH]):
-            other = next((other for other in beside if other in placed), None)
-            if other is not None and (way := self._by_odometry(frame, other)) is not None:
-                yield way
-
-    def _by_odometry(self, frame: FrameId, other: FrameId) -> Bridge | None:
-        """Return the bridge between two images by odometry; None if they are too far apart, or odometry breaks off."""
-        driven = self._odometry_gate.driven(frame, other)
-        if driven is None or distance(driven) >= self._thresholds.connect_distance:
-            return None
-        # No image supports the edge, so it gets the lowest p that an edge supported by images can have.
-        return Bridge(frame, Matches.of_one(other, self._thresholds.connect_reachability, driven), by_odometry=True)

@@ -70,7 +70,6 @@ def build(
     run = _BuildRun(observations, matcher, odometry_gate, loop_closures, method, goals)
     run.run(rng, lambda done, total: tell(round(closing * total + (1 - closing) * done), total))
     run.keep_largest_pieces()
-    run.join_goals()
     keyframes.keep_only([*run.nodes, *run.reserve])
     deltas = run.finish()
     if not method.building.floor_edges:
@@ -164,15 +163,6 @@ class _BuildRun:
         self._merged = {frame: found for frame, found in self._merged.items() if frame in kept}
         self._left += [seen for seen in self._observations if seen.step in dropped]
 
-    def join_goals(self) -> None:
-        """Make nodes of the goals that are still left over, and join each by odometry along the drive."""
-        if not self._method.building.bridges:
-            return
-        for goal in sorted(self._goals - self.nodes.keys()):
-            for bridge in self._bridges.to_goal(goal, self.nodes.keys() | self._merged.keys()):
-                self._cross(bridge, Cause.GOAL)
-        self._left = [seen for seen in self._left if seen.step not in self.nodes]
-
     def _first_start(self, rng: np.random.Generator) -> Observation:
         """Draw the first node, one of the goals if there are any."""
         order = [self._observations[k] for k in rng.permutation(len(self._observations))]
@@ -208,14 +198,15 @@ class _BuildRun:
         if not config.bridges:
             return
         self._grow(_Stage.BRIDGES, rng, progress)
-        while bridge := self._bridge_by_odometry():
-            self._cross(bridge)
-            self._left = [seen for seen in self._left if seen.step != bridge.frame]
+        while chain := self._bridges_by_odometry():
+            for bridge in chain:
+                self._cross(bridge)
+            self._left = [seen for seen in self._left if seen.step not in self.nodes]
             self._grow(_Stage.BRIDGES, rng, progress)
 
-    def _bridge_by_odometry(self) -> Bridge | None:
+    def _bridges_by_odometry(self) -> tuple[Bridge, ...]:
         left = {seen.step for seen in self._left}
-        return self._bridges.by_odometry(left, self.nodes.keys() | self._merged.keys())
+        return self._bridges.by_odometry(left, self.nodes.keys() | self._merged.keys(), self._goals)
 
     def _grow(self, stage: _Stage, rng: np.random.Generator, progress: ProgressCallback) -> None:
         """Pass over the images until a pass adds no node; in the last stage, until a pass neither adds a node nor

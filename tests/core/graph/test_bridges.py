@@ -92,3 +92,13 @@ def test_an_image_that_nothing_recognises_stays_in_the_reserve() -> None:
     assert blank in graph.reserve
     assert {frame < blank for frame in graph.nodes} == {True, False}
     assert count_strongly_connected_components(graph) == 1
+
+
+def test_a_stretch_that_no_image_shows_cuts_off_nothing_behind_it() -> None:
+    images = line()
+    bare = [seen.step for seen in images if 1.7 < seen.odometry[0] < 3.2]
+    graph = built(images, gap_predictor(bare[0], bare))
+    assert {*graph.nodes} & {*bare}
+    assert min(graph.nodes) < bare[0]
+    assert max(graph.nodes) > bare[-1]
+    assert count_strongly_connected_components(graph) == 1

@@ -10,12 +10,17 @@ decides whether floor is free.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import rustworkx
+from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import KDTree
 
 from ltvn_core.config import Method
+from ltvn_core.geometry import distance
+from ltvn_core.graph.beliefs import initial_belief
+from ltvn_core.graph.connectivity import cost_matrix
 from ltvn_core.graph.deltas import Cause, Edge, EdgeAdded
 from ltvn_core.graph.free_floor import WELL_KNOWN_M, FreeFloor
 from ltvn_core.graph.matching import Matches
@@ -28,12 +33,10 @@ from ltvn_core.types import NodeId
 _PLACE_M = 0.45
 """Distance in metres below which two nodes are one place: robots on both sides of the thinnest wall are farther
 apart."""
-_REACH_M = 5.0
+_REACH_M = 8.0
 """Length of the longest edge, in metres."""
 _LONG_M = 2.5
 """Length of an edge above which a robot may lose its place on the way, in metres."""
-_REACH_RAD = 1.5
-"""Largest turn at the end of an edge, in radians; after a larger turn the robot's image shows nothing of the target."""
 _STRETCH = 1.2
 """Least ratio between the cost of the path without an edge and the cost of the edge; 1.5 lowers SPL
 (`docs/results.md`)."""
@@ -50,18 +53,26 @@ def floor_edges(graph: TopologicalGraph, gate: OdometryGate, floor: FreeFloor, m
     """Yield edges in both directions, the shortest first, wherever no existing path is nearly as short."""
     ways = _Ways.of(graph, method)
     for pair in sorted(_pairs(graph, gate, method), key=lambda pair: pair.matches.distances[0]):
-        there, back = bidirectional_edges(pair.source, pair.matches, method.believing, Cause.BUILD, by_odometry=True)
-        if ways.is_shortened_by(there.edge) and (pair.is_one_place or floor.joins(pair.source, pair.matches)):
-            ways.add(there.edge)
-            ways.add(back.edge)
-            yield from (there, back)
+        if ways.are_shortened_by(pair) and (pair.is_one_place or floor.joins(pair.source, pair.matches)):
+            ways.add(pair)
+            yield from (pair.there, pair.back)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Pair:
-    source: NodeId
+    """Two nodes that an edge may join in both directions."""
+
     matches: Matches
-    """The other node, as a single match."""
+    """The second node, as a single match of the first."""
+    there: EdgeAdded
+    back: EdgeAdded
+    longest: float
+    """Greatest cost of a path between the nodes that makes the edge superfluous."""
+
+    @property
+    def source(self) -> NodeId:
+        """The first node."""
+        return self.there.edge.source
 
     @property
     def is_one_place(self) -> bool:
@@ -70,22 +81,28 @@ class _Pair:
 
 
 def _pairs(graph: TopologicalGraph, gate: OdometryGate, method: Method) -> Iterator[_Pair]:
-    """Yield each pair of near nodes once, if odometry gives their relative pose and no edge joins them."""
-    nodes = tuple(graph.nodes)
+    """Yield each pair of near nodes once, if odometry gives their relative pose and the path between them is long."""
+    nodes, costs = cost_matrix(graph, partial(edge_cost, config=method.planning))
+    rows = gate.rows(nodes)
     places = np.array([node.odometry[:2] for node in graph.nodes.values()])
     # No image supports the edge, so it gets the lowest p that an edge supported by images can have.
     most = method.building.connect_reachability
+    most_cost, doubt_cost = (
+        edge_cost(initial_belief(p, 0.0, method.believing), method.planning) for p in (most, _DOUBTED)
+    )
     for k, beside in enumerate(KDTree(places).query_ball_point(places, _REACH_M, return_sorted=True)):
-        others = [nodes[j] for j in beside if j > k and (nodes[k], nodes[j]) not in graph.edges]
-        if not others:
-            continue
-        waypoints, driven_m = gate.seen_from(nodes[k], others)
+        others = np.array([j for j in beside if j > k and (nodes[k], nodes[j]) not in graph.edges], np.intp)
+        waypoints, driven_m = gate.seen_from(nodes[k], rows[others])
         away_m = np.hypot(waypoints[:, 0], waypoints[:, 1])
-        in_reach = (away_m <= _REACH_M) & (np.abs(waypoints[:, 2]) <= _REACH_RAD)
-        known = (driven_m <= _MOST_DRIVEN_M) & (in_reach | (away_m <= _PLACE_M))
-        for j in np.flatnonzero(known):
-            belief = most if driven_m[j] <= WELL_KNOWN_M else _DOUBTED
-            yield _Pair(nodes[k], Matches.of_one(others[j], belief, waypoints[j]))
+        is_sure = driven_m <= WELL_KNOWN_M
+        cost = distance(waypoints) + np.where(is_sure, most_cost, doubt_cost)
+        longest = np.where(away_m <= _LONG_M, _STRETCH, _LONG_STRETCH) * cost
+        # The edges that are added later only shorten these paths.
+        paths = dijkstra(costs, indices=k, limit=longest.max(initial=0.0))[others]
+        for j in np.flatnonzero((driven_m <= _MOST_DRIVEN_M) & (away_m <= _REACH_M) & (paths > longest)):
+            matches = Matches.of_one(nodes[others[j]], most if is_sure[j] else _DOUBTED, waypoints[j])
+            edges = bidirectional_edges(nodes[k], matches, method.believing, Cause.BUILD, by_odometry=True)
+            yield _Pair(matches, *edges, longest=longest[j])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -102,19 +119,20 @@ class _Ways:
         rows = dict(zip(graph.nodes, costs.add_nodes_from(list(graph.nodes)), strict=True))
         ways = cls(costs, rows, method)
         for edge in graph.edges.values():
-            ways.add(edge)
+            ways._add(edge)
         return ways
 
-    def add(self, edge: Edge) -> None:
-        self.costs.add_edge(self.rows[edge.source], self.rows[edge.target], self._cost(edge))
+    def add(self, pair: _Pair) -> None:
+        self._add(pair.there.edge)
+        self._add(pair.back.edge)
 
-    def is_shortened_by(self, edge: Edge) -> bool:
-        """Tell whether the path between an edge's ends costs much more without the edge."""
-        source = self.rows[edge.source]
-        target = self.rows[edge.target]
-        lengths = rustworkx.dijkstra_shortest_path_lengths(self.costs, source, float, goal=target)
-        stretch = _STRETCH if np.hypot(*edge.waypoint[:2]) <= _LONG_M else _LONG_STRETCH
-        return target not in lengths or lengths[target] > stretch * self._cost(edge)
+    def are_shortened_by(self, pair: _Pair) -> bool:
+        """Tell whether the path between two nodes costs much more without their edge."""
+        target = self.rows[pair.there.edge.target]
+        lengths = rustworkx.dijkstra_shortest_path_lengths(self.costs, self.rows[pair.source], float, goal=target)
+        return target not in lengths or lengths[target] > pair.longest
 
-    def _cost(self, edge: Edge) -> float:
-        return edge_cost(edge.belief, self.method.planning)
+    def _add(self, edge: Edge) -> None:
+        self.costs.add_edge(
+            self.rows[edge.source], self.rows[edge.target], edge_cost(edge.belief, self.method.planning)
+        )

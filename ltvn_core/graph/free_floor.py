@@ -15,13 +15,15 @@ from ltvn_core.cameras.depth_scan import EDGE_RAD, FREE_BEYOND_M, RANGE_M, Depth
 from ltvn_core.geometry import wrap_angle
 from ltvn_core.graph.matching import Matches
 from ltvn_core.graph.odometry_gate import OdometryGate
+from ltvn_core.graph.presence.obstruction import distances_to_way
 from ltvn_core.types import NodeId, Observation, Pose
 
 _CLEAR_M = 0.3
 """Clearance needed on both sides of a path: half a small robot plus the error of odometry, in metres."""
-_STOOD_M = 0.25
+_STOOD_M = 0.18
 """Radius around the place of an image within which the floor is free, in metres."""
-_SPACING_M = 0.15
+_SPACING_M, _FEW = 0.1, 8
+"""Distance between the points of a line that are checked, in metres; every `_FEW`th of them is checked first."""
 WELL_KNOWN_M = 10.0
 """Greatest distance along the drive over which odometry is accurate, in metres."""
 
@@ -32,20 +34,22 @@ class FreeFloor:
     def __init__(self, seen: Sequence[Observation], camera: CameraModel, gate: OdometryGate) -> None:
         """Read the depth of images; one without depth only shows that a robot stood there."""
         scans = [DepthScan.from_image(each, camera, np.zeros(3)) for each in seen]
-        self._frames = [each.step for each in seen]
+        self._rows = gate.rows([each.step for each in seen])
         self._gate = gate
         self._half_rad = scans[0].half_rad
         self._ranges_m = np.stack([scan.ranges_m for scan in scans])
         self._things = [scan.solid_points() for scan in scans]
 
     def joins(self, source: NodeId, target: Matches) -> bool:
-        """Tell whether the straight line from a node to the only target was seen to be free, with no obstacle near
-        it."""
+        """Tell whether images around both ends saw the straight line from a node to the only target free, with no
+        obstacle near it."""
         way = _along(target.waypoints[0, :2])
-        poses, driven_m = self._gate.seen_from(source, self._frames)
-        in_range = np.hypot(poses[:, 0], poses[:, 1]) < RANGE_M + np.hypot(*way[-1])
-        near = np.flatnonzero((driven_m <= WELL_KNOWN_M) & in_range)
-        if not self._is_free(way, near, poses[near]):
+        poses, driven_m = self._gate.seen_from(source, self._rows)
+        _, back_m = self._gate.seen_from(target.nodes[0], self._rows)
+        in_range = distances_to_way(poses[:, :2], way[0], way[-1]) < RANGE_M
+        near = np.flatnonzero((np.minimum(driven_m, back_m) <= WELL_KNOWN_M) & in_range)
+        # Most lines lead through a wall, and a few of their points show it.
+        if not all(self._is_free(points, near, poses[near]) for points in (way[::_FEW], way)):
             return False
         solid = np.concatenate([np.empty((0, 2)), *(transform_points(self._things[k], poses[k]) for k in near)])
         return not len(solid) or bool(KDTree(solid).query(way)[0].min() > _CLEAR_M)

@@ -88,7 +88,7 @@ class OdometryGate:
         if not nodes or not self._config.odometry_drift:
             return tuple(nodes)
         here = self._row[frame]
-        there = self._rows(nodes)
+        there = self.rows(nodes)
         driven, path_m = self._way(here, there)
         reach = max(self._config.connect_distance, self._config.merge_distance)
         near = np.hypot(driven[:, 0], driven[:, 1]) <= reach + self._allowance_m(path_m)
@@ -101,7 +101,7 @@ class OdometryGate:
         if not len(matches) or not self._config.odometry_drift:
             return np.ones(len(matches), bool)
         here = self._row[frame]
-        there = self._rows(matches.nodes)
+        there = self.rows(matches.nodes)
         driven, path_m = self._way(here, there)
         gap_m = np.hypot(*(driven - matches.waypoints)[:, :2].T)
         gap_rad = np.abs(wrap_angle(driven[:, 2] - matches.waypoints[:, 2]))
@@ -121,13 +121,17 @@ class OdometryGate:
             return None
         return relative(self._poses[here], self._poses[there])
 
-    def seen_from(self, frame: FrameId, nodes: Sequence[NodeId]) -> tuple[Waypoint, NDArray[np.float64]]:
-        """Return the poses (N, 3) of nodes seen from a frame, and the lengths (N,) in metres of the odometry paths to
-        them.
+    def rows(self, frames: Sequence[FrameId]) -> NDArray[np.intp]:
+        """Return the rows (N,) of images, by which `seen_from` finds them."""
+        return np.array([self._row[frame] for frame in frames], np.intp)
+
+    def seen_from(self, frame: FrameId, rows: NDArray[np.intp]) -> tuple[Waypoint, NDArray[np.float64]]:
+        """Return the poses (N, 3) of the images in some rows (N,), seen from a frame, and the lengths (N,) in metres of
+        the odometry paths to them.
 
         A length is infinite if the pose is unknown.
         """
-        driven, path_m = self._way(self._row[frame], self._rows(nodes))
+        driven, path_m = self._way(self._row[frame], rows)
         return driven, np.where(np.isneginf(path_m), np.inf, path_m)
 
     def same_stretch(self, frame: FrameId, other: FrameId) -> bool:
@@ -136,11 +140,8 @@ class OdometryGate:
 
     def knows(self, frame: FrameId, other: FrameId) -> bool:
         """Tell whether odometry and links together give the relative pose of two images."""
-        _, path_m = self._way(self._row[frame], self._rows([other]))
+        _, path_m = self._way(self._row[frame], self.rows([other]))
         return bool(np.isfinite(path_m[0]))
-
-    def _rows(self, nodes: Sequence[NodeId]) -> NDArray[np.intp]:
-        return np.array([self._row[node] for node in nodes], np.intp)
 
     def _way(self, here: int, there: NDArray[np.intp]) -> tuple[Waypoint, NDArray[np.float64]]:
         """Return the poses (N, 3) of the images in rows `there`, seen from that in row `here`, and the lengths (N,) in

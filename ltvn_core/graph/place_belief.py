@@ -109,8 +109,12 @@ _MOST, _LEAST_LOG_WEIGHT = 120, -14.0
 _OVERLAP_M, _M_PER_RAD = 0.7, 0.6
 """Distance within which a node should be recognised, in metres, and the metres that a radian counts as."""
 _MIN_REACHABILITY = 0.5
-_AGREES, _DISAGREES, _NOTHING_NEAR = float(np.log(0.85 / 0.45)), float(np.log(0.15 / 0.55)), -0.3
-"""ln likelihood ratios of an image at a place: if it agrees, if it disagrees, and if no node is near."""
+_DISAGREES, _NOTHING_NEAR = -1.2, -0.3
+"""ln likelihood ratios of an image at a place: if it disagrees, and if no node is near."""
+_EVEN_LOG_ODDS, _PER_LOG_ODDS, _AGREES_MOST = 2.9, 0.7, 1.5
+"""ln likelihood ratio of an image that agrees: 0 at these log odds of r, rising with them at this rate up to this
+limit. Measured in six scenes for tuning: places that merely look alike agree in half of the images, but seldom with r
+above 0.99 (`docs/method.md`)."""
 _NEW = -6.0
 """ln weight, relative to the best, of a new hypothesis."""
 _SAME_PLACE = (0.6, 0.4)
@@ -256,7 +260,9 @@ class PlaceBelief:
         agrees = near & recognised & is_where_expected(expected, matches.waypoints[match])
         says = np.full(count, _NOTHING_NEAR)
         says[place[near]] = _DISAGREES
-        says[place[agrees]] = _AGREES
+        np.maximum.at(says, place[agrees], _log_ratio(matches.reachability[match[agrees]]))
+        is_right = np.zeros(count, bool)
+        is_right[place[agrees]] = True
         chosen = np.flatnonzero(agrees)
         chosen = chosen[np.argsort(apart[chosen], kind="stable")]
         rights, first = np.unique(place[chosen], return_index=True)
@@ -265,7 +271,7 @@ class PlaceBelief:
         corrected = poses.copy()
         corrected[rights] = compose(poses[rights], _TRUST_IN_MATCH * relative(poses[rights], measured))
         self._places = _Places(corrected, self._places.log_weights + says)
-        return says == _AGREES
+        return is_right
 
     def _begin_to_follow(self, matches: Matches) -> None:
         """Start a hypothesis at each match that is not near an existing one."""
@@ -297,6 +303,13 @@ class PlaceBelief:
         rows = np.array(self._tree.query_ball_point(pose[:2], _AROUND_M), np.intp)
         poses = relative(pose, self._layout.poses[rows])
         return {self._layout.nodes[rows[k]]: poses[k] for k in np.argsort(_apart(poses), kind="stable")}
+
+
+def _log_ratio(reachability: FloatArray) -> FloatArray:
+    """Return the ln likelihood ratios (N,) of images that agree with r (N,)."""
+    odds = np.clip(reachability, 1e-6, 1 - 1e-6)
+    ratio = _PER_LOG_ODDS * (np.log(odds / (1 - odds)) - _EVEN_LOG_ODDS)
+    return np.clip(ratio, _DISAGREES, _AGREES_MOST)
 
 
 def is_where_expected(expected: Pose, seen: Pose, limits: tuple[float, float] = _GAP) -> NDArray[np.bool_]:

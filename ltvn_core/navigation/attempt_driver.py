@@ -89,18 +89,22 @@ class AttemptDriver:
         """
         motion = self._motion
         config = self._config
-        goal = compose(motion.odometry, clip_waypoint(waypoint))
+        # Only predictions beyond the range of training are wrong; the map and odometry know far places as well.
+        goal = compose(motion.odometry, waypoint if is_known else clip_waypoint(waypoint))
+        most_steps = round(config.leg_steps * max(1.0, self._length_m(goal) / _MAX_WAYPOINT_M))
         collisions_before = motion.collisions
         self._reset(target, waypoint)
-        for step in range(config.leg_steps):
+        for step in range(most_steps):
             # If the image cannot be compared, the robot keeps its waypoint.
             if self._needs_new_waypoint(step, goal) and (yield from self._perception.can_compare()):
                 node_match = self._perception.node_match(target)
                 if node_match.reachability < config.lost_reachability and not is_known:
                     return AttemptResult(AttemptEnd.LOST, step, goal)
                 expected = relative(motion.odometry, goal)
-                if not is_known or is_where_expected(expected, node_match.waypoint):
+                if not is_known:
                     goal = compose(motion.odometry, clip_waypoint(node_match.waypoint))
+                elif is_where_expected(expected, node_match.waypoint):
+                    goal = compose(motion.odometry, node_match.waypoint)
             twist = self._next(goal)
             if twist is AttemptEnd.BLOCKED and self._waits_for_somebody():
                 yield from self._wait()
@@ -115,7 +119,7 @@ class AttemptDriver:
                 self._obstacles.bump(motion.odometry, backwards=twist.linear_m_s < 0)
                 yield from self._back_off(backwards=twist.linear_m_s < 0)
                 return AttemptResult(AttemptEnd.COLLISION, step + 1, goal)
-        return AttemptResult(AttemptEnd.TIMEOUT, config.leg_steps, goal)
+        return AttemptResult(AttemptEnd.TIMEOUT, most_steps, goal)
 
     def _lets_pass(self, twist: Twist) -> bool:
         """Tell whether to stop because something moves close ahead, while this attempt may still wait."""
@@ -143,8 +147,11 @@ class AttemptDriver:
         if self._turned_round:
             return False  # The node is behind the robot, where it cannot be seen.
         every = self._config.look_every_steps
-        left = relative(self._motion.odometry, goal)
-        return bool(every and step and step % every == 0 and np.hypot(left[0], left[1]) > _FINAL_APPROACH_M)
+        return bool(every and step and step % every == 0 and self._length_m(goal) > _FINAL_APPROACH_M)
+
+    def _length_m(self, goal: Pose) -> float:
+        """Return the straight distance in metres to a pose (3,) in the odometry frame."""
+        return float(np.hypot(*(goal - self._motion.odometry)[:2]))
 
     def _reset(self, target: NodeId, waypoint: Waypoint) -> None:
         """Forget the previous attempt, and choose whether to back up or to turn round."""

@@ -39,7 +39,7 @@ def matches_at(x_m: float, nodes: tuple[int, ...]) -> Matches:
     seen = np.array([looks(PLACES[node][0]) - looks(x_m) for node in nodes])
     waypoints = np.stack([seen, np.zeros(len(nodes)), np.zeros(len(nodes))], axis=1)
     apart = distance(waypoints)
-    return Matches(nodes, np.where(apart < 1.5, 0.95, 0.02), waypoints, apart, np.ones(len(nodes), bool))
+    return Matches(nodes, np.where(apart < 1.5, 0.99, 0.02), waypoints, apart, np.ones(len(nodes), bool))
 
 
 def drive(belief: PlaceBelief, way_m: list[float], odometry_began_at_m: float = 0.0) -> Pose:

@@ -33,17 +33,17 @@ class Drive:
         self._attempt_driver = AttemptDriver(motion, perception, ROBUST.driving, LOCOBOT)
         self.commands: list[Twist] = []
 
-    def go(self, waypoint: Waypoint) -> AttemptResult:
+    def go(self, waypoint: Waypoint, *, is_known: bool = False) -> AttemptResult:
         """Let time pass until the leg ends."""
         self.commands = []
-        steps: Iterator[object] = iter(self._steps(waypoint))
+        steps: Iterator[object] = iter(self._steps(waypoint, is_known=is_known))
         for _ in steps:
             self.robot.advance()
             self.commands.append(self.robot.twist)
         return self._result
 
-    def _steps(self, waypoint: Waypoint) -> Iterator[object]:
-        self._result = yield from self._attempt_driver.drive(NODE, waypoint)
+    def _steps(self, waypoint: Waypoint, *, is_known: bool) -> Iterator[object]:
+        self._result = yield from self._attempt_driver.drive(NODE, waypoint, is_known=is_known)
 
 
 def test_where_backing_up_touched_something_the_robot_turns_round_and_drives_on_looking() -> None:
@@ -70,3 +70,13 @@ def test_where_the_drive_saw_that_the_way_back_is_narrow_the_robot_drives_it_loo
     assert drive.go(np.array([-1.0, 0.0, 0.0])).end is AttemptEnd.REACHED
     assert all(command.linear_m_s >= 0 for command in drive.commands)
     assert np.allclose(drive.robot.pose, [1.0, 1.0, 0.0], atol=0.1)
+
+
+def test_a_far_place_that_the_map_knows_is_driven_to_at_once() -> None:
+    far = FlatWorld(np.array(box(9.0, 4.0)))
+    waypoint = np.array([7.0, 0.0, 0.0])
+    known, predicted = (Drive(far, [1.0, 1.0, 0.0], [8.0, 1.0, 0.0]) for _ in range(2))
+    assert known.go(waypoint, is_known=True).end is AttemptEnd.REACHED
+    assert np.allclose(known.robot.pose, [8.0, 1.0, 0.0], atol=0.1)
+    predicted.go(waypoint)
+    assert predicted.robot.pose[0] < 5.0

@@ -39,8 +39,7 @@ def look_for_obstacles(query: Query, path: GraphPath) -> Generator[Event, None, 
         yield from query.apply(presence.observe_open(graph, seen, now_s))
         return False
     yield from query.apply(presence.observe(graph, obstruction, now_s))
-    # Obstacles beside a goal may seem to close the edges to it.
-    ahead = (edge for edge in itertools.pairwise(in_sight) if edge in across and edge[1] != query.goal)
+    ahead = (edge for edge in itertools.pairwise(in_sight) if edge in across and not query.never_closed(edge))
     closed = [edge for edge in ahead if not is_open(graph, edge)]
     if not closed or memory.obstructions >= MOST_OBSTRUCTIONS:
         return False

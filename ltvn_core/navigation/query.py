@@ -9,6 +9,7 @@ from typing import NamedTuple
 from ltvn_core.config import Method
 from ltvn_core.graph.deltas import GraphDelta
 from ltvn_core.graph.place_belief import BelievedPlace
+from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.navigation.attempt_driver import AttemptDriver
 from ltvn_core.navigation.context import NavigationContext
 from ltvn_core.navigation.events import GraphChanged
@@ -77,6 +78,11 @@ class Query:
     def is_recognised(self, reachability: float) -> bool:
         """Tell whether a node with this r is recognised."""
         return reachability > self.method.localising.reachability
+
+    def never_closed(self, edge: EdgeKey) -> bool:
+        """Tell whether an edge is a short one to the goal, which obstacles beside the goal may only seem to close."""
+        is_short = self.context.graph.edges[edge].belief.mu <= self.method.building.connect_distance
+        return edge[1] == self.goal and is_short
 
     def apply(self, deltas: Iterable[GraphDelta], attempt: int | None = None) -> Iterator[GraphChanged]:
         """Change the map, and yield an event for each change."""

@@ -17,14 +17,11 @@ _LEAST_P = 1e-3
 
 
 def plan_way(query: Query, start: NodeId) -> GraphPath:
-    """Return the path to take from a node to the goal now.
-
-    The last edge to the goal never counts as closed, because obstacles beside the goal may seem to close it.
-    """
+    """Return the path to take from a node to the goal now."""
     context = query.context
     penalties = query.memory.penalties
     open_now = context.system.presence.probabilities(context.graph, query.now_s)
-    open_now = {edge: p if edge[1] != query.goal else max(p, OPEN_ABOVE) for edge, p in open_now.items()}
+    open_now = {edge: max(p, OPEN_ABOVE) if query.never_closed(edge) else p for edge, p in open_now.items()}
     if not open_now:
         return context.planner.plan(start, query.goal, penalties)
     path = plan_by_presence(

@@ -52,7 +52,7 @@ _DOUBTED = 0.5
 def floor_edges(graph: TopologicalGraph, gate: OdometryGate, floor: FreeFloor, method: Method) -> Iterator[EdgeAdded]:
     """Yield edges in both directions, the shortest first, wherever no existing path is nearly as short."""
     ways = _Ways.of(graph, method)
-    for pair in sorted(_pairs(graph, gate, method), key=lambda pair: pair.matches.distances[0]):
+    for pair in sorted(_pairs(graph, gate, floor, method), key=lambda pair: pair.matches.distances[0]):
         if ways.are_shortened_by(pair) and (pair.is_one_place or floor.joins(pair.source, pair.matches)):
             ways.add(pair)
             yield from (pair.there, pair.back)
@@ -80,8 +80,9 @@ class _Pair:
         return bool(np.hypot(*self.matches.waypoints[0, :2]) <= _PLACE_M)
 
 
-def _pairs(graph: TopologicalGraph, gate: OdometryGate, method: Method) -> Iterator[_Pair]:
-    """Yield each pair of near nodes once, if odometry gives their relative pose and the path between them is long."""
+def _pairs(graph: TopologicalGraph, gate: OdometryGate, floor: FreeFloor, method: Method) -> Iterator[_Pair]:
+    """Yield each pair of near nodes once, if odometry gives their relative pose, the path between them is long, and the
+    floor between them may be free."""
     nodes, costs = cost_matrix(graph, partial(edge_cost, config=method.planning))
     rows = gate.rows(nodes)
     places = np.array([node.odometry[:2] for node in graph.nodes.values()])
@@ -99,10 +100,12 @@ def _pairs(graph: TopologicalGraph, gate: OdometryGate, method: Method) -> Itera
         longest = np.where(away_m <= _LONG_M, _STRETCH, _LONG_STRETCH) * cost
         # The edges that are added later only shorten these paths.
         paths = dijkstra(costs, indices=k, limit=longest.max(initial=0.0))[others]
-        for j in np.flatnonzero((driven_m <= _MOST_DRIVEN_M) & (away_m <= _REACH_M) & (paths > longest)):
+        known = np.flatnonzero((driven_m <= _MOST_DRIVEN_M) & (away_m <= _REACH_M) & (paths > longest))
+        may_be_free = floor.may_join(rows[k], rows[others[known]], waypoints[known])
+        for j in known[may_be_free | (away_m[known] <= _PLACE_M)]:
             matches = Matches.of_one(nodes[others[j]], most if is_sure[j] else _DOUBTED, waypoints[j])
             edges = bidirectional_edges(nodes[k], matches, method.believing, Cause.BUILD, by_odometry=True)
-            yield _Pair(matches, *edges, longest=longest[j])
+            yield _Pair(matches, *edges, longest=float(longest[j]))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -4,9 +4,11 @@ Owns when a straight line counts as free. Knows nothing of the graph.
 """
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter
 from scipy.spatial import KDTree
 
 from ltvn_core.cameras.camera_model import CameraModel
@@ -16,14 +18,15 @@ from ltvn_core.geometry import wrap_angle
 from ltvn_core.graph.matching import Matches
 from ltvn_core.graph.odometry_gate import OdometryGate
 from ltvn_core.graph.presence.obstruction import distances_to_way
-from ltvn_core.types import NodeId, Observation, Pose
+from ltvn_core.types import NodeId, Observation, Pose, Waypoint
 
 _CLEAR_M = 0.3
 """Clearance needed on both sides of a path: half a small robot plus the error of odometry, in metres."""
 _STOOD_M = 0.18
 """Radius around the place of an image within which the floor is free, in metres."""
-_SPACING_M, _FEW = 0.1, 8
-"""Distance between the points of a line that are checked, in metres; every `_FEW`th of them is checked first."""
+_SPACING_M = 0.1
+_FEW, _CELL_M = 16, 0.1
+"""Number of points of a line in a quick test, and the cells of its grid, in metres."""
 WELL_KNOWN_M = 10.0
 """Greatest distance along the drive over which odometry is accurate, in metres."""
 
@@ -39,6 +42,20 @@ class FreeFloor:
         self._half_rad = scans[0].half_rad
         self._ranges_m = np.stack([scan.ranges_m for scan in scans])
         self._things = [scan.solid_points() for scan in scans]
+        stretches, poses = gate.placed(self._rows)
+        own = {stretch: np.flatnonzero(stretches == stretch) for stretch in np.unique(stretches).tolist()}
+        self._grids = {stretch: self._grid(images, poses[images]) for stretch, images in own.items()}
+
+    def may_join(self, source: int, targets: NDArray[np.intp], waypoints: Waypoint) -> NDArray[np.bool_]:
+        """Tell (M,) whether any images saw straight lines free that lead from the image in a row to waypoints (M, 3).
+
+        A quick test that excludes most lines, because these lead through walls; `targets` are the rows (M,) of the
+        images there. Lines to other stretches of odometry are not tested.
+        """
+        (stretch, *others), (pose, *_) = self._gate.placed(np.array([source, *targets]))
+        points = np.linspace(0, 1, _FEW + 2)[1:-1, None, None] * waypoints[:, :2]
+        seen = self._grids[int(stretch)].shows(transform_points(points.reshape(-1, 2), pose))
+        return seen.reshape(_FEW, len(waypoints)).all(axis=0) | (np.array(others, np.intp) != stretch)
 
     def joins(self, source: NodeId, target: Matches) -> bool:
         """Tell whether images around both ends saw the straight line from a node to the only target free, with no
@@ -48,23 +65,49 @@ class FreeFloor:
         _, back_m = self._gate.seen_from(target.nodes[0], self._rows)
         in_range = distances_to_way(poses[:, :2], way[0], way[-1]) < RANGE_M
         near = np.flatnonzero((np.minimum(driven_m, back_m) <= WELL_KNOWN_M) & in_range)
-        # Most lines lead through a wall, and a few of their points show it.
-        if not all(self._is_free(points, near, poses[near]) for points in (way[::_FEW], way)):
+        if not self._seen_free(way, near, poses[near]).any(axis=0).all():
             return False
         solid = np.concatenate([np.empty((0, 2)), *(transform_points(self._things[k], poses[k]) for k in near)])
         return not len(solid) or bool(KDTree(solid).query(way)[0].min() > _CLEAR_M)
 
-    def _is_free(self, way: NDArray[np.float64], images: NDArray[np.intp], poses: Pose) -> bool:
-        """Tell whether every point (S, 2) was seen to be free by one of N images at poses (N, 3), or lies where one was
-        taken."""
+    def _grid(self, images: NDArray[np.intp], poses: Pose) -> "_FloorGrid":
+        """Return the floor that N images of one stretch at poses (N, 3) saw free."""
+        low = poses[:, :2].min(axis=0) - RANGE_M
+        cells = np.ceil((poses[:, :2].max(axis=0) + RANGE_M - low) / _CELL_M).astype(np.intp) + 1
+        is_free = np.zeros(tuple(cells.tolist()), np.bool_)
+        reach = round(RANGE_M / _CELL_M)
+        side = np.arange(-reach, reach + 1)
+        around = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
+        for image, pose in zip(images, poses, strict=True):
+            own = np.round((pose[:2] - low) / _CELL_M).astype(np.intp) + around
+            own = own[((own >= 0) & (own < cells)).all(axis=1)]
+            seen = self._seen_free(low + own * _CELL_M, np.array([image]), pose[None])[0]
+            is_free[tuple(own[seen].T)] = True
+        return _FloorGrid(low, np.asarray(maximum_filter(is_free, 3), np.bool_))
+
+    def _seen_free(self, way: NDArray[np.float64], images: NDArray[np.intp], poses: Pose) -> NDArray[np.bool_]:
+        """Tell (N, S) which points (S, 2) each of N images at poses (N, 3) saw free, or was taken at."""
         offset = way - poses[:, None, :2]
         away_m = np.hypot(offset[..., 0], offset[..., 1])
         bearing = wrap_angle(np.arctan2(offset[..., 1], offset[..., 0]) - poses[:, 2:])
         inside = np.abs(bearing) < self._half_rad - EDGE_RAD
         place = np.clip(bearing_bins(bearing, self._half_rad), 1, self._ranges_m.shape[1] - 2)
         beside = np.stack([self._ranges_m[images[:, None], place + aside] for aside in (-1, 0, 1)])
-        seen = inside & reach_past(beside, away_m + FREE_BEYOND_M)
-        return bool((seen | (away_m < _STOOD_M)).any(axis=0).all())
+        return (inside & reach_past(beside, away_m + FREE_BEYOND_M)) | (away_m < _STOOD_M)
+
+
+class _FloorGrid(NamedTuple):
+    """Floor that was seen free, in cells of `_CELL_M`, one cell wider than seen."""
+
+    low: NDArray[np.float64]
+    """(2,) position of the first cell in the odometry frame."""
+    is_free: NDArray[np.bool_]
+    """(X, Y)"""
+
+    def shows(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Tell (M,) which points (M, 2) in the odometry frame were seen free."""
+        cells = np.clip(np.round((points - self.low) / _CELL_M).astype(np.intp), 0, np.array(self.is_free.shape) - 1)
+        return self.is_free[tuple(cells.T)]
 
 
 def _along(end: NDArray[np.float64]) -> NDArray[np.float64]:

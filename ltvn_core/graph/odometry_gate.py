@@ -134,6 +134,11 @@ class OdometryGate:
         driven, path_m = self._way(self._row[frame], rows)
         return driven, np.where(np.isneginf(path_m), np.inf, path_m)
 
+    def placed(self, rows: NDArray[np.intp]) -> tuple[NDArray[np.intp], Pose]:
+        """Return the numbers (N,) of the stretches of unbroken odometry to which images in some rows (N,) belong, and
+        their poses (N, 3) in the odometry frames of these stretches."""
+        return self._segment[rows], self._poses[rows]
+
     def same_stretch(self, frame: FrameId, other: FrameId) -> bool:
         """Tell whether odometry is unbroken between two images."""
         return bool(self._segment[self._row[frame]] == self._segment[self._row[other]])

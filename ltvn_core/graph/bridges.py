@@ -18,7 +18,7 @@ from ltvn_core.graph.odometry_gate import OdometryGate
 from ltvn_core.graph.operators import OperatorThresholds
 from ltvn_core.types import FrameId, Observation
 
-_REACH = 30
+REACH = 30
 """Number of images before and after that are compared first."""
 _BESIDE = 4
 """An image joined by odometry must be recognised from one of this many left-over images before or after it."""
@@ -70,7 +70,7 @@ class BridgeSearch:
 
         An image near in time is preferred, because two images near in time are hardly ever perceptual aliases.
         """
-        beside = [other for other in self._beside(frame, _REACH) if other in merged]
+        beside = [other for other in self._beside(frame, REACH) if other in merged]
         return self._recognised(frame, beside) or self._recognised(frame, sorted(merged))
 
     def by_odometry(

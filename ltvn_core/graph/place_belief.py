@@ -3,16 +3,16 @@
 Where rooms look alike, one image says little: in an office of identical rooms, 22 nodes resemble an image, but only 2
 or 3 of them are near the robot. But all images of a query must fit one trajectory. So every place that resembles an
 image becomes a hypothesis that moves with odometry. Later images raise or lower its weight, depending on whether they
-show what the map expects there (Jensfelt and Kristensen 2001, on metric maps). Owns the hypotheses and their weights
-(ours).
+show what the map expects there (Jensfelt and Kristensen 2001, on metric maps), relative to the weight of all places
+that are not followed. Owns the hypotheses and their weights (ours).
 """
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import breadth_first_order, connected_components, minimum_spanning_tree
 from scipy.spatial import KDTree
@@ -111,12 +111,15 @@ _OVERLAP_M, _M_PER_RAD = 0.7, 0.6
 _MIN_REACHABILITY = 0.5
 _DISAGREES, _NOTHING_NEAR = -1.2, -0.3
 """ln likelihood ratios of an image at a place: if it disagrees, and if no node is near."""
-_EVEN_LOG_ODDS, _PER_LOG_ODDS, _AGREES_MOST = 2.9, 0.7, 1.5
-"""ln likelihood ratio of an image that agrees: 0 at these log odds of r, rising with them at this rate up to this
-limit. Measured in six scenes for tuning: places that merely look alike agree in half of the images, but seldom with r
-above 0.99 (`docs/method.md`)."""
-_NEW = -6.0
-"""ln weight, relative to the best, of a new hypothesis."""
+_AGREES, _PER_LOG_ODDS = 1.5, 0.7
+"""ln likelihood ratio of an image that agrees with the highest r of the query, and its change per log odds of r.
+Measured in six scenes for tuning: places that merely look alike agree with half of the images, but seldom with r above
+0.99 (`docs/method.md`)."""
+_HIGHEST_R = (0.95, 0.99)
+"""Limits of that highest r, because predictors differ in how sure they are at best."""
+_ELSEWHERE_LEAST, _NEW = -4.0, -2.0
+"""Least ln weight, relative to the best hypothesis, of a place that is not followed, and the ln weight of a new
+hypothesis relative to that."""
 _SAME_PLACE = (0.6, 0.4)
 """Distance from a hypothesis, in m and rad, within which a match starts no new hypothesis."""
 _MERGED = (0.3, 0.25)
@@ -160,6 +163,14 @@ class _Places:
     """(M, 3) in the layout of the map."""
     log_weights: FloatArray
     """(M,) ln of each hypothesis's weight."""
+    elsewhere: float = 0.0
+    """ln of the weight of all other places, to which the likelihood ratios refer."""
+
+    @property
+    def probabilities(self) -> FloatArray:
+        """(M,) probability of each hypothesis."""
+        weights = np.exp(self.log_weights)
+        return np.asarray(weights / (weights.sum() + np.exp(self.elsewhere)), np.float64)
 
     def __len__(self) -> int:
         return len(self.poses)
@@ -178,6 +189,7 @@ class PlaceBelief:
         self._places = _NO_PLACES
         self._odometry = np.zeros(3)
         self._is_sure = self._is_recognised = False
+        self._highest_r = 0.0
 
     def forget(self) -> None:
         """Start over after the belief has proved wrong."""
@@ -212,6 +224,7 @@ class PlaceBelief:
         one of them should be given.
         """
         self._move_to(odometry)
+        self._highest_r = max(self._highest_r, float(matches.reachability.max(initial=0.0)))
         begins = not len(self._places)
         agrees = self._weigh(matches)
         self._begin_to_follow(matches.take(near_enough))
@@ -220,12 +233,17 @@ class PlaceBelief:
     def best(self, odometry: Pose, doubted: Collection[NodeId] = ()) -> BelievedPlace | None:
         """Return the likeliest place at an odometry pose (3,) whose nearest node is not doubted; None without any."""
         self._move_to(odometry)
-        weights = np.exp(self._places.log_weights)
-        for k, (pose, weight) in enumerate(zip(self._places.poses, weights, strict=True)):
+        for k, (pose, p) in enumerate(zip(self._places.poses, self._places.probabilities, strict=True)):
             nodes = self._nodes_around(pose)
             if nodes and next(iter(nodes)) not in doubted:
-                return BelievedPlace(nodes, float(weight / weights.sum()), k == 0 and self._is_recognised)
+                return BelievedPlace(nodes, float(p), k == 0 and self._is_recognised)
         return None
+
+    def probability_at(self, odometry: Pose, node: NodeId, waypoint: Waypoint) -> float:
+        """Return the probability that a node is at a waypoint (3,) from a robot at an odometry pose (3,)."""
+        self._move_to(odometry)
+        expected = relative(self._places.poses, self._layout.poses[self._row_of[node]])
+        return float(self._places.probabilities[agree(expected, waypoint, AT_PLACE)].sum())
 
     def _lay_out(self) -> None:
         self._layout = lay_out(self._graph)
@@ -245,7 +263,7 @@ class PlaceBelief:
     def _move_to(self, odometry: Pose) -> None:
         """Move all hypotheses by the motion of the robot."""
         step, self._odometry = relative(self._odometry, odometry), odometry.copy()
-        self._places = _Places(compose(self._places.poses, step), self._places.log_weights)
+        self._places = replace(self._places, poses=compose(self._places.poses, step))
 
     def _weigh(self, matches: Matches) -> NDArray[np.bool_]:
         """Check for each hypothesis whether a node is recognised where expected; return (M,) the results."""
@@ -260,7 +278,7 @@ class PlaceBelief:
         agrees = near & recognised & is_where_expected(expected, matches.waypoints[match])
         says = np.full(count, _NOTHING_NEAR)
         says[place[near]] = _DISAGREES
-        np.maximum.at(says, place[agrees], _log_ratio(matches.reachability[match[agrees]]))
+        np.maximum.at(says, place[agrees], self._log_ratios(matches.reachability[match[agrees]]))
         is_right = np.zeros(count, bool)
         is_right[place[agrees]] = True
         chosen = np.flatnonzero(agrees)
@@ -270,12 +288,17 @@ class PlaceBelief:
         measured = compose(self._layout.poses[row[pair]], invert(matches.waypoints[match[pair]]))
         corrected = poses.copy()
         corrected[rights] = compose(poses[rights], _TRUST_IN_MATCH * relative(poses[rights], measured))
-        self._places = _Places(corrected, self._places.log_weights + says)
+        self._places = replace(self._places, poses=corrected, log_weights=self._places.log_weights + says)
         return is_right
+
+    def _log_ratios(self, reachability: FloatArray) -> FloatArray:
+        """Return the ln likelihood ratios (N,) of images that agree with r (N,)."""
+        below = _log_odds(reachability) - _log_odds(np.clip(self._highest_r, *_HIGHEST_R))
+        return np.clip(_AGREES + _PER_LOG_ODDS * below, _DISAGREES, _AGREES)
 
     def _begin_to_follow(self, matches: Matches) -> None:
         """Start a hypothesis at each match that is not near an existing one."""
-        log_weight = self._places.log_weights.max() + _NEW if len(self._places) else 0.0
+        log_weight = self._places.elsewhere + _NEW if len(self._places) else 0.0
         poses = self._places.poses
         for k in np.argsort(matches.distances, kind="stable"):
             if matches.nodes[k] in self._row_of:
@@ -283,7 +306,7 @@ class PlaceBelief:
                 if not agree(pose, poses, _SAME_PLACE).any():
                     poses = np.concatenate([poses, pose[None]])
         new = np.full(len(poses) - len(self._places), log_weight)
-        self._places = _Places(poses, np.concatenate([self._places.log_weights, new]))
+        self._places = replace(self._places, poses=poses, log_weights=np.concatenate([self._places.log_weights, new]))
 
     def _keep_likeliest(self, agrees: NDArray[np.bool_]) -> None:
         """Keep the likeliest hypotheses, the best first with weight 0, and merge those that now agree."""
@@ -295,9 +318,11 @@ class PlaceBelief:
                 break
             if not agree(places.poses[k], places.poses[kept], _MERGED).any():
                 kept.append(k)
-        self._places = _Places(places.poses[kept], places.log_weights[kept] - best)
+        # Images that disagree with all places do not make other places likelier, because the world may have changed.
+        elsewhere = max(places.elsewhere - max(best, 0.0), _ELSEWHERE_LEAST) if kept else 0.0
+        self._places = _Places(places.poses[kept], places.log_weights[kept] - best, elsewhere)
         self._is_recognised = bool(kept) and kept[0] < len(agrees) and bool(agrees[kept[0]])
-        self._is_sure = self._is_recognised and 1 / np.exp(self._places.log_weights).sum() > _SURE
+        self._is_sure = self._is_recognised and self._places.probabilities[0] > _SURE
 
     def _nodes_around(self, pose: Pose) -> dict[NodeId, Pose]:
         rows = np.array(self._tree.query_ball_point(pose[:2], _AROUND_M), np.intp)
@@ -305,11 +330,9 @@ class PlaceBelief:
         return {self._layout.nodes[rows[k]]: poses[k] for k in np.argsort(_apart(poses), kind="stable")}
 
 
-def _log_ratio(reachability: FloatArray) -> FloatArray:
-    """Return the ln likelihood ratios (N,) of images that agree with r (N,)."""
-    odds = np.clip(reachability, 1e-6, 1 - 1e-6)
-    ratio = _PER_LOG_ODDS * (np.log(odds / (1 - odds)) - _EVEN_LOG_ODDS)
-    return np.clip(ratio, _DISAGREES, _AGREES_MOST)
+def _log_odds(p: ArrayLike) -> FloatArray:
+    p = np.clip(np.asarray(p, np.float64), 1e-6, 1 - 1e-6)
+    return np.asarray(np.log(p / (1 - p)), np.float64)
 
 
 def is_where_expected(expected: Pose, seen: Pose, limits: tuple[float, float] = _GAP) -> NDArray[np.bool_]:

@@ -8,14 +8,14 @@ from typing import NamedTuple
 
 from ltvn_core.config import JudgingConfig, Method
 from ltvn_core.geometry import distance
-from ltvn_core.graph.place_belief import LIKELY
 from ltvn_core.navigation.events import Note, Severity
 from ltvn_core.navigation.motion import EventGenerator
 from ltvn_core.navigation.query import Query
 from ltvn_core.types import Waypoint
 
 _SUCCESS_DISTANCE, _SUCCESS_REACHABILITY = "judging.success_distance", "judging.success_reachability"
-_BY_PLACE = "localising.follow_places"
+BY_PLACE = "localising.follow_places"
+"""Name of the rule that decides by the place belief."""
 _AT_TARGET_DISTANCE = 0.3
 """Distance d below which the robot is at the target."""
 
@@ -28,11 +28,10 @@ def check_goal(query: Query) -> EventGenerator[bool]:
         return False
     if not query.is_recognised(query.perception.with_node_support(query.goal).reachability):
         return False
-    place = query.place()
-    if place is None or not place.rules_out(query.goal, seen.waypoint, LIKELY):
+    if query.may_be_at(query.goal, seen.waypoint):
         return True
-    text = "The place looked like the goal, but the images of the whole query say that the goal is elsewhere."
-    yield Note(text, Severity.WARN, rule=_BY_PLACE)
+    text = "The place looks like the goal, but the images of the whole query do not say so."
+    yield Note(text, Severity.WARN, rule=BY_PLACE)
     return False
 
 
@@ -76,7 +75,7 @@ def judge_attempt(
         return AttemptVerdict(False, why, hindered, rule=_SUCCESS_DISTANCE)
     if not fits_place:
         why = "the images of the whole query say that the target is elsewhere"
-        return AttemptVerdict(False, why, rule=_BY_PLACE)
+        return AttemptVerdict(False, why, rule=BY_PLACE)
     if driven_too_often:
         return AttemptVerdict(False, "driven too often in this query", hindered=True, rule="planning.repeat_limit")
     why = f"target is near: d = {target_distance:.2f}, r = {reachability:.2f}"

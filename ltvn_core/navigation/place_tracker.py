@@ -11,7 +11,7 @@ from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.graph.place_belief import BelievedPlace, PlaceBelief
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.observation_trail import ObservationTrail
-from ltvn_core.types import NodeId, Pose
+from ltvn_core.types import NodeId, Pose, Waypoint
 
 
 class PlaceTracker:
@@ -36,11 +36,23 @@ class PlaceTracker:
         unknown."""
         if self._belief is None:
             return None
+        self._follow(self._belief, trail)
+        return self._belief.best(odometry, doubted)
+
+    def probability_at(self, trail: ObservationTrail, odometry: Pose, node: NodeId, waypoint: Waypoint) -> float | None:
+        """Return the probability that a node is at a waypoint (3,) from a robot at an odometry pose (3,); None if the
+        system localises by single images."""
+        if self._belief is None:
+            return None
+        self._follow(self._belief, trail)
+        return self._belief.probability_at(odometry, node, waypoint)
+
+    def _follow(self, belief: PlaceBelief, trail: ObservationTrail) -> None:
+        """Update the belief with the observations since the last call."""
         if trail.beginnings != self._beginnings:
-            self._belief.forget()
+            belief.forget()
         for pose, features in trail.since(self._seen):
-            matches = self._matcher.match(features, self._belief.nodes_to_ask(pose))
-            self._belief.see(pose, matches, near_enough(matches, self._config))
+            matches = self._matcher.match(features, belief.nodes_to_ask(pose))
+            belief.see(pose, matches, near_enough(matches, self._config))
         self._seen = trail.count
         self._beginnings = trail.beginnings
-        return self._belief.best(odometry, doubted)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from ltvn_core.config import Method
 from ltvn_core.graph.deltas import GraphDelta
-from ltvn_core.graph.place_belief import BelievedPlace
+from ltvn_core.graph.place_belief import LIKELY, BelievedPlace
 from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.navigation.attempt_driver import AttemptDriver
 from ltvn_core.navigation.context import NavigationContext
@@ -74,6 +74,12 @@ class Query:
         """Return the waypoint (3,) of a node from here, if the likeliest place is more probable than `probability`."""
         place = self.place()
         return None if place is None or place.probability <= probability else place.nodes.get(node)
+
+    def may_be_at(self, node: NodeId, waypoint: Waypoint) -> bool:
+        """Tell whether a node is probably at a waypoint (3,) by all images of the query; True without a place
+        belief."""
+        p = self.places.probability_at(self.perception.trail, self.motion.odometry, node, waypoint)
+        return p is None or p > LIKELY
 
     def is_recognised(self, reachability: float) -> bool:
         """Tell whether a node with this r is recognised."""

@@ -46,6 +46,8 @@ class QueryMemory:
         """Outcome if the query is given up; `NO_PATH` takes precedence over `LOST`."""
         self.approached: NodeId | None = None
         """The node that the robot last approached before driving to its successor."""
+        self.doubtful_arrivals = 0
+        """Number of times that the robot stood where the goal seems to be, without being sure of it."""
         self.obstructions = 0
         """Number of obstructions met so far."""
         self._fresh_hopes = 0

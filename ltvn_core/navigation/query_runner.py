@@ -28,7 +28,7 @@ from ltvn_core.navigation.events import (
     Planned,
     StateChanged,
 )
-from ltvn_core.navigation.judgement import AttemptVerdict, check_goal, judge_attempt
+from ltvn_core.navigation.judgement import BY_PLACE, AttemptVerdict, check_goal, judge_attempt
 from ltvn_core.navigation.map_learner import learn_from_attempt, look_for_obstacles
 from ltvn_core.navigation.motion import EventGenerator, QueryAborted
 from ltvn_core.navigation.obstruction_finder import departure
@@ -188,7 +188,22 @@ class QueryRunner:
             return False
         # An attempt without a step would be repeated without end, so the robot counts as arrived.
         self._memory.assumed_node = target
-        return source is None and target == self._query.goal
+        if source is not None or target != self._query.goal:
+            return False
+        self._memory.doubtful_arrivals += 1
+        if self._may_be_at_goal() or self._memory.doubtful_arrivals > self._query.method.recovering.looks_per_turn:
+            return True
+        self._memory.assumed_node = None
+        yield from turn(self._query)
+        return False
+
+    def _may_be_at_goal(self) -> bool:
+        """Tell whether the robot is probably at the goal, by the place belief alone or by the image and the belief."""
+        goal = self._query.goal
+        known = self._query.known_waypoint(goal, LIKELY)
+        if known is not None and np.hypot(known[0], known[1]) < _AT_TARGET_M:
+            return True
+        return self._query.may_be_at(goal, self._perception.node_match(goal).waypoint)
 
     def _subgoal_segment(self, path: GraphPath) -> tuple[NodeId, ...]:
         """Return the path up to the subgoal; only the goal if the robot is already there."""
@@ -284,7 +299,7 @@ class QueryRunner:
             if not self._query.is_recognised(seen.reachability):
                 self._memory.assumed_node = target  # The image does not show the target, only the belief does.
             why = "the images of the whole query say that the robot is there"
-            return AttemptVerdict(True, why, rule="localising.follow_places")
+            return AttemptVerdict(True, why, rule=BY_PLACE)
         return verdict
 
     def _ended(

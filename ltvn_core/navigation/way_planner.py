@@ -4,14 +4,19 @@ Owns the costs of a plan. The search itself is in `graph.planner` and `graph.pre
 """
 
 import math
+from collections.abc import Mapping
 
+from ltvn_core.graph.place_belief import LIKELY
 from ltvn_core.graph.planner import NO_PATH, GraphPath
 from ltvn_core.graph.presence.edge_presence import EdgeProbabilities
 from ltvn_core.graph.presence.presence_plan import OPEN_ABOVE, plan_by_presence
+from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.navigation.query import Query
 from ltvn_core.navigation.query_memory import MOST_OBSTRUCTIONS
 from ltvn_core.types import NodeId
 
+_BLIND_COST = 3.0
+"""Cost of an edge that no image supports, while the robot may be at several places."""
 _LEAST_P = 1e-3
 """Lower limit of the probability that an edge is open."""
 
@@ -19,7 +24,7 @@ _LEAST_P = 1e-3
 def plan_way(query: Query, start: NodeId) -> GraphPath:
     """Return the path to take from a node to the goal now."""
     context = query.context
-    penalties = query.memory.penalties
+    penalties = _penalties(query)
     open_now = context.system.presence.probabilities(context.graph, query.now_s)
     open_now = {edge: max(p, OPEN_ABOVE) if query.never_closed(edge) else p for edge, p in open_now.items()}
     if not open_now:
@@ -34,6 +39,18 @@ def plan_way(query: Query, start: NodeId) -> GraphPath:
         tries=query.memory.obstructions,
     )
     return path if path.nodes else _hope(query, start, open_now)
+
+
+def _penalties(query: Query) -> Mapping[EdgeKey, float]:
+    """Return the extra costs of edges: those in memory, and of edges that no image supports while the place is unsure.
+
+    On such an edge a robot at another place than it believes notices nothing until it hits something.
+    """
+    place = query.place()
+    if place is None or place.probability > LIKELY:
+        return query.memory.penalties
+    blind = {key: _BLIND_COST for key, edge in query.context.graph.edges.items() if edge.by_odometry}
+    return blind | {key: cost + blind.get(key, 0.0) for key, cost in query.memory.penalties.items()}
 
 
 def way_exists(query: Query, start: NodeId) -> bool:

@@ -1,9 +1,10 @@
 """A robot that drives through places which look different today, and knows them by odometry."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from ltvn_core.config import ROBUST
 from ltvn_core.geometry import relative
 from ltvn_core.graph.deltas import ViewAdded, ViewUsed
 from ltvn_core.graph.node_views import ViewConfig
@@ -32,8 +33,12 @@ class RepaintedPredictor(FlatPredictor):
         return answer
 
 
+NODE_BY_NODE = replace(ROBUST, building=replace(ROBUST.building, floor_edges=False))
+"""Passes every node, where a long edge over free floor would pass by what was painted."""
+
+
 def repainted_world(maintenance: str = "persistent") -> DoorWorld:
-    place = door_world(maintenance)
+    place = door_world(maintenance, method=NODE_BY_NODE)
     place.predictor = RepaintedPredictor(place.world)
     return place
 

@@ -2,7 +2,7 @@
 
 from ltvn_core.graph.deltas import Belief, Cause, Edge, EdgeAdded, Node, NodeAdded, PoseRow
 from ltvn_core.graph.floors import floors
-from ltvn_core.graph.place_belief import lay_out
+from ltvn_core.graph.node_layout import lay_out
 from ltvn_core.graph.topological_graph import TopologicalGraph
 
 HERE = PoseRow(0.0, 0.0, 0.0)

@@ -1,12 +1,13 @@
 """Two rooms that look the same: which of them it is, what was seen on the way tells."""
 
 import numpy as np
+import pytest
 
 from ltvn_core.geometry import distance, relative
 from ltvn_core.graph.deltas import Belief, Cause, Edge, EdgeAdded, NodeAdded
 from ltvn_core.graph.matching import Matches
 from ltvn_core.graph.operators import node_from_observation, pose_row
-from ltvn_core.graph.place_belief import PlaceBelief
+from ltvn_core.graph.place_belief import LIKELY, PlaceBelief
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.types import Pose
 from tests.core.flat_world import observation_at
@@ -124,3 +125,37 @@ def test_nothing_that_resembles_a_node_leaves_no_place() -> None:
     nothing = matches_at(1.0, nodes).with_reachability(np.zeros(len(nodes)))
     belief.see(np.zeros(3), nothing, np.zeros(len(nodes), bool))
     assert belief.best(np.zeros(3)) is None
+
+
+def seen_once(x_m: float, reachability: float) -> float:
+    """Return the probability of a place that one image resembles with r."""
+    belief = PlaceBelief(corridor())
+    found = matches_at(x_m, belief.nodes_to_ask(np.zeros(3)))
+    found = found.with_reachability(np.where(found.reachability > 0.5, reachability, 0.02))
+    belief.see(np.zeros(3), found, (found.distances < 1.0) & (found.reachability > 0.5))
+    return believed_x_m(belief, np.zeros(3))[1]
+
+
+def test_one_image_makes_a_place_likely_only_if_its_nodes_are_surely_recognised() -> None:
+    assert seen_once(0.5, 0.99) > LIKELY >= seen_once(0.5, 0.6)
+
+
+def test_images_of_a_place_that_has_changed_do_not_make_another_place_likelier() -> None:
+    belief = PlaceBelief(corridor())
+    odometry = drive(belief, [0.5 + 0.5 * k for k in range(6)])
+    before = believed_x_m(belief, odometry)
+    for k in range(1, 8):
+        odometry = np.array([3.0 + 0.3 * k, 0.0, 0.0])
+        nodes = belief.nodes_to_ask(odometry)
+        unlike = matches_at(1.0, nodes).with_reachability(np.full(len(nodes), 0.02))
+        belief.see(odometry, unlike, np.zeros(len(nodes), bool))
+    assert believed_x_m(belief, odometry)[1] == pytest.approx(before[1], abs=0.2)
+
+
+def test_a_node_is_where_most_of_the_likely_places_put_it() -> None:
+    belief = PlaceBelief(corridor())
+    odometry = drive(belief, [0.5 + 0.5 * k for k in range(6)])
+    node = int(np.argmin(np.abs(PLACES[:, 0] - 3.5)))
+    there = relative(np.array([3.0, 0.0, 0.0]), PLACES[node])
+    assert belief.probability_at(odometry, node, there) > 0.8
+    assert belief.probability_at(odometry, node, there + np.array([3.0, 0.0, 0.0])) < 0.1

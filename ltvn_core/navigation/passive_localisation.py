@@ -5,7 +5,6 @@ from ltvn_core.graph.localiser import Localisation, LocalisationPrior
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.graph.topological_graph import TopologicalGraph
-from ltvn_core.navigation.observation_trail import ObservationTrail
 from ltvn_core.navigation.place_tracker import PlaceTracker
 from ltvn_core.types import Observation, Predictor, is_usable
 
@@ -21,7 +20,6 @@ class PassiveLocaliser:
         self._predictor = predictor
         self._system = system
         self._matcher = Matcher(predictor, keyframes, system.method.matching)
-        self._trail = ObservationTrail()
         self._places = PlaceTracker(graph, self._matcher, system)
 
     def localise(self, seen: Observation) -> Localisation | None:
@@ -30,6 +28,6 @@ class PassiveLocaliser:
         if not is_usable(seen, self._predictor):
             return None
         features = self._predictor.encode([seen])
-        self._trail.add(seen.odometry, features)
-        place = self._places.place(self._trail, seen.odometry)
+        self._places.observe(seen.odometry, features)
+        place = self._places.place(seen.odometry)
         return self._system.localise(features, self._graph, LocalisationPrior(place=place), self._matcher)

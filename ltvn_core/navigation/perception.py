@@ -12,7 +12,7 @@ from ltvn_core.geometry import distance, relative
 from ltvn_core.graph.matching import Matcher, Matches
 from ltvn_core.navigation.events import Note, Severity
 from ltvn_core.navigation.motion import MotionExecutor
-from ltvn_core.navigation.observation_trail import ObservationTrail
+from ltvn_core.navigation.place_tracker import PlaceTracker
 from ltvn_core.types import Features, NodeId, Observation, Pose, Predictor, Waypoint, is_usable
 
 
@@ -43,8 +43,8 @@ class Perception:
         self._predictor = predictor
         self._matcher = matcher
         self._on_look = on_look
-        self.trail = ObservationTrail()
-        """The encoded observations of the query so far."""
+        self.places: PlaceTracker | None = None
+        """Gets every encoded observation, if it is set."""
         self._told_of_no_depth = False
         self._at_step = -1
         self._observation: Observation | None = None
@@ -82,7 +82,8 @@ class Perception:
         seen = self.observation
         if self._features is None:
             self._features = self._predictor.encode([seen])
-            self.trail.add(seen.odometry, self._features)
+            if self.places is not None:
+                self.places.observe(seen.odometry, self._features)
         return self._features
 
     def node_match(self, node: NodeId) -> NodeMatch:

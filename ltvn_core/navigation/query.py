@@ -53,7 +53,7 @@ class Query:
         self.driver = AttemptDriver(
             self.motion, self.perception, context.method.driving, context.spec, bystanders=context.bystanders
         )
-        self.places = PlaceTracker(context.graph, context.matcher, context.system)
+        self.places = self.perception.places = PlaceTracker(context.graph, context.matcher, context.system)
         self.departure: Departure | None = None
 
     @property
@@ -68,7 +68,7 @@ class Query:
 
     def place(self) -> BelievedPlace | None:
         """Return the robot's most probable place; None without a place belief."""
-        return self.places.place(self.perception.trail, self.motion.odometry, self.memory.doubted)
+        return self.places.place(self.motion.odometry, self.memory.doubted)
 
     def known_waypoint(self, node: NodeId, probability: float) -> Waypoint | None:
         """Return the waypoint (3,) of a node from here, if the likeliest place is more probable than `probability`."""
@@ -78,7 +78,7 @@ class Query:
     def may_be_at(self, node: NodeId, waypoint: Waypoint) -> bool:
         """Tell whether a node is probably at a waypoint (3,) by all images of the query; True without a place
         belief."""
-        p = self.places.probability_at(self.perception.trail, self.motion.odometry, node, waypoint)
+        p = self.places.probability_at(self.motion.odometry, node, waypoint)
         return p is None or p > LIKELY
 
     def is_recognised(self, reachability: float) -> bool:

@@ -159,10 +159,9 @@ class QueryRunner:
             self._memory.close(edge)
         if succeeded:
             self._memory.arrive_elsewhere(target)
-            self._perception.trail.clear()
             self._query.forget_odometry()
             self._views = ViewLearner(self._query)
-            self._query.places.begin_at(target, self._perception.trail, self._motion.odometry)
+            self._query.places.begin_at(target, self._motion.odometry)
 
     def _follow(self, localisation: Localisation, path: GraphPath) -> EventGenerator[bool]:
         """Drive to the subgoal; tell whether the robot already is at the goal, so that nothing is left to drive."""

@@ -8,7 +8,6 @@ from ltvn_core.config import ROBUST, MatchingConfig
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.loop_closures import LoopClosureVerifier
 from ltvn_core.graph.matching import Matcher
-from ltvn_core.navigation.observation_trail import ObservationTrail
 from ltvn_core.types import Tilt
 from tests.core.flat_world import FlatPredictor, observation_at, one_room
 
@@ -77,16 +76,6 @@ def test_a_camera_that_was_tilted_aside_says_nothing_against_a_match() -> None:
     assert not is_proven_against_the_others((level, level))
     assert is_proven_against_the_others((level, Tilt(1.0, 0.0)))
     assert is_proven_against_the_others((level, Tilt(0.0, -1.0)))
-
-
-def test_a_trail_keeps_only_looks_from_different_places_and_forgets_when_told() -> None:
-    trail, features = ObservationTrail(), np.zeros((1, 4))
-    for x in (0.0, 0.01, 0.5, 0.51, 1.0):
-        trail.add(np.array([x, 0.0, 0.0]), features)
-    assert [pose[0] for pose, _ in trail.since(0)] == [0.0, 0.5, 1.0]
-    assert [pose[0] for pose, _ in trail.since(2)] == [1.0]
-    trail.clear()
-    assert not trail.since(0)
 
 
 def test_where_odometry_jumps_a_stretch_ends() -> None:

@@ -17,6 +17,7 @@ from ltvn_core.config import Method
 from ltvn_core.graph import deltas as d
 from ltvn_core.graph.deltas import Cause
 from ltvn_core.graph.localiser import LOCAL
+from ltvn_core.graph.place_belief import LIKELY
 from ltvn_core.navigation import events as e
 
 
@@ -93,11 +94,16 @@ def query_decisions(timeline: Timeline, query: int, method: Method, *, until: In
 
 def _decisions(events: Sequence[e.StampedEvent], first: int, timeline: Timeline, method: Method) -> Iterator[Decision]:
     failed = 0
+    place_p: float | None = None
     for number, stamped in enumerate(events, first):
         event = stamped.event
         rules = _rules(event, failed)
         if isinstance(event, e.AttemptEnded):
             failed += not event.succeeded
+        if isinstance(event, e.Localised):
+            place_p = event.probability
+        if isinstance(event, e.Planned) and rules is not None and place_p is not None and place_p <= LIKELY:
+            rules["localising.follow_places"] = place_p  # Edges that no image supports cost more.
         if rules is None:
             continue
         used = tuple(RuleUse(rule, _limit(method, rule), found) for rule, found in rules.items())

@@ -13,7 +13,7 @@ from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import Instant, PlanRecord
 from ltvn_core.config import PlanningConfig
 from ltvn_core.graph.deltas import Belief, Cause
-from ltvn_core.graph.planner import EdgeWeight, GraphPath, Planner, edge_cost
+from ltvn_core.graph.planner import EdgeWeight, GraphPath, Planner, blind_penalties, edge_cost
 from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.types import NodeId
 
@@ -88,6 +88,8 @@ class PlanAlternative:
     """Cost of the edge without the penalty."""
     penalty: float
     """Extra cost of the edge, because an attempt failed earlier in this query."""
+    blind_cost: float
+    """Extra cost of the edge, because no image supports it and the robot may have been at several places."""
     replanned: GraphPath
     """The best path when planned again; equal to the recorded one if the thresholds are the same."""
     without_edge: GraphPath
@@ -96,7 +98,11 @@ class PlanAlternative:
     @property
     def matches_recording(self) -> bool:
         """Whether planning again gives the recorded cost, so that the two costs can be compared."""
-        return isclose(self.replanned.cost, self.plan.planned.cost, rel_tol=1e-6, abs_tol=1e-6)
+        return _are_equal(self.replanned.cost, self.plan.planned.cost)
+
+
+def _are_equal(cost: float, other: float) -> bool:
+    return isclose(cost, other, rel_tol=1e-6, abs_tol=1e-6)
 
 
 def plan_alternative(
@@ -122,19 +128,26 @@ def plan_alternative(
     if edge not in graph.edges:
         return None  # The recording does not hold the map of the plan.
     planner = Planner(graph, planning, weight=weight)
-    penalties = failure_penalties_at(timeline, plan.event, planning)
+    failures = failure_penalties_at(timeline, plan.event, planning)
+    penalties = failures
     belief = graph.edges[edge].belief
     costs = weight(belief) if weight else edge_cost(belief, planning)
     start = plan.planned.nodes[0]
     goal = plan.planned.nodes[-1]
     replanned = planner.plan(start, goal, penalties)
+    if not _are_equal(replanned.cost, plan.planned.cost):
+        unsure = blind_penalties(graph, failures)  # The robot may have been at several places.
+        replanned_unsure = planner.plan(start, goal, unsure)
+        if _are_equal(replanned_unsure.cost, plan.planned.cost):
+            penalties, replanned = unsure, replanned_unsure
     without_edge = planner.plan(start, goal, {**penalties, edge: inf})
     return PlanAlternative(
         edge=edge,
         plan=plan,
         belief=belief,
         edge_cost=costs,
-        penalty=penalties.get(edge, 0.0),
+        penalty=failures.get(edge, 0.0),
+        blind_cost=penalties.get(edge, 0.0) - failures.get(edge, 0.0),
         replanned=replanned,
         without_edge=without_edge,
     )
@@ -169,6 +182,11 @@ def explain_planned_edge(
     if made.penalty:
         text = f"{made.penalty:.2f} of its cost is for having failed in this query, and the plan was still the best."
         reasons.append(ExplanationStep(text, made.plan.instant, ExplanationKind.PENALTY, made.edge))
+    if made.blind_cost:
+        text = (
+            f"{made.blind_cost:.2f} of its cost is because no image supports it and the robot was unsure of its place."
+        )
+        reasons.append(ExplanationStep(text, made.plan.instant, ExplanationKind.PENALTY, made.edge))
     if not made.matches_recording:
         text = (
             f"Planning again costs {made.replanned.cost:.2f}, not {made.plan.planned.cost:.2f} as recorded: the run "
@@ -191,7 +209,7 @@ def _planned(made: PlanAlternative) -> ExplanationStep:
 
 def _edge_cost_step(made: PlanAlternative) -> ExplanationStep:
     source, target = made.edge
-    cost = made.edge_cost + made.penalty
+    cost = made.edge_cost + made.penalty + made.blind_cost
     text = f"Edge {source} -> {target} cost {cost:.2f} of that: {belief_text(made.belief)}."
     return ExplanationStep(text, made.plan.instant, ExplanationKind.BELIEF, made.edge)
 

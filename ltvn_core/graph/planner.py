@@ -38,6 +38,9 @@ _MIN_P = 1e-3
 _LEAST_P = 1e-6
 """Lower limit of p in a cost that depends only on the belief."""
 
+_BLIND_COST = 3.0
+"""Cost of an edge that no image supports, for a robot that may be at several places."""
+
 EdgeWeight: TypeAlias = Callable[[Belief], float]
 """Returns the cost of an edge from its belief; finite and not negative."""
 
@@ -57,6 +60,16 @@ NO_PATH = GraphPath((), math.inf)
 def edge_cost(belief: Belief, config: PlanningConfig) -> float:
     """Return mu - weight * ln p, with the belief weight in `config`; mu alone if that is 0."""
     return belief.mu - config.belief_weight * math.log(max(belief.p, _MIN_P))
+
+
+def blind_penalties(graph: TopologicalGraph, penalties: Mapping[EdgeKey, float]) -> dict[EdgeKey, float]:
+    """Return the extra costs of edges for a robot that may be at several places: those given, and one for each edge
+    that no image supports.
+
+    On such an edge a robot at another place than it believes notices nothing until it hits something.
+    """
+    blind = {key: _BLIND_COST for key, edge in graph.edges.items() if edge.by_odometry}
+    return blind | {key: cost + blind.get(key, 0.0) for key, cost in penalties.items()}
 
 
 def hop_cost(belief: Belief) -> float:

@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping
 
 from ltvn_core.graph.place_belief import LIKELY
-from ltvn_core.graph.planner import NO_PATH, GraphPath
+from ltvn_core.graph.planner import NO_PATH, GraphPath, blind_penalties
 from ltvn_core.graph.presence.edge_presence import EdgeProbabilities
 from ltvn_core.graph.presence.presence_plan import OPEN_ABOVE, plan_by_presence
 from ltvn_core.graph.topological_graph import EdgeKey
@@ -15,8 +15,6 @@ from ltvn_core.navigation.query import Query
 from ltvn_core.navigation.query_memory import MOST_OBSTRUCTIONS
 from ltvn_core.types import NodeId
 
-_BLIND_COST = 3.0
-"""Cost of an edge that no image supports, while the robot may be at several places."""
 _LEAST_P = 1e-3
 """Lower limit of the probability that an edge is open."""
 
@@ -42,15 +40,10 @@ def plan_way(query: Query, start: NodeId) -> GraphPath:
 
 
 def _penalties(query: Query) -> Mapping[EdgeKey, float]:
-    """Return the extra costs of edges: those in memory, and of edges that no image supports while the place is unsure.
-
-    On such an edge a robot at another place than it believes notices nothing until it hits something.
-    """
+    """Return the extra costs of edges in this query, while the place is unsure also of those that no image supports."""
     place = query.place()
-    if place is None or place.probability > LIKELY:
-        return query.memory.penalties
-    blind = {key: _BLIND_COST for key, edge in query.context.graph.edges.items() if edge.by_odometry}
-    return blind | {key: cost + blind.get(key, 0.0) for key, cost in query.memory.penalties.items()}
+    is_sure = place is None or place.probability > LIKELY
+    return query.memory.penalties if is_sure else blind_penalties(query.context.graph, query.memory.penalties)
 
 
 def way_exists(query: Query, start: NodeId) -> bool:

@@ -9,7 +9,10 @@ from ltvn_core.analysis.timeline_records import Instant
 from ltvn_core.config import PAPER, ROBUST, BeliefConfig, PlanningConfig
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.graph.deltas import (
+    Belief,
     Cause,
+    Edge,
+    EdgeAdded,
     FramesReserved,
     NodeDropped,
     NodeView,
@@ -19,6 +22,8 @@ from ltvn_core.graph.deltas import (
     ViewUsed,
 )
 from ltvn_core.graph.operators import OperatorThresholds
+from ltvn_core.graph.planner import Planner
+from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import GraphChanged, Planned, QueryStarted
 from tests.core.analysis import example_runs
 from tests.repository import DEMO_DRIVE
@@ -93,6 +98,28 @@ def test_a_failure_in_the_same_query_makes_an_edge_dearer() -> None:
     )
     assert made is not None
     assert (made.penalty, made.matches_recording) == (0.4, True)
+
+
+def test_an_edge_that_no_image_supports_is_dearer_for_a_robot_that_is_unsure_of_its_place() -> None:
+    blind = GraphChanged(
+        EdgeAdded(Edge(0, 1, PoseRow(1.0, 0.0, 0.0), Belief(0.9, 1.0, 0.02), by_odometry=True), Cause.BUILD)
+    )
+    planning = PlanningConfig(belief_weight=0.0)
+    planner = Planner(
+        TopologicalGraph([each.delta for each in (example_runs.node(0), example_runs.node(1), blind)]), planning
+    )
+    sure = planner.plan(0, 1)
+    for planned_cost, dearer in ((sure.cost, False), (sure.cost + 3.0, True)):
+        run = [
+            *example_runs.at(10, example_runs.node(0), example_runs.node(1), blind),
+            *example_runs.at(20, QueryStarted(0, 1), Planned(0, (0, 1), planned_cost)),
+        ]
+        made = plan_alternative(Timeline.of(run), 0, 1, planning)
+        assert made is not None
+        assert made.matches_recording
+        assert bool(made.blind_cost) == dearer
+        chain = edge_explanation.explain_planned_edge(Timeline.of(run), 0, 1, planning)
+        assert any("no image supports" in reason.text for reason in chain) == dearer
 
 
 def test_other_thresholds_than_the_runs_are_said() -> None:

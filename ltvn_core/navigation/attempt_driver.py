@@ -40,6 +40,8 @@ _CAREFUL_M, _SLOW_M_S, _SLOWER_1_S = 0.25, 0.15, 0.5
 _TURNED_RAD, _SLOWEST_TURN_RAD_S = 0.05, 0.2
 _ARC_ROOM_M = 0.2
 """Length of free path that a car needs for one arc of a turn, in metres."""
+_FARTHEST_BACKWARDS_M = 1.2
+"""Longest way that the robot backs up, in metres, because its camera faces ahead."""
 _FINAL_APPROACH_M = 0.3
 """Distance within which the waypoint is not predicted again, in metres."""
 
@@ -158,7 +160,8 @@ class AttemptDriver:
         behind = drives_backwards(waypoint)
         # A robot that backs up does not see approaching people, so with people nearby it turns round, too.
         about = self._obstacles.people_are_about(self._motion.stamp)
-        self._turned_round = behind and (about or self._is_narrow(target, waypoint))
+        is_far = bool(np.hypot(waypoint[0], waypoint[1]) > _FARTHEST_BACKWARDS_M)
+        self._turned_round = behind and (about or is_far or self._is_narrow(target, waypoint))
         self._backwards = behind and not self._turned_round
         self._detour = None
         self._detours_left = self._config.bends

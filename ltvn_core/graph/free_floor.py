@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter
 from scipy.spatial import KDTree
 
 from ltvn_core.cameras.camera_model import CameraModel
@@ -27,6 +26,13 @@ _STOOD_M = 0.18
 _SPACING_M = 0.1
 _FEW, _CELL_M = 16, 0.1
 """Number of points of a line in a quick test, and the cells of its grid, in metres."""
+_STRIDE = 1 << 32
+"""Difference between the keys of two neighbouring rows of cells, larger than any row."""
+_REACH = np.arange(-round(RANGE_M / _CELL_M), round(RANGE_M / _CELL_M) + 1)
+_AROUND = np.stack(np.meshgrid(_REACH, _REACH), axis=-1).reshape(-1, 2)
+"""Cells (C, 2) in the range of a scan, relative to the cell of its image."""
+_MERGED_AT_ONCE = 64
+"""Number of images whose cells are sorted at once."""
 WELL_KNOWN_M = 10.0
 """Greatest distance along the drive over which odometry is accurate, in metres."""
 
@@ -72,18 +78,18 @@ class FreeFloor:
 
     def _grid(self, images: NDArray[np.intp], poses: Pose) -> "_FloorGrid":
         """Return the floor that N images of one stretch at poses (N, 3) saw free."""
-        low = poses[:, :2].min(axis=0) - RANGE_M
-        cells = np.ceil((poses[:, :2].max(axis=0) + RANGE_M - low) / _CELL_M).astype(np.intp) + 1
-        is_free = np.zeros(tuple(cells.tolist()), np.bool_)
-        reach = round(RANGE_M / _CELL_M)
-        side = np.arange(-reach, reach + 1)
-        around = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
-        for image, pose in zip(images, poses, strict=True):
-            own = np.round((pose[:2] - low) / _CELL_M).astype(np.intp) + around
-            own = own[((own >= 0) & (own < cells)).all(axis=1)]
-            seen = self._seen_free(low + own * _CELL_M, np.array([image]), pose[None])[0]
-            is_free[tuple(own[seen].T)] = True
-        return _FloorGrid(low, np.asarray(maximum_filter(is_free, 3), np.bool_))
+        keys = np.empty(0, np.int64)
+        for first in range(0, len(images), _MERGED_AT_ONCE):
+            rows = range(first, min(first + _MERGED_AT_ONCE, len(images)))
+            keys = np.unique(np.concatenate([keys, *(self._free_cells(images[row], poses[row]) for row in rows)]))
+        beside = _keys(np.stack(np.meshgrid([-1, 0, 1], [-1, 0, 1]), axis=-1).reshape(-1, 2))
+        return _FloorGrid(np.unique(keys[:, None] + beside))
+
+    def _free_cells(self, image: np.intp, pose: Pose) -> NDArray[np.int64]:
+        """Return the keys (K,) of the cells that one image at a pose (3,) saw free."""
+        cells = _cells(pose[None, :2]) + _AROUND
+        places = np.asarray(cells * _CELL_M, np.float64)
+        return _keys(cells[self._seen_free(places, np.array([image]), pose[None])[0]])
 
     def _seen_free(self, way: NDArray[np.float64], images: NDArray[np.intp], poses: Pose) -> NDArray[np.bool_]:
         """Tell (N, S) which points (S, 2) each of N images at poses (N, 3) saw free, or was taken at."""
@@ -97,17 +103,25 @@ class FreeFloor:
 
 
 class _FloorGrid(NamedTuple):
-    """Floor that was seen free, in cells of `_CELL_M`, one cell wider than seen."""
+    """Floor that was seen free, in cells of `_CELL_M`, one cell wider than seen; its memory grows with the floor."""
 
-    low: NDArray[np.float64]
-    """(2,) position of the first cell in the odometry frame."""
-    is_free: NDArray[np.bool_]
-    """(X, Y)"""
+    keys: NDArray[np.int64]
+    """(K,) sorted keys of the cells."""
 
     def shows(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Tell (M,) which points (M, 2) in the odometry frame were seen free."""
-        cells = np.clip(np.round((points - self.low) / _CELL_M).astype(np.intp), 0, np.array(self.is_free.shape) - 1)
-        return self.is_free[tuple(cells.T)]
+        asked = _keys(_cells(points))
+        place = np.searchsorted(self.keys, asked)
+        return np.append(self.keys, np.iinfo(np.int64).max)[place] == asked
+
+
+def _cells(points: NDArray[np.float64]) -> NDArray[np.int64]:
+    return np.round(points / _CELL_M).astype(np.int64)
+
+
+def _keys(cells: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return a number (M,) for each cell (M, 2), so that sorting compares cells."""
+    return cells[:, 0] * _STRIDE + cells[:, 1]
 
 
 def _along(end: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -107,7 +107,8 @@ def prepare_all(
 
 
 def _share_prepared(files: TrialFiles) -> float:
-    return 1.0 if files.map().exists() else read_share(files.preparation)
+    share = read_share(files.preparation)  # Read first, because the file disappears once the map is there.
+    return 1.0 if files.map().exists() else share
 
 
 def _finish(plan: TrialPlan, files: TrialFiles, episodes: int, command: str) -> None:

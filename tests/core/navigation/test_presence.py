@@ -60,7 +60,7 @@ def test_a_door_that_closes_is_gone_round_looked_at_again_and_used_when_it_is_op
     edges = set(place.graph.edges)
     place.change(NEAR_DOOR)
     first = drive(place, 1)
-    assert looks(first) == 1
+    assert 1 <= looks(first) <= 2  # A long edge may be seen to be closed only from farther on.
     assert set(place.graph.presence) == through_near_door(place)
     assert steps(first) > direct
     assert looks(drive(place, 2, after_s=600)) == 1  # It may have been somebody who stood there.

@@ -41,7 +41,7 @@ _TURNED_RAD, _SLOWEST_TURN_RAD_S = 0.05, 0.2
 _ARC_ROOM_M = 0.2
 """Length of free path that a car needs for one arc of a turn, in metres."""
 _FARTHEST_BACKWARDS_M = 1.2
-"""Longest way that the robot backs up, in metres, because its camera faces ahead."""
+"""Longest way to a known place that the robot backs up, in metres, because its camera faces ahead."""
 _FINAL_APPROACH_M = 0.3
 """Distance within which the waypoint is not predicted again, in metres."""
 
@@ -95,7 +95,7 @@ class AttemptDriver:
         goal = compose(motion.odometry, waypoint if is_known else clip_waypoint(waypoint))
         most_steps = round(config.leg_steps * max(1.0, self._length_m(goal) / _MAX_WAYPOINT_M))
         collisions_before = motion.collisions
-        self._reset(target, waypoint)
+        self._reset(target, waypoint, is_known=is_known)
         for step in range(most_steps):
             # If the image cannot be compared, the robot keeps its waypoint.
             if self._needs_new_waypoint(step, goal) and (yield from self._perception.can_compare()):
@@ -155,12 +155,12 @@ class AttemptDriver:
         """Return the straight distance in metres to a pose (3,) in the odometry frame."""
         return float(np.hypot(*(goal - self._motion.odometry)[:2]))
 
-    def _reset(self, target: NodeId, waypoint: Waypoint) -> None:
+    def _reset(self, target: NodeId, waypoint: Waypoint, *, is_known: bool) -> None:
         """Forget the previous attempt, and choose whether to back up or to turn round."""
         behind = drives_backwards(waypoint)
         # A robot that backs up does not see approaching people, so with people nearby it turns round, too.
         about = self._obstacles.people_are_about(self._motion.stamp)
-        is_far = bool(np.hypot(waypoint[0], waypoint[1]) > _FARTHEST_BACKWARDS_M)
+        is_far = is_known and bool(np.hypot(waypoint[0], waypoint[1]) > _FARTHEST_BACKWARDS_M)
         self._turned_round = behind and (about or is_far or self._is_narrow(target, waypoint))
         self._backwards = behind and not self._turned_round
         self._detour = None

@@ -67,7 +67,7 @@ def test_a_way_back_that_is_wide_is_driven_backwards() -> None:
 
 def test_a_long_way_back_is_driven_looking() -> None:
     drive = Drive(one_room(), [3.5, 1.0, 0.0], [1.5, 1.0, 0.0])
-    assert drive.go(np.array([-2.0, 0.0, 0.0])).end is AttemptEnd.REACHED
+    assert drive.go(np.array([-2.0, 0.0, 0.0]), is_known=True).end is AttemptEnd.REACHED
     assert all(command.linear_m_s >= 0 for command in drive.commands)
     assert np.allclose(drive.robot.pose, [1.5, 1.0, 0.0], atol=0.1)
 

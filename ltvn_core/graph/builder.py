@@ -253,16 +253,16 @@ class _BuildRun:
             self._cross(bridge)
         return bridge is not None
 
-    def _cross(self, bridge: Bridge, cause: Cause = Cause.BUILD) -> None:
+    def _cross(self, bridge: Bridge) -> None:
         """Make a left-over image a node, and also the merged image that it is bridged to."""
         (other,) = bridge.matches.nodes
         keyframes = self._matcher.keyframes
         config = self._method.believing
         if other in self._merged:
             merging = self._merged.pop(other)
-            self._enter(node_with_edges(keyframes.observation(other), merging, config, cause))
+            self._enter(node_with_edges(keyframes.observation(other), merging, config, Cause.BUILD))
         seen = keyframes.observation(bridge.frame)
-        self._enter(node_with_edges(seen, bridge.matches, config, cause, by_odometry=bridge.by_odometry))
+        self._enter(node_with_edges(seen, bridge.matches, config, Cause.BUILD, by_odometry=bridge.by_odometry))
 
     def _not_met(self, frame: FrameId) -> Iterator[tuple[NodeId, ...]]:
         """Yield the nodes that a frame was not compared with yet, those near in time first, because most images merge

@@ -9,8 +9,7 @@ from functools import cache, cached_property
 
 from ltvn_core.evaluation.ground_truth import GroundTruth
 from ltvn_core.graph.deltas import PresenceObserved
-from ltvn_core.graph.presence.edge_presence import EdgeProbabilities
-from ltvn_core.graph.presence.obstruction import Obstruction
+from ltvn_core.graph.presence.edge_presence import EdgeProbabilities, UnobservedPresence
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.navigation.events import AttemptEnded, AttemptStarted, Event, GraphChanged
 from ltvn_core.simulation.changes.changed_scenes import ChangedScenes
@@ -64,7 +63,7 @@ class ClosedEdges:
         return frozenset(door for door, closed in enumerate(closes) if closed)
 
 
-class KnownPresence:
+class KnownPresence(UnobservedPresence):
     """The true presence, which is only known in simulation; it needs no observations."""
 
     def __init__(self, closed_edges: Callable[[TopologicalGraph], Collection[EdgeKey]]) -> None:
@@ -74,16 +73,6 @@ class KnownPresence:
     def probabilities(self, graph: TopologicalGraph, now_s: float) -> EdgeProbabilities:
         """Return the closed edges, each with p(open) = 0."""
         return dict.fromkeys(self._closed_edges(graph), 0.0)
-
-    def observe(self, graph: TopologicalGraph, obstruction: Obstruction, stamp: float) -> tuple[PresenceObserved, ...]:
-        """Return nothing."""
-        return ()
-
-    def observe_open(
-        self, graph: TopologicalGraph, seen: Collection[EdgeKey], stamp: float
-    ) -> tuple[PresenceObserved, ...]:
-        """Return nothing."""
-        return ()
 
 
 class DoorWatch:

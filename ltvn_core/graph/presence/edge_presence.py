@@ -40,12 +40,8 @@ class EdgePresence(Protocol):
         ...
 
 
-class AlwaysOpen:
-    """Presence for a system that does not model it: every edge that exists is open."""
-
-    def probabilities(self, graph: TopologicalGraph, now_s: float) -> EdgeProbabilities:
-        """Return no edge."""
-        return {}
+class UnobservedPresence:
+    """Base of presences that need no observations."""
 
     def observe(self, graph: TopologicalGraph, obstruction: Obstruction, stamp: float) -> tuple[PresenceObserved, ...]:
         """Return nothing."""
@@ -56,6 +52,14 @@ class AlwaysOpen:
     ) -> tuple[PresenceObserved, ...]:
         """Return nothing."""
         return ()
+
+
+class AlwaysOpen(UnobservedPresence):
+    """Presence for a system that does not model it: every edge that exists is open."""
+
+    def probabilities(self, graph: TopologicalGraph, now_s: float) -> EdgeProbabilities:
+        """Return no edge."""
+        return {}
 
 
 ALWAYS_OPEN = AlwaysOpen()

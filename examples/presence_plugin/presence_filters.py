@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 import ltvn_core as ltvn
-from ltvn_core.graph.node_views import ViewConfig
 from ltvn_core.graph.presence.durations import FloatArray
 from ltvn_core.graph.presence.edge_presence import FilteredPresence
 from ltvn_core.graph.presence.persistent import EDGE_ERRORS, USUALLY_PRESENT, SightErrors
@@ -131,5 +130,4 @@ def _with_presence(method: ltvn.Method, name: str, presence_filter: PresenceFilt
         name=name,
         maintenance=PresenceMaintenance(system.method),
         presence=FilteredPresence(presence_filter),
-        views=ViewConfig(),
     )

@@ -102,8 +102,10 @@ def _decisions(events: Sequence[e.StampedEvent], first: int, timeline: Timeline,
             failed += not event.succeeded
         if isinstance(event, e.Localised):
             place_p = event.probability
-        if isinstance(event, e.Planned) and rules is not None and place_p is not None and place_p <= LIKELY:
-            rules["localising.follow_places"] = place_p  # Edges that no image supports cost more.
+        if isinstance(event, e.Planned) and rules is not None:
+            unsure_p = place_p if event.place_p is None else event.place_p
+            if unsure_p is not None and unsure_p <= LIKELY:
+                rules["localising.follow_places"] = unsure_p  # Edges that no image supports cost more.
         if rules is None:
             continue
         used = tuple(RuleUse(rule, _limit(method, rule), found) for rule, found in rules.items())

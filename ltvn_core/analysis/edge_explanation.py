@@ -24,12 +24,8 @@ from ltvn_core.graph.deltas import (
     Cause,
     EdgeAdded,
     FramesReserved,
-    GraphDelta,
     NodeAdded,
     NodeDropped,
-    ViewAdded,
-    ViewDropped,
-    ViewUsed,
 )
 from ltvn_core.graph.operators import OperatorThresholds
 from ltvn_core.navigation.events import Localised
@@ -71,28 +67,6 @@ def _moved(timeline: Timeline, change: MapChange, node: NodeId) -> Iterator[Expl
     elif isinstance(change.delta, NodeDropped):
         text = f"Node {node} was removed {CAUSE_TEXTS[cause]}."
         yield ExplanationStep(text, change.instant, ExplanationKind.GONE, (node,))
-    elif (view := _view_text(change.delta)) is not None:
-        yield ExplanationStep(view, change.instant, ExplanationKind.BELIEF, (node,))
-
-
-def _view_text(delta: GraphDelta) -> str | None:
-    match delta:
-        case ViewAdded(view=view, cause=Cause.LOAD):
-            return (
-                f"It was loaded with the view {view.frame}, which was used in "
-                f"{count_text(view.uses, 'query', 'queries')}."
-            )
-        case ViewAdded(view=view):
-            return (
-                f"Image {view.frame} was taken here by odometry, but looked different, so it became a view of this "
-                "node."
-            )
-        case ViewUsed(frame=frame):
-            return f"The robot recognised it by its view {frame}."
-        case ViewDropped(frame=frame):
-            return f"Its view {frame} was removed as the least useful one."
-        case _:
-            return None
 
 
 def _circumstances(timeline: Timeline, change: MapChange, node: NodeId, cause: Cause) -> Iterator[ExplanationStep]:

@@ -239,7 +239,7 @@ def _take_change(lifetimes: list[_OpenLifetime], change: MapChange) -> None:
             | d.FramesReleased()
         ):
             return
-        case d.ViewAdded() | d.ViewUsed() | d.ViewDropped() | d.DriveBegun():
+        case d.DriveBegun():
             return
 
 

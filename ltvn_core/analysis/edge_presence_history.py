@@ -20,7 +20,7 @@ from ltvn_core.analysis.timeline_records import Instant, PlanRecord
 from ltvn_core.analysis.world_clock import clock_text, duration_text, latest_known_time, world_time_at
 from ltvn_core.config import PlanningConfig
 from ltvn_core.graph.deltas import Cause, PresenceObserved
-from ltvn_core.graph.planner import EdgeWeight, GraphPath, Planner
+from ltvn_core.graph.planner import EdgeWeight, GraphPath, Planner, with_blind_costs
 from ltvn_core.graph.presence.presence_filter import (
     PresenceFilter,
     PresenceObservation,
@@ -231,7 +231,7 @@ def presence_decision(
     at_s = latest_known_time(graph, world_time_at(timeline, plan.instant))
     open_now = presence_as_if(graph, presence_filter, at_s)
     closed = [edge for edge, p in open_now.items() if p < OPEN_ABOVE]
-    penalties = failure_penalties_at(timeline, plan.event, planning)
+    penalties = with_blind_costs(graph, failure_penalties_at(timeline, plan.event, planning), plan.place_p)
     doubts = {edge: -planning.belief_weight * log(p) for edge, p in open_now.items() if p >= OPEN_ABOVE}
     costs = {edge: penalties.get(edge, 0.0) + doubts.get(edge, 0.0) for edge in penalties.keys() | doubts.keys()}
     planner = Planner(graph, planning, weight=weight)

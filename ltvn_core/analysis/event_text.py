@@ -120,12 +120,6 @@ def describe_delta(delta: d.GraphDelta) -> EventDescription:
         case d.NodeNamed(node, name, goal, cause):
             named = f"named {name!r}" if name else "without a name"
             return EventDescription(f"node {node} {named}{', a goal' if goal else ''} ({cause})", node=node)
-        case d.ViewAdded(node, view, cause):
-            return EventDescription(f"node {node} got image {view.frame} as a view ({cause})", node=node)
-        case d.ViewUsed(node, frame, _, cause):
-            return EventDescription(f"node {node} recognised by its view {frame} ({cause})", node=node)
-        case d.ViewDropped(node, frame, cause):
-            return EventDescription(f"node {node} lost its view {frame} ({cause})", node=node)
         case d.DriveBegun(frame, name, cause):
             return EventDescription(f"images from {frame} on are of the drive {name!r} ({cause})")
         case d.FramesReserved(frames, cause):

@@ -21,7 +21,7 @@ from ltvn_core.graph.topological_graph import (
     is_action,
     presence_deltas,
 )
-from ltvn_core.types import FrameId, NodeId, Waypoint
+from ltvn_core.types import NodeId, Waypoint
 
 MAX_NAME_LENGTH = 60
 """Greatest length of a node's name, in characters."""
@@ -154,13 +154,6 @@ def inverse_deltas(delta: d.GraphDelta, graph_before: TopologicalGraph) -> tuple
             _require_nodes(graph_before, node)
             before = graph_before.nodes[node]
             return (d.NodeNamed(node, before.name, before.goal, d.Cause.HAND),)
-        case d.ViewAdded(node, view):
-            return (d.ViewDropped(node, view.frame, d.Cause.HAND),)
-        case d.ViewDropped(node, frame):
-            return (d.ViewAdded(node, _view(graph_before, node, frame), d.Cause.HAND),)
-        case d.ViewUsed(node, frame):
-            back = d.ViewAdded(node, _view(graph_before, node, frame), d.Cause.HAND)
-            return (d.ViewDropped(node, frame, d.Cause.HAND), back)
         case d.DriveBegun():
             return ()  # The beginning of a drive cannot be edited.
         case d.FramesReserved(frames):
@@ -174,8 +167,7 @@ def _node_with_edges(graph: TopologicalGraph, node: NodeId) -> tuple[d.GraphDelt
     _require_nodes(graph, node)
     keys = [(node, other) for other in graph.successors(node)]
     keys += [(other, node) for other in graph.predecessors(node)]
-    views = (d.ViewAdded(node, view, d.Cause.HAND) for view in graph.views.get(node, ()))
-    return (d.NodeAdded(graph.nodes[node], d.Cause.HAND), *_edges_back(graph, keys), *views)
+    return (d.NodeAdded(graph.nodes[node], d.Cause.HAND), *_edges_back(graph, keys))
 
 
 def _edges_back(graph: TopologicalGraph, keys: Sequence[EdgeKey]) -> tuple[d.GraphDelta, ...]:
@@ -194,13 +186,6 @@ def _belief_of(edge: d.Edge) -> d.BeliefUpdated:
         successes=edge.successes,
         cause=d.Cause.HAND,
     )
-
-
-def _view(graph: TopologicalGraph, node: NodeId, frame: FrameId) -> d.NodeView:
-    for view in graph.views.get(node, ()):
-        if view.frame == frame:
-            return view
-    raise MapError(f"Node {node} has no view {frame}.")
 
 
 def _edge(graph: TopologicalGraph, key: EdgeKey) -> d.Edge:

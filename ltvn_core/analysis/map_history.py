@@ -125,7 +125,7 @@ class GraphHistory:
                 pass  # The node is there already.
             case d.EdgeProtected() | d.PresenceObserved() | d.NodeNamed() | d.FramesReserved() | d.FramesReleased():
                 pass  # This change is not drawn.
-            case d.ViewAdded() | d.ViewUsed() | d.ViewDropped() | d.DriveBegun():
+            case d.DriveBegun():
                 pass
 
     def clear(self) -> None:
@@ -312,7 +312,7 @@ class MapHistory:
         return self._known(self._by_edge, edge)
 
     def of_node(self, node: NodeId) -> Sequence[MapChange]:
-        """Return all additions and removals of a node and of its views, in order."""
+        """Return all additions and removals of a node, in order."""
         return self._known(self._by_node, node)
 
     def belief_before(self, edge: EdgeKey, event: int) -> d.Belief | None:
@@ -357,7 +357,7 @@ class MapHistory:
                 self._by_edge.setdefault((source, target), []).append(change)
             case d.NodeAdded(node=node):
                 self._by_node.setdefault(node.id, []).append(change)
-            case d.NodeDropped(node=node) | d.ViewAdded(node=node) | d.ViewUsed(node=node) | d.ViewDropped(node=node):
+            case d.NodeDropped(node=node):
                 self._by_node.setdefault(node, []).append(change)
             case (
                 d.EdgeProtected()

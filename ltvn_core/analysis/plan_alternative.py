@@ -13,7 +13,7 @@ from ltvn_core.analysis.timeline import Timeline
 from ltvn_core.analysis.timeline_records import Instant, PlanRecord
 from ltvn_core.config import PlanningConfig
 from ltvn_core.graph.deltas import Belief, Cause
-from ltvn_core.graph.planner import EdgeWeight, GraphPath, Planner, blind_penalties, edge_cost
+from ltvn_core.graph.planner import EdgeWeight, GraphPath, Planner, edge_cost, with_blind_costs
 from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.types import NodeId
 
@@ -129,26 +129,19 @@ def plan_alternative(
         return None  # The recording does not hold the map of the plan.
     planner = Planner(graph, planning, weight=weight)
     failures = failure_penalties_at(timeline, plan.event, planning)
-    penalties = failures
+    penalties = with_blind_costs(graph, failures, plan.place_p)
     belief = graph.edges[edge].belief
-    costs = weight(belief) if weight else edge_cost(belief, planning)
     start = plan.planned.nodes[0]
     goal = plan.planned.nodes[-1]
-    replanned = planner.plan(start, goal, penalties)
-    if not _are_equal(replanned.cost, plan.planned.cost):
-        unsure = blind_penalties(graph, failures)  # The robot may have been at several places.
-        replanned_unsure = planner.plan(start, goal, unsure)
-        if _are_equal(replanned_unsure.cost, plan.planned.cost):
-            penalties, replanned = unsure, replanned_unsure
     without_edge = planner.plan(start, goal, {**penalties, edge: inf})
     return PlanAlternative(
         edge=edge,
         plan=plan,
         belief=belief,
-        edge_cost=costs,
+        edge_cost=weight(belief) if weight else edge_cost(belief, planning),
         penalty=failures.get(edge, 0.0),
         blind_cost=penalties.get(edge, 0.0) - failures.get(edge, 0.0),
-        replanned=replanned,
+        replanned=planner.plan(start, goal, penalties),
         without_edge=without_edge,
     )
 

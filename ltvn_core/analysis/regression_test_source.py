@@ -149,6 +149,6 @@ def _changes(events: Sequence[StampedEvent]) -> list[str]:
                 rows[source, target] = f"assert {now} == pytest.approx({p}, abs=1e-6)"
             case d.EdgeProtected() | d.PresenceObserved() | d.NodeNamed() | d.FramesReserved() | d.FramesReleased():
                 pass  # This changes neither nodes nor edges nor beliefs.
-            case d.EdgeActionSet() | d.ViewAdded() | d.ViewUsed() | d.ViewDropped() | d.DriveBegun():
+            case d.EdgeActionSet() | d.DriveBegun():
                 pass
     return list(rows.values())

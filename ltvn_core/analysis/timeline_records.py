@@ -105,6 +105,13 @@ class PlanRecord(NamedTuple):
     """The previous path of the query; None for the first plan."""
 
     @property
+    def place_p(self) -> float | None:
+        """Probability of the robot's likeliest place; None if unknown."""
+        if self.planned.place_p is not None or self.localised is None:
+            return self.planned.place_p
+        return self.localised.probability  # An older recording.
+
+    @property
     def edges(self) -> tuple[EdgeKey, ...]:
         """The edges of the path; empty without a path."""
         return tuple(itertools.pairwise(self.planned.nodes))

@@ -35,7 +35,7 @@ from ltvn_core.errors import MapError, OptionError
 from ltvn_core.geometry import distance
 from ltvn_core.graph.deltas import Belief, BeliefUpdated, Cause, Edge, EdgeAdded, EdgePruned, PoseRow
 from ltvn_core.graph.maintenance import should_prune
-from ltvn_core.graph.planner import NO_PATH, EdgeWeight, GraphPath, Planner, edge_cost
+from ltvn_core.graph.planner import NO_PATH, EdgeWeight, GraphPath, Planner, edge_cost, with_blind_costs
 from ltvn_core.graph.presence.presence_filter import PresenceFilter
 from ltvn_core.graph.presence.presence_plan import plan_by_presence
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
@@ -60,6 +60,11 @@ class PlannerState:
     """The localisation that determined `source`."""
     tries: int = 0
     """Number of obstructions met in this query."""
+
+    @property
+    def place_p(self) -> float | None:
+        """Probability of the robot's likeliest place; None if unknown."""
+        return None if self.localised is None else self.localised.probability
 
 
 def planner_state_at(timeline: Timeline, instant: Instant | None = None) -> PlannerState:
@@ -280,7 +285,7 @@ class EdgeCostParts:
     doubt: float
     """Part of the cost from p: -weight * ln p in the paper's system."""
     penalty: float
-    """Penalty for failures earlier in the query."""
+    """Penalty for failures earlier in the query, and for missing support by images while the place is unsure."""
     open_p: float = 1.0
     """p(open) of the edge at this time."""
 
@@ -373,17 +378,21 @@ def _plan(scenario: WhatIfScenario, open_edges: Mapping[EdgeKey, float]) -> Grap
         return NO_PATH
     planning = scenario.method.planning
     asked = scenario.planner_state
-    penalties = {edge: count * planning.failure_penalty for edge, count in asked.failures.items()}
     planner = Planner(scenario.graph, planning, weight=scenario.weight)
     return plan_by_presence(
-        planner, source, goal, penalties, open_edges, belief_weight=planning.belief_weight, tries=asked.tries
+        planner, source, goal, _penalties(scenario), open_edges, belief_weight=planning.belief_weight, tries=asked.tries
     )
+
+
+def _penalties(scenario: WhatIfScenario) -> Mapping[EdgeKey, float]:
+    asked = scenario.planner_state
+    failures = {edge: count * scenario.method.planning.failure_penalty for edge, count in asked.failures.items()}
+    return with_blind_costs(scenario.graph, failures, asked.place_p)
 
 
 def _cost_parts(scenario: WhatIfScenario, key: EdgeKey, open_edges: Mapping[EdgeKey, float]) -> EdgeCostParts:
     belief = scenario.graph.edges[key].belief
-    planning = scenario.method.planning
-    penalty = scenario.planner_state.failures.get(key, 0) * planning.failure_penalty
+    penalty = _penalties(scenario).get(key, 0.0)
     doubt = scenario.weight(belief) - belief.mu
     return EdgeCostParts(edge=key, mu=belief.mu, doubt=doubt, penalty=penalty, open_p=open_edges.get(key, 1.0))
 

@@ -21,13 +21,18 @@ from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.loop_closures import LoopClosureVerifier
 from ltvn_core.graph.matching import Matcher, Matches
 from ltvn_core.graph.odometry_gate import OdometryGate
-from ltvn_core.graph.operators import OperatorThresholds, connectable, mergeable, node_from_observation, node_with_edges
+from ltvn_core.graph.operators import (
+    OperatorThresholds,
+    connectable,
+    nearest_mergeable,
+    node_from_observation,
+    node_with_edges,
+)
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.graph.trajectory import usable_trajectory
 from ltvn_core.graph.wheel_slips import without_slips
 from ltvn_core.types import FrameId, NodeId, Observation, Predictor
 
-_MERGE_CANDIDATES = 3
 _NEAR_IN_TIME = 12
 
 ProgressCallback = Callable[[int, int], None]
@@ -232,7 +237,10 @@ class _BuildRun:
         for fresh in self._not_met(seen.step):
             found = self._matcher.match(self._matcher.keyframes.features([seen.step]), fresh)
             found = found.take(self._odometry_gate.plausible(seen.step, found))
-            if seen.step not in self._goals and (merging := self._merging(found, seen.step)) is not None:
+            if (
+                seen.step not in self._goals
+                and (merging := nearest_mergeable(seen.step, found, self._matcher, self._thresholds)) is not None
+            ):
                 self._merged[seen.step] = merging
                 return True
             self._remember(seen.step, found)
@@ -283,16 +291,6 @@ class _BuildRun:
     def _remember(self, frame: FrameId, found: Matches) -> None:
         found = found.take(connectable(found, self._second_pass_thresholds))
         self._known[frame] = self._known[frame].concatenated(found) if frame in self._known else found
-
-    def _merging(self, found: Matches, frame: FrameId) -> Matches | None:
-        """Return the node that an image merges with; None if there is none."""
-        alike = found.take(mergeable(found, self._thresholds))
-        # One by one, because temporal support is expensive and the nearest node nearly always has it.
-        for k in np.argsort(alike.distances, kind="stable")[:_MERGE_CANDIDATES]:
-            nearest = self._matcher.with_mutual_support(alike.take(np.array([k])), frame)
-            if mergeable(nearest, self._thresholds).any():
-                return nearest
-        return None
 
     def _enter(self, deltas: Sequence[GraphDelta]) -> None:
         self._deltas.extend(deltas)

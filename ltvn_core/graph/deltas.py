@@ -29,7 +29,7 @@ class Cause(StrEnum):
     LOAD = "load"
     """The map came out of a file."""
     SIGHT = "sight"
-    """The robot saw that an obstruction blocks other edges too or is gone, or that a place looks different."""
+    """The robot saw that an obstruction blocks other edges too, or that it is gone."""
     HAND = "hand"
     """A person changed the map."""
 
@@ -91,20 +91,6 @@ class Edge:
     action: str = ""
     """What must be done between the two nodes because the robot cannot drive there, such as taking a lift; empty for an
     edge that is driven. An edge with an action has no geometry: its waypoint is ignored."""
-
-
-@dataclass(frozen=True, slots=True)
-class NodeView:
-    """How a place looked at another time than when it became a node."""
-
-    frame: FrameId
-    """The image."""
-    pose: PoseRow
-    """Pose of the image in the frame of the node."""
-    used_s: float
-    """Time when the view was taken, or last recognised, in seconds on the clock of the world."""
-    uses: int = 0
-    """Number of queries in which the view was recognised."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,35 +181,6 @@ class NodeNamed:
 
 
 @dataclass(frozen=True, slots=True)
-class ViewAdded:
-    """A node got one more view."""
-
-    node: NodeId
-    view: NodeView
-    cause: Cause
-
-
-@dataclass(frozen=True, slots=True)
-class ViewUsed:
-    """The robot recognised a node by a view in one more query."""
-
-    node: NodeId
-    frame: FrameId
-    stamp: float
-    """Seconds on the clock of the world."""
-    cause: Cause
-
-
-@dataclass(frozen=True, slots=True)
-class ViewDropped:
-    """A node lost a view."""
-
-    node: NodeId
-    frame: FrameId
-    cause: Cause
-
-
-@dataclass(frozen=True, slots=True)
 class DriveBegun:
     """Images from this frame on belong to another drive, whose odometry usually restarts."""
 
@@ -260,9 +217,6 @@ GraphDelta: TypeAlias = (
     | EdgeActionSet
     | PresenceObserved
     | NodeNamed
-    | ViewAdded
-    | ViewUsed
-    | ViewDropped
     | DriveBegun
     | FramesReserved
     | FramesReleased

@@ -15,7 +15,7 @@ from ltvn_core.geometry import distance, wrap_angle
 from ltvn_core.graph.matching import Matcher, Matches
 from ltvn_core.graph.place_belief import AT_PLACE, BelievedPlace, is_where_expected
 from ltvn_core.graph.topological_graph import TopologicalGraph
-from ltvn_core.types import Features, FrameId, NodeId, Pose, Waypoint
+from ltvn_core.types import Features, NodeId, Pose, Waypoint
 
 LOCAL = "local"
 GLOBAL = "global"
@@ -61,8 +61,6 @@ class Localisation(NamedTuple):
     """Score of the runner-up minus score of the best; infinite without a runner-up."""
     scope: str
     """Whether neighbours of the plan were searched (LOCAL) or the whole map (GLOBAL)."""
-    view: FrameId | None = None
-    """The view by which the node was recognised; None if it was the node's own image."""
     probability: float | None = None
     """Probability of the place among all hypotheses; None without hypotheses."""
 
@@ -172,7 +170,6 @@ def best_localisation(
         None if second is None else matches.nodes[second],
         margin,
         scope,
-        matches.images[best] if passing[best] and matches.by_view[best] else None,
     )
 
 

@@ -29,9 +29,6 @@ from ltvn_core.graph.deltas import (
     NodeDropped,
     NodeNamed,
     PresenceObserved,
-    ViewAdded,
-    ViewDropped,
-    ViewUsed,
 )
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.localiser import Localisation, LocalisationPrior, Localiser
@@ -39,7 +36,14 @@ from ltvn_core.graph.loop_closures import LoopClosureVerifier
 from ltvn_core.graph.maintenance import AttemptEvidence, UnrecognisedObservation, novel_node, update_edge
 from ltvn_core.graph.matching import Matcher, Matches
 from ltvn_core.graph.navigation_system import Deltas, NavigationSystem, NoMaintenance, choose_first_node
-from ltvn_core.graph.operators import OperatorThresholds, connectable, mergeable, node_from_observation, node_with_edges
+from ltvn_core.graph.operators import (
+    OperatorThresholds,
+    connectable,
+    mergeable,
+    nearest_mergeable,
+    node_from_observation,
+    node_with_edges,
+)
 from ltvn_core.graph.planner import GraphPath, Planner, edge_cost
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.types import Features, FrameId, NodeId, Observation, Predictor, is_usable
@@ -95,14 +99,11 @@ class OnlineBuilder:
     def _place(self, frame: FrameId) -> list[GraphDelta]:
         """Return the deltas of connecting a frame, none if it merges or finds no neighbour."""
         found = self._matcher.match(self._keyframes.features([frame]), tuple(self._graph.nodes))
-        likely = mergeable(found, self._thresholds) | connectable(found, self._thresholds)
-        found = self._matcher.with_mutual_support(found.take(likely), frame)
-        merging = found.take(mergeable(found, self._thresholds))
-        if len(merging):
-            self._remember_merged(frame, merging.take(np.array([merging.distances.argmin()])))
+        merging = nearest_mergeable(frame, found, self._matcher, self._thresholds)
+        if merging is not None:
+            self._remember_merged(frame, merging)
             return []
-        chosen = self._loop_closures.verified(frame, found, connectable(found, self._thresholds))
-        chosen = chosen.take(connectable(chosen, self._thresholds))
+        chosen = self._loop_closures.connections(frame, found, self._thresholds)
         if not len(chosen):
             return self._bridged(frame)
         return node_with_edges(self._keyframes.observation(frame), chosen, self._method.believing, Cause.ONLINE)
@@ -268,7 +269,7 @@ def _is_kept(delta: GraphDelta, staying: set[NodeId]) -> bool:
             return {delta.edge.source, delta.edge.target} <= staying
         case NodeDropped() | BeliefUpdated() | EdgePruned() | EdgeProtected() | NodeNamed() | FramesReserved():
             return True
-        case EdgeActionSet() | PresenceObserved() | ViewAdded() | ViewUsed() | ViewDropped() | DriveBegun():
+        case EdgeActionSet() | PresenceObserved() | DriveBegun():
             return True
     assert_never(delta)
 

@@ -10,10 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.config import MatchingConfig
-from ltvn_core.geometry import compose, distance, invert
-from ltvn_core.graph.deltas import NodeView
+from ltvn_core.geometry import distance, invert
 from ltvn_core.graph.keyframes import KeyframeStore
-from ltvn_core.graph.node_views import NO_VIEWS, ViewConfig, Views
 from ltvn_core.types import Features, FrameId, NodeId, Prediction, Predictor, Waypoint
 
 _MAX_NODES_BOTH_WAYS_AT_ONCE = 8
@@ -35,8 +33,6 @@ class Matches:
     ahead: NDArray[np.bool_]
     """(N,) whether r is for the way from the image to the node; where false, it is for the way back, and the waypoint
     was inverted."""
-    images: tuple[FrameId, ...] = ()
-    """N images by which the nodes were recognised, some of them views; empty if all are the nodes' own."""
 
     @classmethod
     def of_one(cls, node: NodeId, reachability: float, waypoint: Waypoint) -> "Matches":
@@ -46,11 +42,6 @@ class Matches:
 
     def __len__(self) -> int:
         return len(self.nodes)
-
-    @property
-    def by_view(self) -> NDArray[np.bool_]:
-        """(N,) whether the node was recognised by a view, which has no known neighbours in time."""
-        return np.array(self.images or self.nodes, np.intp) != np.array(self.nodes, np.intp)
 
     def take(self, chosen: NDArray[np.bool_] | NDArray[np.intp]) -> "Matches":
         """Return the chosen matches: a mask (N,) or indices."""
@@ -62,7 +53,6 @@ class Matches:
             waypoints=self.waypoints[kept],
             distances=self.distances[kept],
             ahead=self.ahead[kept],
-            images=tuple(self.images[k] for k in kept) if self.images else (),
         )
 
     def with_reachability(self, reachability: NDArray[np.float64]) -> "Matches":
@@ -77,25 +67,14 @@ class Matches:
             np.concatenate([self.waypoints, other.waypoints]),
             np.concatenate([self.distances, other.distances]),
             np.concatenate([self.ahead, other.ahead]),
-            (*(self.images or self.nodes), *(other.images or other.nodes)) if self.images or other.images else (),
         )
 
 
 class Matcher:
     """Compares pairs of images with known features, using the predictor."""
 
-    def __init__(
-        self,
-        predictor: Predictor,
-        keyframes: KeyframeStore,
-        config: MatchingConfig,
-        *,
-        views: Views = NO_VIEWS,
-        view_config: ViewConfig | None = None,
-    ) -> None:
-        """Compare with the images in `keyframes`; with a `view_config` also with the `views` of nodes."""
-        self._views = NO_VIEWS if view_config is None else views
-        self._view_config = view_config or ViewConfig()
+    def __init__(self, predictor: Predictor, keyframes: KeyframeStore, config: MatchingConfig) -> None:
+        """Compare with the images in `keyframes`."""
         self._predictor = predictor
         self._keyframes = keyframes
         self._config = config
@@ -111,9 +90,16 @@ class Matcher:
         return self._keyframes
 
     def match(self, features: Features, nodes: Sequence[NodeId]) -> Matches:
-        """Compare an image (1, F) with the images of `nodes`, and with views of nodes that it does not recognise."""
-        found = self._match_images(features, nodes)
-        return self._with_views(features, found) if self._views else found
+        """Compare an image (1, F) with the images of `nodes`."""
+        if not nodes:
+            return Matches((), np.empty(0), np.empty((0, 3)), np.empty(0), np.empty(0, bool))
+        nodes = tuple(nodes)
+        forward, backward = self._answers(features, nodes)
+        reachability = np.array(forward.reachability)
+        waypoints = np.array(forward.waypoints)
+        distances = np.where(_has_no_waypoint(reachability, waypoints), np.inf, distance(waypoints))
+        found = Matches(nodes, reachability, waypoints, distances, np.ones(len(nodes), bool))
+        return self._both_ways(features, found, backward) if self._config.both_directions else found
 
     def promising(self, frame: FrameId, nodes: Sequence[NodeId]) -> tuple[NodeId, ...]:
         """Return the nodes that may look like a stored frame; all of them if the predictor has no cheap test."""
@@ -142,38 +128,6 @@ class Matcher:
     def with_node_support(self, matches: Matches, features: Features) -> Matches:
         """Return `matches` of a new image (1, F), each r lowered to the median over the nodes' neighbours in time."""
         return self._with_support(matches, features, ())
-
-    def _with_views(self, features: Features, found: Matches) -> Matches:
-        """Return `found`, where nodes that were not recognised are replaced by the match with their best view."""
-        asked = np.flatnonzero(found.reachability <= self._view_config.recognised_above)
-        views = [(k, view) for k in asked for view in self._views.get(found.nodes[k], ())]
-        if not views:
-            return found
-        both = found.concatenated(self._match_views(features, [view for _, view in views]))
-        best = np.arange(len(found))
-        for row, (k, _) in enumerate(views, len(found)):
-            if both.reachability[row] > both.reachability[best[k]]:
-                best[k] = row
-        chosen = both.take(best)
-        return replace(chosen, nodes=found.nodes, images=chosen.nodes)
-
-    def _match_views(self, features: Features, views: Sequence[NodeView]) -> Matches:
-        """Compare an image (1, F) with views; the waypoints lead to the nodes of the views."""
-        seen = self._match_images(features, [view.frame for view in views])
-        waypoints = compose(seen.waypoints, invert(np.array([view.pose for view in views])))
-        distances = np.where(np.isfinite(seen.distances), distance(waypoints), np.inf)
-        return replace(seen, waypoints=waypoints, distances=distances)
-
-    def _match_images(self, features: Features, nodes: Sequence[FrameId]) -> Matches:
-        if not nodes:
-            return Matches((), np.empty(0), np.empty((0, 3)), np.empty(0), np.empty(0, bool))
-        nodes = tuple(nodes)
-        forward, backward = self._answers(features, nodes)
-        reachability = np.array(forward.reachability)
-        waypoints = np.array(forward.waypoints)
-        distances = np.where(_has_no_waypoint(reachability, waypoints), np.inf, distance(waypoints))
-        found = Matches(nodes, reachability, waypoints, distances, np.ones(len(nodes), bool))
-        return self._both_ways(features, found, backward) if self._config.both_directions else found
 
     def _answers(self, features: Features, nodes: tuple[FrameId, ...]) -> tuple[Prediction, Prediction | None]:
         """Compare an image (1, F) with N nodes.
@@ -233,10 +187,7 @@ class Matcher:
     ) -> tuple[Features, Features, NDArray[np.intp]]:
         """Return P pairs of images (P, F), (P, F) that are neighbours in time of the matches, and the match (P,) of
         each pair."""
-        beside = [
-            () if by_view else self._keyframes.temporal_neighbours(node, self._config.support_gap)
-            for node, by_view in zip(matches.nodes, matches.by_view, strict=True)
-        ]
+        beside = [self._keyframes.temporal_neighbours(node, self._config.support_gap) for node in matches.nodes]
         counts = [len(frames) for frames in beside]
         here = [
             np.repeat(features, sum(counts), axis=0),

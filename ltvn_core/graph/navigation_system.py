@@ -1,5 +1,5 @@
-"""A navigation system, divided as in the paper's Table I: five strategies that can be exchanged one by one, and four
-optional parts: online mapping, presence of edges, a place belief and views of nodes.
+"""A navigation system, divided as in the paper's Table I: five strategies that can be exchanged one by one, and three
+optional parts: online mapping, presence of edges and a place belief.
 
 Owns the interfaces alone. `graph.ltvn` composes the paper's own system, and each file of `ltvn_core.systems` one of its
 baselines; the navigator works with any `NavigationSystem`:
@@ -32,7 +32,6 @@ from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.localiser import Localisation, LocalisationPrior
 from ltvn_core.graph.maintenance import AttemptEvidence, UnrecognisedObservation
 from ltvn_core.graph.matching import Matcher
-from ltvn_core.graph.node_views import ViewConfig
 from ltvn_core.graph.planner import EdgeWeight
 from ltvn_core.graph.presence.edge_presence import ALWAYS_OPEN, AlwaysOpen, EdgePresence
 from ltvn_core.graph.topological_graph import TopologicalGraph
@@ -144,9 +143,9 @@ def choose_first_node(path: Sequence[NodeId], reachability: Callable[[NodeId], f
 
 @dataclass(frozen=True, slots=True)
 class NavigationSystem:
-    """A navigation system: five strategies, four parts that a system may have, and the thresholds of all the rest.
+    """A navigation system: five strategies, three parts that a system may have, and the thresholds of all the rest.
 
-    The four parts, `online`, `presence`, `follows_places` and `views`, are off by default.
+    The three parts, `online`, `presence` and `follows_places`, are off by default.
     """
 
     name: str
@@ -164,8 +163,6 @@ class NavigationSystem:
     """Predicts which edges are closed now."""
     follows_places: bool = False
     """Whether it localises, drives and judges by a place belief over all images of a query."""
-    views: ViewConfig | None = None
-    """When nodes get views beside their own image; None if nodes have none, and those of the map are unused."""
 
     @property
     def follows_presence(self) -> bool:

@@ -14,8 +14,10 @@ from ltvn_core.config import BeliefConfig, BuildingConfig, ExpansionConfig
 from ltvn_core.geometry import invert
 from ltvn_core.graph.beliefs import initial_belief
 from ltvn_core.graph.deltas import Cause, Edge, EdgeAdded, GraphDelta, Node, NodeAdded, PoseRow
-from ltvn_core.graph.matching import Matches
-from ltvn_core.types import NodeId, Observation, Waypoint
+from ltvn_core.graph.matching import Matcher, Matches
+from ltvn_core.types import FrameId, NodeId, Observation, Waypoint
+
+_MERGE_CANDIDATES = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +60,19 @@ def mergeable(matches: Matches, thresholds: OperatorThresholds) -> NDArray[np.bo
 def connectable(matches: Matches, thresholds: OperatorThresholds) -> NDArray[np.bool_]:
     """Tell for each node (N,) whether an edge may join it to the image: d < D_c and r > R_c."""
     return (matches.distances < thresholds.connect_distance) & (matches.reachability > thresholds.connect_reachability)
+
+
+def nearest_mergeable(
+    frame: FrameId, found: Matches, matcher: Matcher, thresholds: OperatorThresholds
+) -> Matches | None:
+    """Return the match of the node that a stored frame merges with, the nearest one; None if there is none."""
+    alike = found.take(mergeable(found, thresholds))
+    # One by one, because temporal support is expensive and the nearest node nearly always has it.
+    for k in np.argsort(alike.distances, kind="stable")[:_MERGE_CANDIDATES]:
+        nearest = matcher.with_mutual_support(alike.take(np.array([k])), frame)
+        if mergeable(nearest, thresholds).any():
+            return nearest
+    return None
 
 
 def node_from_observation(observation: Observation) -> Node:

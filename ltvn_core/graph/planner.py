@@ -27,10 +27,8 @@ from ltvn_core.graph.deltas import (
     NodeDropped,
     NodeNamed,
     PresenceObserved,
-    ViewAdded,
-    ViewDropped,
-    ViewUsed,
 )
+from ltvn_core.graph.place_belief import LIKELY
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.types import NodeId
 
@@ -62,12 +60,17 @@ def edge_cost(belief: Belief, config: PlanningConfig) -> float:
     return belief.mu - config.belief_weight * math.log(max(belief.p, _MIN_P))
 
 
-def blind_penalties(graph: TopologicalGraph, penalties: Mapping[EdgeKey, float]) -> dict[EdgeKey, float]:
-    """Return the extra costs of edges for a robot that may be at several places: those given, and one for each edge
+def with_blind_costs(
+    graph: TopologicalGraph, penalties: Mapping[EdgeKey, float], place_p: float | None
+) -> Mapping[EdgeKey, float]:
+    """Return the extra costs of edges: those given and, while the robot may be at several places, one for each edge
     that no image supports.
 
-    On such an edge a robot at another place than it believes notices nothing until it hits something.
+    On such an edge a robot at another place than it believes notices nothing until it hits something. `place_p` is the
+    probability of its likeliest place, None without a place belief.
     """
+    if place_p is None or place_p > LIKELY:
+        return penalties
     blind = {key: _BLIND_COST for key, edge in graph.edges.items() if edge.by_odometry}
     return blind | {key: cost + blind.get(key, 0.0) for key, cost in penalties.items()}
 
@@ -144,8 +147,6 @@ class Planner:
                 self._mirror.remove_edge(self._index[delta.source], self._index[delta.target])
             case PresenceObserved():
                 pass  # Presence is given with each plan.
-            case ViewAdded() | ViewUsed() | ViewDropped():
-                pass  # Views do not change where edges lead.
             case EdgeActionSet():
                 pass  # The cost of an action is the cost of its edge's belief.
             case NodeAdded() | NodeDropped():

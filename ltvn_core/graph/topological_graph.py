@@ -1,7 +1,7 @@
 """The map: nodes, directed edges with beliefs, and the reserve T'. Changed only by `apply`.
 
-Owns the structure and its invariants: an edge joins two different nodes that are there, a frame is a node, in the
-reserve or a view but never two of them, and a name belongs to one node. Does not own images or features
+Owns the structure and its invariants: an edge joins two different nodes that are there, a frame is a node or in the
+reserve but never both, and a name belongs to one node. Does not own images or features
 (`graph.keyframes`) nor decisions (`graph.builder`, `graph.maintenance`).
 """
 
@@ -31,11 +31,7 @@ from ltvn_core.graph.deltas import (
     NodeDropped,
     NodeNamed,
     PresenceObserved,
-    ViewAdded,
-    ViewDropped,
-    ViewUsed,
 )
-from ltvn_core.graph.node_views import NodeViews, Views
 from ltvn_core.graph.presence.presence_filter import PresenceObservation
 from ltvn_core.types import FrameId, NodeId
 
@@ -81,7 +77,6 @@ class TopologicalGraph:
         self._nodes: dict[NodeId, Node] = {}
         self._edges: dict[EdgeKey, Edge] = {}
         self._presence: dict[EdgeKey, tuple[PresenceObservation, ...]] = {}
-        self._views = NodeViews()
         self._reserve: dict[FrameId, None] = {}
         self._drives: dict[FrameId, str] = {}
         self._names: dict[str, NodeId] = {}
@@ -117,14 +112,9 @@ class TopologicalGraph:
         return MappingProxyType(self._presence)
 
     @property
-    def views(self) -> Views:
-        """The views of each node that has any; read only."""
-        return self._views.by_node
-
-    @property
     def frames(self) -> tuple[FrameId, ...]:
-        """All images that the map needs: those of nodes, of the reserve and of views."""
-        return (*self._nodes, *self._reserve, *self._views.frames)
+        """All images that the map needs: those of nodes and of the reserve."""
+        return (*self._nodes, *self._reserve)
 
     @property
     def drives(self) -> Mapping[FrameId, str]:
@@ -179,12 +169,6 @@ class TopologicalGraph:
                 self._observe_presence(delta)
             case NodeNamed():
                 self._name_node(delta)
-            case ViewAdded():
-                self._add_view(delta)
-            case ViewUsed():
-                self._views.use(delta)
-            case ViewDropped():
-                self._views.drop(delta.node, delta.frame)
             case DriveBegun():
                 self._drives = dict(sorted({**self._drives, delta.frame: delta.name}.items()))
             case FramesReserved():
@@ -200,7 +184,6 @@ class TopologicalGraph:
         history: list[GraphDelta] = [NodeAdded(node, cause) for node in self._nodes.values()]
         history += [EdgeAdded(edge, cause) for edge in self._edges.values()]
         history += presence_deltas(self._presence, cause)
-        history += self._views.deltas(cause)
         history += [DriveBegun(frame, name, cause) for frame, name in self._drives.items()]
         if self._reserve:
             history.append(FramesReserved(tuple(self._reserve), cause))
@@ -214,7 +197,6 @@ class TopologicalGraph:
         clone._edges = self._edges.copy()
         clone._reserve = self._reserve.copy()
         clone._presence = self._presence.copy()
-        clone._views = self._views.copy()
         clone._drives = self._drives
         clone._names = self._names.copy()
         clone._successors = {node: targets.copy() for node, targets in self._successors.items()}
@@ -225,8 +207,8 @@ class TopologicalGraph:
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, TopologicalGraph):
             return NotImplemented
-        content = self._nodes, self._edges, self._presence, self.views, self._reserve, self._drives
-        return content == (other._nodes, other._edges, other._presence, other.views, other._reserve, other._drives)
+        content = self._nodes, self._edges, self._presence, self._reserve, self._drives
+        return content == (other._nodes, other._edges, other._presence, other._reserve, other._drives)
 
     __hash__ = None  # type: ignore[assignment]  # A graph changes, so it cannot be a key.
 
@@ -237,7 +219,6 @@ class TopologicalGraph:
         frame = delta.node.id
         require(frame not in self._nodes, f"Node {frame} is in the map already.")
         require(frame not in self._reserve, f"Frame {frame} is in the reserve; release it before it becomes a node.")
-        require(frame not in self._views.frames, f"Frame {frame} is a view of a node; it cannot also be a node.")
         self._give_name(frame, delta.node.name)
         self._nodes[frame] = delta.node
         self._successors[frame] = {}
@@ -250,7 +231,6 @@ class TopologicalGraph:
         for source, target in incident:
             self._remove_edge(source, target)
         self._names.pop(self._nodes[delta.node].name, None)
-        self._views.forget(delta.node)
         del self._nodes[delta.node], self._successors[delta.node], self._predecessors[delta.node]
 
     def _add_edge(self, delta: EdgeAdded) -> None:
@@ -310,13 +290,6 @@ class TopologicalGraph:
         seen = (*self._presence.get(key, ()), PresenceObservation(delta.present, delta.stamp))
         self._presence[key] = seen[-MOST_PRESENCE_OBSERVATIONS:]
 
-    def _add_view(self, delta: ViewAdded) -> None:
-        self._require_node(delta.node)
-        frame = delta.view.frame
-        require(frame not in self._nodes, f"Frame {frame} is a node; it cannot also be a view.")
-        require(frame not in self._reserve, f"Frame {frame} is in the reserve; it cannot also be a view.")
-        self._views.add(delta.node, delta.view)
-
     def _name_node(self, delta: NodeNamed) -> None:
         self._require_node(delta.node)
         node = self._nodes[delta.node]
@@ -341,7 +314,6 @@ class TopologicalGraph:
         for frame in delta.frames:
             require(frame not in self._nodes, f"Frame {frame} is a node; it cannot also be in the reserve.")
             require(frame not in self._reserve, f"Frame {frame} is in the reserve already.")
-            require(frame not in self._views.frames, f"Frame {frame} is a view; it cannot also be in the reserve.")
         self._reserve.update(dict.fromkeys(delta.frames))
 
     def _release(self, delta: FramesReleased) -> None:

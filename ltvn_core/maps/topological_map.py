@@ -161,7 +161,7 @@ class TopologicalMap(WithDoubts):
 
     @property
     def observations(self) -> list[Observation]:
-        """The images that belong to the map, in the order they were taken: of its nodes, its reserve and its views."""
+        """The images that belong to the map, in the order they were taken: of its nodes and its reserve."""
         return [self.keyframes.observation(frame) for frame in sorted(self.graph.frames)]
 
     @property

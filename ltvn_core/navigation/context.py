@@ -69,7 +69,7 @@ class NavigationContext:
         actions: ActionPerformer | None = None,
     ) -> "NavigationContext":
         """Create a context with a matcher and a planner for the map."""
-        matcher = Matcher(predictor, keyframes, system.method.matching, views=graph.views, view_config=system.views)
+        matcher = Matcher(predictor, keyframes, system.method.matching)
         planner = Planner(graph, system.method.planning, weight=system.edge_weight)
         return cls(
             graph=graph,

@@ -109,6 +109,9 @@ class Planned:
     query: int
     nodes: tuple[NodeId, ...]
     cost: float
+    place_p: float | None = None
+    """Probability of the robot's likeliest place; while the place is unsure, edges that no image supports cost more.
+    None without a place belief and in older recordings."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,7 +25,7 @@ from ltvn_core.navigation.perception import Perception
 from ltvn_core.navigation.query import Query
 from ltvn_core.navigation.query_runner import QueryRunner
 from ltvn_core.robots.robot import Robot
-from ltvn_core.types import NodeId, Observation, Predictor
+from ltvn_core.types import NodeId, Predictor
 
 
 class Navigator:
@@ -67,8 +67,6 @@ class Navigator:
             actions=actions,
         )
         self._motion: MotionExecutor | None = None
-        self.view: Observation | None = None
-        """The last observation that was used. Events name it by its step, so it must be recorded along with them."""
 
     def query(self, goal: NodeId, query: int) -> Iterator[Event | Tick]:
         """Drive to a node: yield events, and ticks at which the caller lets time pass.
@@ -88,7 +86,7 @@ class Navigator:
 
     def _query(self, goal: NodeId, query: int) -> Iterator[Event | Tick]:
         motion = self._motion = MotionExecutor(self._robot, query, self._context.method.recovering, slips=self._slips)
-        perception = Perception(motion, self._context.predictor, self._context.matcher, self._saw)
+        perception = Perception(motion, self._context.predictor, self._context.matcher)
         try:
             yield QueryStarted(query, goal)
             try:
@@ -101,6 +99,3 @@ class Navigator:
         finally:
             motion.stop()
             self._motion = None
-
-    def _saw(self, observation: Observation) -> None:
-        self.view = observation

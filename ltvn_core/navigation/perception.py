@@ -3,7 +3,7 @@
 Owns the current observation. Decides nothing.
 """
 
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Generator, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -24,8 +24,6 @@ class NodeMatch(NamedTuple):
     """d(w), Eq. 2."""
     waypoint: Waypoint
     """(3,): the node in the robot's frame."""
-    by_view: bool = False
-    """Whether the node was recognised by one of its views, not by its own image."""
 
     def with_waypoint(self, waypoint: Waypoint) -> "NodeMatch":
         """Return the same match with a better waypoint."""
@@ -35,14 +33,11 @@ class NodeMatch(NamedTuple):
 class Perception:
     """Takes observations and compares them with nodes."""
 
-    def __init__(
-        self, motion: MotionExecutor, predictor: Predictor, matcher: Matcher, on_look: Callable[[Observation], None]
-    ) -> None:
-        """Observe through `motion`; `on_look` is called with every new observation."""
+    def __init__(self, motion: MotionExecutor, predictor: Predictor, matcher: Matcher) -> None:
+        """Observe through `motion`."""
         self._motion = motion
         self._predictor = predictor
         self._matcher = matcher
-        self._on_look = on_look
         self.places: PlaceTracker | None = None
         """Gets every encoded observation, if it is set."""
         self._told_of_no_depth = False
@@ -59,7 +54,6 @@ class Perception:
             self._at_step = self._motion.steps
             self._features = None
             self._matches = {}
-            self._on_look(self._observation)
         return self._observation
 
     @property
@@ -91,9 +85,7 @@ class Perception:
         if not self.is_usable:
             return NodeMatch(reachability=0.0, distance=np.inf, waypoint=np.zeros(3))
         found = self._match(node)
-        return NodeMatch(
-            float(found.reachability[0]), float(found.distances[0]), found.waypoints[0], bool(found.by_view[0])
-        )
+        return NodeMatch(float(found.reachability[0]), float(found.distances[0]), found.waypoints[0])
 
     def observations_around(self, node: NodeId, reach: int) -> Iterator[tuple[Observation, Pose]]:
         """Yield the image of a node and its neighbours in time, each with its pose (3,) in the frame of the node."""

@@ -70,6 +70,11 @@ class Query:
         """Return the robot's most probable place; None without a place belief."""
         return self.places.place(self.motion.odometry, self.memory.doubted)
 
+    def place_p(self) -> float | None:
+        """Return the probability of the robot's likeliest place; None without a place belief."""
+        place = self.place()
+        return None if place is None else place.probability
+
     def known_waypoint(self, node: NodeId, probability: float) -> Waypoint | None:
         """Return the waypoint (3,) of a node from here, if the likeliest place is more probable than `probability`."""
         place = self.place()

@@ -35,7 +35,6 @@ from ltvn_core.navigation.obstruction_finder import departure
 from ltvn_core.navigation.perception import NodeMatch
 from ltvn_core.navigation.query import Query
 from ltvn_core.navigation.recovery import recover, turn, turn_to_see
-from ltvn_core.navigation.view_learner import ViewLearner
 from ltvn_core.navigation.way_planner import plan_way, way_exists
 from ltvn_core.types import NodeId, Waypoint
 
@@ -57,7 +56,6 @@ class QueryRunner:
         self._perception = query.perception
         self._motion = query.motion
         self._context = query.context
-        self._views = ViewLearner(query)
         self._reached: NodeId | None = None
         self._state = NavigatorState.IDLE
 
@@ -65,7 +63,6 @@ class QueryRunner:
         """Localise, plan, drive, judge, update, until the goal is reached or the query is given up."""
         while True:
             if (yield from self._perception.can_compare()) and (yield from check_goal(self._query)):
-                yield from self._views.arrive(self._query.goal)
                 return Outcome.ARRIVED
             if not self._perception.is_usable:
                 yield from self._enter(NavigatorState.RECOVERING)
@@ -97,7 +94,6 @@ class QueryRunner:
             features = self._perception.features
             prior = LocalisationPrior(self._memory.plan, self._memory.doubted, self._query.place())
             localisation = context.system.localise(features, context.graph, prior, context.matcher)
-        yield from self._views.learn(localisation)
         frame = self._perception.observation.step
         yield Localised(
             query=self._query.number,
@@ -131,7 +127,7 @@ class QueryRunner:
             )
             path = plan_way(query, start)
         self._memory.plan = path.nodes
-        yield Planned(query.number, path.nodes, path.cost)
+        yield Planned(query.number, path.nodes, path.cost, query.place_p())
         return path
 
     def _until_action(self, path: GraphPath) -> GraphPath:
@@ -160,7 +156,6 @@ class QueryRunner:
         if succeeded:
             self._memory.arrive_elsewhere(target)
             self._query.forget_odometry()
-            self._views = ViewLearner(self._query)
             self._query.places.begin_at(target, self._motion.odometry)
 
     def _follow(self, localisation: Localisation, path: GraphPath) -> EventGenerator[bool]:

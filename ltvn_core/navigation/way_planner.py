@@ -4,13 +4,10 @@ Owns the costs of a plan. The search itself is in `graph.planner` and `graph.pre
 """
 
 import math
-from collections.abc import Mapping
 
-from ltvn_core.graph.place_belief import LIKELY
-from ltvn_core.graph.planner import NO_PATH, GraphPath, blind_penalties
+from ltvn_core.graph.planner import NO_PATH, GraphPath, with_blind_costs
 from ltvn_core.graph.presence.edge_presence import EdgeProbabilities
 from ltvn_core.graph.presence.presence_plan import OPEN_ABOVE, plan_by_presence
-from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.navigation.query import Query
 from ltvn_core.navigation.query_memory import MOST_OBSTRUCTIONS
 from ltvn_core.types import NodeId
@@ -22,7 +19,7 @@ _LEAST_P = 1e-3
 def plan_way(query: Query, start: NodeId) -> GraphPath:
     """Return the path to take from a node to the goal now."""
     context = query.context
-    penalties = _penalties(query)
+    penalties = with_blind_costs(context.graph, query.memory.penalties, query.place_p())
     open_now = context.system.presence.probabilities(context.graph, query.now_s)
     open_now = {edge: max(p, OPEN_ABOVE) if query.never_closed(edge) else p for edge, p in open_now.items()}
     if not open_now:
@@ -37,13 +34,6 @@ def plan_way(query: Query, start: NodeId) -> GraphPath:
         tries=query.memory.obstructions,
     )
     return path if path.nodes else _hope(query, start, open_now)
-
-
-def _penalties(query: Query) -> Mapping[EdgeKey, float]:
-    """Return the extra costs of edges in this query, while the place is unsure also of those that no image supports."""
-    place = query.place()
-    is_sure = place is None or place.probability > LIKELY
-    return query.memory.penalties if is_sure else blind_penalties(query.context.graph, query.memory.penalties)
 
 
 def way_exists(query: Query, start: NodeId) -> bool:

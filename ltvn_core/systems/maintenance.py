@@ -10,7 +10,6 @@ from ltvn_core.config import PAPER, ROBUST, BeliefConfig
 from ltvn_core.errors import OptionError
 from ltvn_core.graph.ltvn import LifelongMaintenance
 from ltvn_core.graph.navigation_system import NavigationSystem, NoMaintenance
-from ltvn_core.graph.node_views import ViewConfig
 from ltvn_core.graph.presence.edge_presence import ALWAYS_OPEN, EdgePresence, FilteredPresence
 from ltvn_core.graph.presence.persistent import PERSISTENT
 from ltvn_core.graph.presence.presence_filter import PresenceFilter
@@ -37,16 +36,16 @@ def with_maintenance(
         OptionError: There is no such name, or its ground truth is missing.
     """
     if name == "static":
-        return replace(system, maintenance=NoMaintenance(), presence=ALWAYS_OPEN, views=None)
+        return replace(system, maintenance=NoMaintenance(), presence=ALWAYS_OPEN)
     if name in ("paper", "robust"):
         preset = PAPER if name == "paper" else ROBUST
         method = replace(system.method, believing=_believing(preset.believing, system.method.believing))
-        return replace(system, maintenance=LifelongMaintenance(method), presence=ALWAYS_OPEN, views=None)
+        return replace(system, maintenance=LifelongMaintenance(method), presence=ALWAYS_OPEN)
     if name in ("brm", "brm-rooms"):
         rooms = _known(room_of, name, "which rooms its nodes lie in") if name == "brm-rooms" else None
-        return replace(system, maintenance=BayesianEdges(rooms), presence=ALWAYS_OPEN, views=None)
+        return replace(system, maintenance=BayesianEdges(rooms), presence=ALWAYS_OPEN)
     maintenance = PresenceMaintenance(system.method)
-    return replace(system, maintenance=maintenance, presence=_presence(name, truth), views=ViewConfig())
+    return replace(system, maintenance=maintenance, presence=_presence(name, truth))
 
 
 def _presence(name: str, truth: EdgePresence | None) -> EdgePresence:

@@ -6,9 +6,9 @@ Owns the choice of explanations for an edge. `ltvn_core.analysis.edge_explanatio
 from collections.abc import Sequence
 
 from ltvn_core.analysis import edge_explanation
-from ltvn_core.analysis.answer import Inline, Link, Picture, Strong, joined
+from ltvn_core.analysis.answer import Inline, Link, Strong, joined
 from ltvn_core.analysis.edge_history import EdgeHistory
-from ltvn_core.analysis.plan_alternative import ExplanationKind, ExplanationStep, count_text
+from ltvn_core.analysis.plan_alternative import ExplanationKind, ExplanationStep
 from ltvn_core.analysis.timeline_records import MarkKind
 from ltvn_core.geometry import distance
 from ltvn_core.graph.operators import OperatorThresholds
@@ -25,14 +25,13 @@ _GONE = 12
 
 
 def add_node_reasons(context: DebugContext, node: NodeId, before: NodeId | None, builder: AnswerBuilder) -> None:
-    """Explain why a node exists, show its views, and link its missing edges; `before` was selected before it."""
+    """Explain why a node exists, and link its missing edges; `before` was selected before it."""
     _chain(
         context,
         f"Why is node {node} in the map?",
         edge_explanation.explain_node(context.timeline, node, at=context.instant),
         builder,
     )
-    _views(context, node, builder)
     if before not in (None, node):
         builder.add_line(Link(f"Why is there no edge {before} → {node}?", PointAt(before, node)))
     gone = dict.fromkeys(
@@ -41,18 +40,6 @@ def add_node_reasons(context: DebugContext, node: NodeId, before: NodeId | None,
     links = [edge_link(*ids) for ids in [*gone][-_GONE:] if len(ids) == 2]
     if links:
         builder.add_line("Edges that were pruned here: ", joined(links, ", "), ".")
-
-
-def _views(context: DebugContext, node: NodeId, builder: AnswerBuilder) -> None:
-    """Show the image of the place when it became a node, and its views at other times."""
-    if not (views := context.graph.views.get(node, ())):
-        return
-    captions = {node: "when the map was made"} | {
-        view.frame: f"view {view.frame}, used in {count_text(view.uses, 'query', 'queries')}" for view in views
-    }
-    builder.add_pictures(
-        *(Picture(context.observation(frame), caption, context.camera) for frame, caption in captions.items())
-    )
 
 
 def add_edge_reasons(context: DebugContext, story: EdgeHistory, builder: AnswerBuilder) -> None:

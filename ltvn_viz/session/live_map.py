@@ -224,7 +224,7 @@ class LiveMap:
         return None if truth is None or exact is None else judge_goal_reached(query, exact, truth)
 
     def map_observations(self) -> Sequence[Observation]:
-        """Return the images of the map: of its nodes, its reserve and its views."""
+        """Return the images of the map: of its nodes and its reserve."""
         return self._map.observations
 
     def node_images(self, frames: Sequence[FrameId]) -> Sequence[tuple[FrameId, Rgb]]:

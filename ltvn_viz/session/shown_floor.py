@@ -1,6 +1,6 @@
 """The floor of the map that the page shows.
 
-Owns the choice of a floor, and the part of the map that belongs to it. `ltvn_core.graph.floors` defines what a floor
+Owns the choice of a floor, and the part of the map that belongs to it. `ltvn_core.analysis.floors` defines what a floor
 is.
 """
 
@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ltvn_core.analysis.floors import number_floors
 from ltvn_core.analysis.map_history import EMPTY_GRAPH, GraphArrays
-from ltvn_core.graph.floors import number_floors
 from ltvn_viz.session.snapshot import FloorChoice, Snapshot
 
 

@@ -14,9 +14,13 @@ from examples.presence_plugin.presence_filters import (
 from ltvn_core.graph.presence.durations import DurationMixture
 from ltvn_core.graph.presence.edge_presence import FilteredPresence
 from ltvn_core.graph.presence.persistent import PersistentFilter, SightErrors
-from ltvn_core.graph.presence.presence_filter import PresenceObservation, presence_probability
+from ltvn_core.graph.presence.presence_filter import PresenceFilter, PresenceObservation, presence_probabilities
 
 ERRORS = SightErrors(miss=0.2, false_alarm=0.1)
+
+
+def presence_probability(presence_filter: PresenceFilter, seen: list[PresenceObservation], now_s: float) -> float:
+    return float(presence_probabilities(presence_filter, [seen], now_s)[0])
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -17,7 +17,7 @@ from ltvn_core.data.recording import schema
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.data.recording.rewriting import open_rewriter, rewrite_event
 from ltvn_core.errors import RecordingError
-from ltvn_core.graph.deltas import NodeAdded, ViewAdded
+from ltvn_core.graph.deltas import NodeAdded
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import (
     ActionBegun,
@@ -179,8 +179,6 @@ def _named(stamped: StampedEvent) -> Iterator[FrameId]:
             yield from (each for each in (source, target, frame) if each is not None)
         case GraphChanged(delta=NodeAdded(node=node)):
             yield node.id
-        case GraphChanged(delta=ViewAdded(view=view)):
-            yield view.frame
         case StateChanged() | Collided() | GraphChanged() | WorldChanged() | QueryEnded() | Judged() | Note():
             return
 

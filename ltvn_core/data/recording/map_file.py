@@ -1,4 +1,4 @@
-"""Map files: a recording with the frames of a map's nodes, reserve and views, and the deltas that build the map.
+"""Map files: a recording with the frames of a map's nodes and reserve, and the deltas that build the map.
 
 Owns saving, loading and the check of the weights. `graph.builder` builds maps.
 """
@@ -25,7 +25,7 @@ class LoadedMap:
 
     graph: TopologicalGraph
     observations: Mapping[FrameId, Observation]
-    """Images of all nodes, of the reserve and of views, by their frame."""
+    """Images of all nodes and of the reserve, by their frame."""
     meta: RecordingMetadata
     scene_glb: bytes | None = None
     """The scene drawn in the file, as binary glTF; None if there is none."""
@@ -45,7 +45,7 @@ def save_map(
 ) -> None:
     """Write a map to a new file, which appears only when it is complete.
 
-    Takes the images of all nodes, of the reserve and of views; other images are left out. Images that are in the file
+    Takes the images of all nodes and of the reserve; other images are left out. Images that are in the file
     `origin` are copied unchanged, because every compression loses quality. Without a `scene_glb`, the scene of `origin`
     is used. Raises MapError if an image is missing, RecordingError if the file exists or cannot be written.
     """

@@ -51,13 +51,6 @@ class PresenceFilter(Protocol):
         ...
 
 
-def presence_probability(
-    presence_filter: PresenceFilter, observations: Sequence[PresenceObservation], now_s: float
-) -> float:
-    """Return the probability that a thing is present at a moment, given its observations up to then."""
-    return float(presence_probabilities(presence_filter, [observations], now_s)[0])
-
-
 def presence_probabilities(
     presence_filter: PresenceFilter, histories: Sequence[Sequence[PresenceObservation]], now_s: float
 ) -> FloatArray:

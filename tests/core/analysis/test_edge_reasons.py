@@ -15,11 +15,7 @@ from ltvn_core.graph.deltas import (
     EdgeAdded,
     FramesReserved,
     NodeDropped,
-    NodeView,
     PoseRow,
-    ViewAdded,
-    ViewDropped,
-    ViewUsed,
 )
 from ltvn_core.graph.operators import OperatorThresholds
 from ltvn_core.graph.planner import Planner
@@ -109,10 +105,11 @@ def test_an_edge_that_no_image_supports_is_dearer_for_a_robot_that_is_unsure_of_
         TopologicalGraph([each.delta for each in (example_runs.node(0), example_runs.node(1), blind)]), planning
     )
     sure = planner.plan(0, 1)
-    for planned_cost, dearer in ((sure.cost, False), (sure.cost + 3.0, True)):
+    for place_p, dearer in ((0.9, False), (0.3, True), (None, False)):
+        planned_cost = sure.cost + 3.0 * dearer
         run = [
             *example_runs.at(10, example_runs.node(0), example_runs.node(1), blind),
-            *example_runs.at(20, QueryStarted(0, 1), Planned(0, (0, 1), planned_cost)),
+            *example_runs.at(20, QueryStarted(0, 1), Planned(0, (0, 1), planned_cost, place_p)),
         ]
         made = plan_alternative(Timeline.of(run), 0, 1, planning)
         assert made is not None
@@ -210,21 +207,6 @@ def test_a_node_is_here_because_there_was_no_path_or_nobody_recognised_the_place
         edge_explanation.explain_node(timeline, 32)[1].text
         == "In query 3 the robot had not recognised anything in 2 looks."
     )
-
-
-def test_a_node_tells_when_it_looked_different_and_what_that_was_good_for() -> None:
-    view = NodeView(50, PoseRow(0.1, 0.0, 0.0), 5.0)
-    changed = [
-        GraphChanged(ViewAdded(1, view, Cause.SIGHT), 3),
-        GraphChanged(ViewUsed(1, 50, 9.0, Cause.SIGHT), 4),
-        GraphChanged(ViewDropped(1, 50, Cause.SIGHT), 9),
-    ]
-    timeline = Timeline.of([*example_runs.square(), *example_runs.at(50, *changed)])
-    assert [reason.text for reason in edge_explanation.explain_node(timeline, 1)][2:5] == [
-        "Image 50 was taken here by odometry, but looked different, so it became a view of this node.",
-        "The robot recognised it by its view 50.",
-        "Its view 50 was removed as the least useful one.",
-    ]
 
 
 def test_an_image_that_never_was_a_node_says_so() -> None:

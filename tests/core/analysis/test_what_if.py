@@ -26,7 +26,7 @@ from ltvn_core.config import PAPER, ROBUST
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.errors import LtvnError, MapError
 from ltvn_core.graph.builder import build
-from ltvn_core.graph.deltas import Belief, Cause, Edge, EdgeAdded, Node, NodeAdded, PoseRow
+from ltvn_core.graph.deltas import Belief, Cause, Edge, EdgeAdded, EdgePruned, Node, NodeAdded, PoseRow
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import (
@@ -105,6 +105,27 @@ def test_a_path_costs_what_its_edges_cost() -> None:
     for path, edges in ((found.old, found.old_edges), (found.new, found.new_edges)):
         assert sum(edge.mu + edge.doubt + edge.penalty for edge in edges) == pytest.approx(path.cost)
     assert replan(diamond(), failed, ROBUST, [WithoutEdge(0, 2)]).new_edges[0].penalty == 4.0
+
+
+def test_a_robot_that_is_unsure_of_its_place_pays_for_edges_that_no_image_supports() -> None:
+    graph = diamond()
+    supported = graph.edges[0, 1]
+    graph.apply(EdgePruned(0, 1, Cause.HAND))
+    graph.apply(EdgeAdded(replace(supported, by_odometry=True), Cause.BUILD))
+    for place_p, penalty in ((0.9, 0.0), (0.3, 3.0)):
+        look = Localised(
+            query=0,
+            frame=1,
+            node=0,
+            distance=0.1,
+            reachability=0.9,
+            runner_up=None,
+            margin=1.0,
+            scope="local",
+            probability=place_p,
+        )
+        found = replan(graph, PlannerState(0, 1, localised=look), ROBUST, [WithoutEdge(2, 3)])
+        assert sum(part.penalty for part in found.old_edges) == penalty
 
 
 @cache

@@ -24,12 +24,8 @@ from ltvn_core.graph.deltas import (
     NodeAdded,
     NodeDropped,
     NodeNamed,
-    NodeView,
     PoseRow,
     PresenceObserved,
-    ViewAdded,
-    ViewDropped,
-    ViewUsed,
 )
 from ltvn_core.graph.topological_graph import TopologicalGraph
 
@@ -39,10 +35,6 @@ SURE = Belief(0.9, 1.0, 0.02)
 
 def node(frame: int) -> NodeAdded:
     return NodeAdded(Node(frame, PoseRow(float(frame), 0.0, 0.0)), Cause.BUILD)
-
-
-def view(owner: int, frame: int, *, at_s: float = 0.0) -> ViewAdded:
-    return ViewAdded(owner, NodeView(frame, PoseRow(0.1, 0.0, 0.0), at_s), Cause.SIGHT)
 
 
 def edge(source: int, target: int, *, belief: Belief = SURE, protected: bool = False) -> EdgeAdded:
@@ -80,14 +72,7 @@ def _any_delta(graph: TopologicalGraph, rng: np.random.Generator) -> GraphDelta 
         "name",
         "action",
     ]
-    kind = rng.choice([*kinds, "action", "view", "use", "forget"])
-    views = [(owner, each.frame) for owner, held in graph.views.items() for each in held]
-    if kind == "view" and free and nodes:
-        return view(int(rng.choice(nodes)), frame)
-    if kind == "use" and views:
-        return ViewUsed(*views[rng.integers(len(views))], float(rng.random()), Cause.SIGHT)
-    if kind == "forget" and views:
-        return ViewDropped(*views[rng.integers(len(views))], Cause.SIGHT)
+    kind = rng.choice(kinds)
     if kind == "node" and free:
         return node(frame)
     if kind == "edge" and len(nodes) > 1:
@@ -146,7 +131,6 @@ def test_every_edge_joins_two_nodes_and_both_ends_know_it(history: list[GraphDel
         assert source in graph.predecessors(target)
     assert sum(len(graph.successors(each)) for each in graph.nodes) == len(graph.edges)
     assert len(set(graph.frames)) == len(graph.frames)
-    assert set(graph.views) <= set(graph.nodes)
 
 
 def test_a_copy_goes_its_own_way() -> None:
@@ -207,16 +191,6 @@ def test_a_dropped_node_takes_its_edges_along() -> None:
         (NodeNamed(5, "kitchen", False, Cause.HAND), "Node 5 is not in the map"),
         (NodeNamed(2, "door", False, Cause.HAND), "Node 1 is called 'door' already"),
         (FramesReserved((1,), Cause.BUILD), "Frame 1 is a node"),
-        (FramesReserved((7,), Cause.BUILD), "Frame 7 is a view"),
-        (node(7), "Frame 7 is a view of a node"),
-        (view(5, 8), "Node 5 is not in the map"),
-        (view(1, 2), "Frame 2 is a node"),
-        (view(1, 9), "Frame 9 is in the reserve"),
-        (view(1, 7), "Frame 7 is a view of node 2 already"),
-        (view(1, 8, at_s=math.nan), "numbers must be finite"),
-        (ViewUsed(1, 7, 3.0, Cause.SIGHT), "Node 1 has no view 7"),
-        (ViewUsed(2, 7, math.inf, Cause.SIGHT), "a moment must be finite"),
-        (ViewDropped(1, 7, Cause.SIGHT), "Node 1 has no view 7"),
         (FramesReserved((9,), Cause.BUILD), "Frame 9 is in the reserve already"),
         (FramesReleased((8, 9), Cause.EXPAND), "Frame 8 is not in the reserve"),
     ],
@@ -224,7 +198,6 @@ def test_a_dropped_node_takes_its_edges_along() -> None:
 def test_a_delta_that_does_not_fit_is_refused_and_changes_nothing(delta: GraphDelta, message: str) -> None:
     graph = TopologicalGraph([node(1), node(2), edge(1, 2), FramesReserved((9,), Cause.BUILD)])
     graph.apply(NodeNamed(1, "door", False, Cause.HAND))
-    graph.apply(view(2, 7))
     before = graph.copy()
     with pytest.raises(MapError, match=message):
         graph.apply(delta)

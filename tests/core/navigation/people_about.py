@@ -100,7 +100,7 @@ class Attempts:
         keyframes = KeyframeStore(predictor)
         keyframes.add([observation_at(compose(self.robot.pose, waypoint), 0)])
         motion = MotionExecutor(self.robot, 0, ROBUST.recovering)
-        perception = Perception(motion, predictor, Matcher(predictor, keyframes, ROBUST.matching), lambda seen: None)
+        perception = Perception(motion, predictor, Matcher(predictor, keyframes, ROBUST.matching))
         driver = AttemptDriver(motion, perception, ROBUST.driving, LOCOBOT, bystanders=self.bystanders)
         self.commands = []
         ends: list[AttemptResult] = []

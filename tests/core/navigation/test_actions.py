@@ -10,7 +10,6 @@ from ltvn_core.analysis.manual_edits import connect_by_action
 from ltvn_core.config import ROBUST, Method
 from ltvn_core.evaluation.query_result import QueryResult
 from ltvn_core.graph.deltas import Cause, EdgePruned, NodeAdded
-from ltvn_core.graph.floors import floors
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.operators import node_from_observation
 from ltvn_core.navigation.action_performer import ActionState
@@ -93,7 +92,6 @@ def two_floors(method: Method) -> tuple[MappedWorld, tuple[NodeId, NodeId]]:
 @PRESETS
 def test_a_lift_takes_the_robot_to_a_goal_on_another_floor(method: Method) -> None:
     place, lift = two_floors(method)
-    assert len(floors(place.graph)) == 2
     goal = place.nearest(5.2, 3.2)
     elevator = Lift(place)
     episode, events = go(place, goal, elevator)

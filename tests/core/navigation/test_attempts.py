@@ -29,7 +29,7 @@ class Drive:
         keyframes.add([replace(image, depth=np.full_like(image.depth, node_depth_m))])
         self.robot = FlatRobot(world, start, first_step=100)
         motion = MotionExecutor(self.robot, 0, ROBUST.recovering)
-        perception = Perception(motion, predictor, Matcher(predictor, keyframes, ROBUST.matching), lambda seen: None)
+        perception = Perception(motion, predictor, Matcher(predictor, keyframes, ROBUST.matching))
         self._attempt_driver = AttemptDriver(motion, perception, ROBUST.driving, LOCOBOT)
         self.commands: list[Twist] = []
 

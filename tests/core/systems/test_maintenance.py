@@ -28,8 +28,7 @@ def test_every_system_can_have_every_maintenance() -> None:
             knows_presence = name in ("persistent", "truth")
             assert changed.follows_presence == knows_presence
             assert (type(changed.maintenance) is NoMaintenance) == (name == "static")
-            assert (changed.views is not None) == knows_presence
-            own = {part: getattr(system, part) for part in ("maintenance", "presence", "views")}
+            own = {part: getattr(system, part) for part in ("maintenance", "presence")}
             assert replace(changed, **own) == system
 
 

@@ -16,9 +16,7 @@ from ltvn_core.graph.deltas import (
     EdgePruned,
     Node,
     NodeAdded,
-    NodeView,
     PoseRow,
-    ViewAdded,
 )
 from ltvn_core.navigation import events as e
 from ltvn_core.types import CONTROL_STEP_S
@@ -123,17 +121,6 @@ def test_two_nodes_without_an_edge_offer_the_question_between_them_and_name_what
     assert "Why is node" in words(past.now)
     assert "Edges that were pruned here" in words(past.now)
     assert "There has never been" in words(follow(past, past.now, "Why is there no edge"))
-
-
-def test_a_node_that_looked_different_shows_how_beside_its_own_image(past: Past) -> None:
-    graph = past.state.live_map.graph
-    node, frame = next(iter(graph.nodes)), past.robot.step
-    added = ViewAdded(node, NodeView(frame, PoseRow(0.1, 0.0, 0.0), 9.0, uses=2), Cause.SIGHT)
-    graph.apply(added)
-    past.happens(e.GraphChanged(added, 2))
-    told = words(past.do(c.ChooseQuestion(QuestionName.EDGE), c.PickNode(node)))
-    assert "when the map was made" in told
-    assert f"view {frame}, used in 2 queries" in told
 
 
 def test_history_counts_marks_and_leads_to_the_one_before_and_back(past: Past) -> None:

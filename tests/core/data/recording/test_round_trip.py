@@ -38,15 +38,11 @@ from ltvn_core.graph.deltas import (
     NodeAdded,
     NodeDropped,
     NodeNamed,
-    NodeView,
     PoseRow,
     PresenceObserved,
-    ViewAdded,
-    ViewDropped,
-    ViewUsed,
 )
 from ltvn_core.graph.topological_graph import TopologicalGraph
-from ltvn_core.navigation.events import ChangedBy, Event, GraphChanged, WorldChanged
+from ltvn_core.navigation.events import ChangedBy, Event, GraphChanged, Note, WorldChanged
 from tests.core.data.recording import example_recording
 
 
@@ -85,9 +81,6 @@ deltas: st.SearchStrategy[GraphDelta] = st.one_of(
     st.builds(EdgeActionSet, ids, ids, st.text(max_size=8), causes),
     st.builds(PresenceObserved, ids, ids, st.booleans(), finite, causes),
     st.builds(NodeNamed, ids, st.text(max_size=8), st.booleans(), causes),
-    st.builds(ViewAdded, ids, st.builds(NodeView, ids, poses, finite, ids), causes),
-    st.builds(ViewUsed, ids, ids, finite, causes),
-    st.builds(ViewDropped, ids, ids, causes),
     st.builds(FramesReserved, frames, causes),
     st.builds(FramesReleased, frames, causes),
 )
@@ -112,6 +105,18 @@ world_events = st.builds(WorldChanged, world_changes, st.sampled_from(ChangedBy)
 @given(changes | world_events | st.sampled_from(example_recording.events()))
 def test_every_event_returns_equal(event: Event) -> None:
     assert decode_event(encode_event(event)) == event
+
+
+def test_a_change_of_a_map_that_no_longer_exists_is_read_as_a_note() -> None:
+    view = '{"frame":7,"pose":[0.1,0.0,0.0],"used_s":5.0,"uses":2}'
+    for delta in (
+        f'{{"node":1,"view":{view},"cause":"sight","kind":"ViewAdded"}}',
+        '{"node":1,"frame":7,"stamp":9.0,"cause":"sight","kind":"ViewUsed"}',
+        '{"node":1,"frame":7,"cause":"sight","kind":"ViewDropped"}',
+    ):
+        note = decode_event(f'{{"delta":{delta},"query":3,"attempt":null,"kind":"GraphChanged"}}')
+        assert isinstance(note, Note)
+        assert "view" in note.text
 
 
 def test_events_and_poses_return_exactly_and_images_nearly(path: Path) -> None:

@@ -5,10 +5,14 @@ import pytest
 
 from ltvn_core.graph.presence.durations import DurationMixture
 from ltvn_core.graph.presence.persistent import PERSISTENT, PersistentFilter, SightErrors, return_probabilities
-from ltvn_core.graph.presence.presence_filter import PresenceObservation, presence_probabilities, presence_probability
+from ltvn_core.graph.presence.presence_filter import PresenceFilter, PresenceObservation, presence_probabilities
 
 NEVER = DurationMixture.exponential([1e12], [1.0])
 ERRORS = SightErrors(miss=0.2, false_alarm=0.1)
+
+
+def presence_probability(presence_filter: PresenceFilter, seen: list[PresenceObservation], now_s: float) -> float:
+    return float(presence_probabilities(presence_filter, [seen], now_s)[0])
 
 
 def mixture(rng: np.random.Generator) -> DurationMixture:

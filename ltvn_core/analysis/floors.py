@@ -5,26 +5,12 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from ltvn_core.graph.topological_graph import TopologicalGraph
-from ltvn_core.types import NodeId
-
-
-def floors(graph: TopologicalGraph) -> tuple[frozenset[NodeId], ...]:
-    """Return the floors of a map, the largest first: parts that only edges with an action join with each other.
-
-    A map without such edges is one floor. Pieces that no edge at all joins with the rest belong to the largest floor.
-    Linear in nodes and edges.
-    """
-    nodes = np.array(list(graph.nodes), np.int64)
-    row_of = {node: row for row, node in enumerate(graph.nodes)}
-    edges = np.array([(row_of[source], row_of[target]) for source, target in graph.edges], np.int64).reshape(-1, 2)
-    acts = np.array([bool(edge.action) for edge in graph.edges.values()], np.bool_)
-    numbers = number_floors(nodes, edges, acts)
-    return tuple(frozenset(nodes[numbers == floor].tolist()) for floor in range(numbers.max(initial=-1) + 1))
-
 
 def number_floors(nodes: NDArray[np.int64], edges: NDArray[np.int64], acts: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """Return the floor (N,) of each of N nodes, as `floors` orders them from 0.
+    """Return the floor (N,) of each of N nodes, from 0, the largest floor.
+
+    A map without actions is one floor. Pieces that no edge at all joins with the rest belong to the largest floor.
+    Linear in nodes and edges.
 
     Args:
         nodes: Ids of the nodes (N,).

@@ -1,11 +1,20 @@
 """Floors are the parts of a map that only actions join."""
 
+import numpy as np
+
+from ltvn_core.analysis.floors import number_floors
 from ltvn_core.graph.deltas import Belief, Cause, Edge, EdgeAdded, Node, NodeAdded, PoseRow
-from ltvn_core.graph.floors import floors
 from ltvn_core.graph.node_layout import lay_out
 from ltvn_core.graph.topological_graph import TopologicalGraph
 
 HERE = PoseRow(0.0, 0.0, 0.0)
+
+
+def floors(graph: TopologicalGraph) -> list[set[int]]:
+    nodes = np.array(list(graph.nodes), np.int64)
+    edges = np.searchsorted(nodes, np.array(list(graph.edges), np.int64).reshape(-1, 2))
+    numbers = number_floors(nodes, edges, np.array([bool(edge.action) for edge in graph.edges.values()], bool))
+    return [set(nodes[numbers == floor].tolist()) for floor in range(numbers.max(initial=-1) + 1)]
 
 
 def house(*edges: tuple[int, int] | tuple[int, int, str], nodes: int) -> TopologicalGraph:
@@ -18,18 +27,18 @@ def house(*edges: tuple[int, int] | tuple[int, int, str], nodes: int) -> Topolog
 
 def test_actions_alone_separate_floors() -> None:
     graph = house((0, 1), (2, 3), (4, 3), (1, 2, "Take the lift"), (2, 1, "Take the lift"), nodes=5)
-    assert floors(graph) == (frozenset({2, 3, 4}), frozenset({0, 1}))
+    assert floors(graph) == [{2, 3, 4}, {0, 1}]
 
 
 def test_a_map_without_actions_is_one_floor_even_in_pieces() -> None:
-    assert floors(house((0, 1), (2, 3), nodes=5)) == (frozenset(range(5)),)
-    assert floors(TopologicalGraph()) == ()
+    assert floors(house((0, 1), (2, 3), nodes=5)) == [set(range(5))]
+    assert floors(TopologicalGraph()) == []
 
 
 def test_a_door_with_a_way_around_separates_nothing_and_loose_pieces_count_to_the_largest_floor() -> None:
-    assert floors(house((0, 1), (0, 1 + 1), (1, 2, "Open the door"), nodes=3)) == (frozenset({0, 1, 2}),)
+    assert floors(house((0, 1), (0, 1 + 1), (1, 2, "Open the door"), nodes=3)) == [{0, 1, 2}]
     graph = house((0, 1), (1, 2), (2, 3, "Take the lift"), (4, 5), nodes=6)
-    assert floors(graph) == (frozenset({0, 1, 2, 4, 5}), frozenset({3}))
+    assert floors(graph) == [{0, 1, 2, 4, 5}, {3}]
 
 
 def test_floors_are_laid_out_far_apart_although_an_action_joins_them() -> None:

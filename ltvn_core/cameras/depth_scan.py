@@ -50,7 +50,8 @@ class DepthScan(NamedTuple):
     @classmethod
     def from_image(cls, seen: Observation, camera: CameraModel, pose: Pose) -> "DepthScan":
         """Return the scan of an image taken at a pose (3,); without depth, all ranges are unknown."""
-        points = np.empty((0, 3)) if seen.depth is None else points_within(seen.depth, camera, RANGE_M)
+        # What is seen beyond the range shows that everything in the range is free.
+        points = np.empty((0, 3)) if seen.depth is None else points_within(seen.depth, camera, 2 * RANGE_M)
         return cls.of(camera, seen.stamp, pose, points, are_solid(points))
 
     def polar(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

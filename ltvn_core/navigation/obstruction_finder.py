@@ -1,8 +1,7 @@
 """Finds obstacles around the robot that were not there when the map was made.
 
 Owns the distinction between new and known obstacles, and between obstacles on the path and beside it.
-`graph.presence.obstruction` finds the edges that they close. `FreeView` knows how far the floor is free in each
-direction.
+`graph.presence.obstruction` finds the edges that they close.
 """
 
 import itertools
@@ -13,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from ltvn_core.cameras.camera_model import CameraModel
-from ltvn_core.cameras.depth_points import are_solid, map_points, obstacle_points, points_within, transform_points
+from ltvn_core.cameras.depth_points import map_points, obstacle_points, transform_points
+from ltvn_core.cameras.depth_scan import DepthScan, reach_past
 from ltvn_core.geometry import compose, invert, relative
 from ltvn_core.graph.localiser import Localisation
 from ltvn_core.graph.presence.obstruction import (
@@ -28,12 +27,8 @@ from ltvn_core.graph.presence.obstruction import (
 from ltvn_core.graph.presence.presence_observations import is_open
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.navigation.query import Departure, Query
-from ltvn_core.types import Depth, NodeId, Pose
+from ltvn_core.types import NodeId, Pose
 
-_BEARING_STEP_RAD = math.radians(2.2)
-"""Width of one direction, in radians; wider than two pixels, so that every direction contains some pixels."""
-_EDGE_RAD = math.radians(3.0)
-"""Margin at the edge of an image within which nothing is known, in radians."""
 _FREE_RANGE_M = 3.5
 """Range up to which floor may count as free, in metres; farther away, a door leaf seen at an angle looks like a gap."""
 _BEHIND_M = 0.15
@@ -46,43 +41,22 @@ _STEP_M = 0.08
 """Spacing of the places at which a path is checked, in metres."""
 
 
-class FreeView:
-    """Free floor that one image shows."""
+def shows_free(scan: DepthScan, way: NDArray[np.float64]) -> bool:
+    """Tell whether an image shows a whole straight line (2, 2), start and end in the robot's frame, to be free.
 
-    def __init__(self, depth: Depth | None, camera: CameraModel) -> None:
-        """Read a depth image; without one, no floor is free."""
-        self._half_rad = camera.horizontal_fov_rad / 2
-        self._ranges_m = np.zeros(int(2 * self._half_rad / _BEARING_STEP_RAD) + 1)
-        """Range in metres to the nearest obstacle per bearing; over `_FREE_RANGE_M` without any, 0 if unknown."""
-        if depth is not None:
-            seen = points_within(depth, camera, 2 * _FREE_RANGE_M)
-            columns = self._columns(np.arctan2(seen[:, 1], seen[:, 0]))
-            self._ranges_m[columns] = _FREE_RANGE_M + _BEHIND_M
-            solid = are_solid(seen)
-            np.minimum.at(self._ranges_m, columns[solid], np.hypot(seen[solid, 0], seen[solid, 1]))
-
-    def shows_free(self, way: NDArray[np.float64]) -> bool:
-        """Tell whether a whole straight line (2, 2), start and end in the robot's frame, is seen to be free.
-
-        Both ends need free room as well, because an obstacle may stand just behind them.
-        """
-        along = (way[1] - way[0]) / max(float(np.hypot(*(way[1] - way[0]))), 1e-9)
-        start = way[0] - _BEYOND_M * along
-        end = way[1] + _BEYOND_M * along
-        count = max(2, math.ceil(float(np.hypot(*(end - start))) / _STEP_M) + 1)
-        places = np.linspace(start, end, count)
-        away_m = np.hypot(places[:, 0], places[:, 1])
-        places, away_m = places[away_m > _UNDERFOOT_M], away_m[away_m > _UNDERFOOT_M]
-        bearings = np.arctan2(places[:, 1], places[:, 0])
-        if not len(places) or np.abs(bearings).max() > self._half_rad - _EDGE_RAD or away_m.max() > _FREE_RANGE_M:
-            return False
-        columns = np.clip(self._columns(bearings), 1, len(self._ranges_m) - 2)
-        beside_m = self._ranges_m[np.stack([columns - 1, columns, columns + 1])]
-        return bool((beside_m >= away_m + _BEHIND_M).all())
-
-    def _columns(self, bearings: NDArray[np.float64]) -> NDArray[np.intp]:
-        columns = np.floor((bearings + self._half_rad) / _BEARING_STEP_RAD).astype(np.intp)
-        return np.clip(columns, 0, len(self._ranges_m) - 1)
+    Both ends need free room as well, because an obstacle may stand just behind them.
+    """
+    along = (way[1] - way[0]) / max(float(np.hypot(*(way[1] - way[0]))), 1e-9)
+    start = way[0] - _BEYOND_M * along
+    end = way[1] + _BEYOND_M * along
+    count = max(2, math.ceil(float(np.hypot(*(end - start))) / _STEP_M) + 1)
+    places = np.linspace(start, end, count)
+    away_m, bearing = scan.polar(places)
+    asked = away_m > _UNDERFOOT_M
+    away_m, bearing = away_m[asked], bearing[asked]
+    if not asked.any() or not scan.inside(bearing).all() or away_m.max() > _FREE_RANGE_M:
+        return False
+    return bool(reach_past(scan.beside(bearing), away_m + _BEHIND_M).all())
 
 
 _RANGE_M = 2.5
@@ -129,9 +103,9 @@ def open_ways(query: Query) -> list[EdgeKey]:
     if not closed:
         return []
     back = invert(_here(query, query.departure))
-    view = FreeView(query.perception.observation.depth, query.context.spec.camera)
+    scan = DepthScan.from_image(query.perception.observation, query.context.spec.camera, np.zeros(3))
     ways = {key: way for key, way in ways_nearby(graph, query.departure.node).items() if key in closed}
-    return [key for key, way in ways.items() if view.shows_free(transform_points(way, back))]
+    return [key for key, way in ways.items() if shows_free(scan, transform_points(way, back))]
 
 
 def obstruction_ahead(query: Query, segment: Sequence[NodeId]) -> Obstruction | None:

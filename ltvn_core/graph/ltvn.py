@@ -8,27 +8,19 @@ expansion of the map where no path exists (a search through the reserve T'). Bui
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import assert_never
+from typing import TypeAlias
 
 import numpy as np
 
 from ltvn_core.config import LocalisingConfig, Method
 from ltvn_core.graph.builder import build
 from ltvn_core.graph.deltas import (
-    BeliefUpdated,
     Cause,
-    DriveBegun,
-    EdgeActionSet,
     EdgeAdded,
-    EdgeProtected,
-    EdgePruned,
     FramesReleased,
     FramesReserved,
     GraphDelta,
     NodeAdded,
-    NodeDropped,
-    NodeNamed,
-    PresenceObserved,
 )
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.localiser import Localisation, LocalisationPrior, Localiser
@@ -52,6 +44,9 @@ MAX_RETRIES_PER_NODE = 4
 """Number of reserved images that are tried again with each new node."""
 BRIDGES_TRIED = 12
 """Number of recently merged images with which an image without a neighbour is compared."""
+
+_NodeDeltas: TypeAlias = tuple[FramesReleased, *tuple[GraphDelta, ...]]
+"""Deltas that make one image of the reserve a node."""
 
 
 class OnlineBuilder:
@@ -176,13 +171,15 @@ def expand(
         return ()
     trial = graph.copy()
     planner = Planner(trial, method.planning)
-    added: list[tuple[GraphDelta, ...]] = []
+    added = list[_NodeDeltas]()
     for frame in _candidates(graph, source, goal, method, rng):
         deltas = _connecting_deltas(trial, frame, matcher, method)
+        if deltas is None:
+            continue
         for delta in deltas:
             trial.apply(delta)
-        added += [deltas] if deltas else []
-        path = planner.plan(source, goal) if deltas else GraphPath((), np.inf)
+        added.append(deltas)
+        path = planner.plan(source, goal)
         if path.nodes:
             return _restricted_to_path(path, added, graph)
     return ()
@@ -224,13 +221,13 @@ def _steps_to_nearest_node(frames: np.ndarray, nodes: set[NodeId]) -> np.ndarray
 
 def _connecting_deltas(
     trial: TopologicalGraph, frame: FrameId, matcher: Matcher, method: Method
-) -> tuple[GraphDelta, ...]:
-    """Return the deltas that make a frame a node of the trial map, none if it adds nothing or is not trusted."""
+) -> _NodeDeltas | None:
+    """Return the deltas that make a frame a node of the trial map; None if it adds nothing or is not trusted."""
     nodes = _near_in_time(trial, frame, method.expanding.neighbour_limit)
     matches = matcher.match(matcher.keyframes.features([frame]), nodes)
     chosen = _connected(matches, frame, matcher, method)
     if not len(chosen):
-        return ()
+        return None
     seen = matcher.keyframes.observation(frame)
     released = FramesReleased((frame,), Cause.EXPAND)
     return released, *node_with_edges(seen, chosen, method.believing, Cause.EXPAND)
@@ -252,26 +249,14 @@ def _connected(matches: Matches, frame: FrameId, matcher: Matcher, method: Metho
 
 
 def _restricted_to_path(
-    path: GraphPath, added: Sequence[tuple[GraphDelta, ...]], graph: TopologicalGraph
+    path: GraphPath, added: Sequence[_NodeDeltas], graph: TopologicalGraph
 ) -> tuple[GraphDelta, ...]:
-    """Keep new nodes on the path, and their edges to nodes that stay."""
+    """Keep the new nodes on the path, and of their edges those between nodes that stay."""
     staying = set(path.nodes) | set(graph.nodes)
-    return tuple(delta for deltas in added for delta in deltas if _is_kept(delta, staying))
-
-
-def _is_kept(delta: GraphDelta, staying: set[NodeId]) -> bool:
-    match delta:
-        case FramesReleased():
-            return delta.frames[0] in staying
-        case NodeAdded():
-            return delta.node.id in staying
-        case EdgeAdded():
-            return {delta.edge.source, delta.edge.target} <= staying
-        case NodeDropped() | BeliefUpdated() | EdgePruned() | EdgeProtected() | NodeNamed() | FramesReserved():
-            return True
-        case EdgeActionSet() | PresenceObserved() | DriveBegun():
-            return True
-    assert_never(delta)
+    kept = (delta for deltas in added if deltas[0].frames[0] in staying for delta in deltas)
+    return tuple(
+        delta for delta in kept if not isinstance(delta, EdgeAdded) or {delta.edge.source, delta.edge.target} <= staying
+    )
 
 
 def ltvn_system(method: Method) -> NavigationSystem:

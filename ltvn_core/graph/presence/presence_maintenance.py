@@ -3,20 +3,17 @@
 Owns the decision whether an attempt is an observation of presence. Prunes permanently only edges that never existed.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from ltvn_core.config import Method
 from ltvn_core.geometry import agree, relative
 from ltvn_core.graph.deltas import Edge, EdgePruned
 from ltvn_core.graph.ltvn import LifelongMaintenance
-from ltvn_core.graph.maintenance import AttemptEvidence, UnrecognisedObservation
-from ltvn_core.graph.matching import Matcher
+from ltvn_core.graph.maintenance import AttemptEvidence
 from ltvn_core.graph.navigation_system import Deltas
 from ltvn_core.graph.presence.presence_observations import obstructed_deltas, open_deltas
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
-from ltvn_core.types import NodeId
 
 _SAME_PLACE = (0.4, 0.4)
 """Largest difference from odometry, in metres and radians, at which an edge between consecutive images counts as driven
@@ -25,11 +22,8 @@ _LEAST_FAILURES = 3
 """Least number of queries in which an edge has failed before it may be pruned permanently."""
 
 
-@dataclass(frozen=True, slots=True)
-class PresenceMaintenance:
+class PresenceMaintenance(LifelongMaintenance):
     """The paper's maintenance, except that obstacles change presence and not existence."""
-
-    method: Method
 
     def after_attempt(self, graph: TopologicalGraph, attempt: AttemptEvidence) -> Deltas:
         """Return an observation of presence or else an updated belief; prune only an edge that was never driven."""
@@ -43,19 +37,9 @@ class PresenceMaintenance:
         return (*opened, *self._believe(graph, attempt))
 
     def _believe(self, graph: TopologicalGraph, attempt: AttemptEvidence) -> Deltas:
-        updates = LifelongMaintenance(self.method).after_attempt(graph, attempt)
+        updates = super().after_attempt(graph, attempt)
         kept = (each for each in updates if not isinstance(each, EdgePruned) or never_existed(graph, each))
         return tuple(kept)
-
-    def no_path(
-        self, graph: TopologicalGraph, source: NodeId, goal: NodeId, matcher: Matcher, rng: np.random.Generator
-    ) -> Deltas:
-        """Search the left-over images for a path."""
-        return LifelongMaintenance(self.method).no_path(graph, source, goal, matcher, rng)
-
-    def unrecognised(self, graph: TopologicalGraph, unrecognised: UnrecognisedObservation, matcher: Matcher) -> Deltas:
-        """Make the image a node after looking around has failed."""
-        return LifelongMaintenance(self.method).unrecognised(graph, unrecognised, matcher)
 
 
 def _driven(attempt: AttemptEvidence) -> EdgeKey:

@@ -48,10 +48,15 @@ class DepthScan(NamedTuple):
         return cls(stamp, pose, half_rad, ranges_m)
 
     @classmethod
-    def from_image(cls, seen: Observation, camera: CameraModel, pose: Pose) -> "DepthScan":
-        """Return the scan of an image taken at a pose (3,); without depth, all ranges are unknown."""
-        # What is seen beyond the range shows that everything in the range is free.
-        points = np.empty((0, 3)) if seen.depth is None else points_within(seen.depth, camera, 2 * RANGE_M)
+    def from_image(
+        cls, seen: Observation, camera: CameraModel, pose: Pose, *, trusted_m: float = RANGE_M
+    ) -> "DepthScan":
+        """Return the scan of an image taken at a pose (3,); without depth, all ranges are unknown.
+
+        A direction in which only points beyond `RANGE_M` are seen is free if they are nearer than `trusted_m`. Cameras
+        that fill holes with a large depth make this unsafe for maps.
+        """
+        points = np.empty((0, 3)) if seen.depth is None else points_within(seen.depth, camera, trusted_m)
         return cls.of(camera, seen.stamp, pose, points, are_solid(points))
 
     def polar(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -219,9 +219,7 @@ def _steps_to_nearest_node(frames: np.ndarray, nodes: set[NodeId]) -> np.ndarray
     return np.minimum(np.abs(frames - before), np.abs(frames - ordered[np.minimum(after, len(ordered) - 1)]))
 
 
-def _connecting_deltas(
-    trial: TopologicalGraph, frame: FrameId, matcher: Matcher, method: Method
-) -> _NodeDeltas | None:
+def _connecting_deltas(trial: TopologicalGraph, frame: FrameId, matcher: Matcher, method: Method) -> _NodeDeltas | None:
     """Return the deltas that make a frame a node of the trial map; None if it adds nothing or is not trusted."""
     nodes = _near_in_time(trial, frame, method.expanding.neighbour_limit)
     matches = matcher.match(matcher.keyframes.features([frame]), nodes)

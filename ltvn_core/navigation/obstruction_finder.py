@@ -7,6 +7,7 @@ Owns the distinction between new and known obstacles, and between obstacles on t
 import itertools
 import math
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -103,7 +104,8 @@ def open_ways(query: Query) -> list[EdgeKey]:
     if not closed:
         return []
     back = invert(_here(query, query.departure))
-    scan = DepthScan.from_image(query.perception.observation, query.context.spec.camera, np.zeros(3))
+    seen = query.perception.observation
+    scan = DepthScan.from_image(seen, query.context.spec.camera, np.zeros(3), trusted_m=2 * _FREE_RANGE_M)
     ways = {key: way for key, way in ways_nearby(graph, query.departure.node).items() if key in closed}
     return [key for key, way in ways.items() if shows_free(scan, transform_points(way, back))]
 
@@ -166,13 +168,9 @@ def _is_new(query: Query, points: NDArray[np.float64], node: NodeId, here: Pose)
     """Return which points (M,), in the frame of a node, are far from all points in the images of the map."""
     poses = nearby_poses(query.context.graph, node)
     nearest = sorted(poses, key=lambda other: float(np.hypot(*(poses[other] - here)[:2])))[:_NODES]
-    camera = query.context.spec.camera
-    mapped = [
-        transform_points(map_points(image, camera, 2 * _RANGE_M), compose(poses[other], pose))
-        for other in nearest
-        for image, pose in query.perception.observations_around(other, _IMAGES_AROUND)
-    ]
-    return _is_new_to(points, np.concatenate(mapped))
+    read = partial(map_points, camera=query.context.spec.camera, range_m=2 * _RANGE_M)
+    mapped = query.perception.mapped_points({other: poses[other] for other in nearest}, _IMAGES_AROUND, read)
+    return _is_new_to(points, mapped)
 
 
 def _is_on_way(graph: TopologicalGraph, points: NDArray[np.float64], segment: Sequence[NodeId]) -> bool:

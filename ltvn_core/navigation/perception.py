@@ -3,12 +3,14 @@
 Owns the current observation. Decides nothing.
 """
 
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ltvn_core.geometry import distance, relative
+from ltvn_core.cameras.depth_points import transform_points
+from ltvn_core.geometry import compose, distance, relative
 from ltvn_core.graph.matching import Matcher, Matches
 from ltvn_core.navigation.events import Note, Severity
 from ltvn_core.navigation.motion import MotionExecutor
@@ -94,6 +96,18 @@ class Perception:
         for frame in (node, *keyframes.temporal_window(node, reach)):
             image = keyframes.observation(frame)
             yield image, relative(odometry, image.odometry)
+
+    def mapped_points(
+        self, nodes: Mapping[NodeId, Pose], reach: int, read: Callable[[Observation], NDArray[np.float64]]
+    ) -> NDArray[np.float64]:
+        """Return points (M, 2) that `read` finds in the images of nodes and in their neighbours in time, in the frame
+        in which the nodes have these poses (3,)."""
+        seen = [
+            transform_points(read(image), compose(pose, beside))
+            for node, pose in nodes.items()
+            for image, beside in self.observations_around(node, reach)
+        ]
+        return np.concatenate([np.empty((0, 2)), *seen])
 
     def with_node_support(self, node: NodeId) -> NodeMatch:
         """Compare the current observation with a node; r is lowered to what the node's neighbours in time support."""

@@ -3,8 +3,11 @@
 Owns the control loop of the attempt. Does not judge whether the robot reached its node.
 """
 
-from collections.abc import Generator
+import itertools
+from collections.abc import Generator, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,8 +32,12 @@ _MAX_WAYPOINT_M = 2.5
 """Maximum length of a waypoint, in metres: the range in which the network was trained."""
 _DETOUR_TOLERANCE_M = 0.04
 """Position tolerance at the via point of a detour, in metres; small, because detours lead through narrow places."""
-_FRAMES_AROUND_NODE = 8
-"""Number of images of the drive before and after a node that show its surroundings."""
+_FRAMES_AROUND_TARGET, _FRAMES_AROUND_NODE = 8, 3
+"""Number of images of the drive before and after the target, and before and after other nodes, that show the way to
+back up."""
+_NODES_AROUND = 12
+"""Number of these nodes, the nearest ones."""
+NO_NODES: Mapping[NodeId, Pose] = MappingProxyType({})
 _LOOK_AGAIN_STEPS = 3
 """Control steps after which a waiting robot looks again."""
 _WAITED_FOR_M = 1.5
@@ -79,15 +86,18 @@ class AttemptDriver:
         self._obstacles = ObstacleMemory(spec, bystanders=(bystanders or Bystanders()) if patient else None)
         self._patience_steps = 0
         self._backwards = self._turned_round = False
+        self._behind = np.empty((0, 2))
+        """(M, 2) obstacles behind the robot by images of the map, in the odometry frame, while it backs up."""
         self._detour: Pose | None = None
         self._detours_left = 0
 
     def drive(
-        self, target: NodeId, waypoint: Waypoint, *, is_known: bool = False
+        self, target: NodeId, waypoint: Waypoint, *, is_known: bool = False, around: Mapping[NodeId, Pose] = NO_NODES
     ) -> Generator[Event | Tick, None, AttemptResult]:
         """Drive to the waypoint (3,) of `target`, given in the robot's frame at departure.
 
         If the waypoint `is_known`, predictions on the way that contradict it, or do not find the target, are ignored.
+        `around` are the poses (3,) of the nodes around the robot, the nearest first, if its place is known.
         """
         motion = self._motion
         config = self._config
@@ -95,7 +105,7 @@ class AttemptDriver:
         goal = compose(motion.odometry, waypoint if is_known else clip_waypoint(waypoint))
         most_steps = round(config.leg_steps * max(1.0, self._length_m(goal) / _MAX_WAYPOINT_M))
         collisions_before = motion.collisions
-        self._reset(target, waypoint, is_known=is_known)
+        self._reset(target, waypoint, around, is_known=is_known)
         for step in range(most_steps):
             # If the image cannot be compared, the robot keeps its waypoint.
             if self._needs_new_waypoint(step, goal) and (yield from self._perception.can_compare()):
@@ -155,7 +165,7 @@ class AttemptDriver:
         """Return the straight distance in metres to a pose (3,) in the odometry frame."""
         return float(np.hypot(*(goal - self._motion.odometry)[:2]))
 
-    def _reset(self, target: NodeId, waypoint: Waypoint, *, is_known: bool) -> None:
+    def _reset(self, target: NodeId, waypoint: Waypoint, around: Mapping[NodeId, Pose], *, is_known: bool) -> None:
         """Forget the previous attempt, and choose whether to back up or to turn round."""
         behind = drives_backwards(waypoint)
         # A robot that backs up does not see approaching people, so with people nearby it turns round, too.
@@ -163,6 +173,10 @@ class AttemptDriver:
         is_far = is_known and bool(np.hypot(waypoint[0], waypoint[1]) > _FARTHEST_BACKWARDS_M)
         self._turned_round = behind and (about or is_far or self._is_narrow(target, waypoint))
         self._backwards = behind and not self._turned_round
+        if self._backwards:
+            nearest = dict(itertools.islice(around.items(), _NODES_AROUND))
+            points = self._mapped_points(nearest, _FRAMES_AROUND_NODE)
+            self._behind = transform_points(points, self._motion.odometry)
         self._detour = None
         self._detours_left = self._config.bends
         self._patience_steps = round(self._config.patience_s / CONTROL_STEP_S)
@@ -171,14 +185,15 @@ class AttemptDriver:
         """Tell whether the path backwards is narrow, by images of the mapping drive, because the camera faces ahead."""
         if not self._config.back_up_clearance_m:
             return False
+        points = self._mapped_points({target: waypoint}, _FRAMES_AROUND_TARGET)
+        return path_clearance_m(waypoint[:2], points) < self._config.back_up_clearance_m
+
+    def _mapped_points(self, nodes: Mapping[NodeId, Pose], reach: int) -> NDArray[np.float64]:
+        """Return solid points (M, 2) in the images of nodes at these poses (3,), and in `reach` images before and after
+        each."""
         spec = self._spec
-        seen = [
-            transform_points(
-                map_points(image, spec.camera, RELEVANT_RANGE_M, spec.clear_height_m), compose(waypoint, pose)
-            )
-            for image, pose in self._perception.observations_around(target, _FRAMES_AROUND_NODE)
-        ]
-        return path_clearance_m(waypoint[:2], np.concatenate(seen)) < self._config.back_up_clearance_m
+        read = partial(map_points, camera=spec.camera, range_m=RELEVANT_RANGE_M, height_m=spec.clear_height_m)
+        return self._perception.mapped_points(nodes, reach, read)
 
     def _next(self, goal: Pose) -> Twist | AttemptEnd:
         """Return the next command, or the reason why the attempt ends here."""
@@ -268,6 +283,8 @@ class AttemptDriver:
         if self._obstacles.is_outdated(odometry, self._motion.stamp):
             self._obstacles.add(self._perception.observation)
         points = self._obstacles.nearby_points(odometry, backwards=backwards)
+        if backwards and self._backwards:
+            points = np.concatenate([points, transform_points(self._behind, invert(odometry))])
         twist = self._careful(twist)
         return collision_free_command(
             twist, points, length_m, self._config, radius_m=self._spec.clear_radius_m, is_narrow=is_narrow

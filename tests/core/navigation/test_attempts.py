@@ -1,6 +1,6 @@
 """A leg finds another way before it says that it is blocked."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -8,15 +8,15 @@ import numpy as np
 from ltvn_core.config import ROBUST
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.matching import Matcher
-from ltvn_core.navigation.attempt_driver import AttemptDriver, AttemptResult
+from ltvn_core.navigation.attempt_driver import NO_NODES, AttemptDriver, AttemptResult
 from ltvn_core.navigation.events import AttemptEnd
 from ltvn_core.navigation.motion import MotionExecutor
 from ltvn_core.navigation.perception import Perception
 from ltvn_core.robots.robot_spec import LOCOBOT
-from ltvn_core.types import Twist, Waypoint
+from ltvn_core.types import NodeId, Pose, Twist, Waypoint
 from tests.core.flat_world import FlatPredictor, FlatRobot, FlatWorld, box, observation_at, one_room
 
-NODE = 0
+NODE, OTHER = 0, 1
 
 
 class Drive:
@@ -27,23 +27,28 @@ class Drive:
         keyframes = KeyframeStore(predictor)
         image = observation_at(np.array(node), NODE)
         keyframes.add([replace(image, depth=np.full_like(image.depth, node_depth_m))])
+        keyframes.add([replace(image, step=OTHER, depth=np.full_like(image.depth, 1.0))])
         self.robot = FlatRobot(world, start, first_step=100)
         motion = MotionExecutor(self.robot, 0, ROBUST.recovering)
         perception = Perception(motion, predictor, Matcher(predictor, keyframes, ROBUST.matching))
         self._attempt_driver = AttemptDriver(motion, perception, ROBUST.driving, LOCOBOT)
         self.commands: list[Twist] = []
+        self.places: list[Pose] = []
 
-    def go(self, waypoint: Waypoint, *, is_known: bool = False) -> AttemptResult:
+    def go(
+        self, waypoint: Waypoint, *, is_known: bool = False, around: Mapping[NodeId, Pose] = NO_NODES
+    ) -> AttemptResult:
         """Let time pass until the leg ends."""
-        self.commands = []
-        steps: Iterator[object] = iter(self._steps(waypoint, is_known=is_known))
+        self.commands, self.places = [], []
+        steps: Iterator[object] = iter(self._steps(waypoint, is_known=is_known, around=around))
         for _ in steps:
             self.robot.advance()
             self.commands.append(self.robot.twist)
+            self.places.append(self.robot.pose)
         return self._result
 
-    def _steps(self, waypoint: Waypoint, *, is_known: bool) -> Iterator[object]:
-        self._result = yield from self._attempt_driver.drive(NODE, waypoint, is_known=is_known)
+    def _steps(self, waypoint: Waypoint, *, is_known: bool, around: Mapping[NodeId, Pose]) -> Iterator[object]:
+        self._result = yield from self._attempt_driver.drive(NODE, waypoint, is_known=is_known, around=around)
 
 
 def test_where_backing_up_touched_something_the_robot_turns_round_and_drives_on_looking() -> None:
@@ -63,6 +68,16 @@ def test_a_way_back_that_is_wide_is_driven_backwards() -> None:
     drive = Drive(one_room(), [2.0, 1.0, 0.0], [1.0, 1.0, 0.0])
     assert drive.go(np.array([-1.0, 0.0, 0.0])).end is AttemptEnd.REACHED
     assert all(command.linear_m_s <= 0 for command in drive.commands)
+
+
+def test_what_other_images_of_the_map_show_behind_the_robot_is_not_backed_into() -> None:
+    drive = Drive(one_room(), [2.0, 1.0, 0.0], [1.0, 1.0, 0.0])
+    wall_m = 1.3
+    around = {OTHER: np.array([wall_m - 1.0 - 2.0, 0.0, 0.0])}
+    assert drive.go(np.array([-1.0, 0.0, 0.0]), around=around).end is AttemptEnd.REACHED
+    back = [place[0] for place, each in zip(drive.places, drive.commands, strict=True) if each.linear_m_s < 0]
+    assert wall_m + LOCOBOT.radius_m < min(back) < 2.0
+    assert any(command.linear_m_s > 0 for command in drive.commands)
 
 
 def test_a_long_way_back_is_driven_looking() -> None:

@@ -17,7 +17,7 @@ from ltvn_core.types import NodeId, Rgb
 class Mode(StrEnum):
     """Activity of the app; the value is the word that the page shows."""
 
-    TELEOP = "driving"
+    TELEOP = "manual"
     """A person drives; the map may grow."""
     BUILDING = "building"
     """Algorithm 1 runs; the robot is stopped."""

@@ -336,7 +336,7 @@ def refusal(command: Command, mode: Mode) -> str | None:
     when = " or ".join(sorted(command.modes))
     labels = _labels()
     possible = ", ".join(label for kind, label in labels.items() if mode in kind.modes and label)
-    return f"“{labels[type(command)] or 'That'}” works while {when}; now the app is {mode}. You can: {possible}."
+    return f"“{labels[type(command)] or 'That'}” works in mode {when}; the app is in mode {mode}. You can: {possible}."
 
 
 def _labels() -> dict[type[Command], str]:

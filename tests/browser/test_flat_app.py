@@ -108,7 +108,7 @@ def test_a_page_that_waits_shows_at_what_the_app_is(chromium: Browser) -> None:
 
 def test_the_status_line_shows_mode_and_health_and_the_numbers_behind_it_on_request(page: Page) -> None:
     status = page.locator(".lt-line")
-    expect(status).to_contain_text("driving")
+    expect(status).to_contain_text("manual")
     health = status.locator(".lt-health")
     expect(health).to_have_text(re.compile("Good|Slow|Trouble"))
     expect(page.locator(".lt-numbers")).to_be_hidden()

@@ -133,4 +133,4 @@ def test_the_map_is_not_changed_while_the_robot_drives_by_itself(harness: Sessio
 
     assert edge in harness.state.live_map.graph.edges
     assert shown.message is not None
-    assert "works while driving" in shown.message.text
+    assert "works in mode manual" in shown.message.text

@@ -89,7 +89,7 @@ def test_the_status_line_says_mode_health_and_what_is_recorded_and_has_the_numbe
     rates = replace(snapshot.rates, loop_hz=29.7, frame_age_ms=41.0, dropped=7)
     status.show(replace(snapshot, rates=rates, recording=RecordingStatus("a.rrd", 12, 3.0)))
     line = status.line.content
-    for part in ("driving", ">Good<", ">12<", "30 times a second", "41 ms", ">7<", "REC 0:03", 'data-ltvn-copy="rec"'):
+    for part in ("manual", ">Good<", ">12<", "30 times a second", "41 ms", ">7<", "REC 0:03", 'data-ltvn-copy="rec"'):
         assert part in line
     status.show(snapshot)
     assert "REC" not in status.line.content
@@ -258,10 +258,10 @@ def test_the_pad_hears_once_where_the_robot_drives_by_itself(snapshot: Snapshot)
     for shown in (snapshot, snapshot, under_way, replace(snapshot, story_goes_on=True), snapshot):
         panel.show(shown)
     assert [(said["mode"], said["goal"], said["story"]) for said in map(json.loads, told)] == [
-        ("driving", None, False),
+        ("manual", None, False),
         ("navigating", snapshot.gallery[0], False),
-        ("driving", None, True),
-        ("driving", None, False),
+        ("manual", None, True),
+        ("manual", None, False),
     ]
 
 
@@ -331,7 +331,7 @@ def test_a_part_that_fails_does_not_keep_the_others_from_drawing(
 
     status = StatusPanel(server.gui)
     Painter([Broken(), status], server.atomic).paint(snapshot)
-    assert "driving" in status.line.content
+    assert "manual" in status.line.content
     assert "Broken could not be drawn" in caplog.text
 
 

@@ -5,10 +5,11 @@ Owns the pace, and the handling of errors. A single thread runs `run`; every oth
 """
 
 import logging
-import threading
 import time
 from collections import deque
 from collections.abc import Callable, Set
+from contextlib import suppress
+from queue import Empty, SimpleQueue
 from typing import Protocol
 
 from ltvn_core.errors import LtvnError, RobotError
@@ -81,8 +82,9 @@ class Session:
         self._absence = absence
         self._watchers = watchers
         self._flood_log = LimitedLog(logger)
-        self._awake = threading.Event()
-        self._stopping = threading.Event()
+        # A signal handler may stop the session while this thread waits: an Event could then wait for its own lock.
+        self._wakes = SimpleQueue[None]()
+        self._is_stopping = False
 
     @property
     def mode(self) -> Mode:
@@ -114,12 +116,13 @@ class Session:
         return isinstance(command, c.StopRobot) and not isinstance(latest, c.StopRobot)
 
     def wake(self) -> None:
-        """Let the session check commands and the driver now and not only at its next tick. Safe from any thread."""
-        self._awake.set()
+        """Let the session check commands and the driver now, not only at its next tick. Safe from any thread and from
+        a signal handler."""
+        self._wakes.put(None)
 
     def stop(self) -> None:
-        """Let `run` return soon. Safe from any thread."""
-        self._stopping.set()
+        """Let `run` return soon. Safe from any thread and from a signal handler."""
+        self._is_stopping = True
         self.wake()
 
     def run(self, max_ticks: int | None = None) -> None:
@@ -127,9 +130,8 @@ class Session:
         ticks = 0
         due = self._clock()
         try:
-            while not self._stopping.is_set() and (max_ticks is None or ticks < max_ticks):
-                self._awake.wait(max(0.0, due - self._clock()))
-                self._awake.clear()
+            while not self._is_stopping and (max_ticks is None or ticks < max_ticks):
+                self._sleep(max(0.0, due - self._clock()))
                 self._guarded(self._react)
                 if self._clock() < due:
                     continue  # Woken early: the command has been run, but the next tick is not due yet.
@@ -139,6 +141,13 @@ class Session:
                 due = due + TICK_S if self._clock() - due < STALL_S else self._clock()
         finally:
             self.close()
+
+    def _sleep(self, seconds: float) -> None:
+        """Wait until somebody wakes the session, or for some seconds."""
+        with suppress(Empty):
+            self._wakes.get(timeout=seconds)
+            for _ in range(self._wakes.qsize()):
+                self._wakes.get_nowait()
 
     def tick(self) -> None:
         """Run commands, advance robot time by one tick, and publish: one round of `run`, without waiting."""

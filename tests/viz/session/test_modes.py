@@ -1,5 +1,6 @@
 """What a person may ask when, and what becomes of it; without a browser."""
 
+import signal
 from pathlib import Path
 from typing import get_args
 
@@ -236,6 +237,18 @@ def test_the_session_runs_in_real_time_until_told_to_stop(harness: SessionHarnes
     harness.session.run(max_ticks=3)
     assert len(harness.shown) >= 4
     assert harness.robot.twist == ZERO_TWIST
+
+
+@pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="Windows has no timer that sends signals")
+def test_a_signal_may_wake_the_session_at_any_moment(harness: SessionHarness) -> None:
+    before = signal.signal(signal.SIGALRM, lambda number, frame: harness.session.wake())
+    signal.setitimer(signal.ITIMER_REAL, 0.0005, 0.0005)
+    try:
+        harness.session.run(max_ticks=60)
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
+    assert len(harness.shown) >= 60
 
 
 def test_a_rebuilt_map_says_what_changed_and_the_old_one_comes_back(harness: SessionHarness) -> None:

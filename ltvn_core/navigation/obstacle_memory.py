@@ -85,7 +85,7 @@ def _votes(scan: DepthScan, points: NDArray[np.float64]) -> tuple[NDArray[np.boo
     away_m, bearing = scan.polar(points)
     inside = scan.inside(bearing)
     beside = scan.beside(bearing)
-    free = inside & (beside > away_m + FREE_BEYOND_M).all(axis=0)
+    free = inside & reach_past(beside, away_m + FREE_BEYOND_M)
     return free, inside & (np.abs(beside - away_m) < _SAME_PLACE_M).any(axis=0)
 
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.config import ROBUST
 from ltvn_core.geometry import compose, rotation
 from ltvn_core.graph.keyframes import KeyframeStore
@@ -26,9 +27,10 @@ _STOPS_M = 0.3
 """A person never walks nearer to the robot."""
 
 
-def depth_of(walls: NDArray[np.float64], person: NDArray[np.float64], pose: Pose) -> Depth:
+def depth_of(
+    walls: NDArray[np.float64], person: NDArray[np.float64], pose: Pose, camera: CameraModel = LOCOBOT.camera
+) -> Depth:
     """Return what the robot's camera at `pose` (3,) shows of walls (W, 2, 2) and of a person (2,)."""
-    camera = LOCOBOT.camera
     right: NDArray[np.float64] = (np.arange(camera.width, dtype=np.float64) - camera.cx) / camera.fx
     rays = np.stack([np.ones_like(right), -right], axis=-1)
     rays = (rays @ rotation(float(pose[2])).T).astype(np.float64)

@@ -1,5 +1,7 @@
 """The robot waits for people, keeps away from those it saw, and remembers them where its camera does not look."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,9 +9,10 @@ from ltvn_core.cameras.depth_points import are_solid, points_within, transform_p
 from ltvn_core.cameras.depth_scan import DepthScan
 from ltvn_core.navigation.bystanders import Bystanders
 from ltvn_core.navigation.events import AttemptEnd
+from ltvn_core.navigation.obstacle_memory import ObstacleMemory
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.types import Pose
-from tests.core.flat_world import FlatWorld, box, one_room
+from tests.core.flat_world import FlatWorld, box, observation_at, one_room
 from tests.core.navigation.people_about import Attempts, depth_of
 
 CORRIDOR = FlatWorld(np.array(box(6.0, 1.5)))
@@ -25,6 +28,19 @@ def test_the_robot_lets_somebody_cross_and_drives_on() -> None:
     assert attempts.go(2.4).end is AttemptEnd.REACHED
     assert attempts.robot.nearest_m > 0.15
     assert stopped(attempts)
+
+
+@pytest.mark.parametrize("width", [96, 48])
+def test_who_walks_across_is_noticed_with_any_number_of_pixels(width: int) -> None:
+    spec = replace(LOCOBOT, camera=LOCOBOT.camera.scaled(width, 3 * width // 4))
+    memory = ObstacleMemory(spec, bystanders=Bystanders())
+    pose = np.array([1.0, 2.0, 0.0])
+    moved = list[bool]()
+    for look in range(8):
+        depth = depth_of(one_room().walls, np.array([2.0, 3.0 - 0.25 * look]), pose, spec.camera)
+        memory.add(replace(observation_at(pose, look), depth=depth, stamp=0.3 * look))
+        moved.append(memory.moves_ahead(pose))
+    assert any(moved)
 
 
 def test_the_robot_stops_before_somebody_who_comes_along_a_corridor() -> None:

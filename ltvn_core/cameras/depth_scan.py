@@ -16,9 +16,10 @@ from ltvn_core.types import Observation, Pose
 
 RANGE_M = 4.0
 """Largest range of a scan in metres."""
-EDGE_RAD = math.radians(3.0)
+_EDGE_RAD = math.radians(3.0)
 """Width of the margin at each side of an image in which a scan is unknown, in radians."""
 _BEARING_STEP_RAD = math.radians(1.5)
+"""Least width of a bin of bearings, in radians; wider for a camera whose pixels are wider."""
 FREE_BEYOND_M = 0.3
 """Distance in metres that a scan must reach beyond a place to show that its floor is free."""
 
@@ -31,6 +32,8 @@ class DepthScan(NamedTuple):
     """Odometry pose (3,) of the image."""
     half_rad: float
     """Half the camera's horizontal field of view, in radians."""
+    step_rad: float
+    """Width of a bin of bearings, in radians."""
     ranges_m: NDArray[np.float64]
     """Ranges (B,) in metres to the nearest obstacle at each bearing, from right to left; `RANGE_M` without obstacle, 0
     if unknown."""
@@ -41,11 +44,12 @@ class DepthScan(NamedTuple):
     ) -> "DepthScan":
         """Return the scan of an image from its points (M, 3) in the robot's frame; `solid` (M,) marks the obstacles."""
         half_rad = camera.horizontal_fov_rad / 2
-        ranges_m = np.zeros(int(2 * half_rad / _BEARING_STEP_RAD) + 1)
-        place = np.clip(bearing_bins(np.arctan2(seen[:, 1], seen[:, 0]), half_rad), 0, len(ranges_m) - 1)
-        ranges_m[place] = RANGE_M
-        np.minimum.at(ranges_m, place[solid], np.hypot(seen[solid, 0], seen[solid, 1]))
-        return cls(stamp, pose, half_rad, ranges_m)
+        step_rad = max(_BEARING_STEP_RAD, 1 / camera.fx)
+        scan = cls(stamp, pose, half_rad, step_rad, np.zeros(int(2 * half_rad / step_rad) + 1))
+        place = np.clip(scan.bins(np.arctan2(seen[:, 1], seen[:, 0])), 0, len(scan.ranges_m) - 1)
+        scan.ranges_m[place] = RANGE_M
+        np.minimum.at(scan.ranges_m, place[solid], np.hypot(seen[solid, 0], seen[solid, 1]))
+        return scan
 
     @classmethod
     def from_image(
@@ -70,17 +74,21 @@ class DepthScan(NamedTuple):
 
     def inside(self, bearing: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Return which bearings (...) are inside the image, without its margins."""
-        return np.abs(bearing) < self.half_rad - EDGE_RAD
+        return np.abs(bearing) < self.half_rad - _EDGE_RAD
 
     def beside(self, bearing: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the ranges (3, ...) at bearings (...) and in the bins on both sides."""
-        place = np.clip(bearing_bins(bearing, self.half_rad), 1, len(self.ranges_m) - 2)
+        place = np.clip(self.bins(bearing), 1, len(self.ranges_m) - 2)
         return self.ranges_m[np.stack([place - 1, place, place + 1])]
+
+    def bins(self, bearing: NDArray[np.float64]) -> NDArray[np.intp]:
+        """Return the bin of each bearing (...); it does not exist if the bearing is outside the image."""
+        return np.floor((bearing + self.half_rad) / self.step_rad).astype(np.intp)
 
     def things(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return bearings (K,) in the odometry frame and ranges (K,) of all obstacles, from right to left."""
         seen = np.flatnonzero((self.ranges_m > 0) & (self.ranges_m < RANGE_M))
-        return (seen + 0.5) * _BEARING_STEP_RAD - self.half_rad + self.pose[2], self.ranges_m[seen]
+        return (seen + 0.5) * self.step_rad - self.half_rad + self.pose[2], self.ranges_m[seen]
 
     def solid_points(self) -> NDArray[np.float64]:
         """Return the positions (K, 2) of all obstacles in the odometry frame."""
@@ -92,7 +100,7 @@ class DepthScan(NamedTuple):
         ends = np.array([first_rad, last_rad])
         if not self.inside(ends).all():
             return None
-        first, last = bearing_bins(ends, self.half_rad)
+        first, last = self.bins(ends)
         ranges_m = self.ranges_m[first : last + 1]
         return ranges_m[ranges_m > 0] if ranges_m.any() else None
 
@@ -106,8 +114,3 @@ def reach_past(beside: NDArray[np.float64], away_m: NDArray[np.float64]) -> NDAr
     unknown = beside == 0
     is_past = (unknown | (beside > away_m)).all(axis=0)
     return is_past & (unknown.sum(axis=0) <= 1)
-
-
-def bearing_bins(bearing: NDArray[np.float64], half_rad: float) -> NDArray[np.intp]:
-    """Return the bin of a scan for each bearing (...)."""
-    return np.floor((bearing + half_rad) / _BEARING_STEP_RAD).astype(np.intp)

@@ -12,7 +12,7 @@ from scipy.spatial import KDTree
 
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.cameras.depth_points import transform_points
-from ltvn_core.cameras.depth_scan import EDGE_RAD, FREE_BEYOND_M, RANGE_M, DepthScan, bearing_bins, reach_past
+from ltvn_core.cameras.depth_scan import FREE_BEYOND_M, RANGE_M, DepthScan, reach_past
 from ltvn_core.geometry import wrap_angle
 from ltvn_core.graph.matching import Matches
 from ltvn_core.graph.odometry_gate import OdometryGate
@@ -45,7 +45,7 @@ class FreeFloor:
         scans = [DepthScan.from_image(each, camera, np.zeros(3)) for each in seen]
         self._rows = gate.rows([each.step for each in seen])
         self._gate = gate
-        self._half_rad = scans[0].half_rad
+        self._any_scan = scans[0]  # All scans of one camera have the same bins.
         self._ranges_m = np.stack([scan.ranges_m for scan in scans])
         self._things = [scan.solid_points() for scan in scans]
         stretches, poses = gate.placed(self._rows)
@@ -96,8 +96,8 @@ class FreeFloor:
         offset = way - poses[:, None, :2]
         away_m = np.hypot(offset[..., 0], offset[..., 1])
         bearing = wrap_angle(np.arctan2(offset[..., 1], offset[..., 0]) - poses[:, 2:])
-        inside = np.abs(bearing) < self._half_rad - EDGE_RAD
-        place = np.clip(bearing_bins(bearing, self._half_rad), 1, self._ranges_m.shape[1] - 2)
+        inside = self._any_scan.inside(bearing)
+        place = np.clip(self._any_scan.bins(bearing), 1, self._ranges_m.shape[1] - 2)
         beside = np.stack([self._ranges_m[images[:, None], place + aside] for aside in (-1, 0, 1)])
         return (inside & reach_past(beside, away_m + FREE_BEYOND_M)) | (away_m < _STOOD_M)
 

@@ -18,7 +18,7 @@ from ltvn_core.cameras.depth_points import (
     points_within,
     transform_points,
 )
-from ltvn_core.cameras.depth_scan import FREE_BEYOND_M, RANGE_M, DepthScan, bearing_bins, reach_past
+from ltvn_core.cameras.depth_scan import FREE_BEYOND_M, RANGE_M, DepthScan, reach_past
 from ltvn_core.geometry import relative, rotation
 from ltvn_core.navigation.bystanders import BODY_M, Bystanders
 from ltvn_core.navigation.clearances import MAX_NOISE_POINTS
@@ -76,7 +76,7 @@ class MovingObstacles:
 
 def _are_somebody(moving: NDArray[np.float64], scan: DepthScan) -> bool:
     """Tell whether moving points (M, 2) in the odometry frame are as wide as a person."""
-    bearings = bearing_bins(scan.polar(moving)[1], scan.half_rad)
+    bearings = scan.bins(scan.polar(moving)[1])
     return len(bearings) >= _SOMEBODY_POINTS and len(np.unique(bearings)) >= _SOMEBODY_BEARINGS
 
 
@@ -133,7 +133,7 @@ def _surfaces(scan: DepthScan, points: NDArray[np.float64]) -> NDArray[np.float6
     if not len(points):
         return points
     away_m, bearing = scan.polar(points)
-    bins, bin_of, count = np.unique(bearing_bins(bearing, scan.half_rad), return_inverse=True, return_counts=True)
+    bins, bin_of, count = np.unique(scan.bins(bearing), return_inverse=True, return_counts=True)
     order = np.lexsort((away_m, bin_of))
     third = np.cumsum(count) - count + np.minimum(count - 1, MAX_NOISE_POINTS)
     surface_m = away_m[order][third]

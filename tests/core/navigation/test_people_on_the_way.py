@@ -30,7 +30,7 @@ def test_the_robot_lets_somebody_cross_and_drives_on() -> None:
     assert stopped(attempts)
 
 
-@pytest.mark.parametrize("width", [96, 48])
+@pytest.mark.parametrize("width", [96, 48, 40, 24])
 def test_who_walks_across_is_noticed_with_any_number_of_pixels(width: int) -> None:
     spec = replace(LOCOBOT, camera=LOCOBOT.camera.scaled(width, 3 * width // 4))
     memory = ObstacleMemory(spec, bystanders=Bystanders())

@@ -183,8 +183,7 @@ def explain_planned_edge(
     if not made.matches_recording:
         text = (
             f"Planning again costs {made.replanned.cost:.2f}, not {made.plan.planned.cost:.2f} as recorded: the run "
-            "used "
-            "other thresholds or another system, so compare these costs only with each other."
+            "used other thresholds or another system, so compare these costs only with each other."
         )
         reasons.append(ExplanationStep(text, made.plan.instant, ExplanationKind.PLAN, made.edge))
     return (*reasons, _alternative(made))

@@ -150,9 +150,8 @@ class Matcher:
 
     def _both_ways(self, features: Features, found: Matches, answered: Prediction | None) -> Matches:
         """Compare the near nodes with the image too, and keep the answer with the higher r."""
-        # The network measures a motion by aligning both images, so its waypoint is right even where r is low. So only
-        # the
-        # nodes that are near by this waypoint need the second comparison.
+        # The network measures a motion by aligning both images, so its waypoint is right even where r is low, and only
+        # the nodes that are near by this waypoint need the second comparison.
         close = np.flatnonzero(found.distances < self._config.reverse_within)
         if not len(close):
             return found

@@ -7,7 +7,7 @@ thresholds on the map.
 
 import itertools
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TypeAlias, assert_never
@@ -355,8 +355,8 @@ def replan(
     return PlanDifference(
         old=old,
         new=new,
-        old_edges=tuple(_cost_parts(before, key, old_open) for key in old_keys),
-        new_edges=tuple(_cost_parts(after, key, new_open) for key in new_keys),
+        old_edges=tuple(_cost_parts(before, old_keys, old_open)),
+        new_edges=tuple(_cost_parts(after, new_keys, new_open)),
         removed_edges=tuple(key for key in old_keys if key not in new_keys),
         added_edges=tuple(key for key in new_keys if key not in old_keys),
         notes=tuple(after.notes),
@@ -390,11 +390,15 @@ def _penalties(scenario: WhatIfScenario) -> Mapping[EdgeKey, float]:
     return with_blind_costs(scenario.graph, failures, asked.place_p)
 
 
-def _cost_parts(scenario: WhatIfScenario, key: EdgeKey, open_edges: Mapping[EdgeKey, float]) -> EdgeCostParts:
-    belief = scenario.graph.edges[key].belief
-    penalty = _penalties(scenario).get(key, 0.0)
-    doubt = scenario.weight(belief) - belief.mu
-    return EdgeCostParts(edge=key, mu=belief.mu, doubt=doubt, penalty=penalty, open_p=open_edges.get(key, 1.0))
+def _cost_parts(
+    scenario: WhatIfScenario, keys: Sequence[EdgeKey], open_edges: Mapping[EdgeKey, float]
+) -> Iterator[EdgeCostParts]:
+    penalties = _penalties(scenario)
+    for key in keys:
+        belief = scenario.graph.edges[key].belief
+        doubt = scenario.weight(belief) - belief.mu
+        penalty = penalties.get(key, 0.0)
+        yield EdgeCostParts(edge=key, mu=belief.mu, doubt=doubt, penalty=penalty, open_p=open_edges.get(key, 1.0))
 
 
 def _path_text(path: GraphPath) -> str:

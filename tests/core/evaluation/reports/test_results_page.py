@@ -37,7 +37,7 @@ def test_the_pages_blocks_are_filled_and_its_images_are_small(tmp_path: Path) ->
     page_file.write_text(PAGE.read_text(encoding="utf-8"), encoding="utf-8")
     pictures = fill_results_page(find_results(folder).results, INK, page=page_file, images=images)
     text = page_file.read_text(encoding="utf-8")
-    links = re.findall(r"!\[[^]]*\]\((?!../images/results/house-)([^)]*)\)", text)
+    links = re.findall(r"!\[[^]]*\]\((?!../images/results/(?:house|paper)-)([^)]*)\)", text)
     assert {(page_file.parent / link).resolve() for link in links} == {path.resolve() for path in pictures}
     assert "No results yet." not in text
     for path in pictures:

@@ -37,8 +37,8 @@ _NEAR_IN_TIME = 12
 
 ProgressCallback = Callable[[int, int], None]
 """Called with the number of images done and the number of all images."""
-_CLOSING_SHARE = 0.3
-"""Share of the work that corrects odometry."""
+_CLOSING_SHARE, _FLOOR_SHARE = 0.3, 0.2
+"""Shares of the work that correct odometry, and that search for edges over free floor."""
 
 
 def build(
@@ -72,15 +72,25 @@ def build(
         observations, matcher, loop_closures, method, lambda share: tell(round(_CLOSING_SHARE * share * count), count)
     )
     closing = _CLOSING_SHARE if method.building.close_loops else 0.0
+    before_floor = 1 - _FLOOR_SHARE if method.building.floor_edges else 1.0
     run = _BuildRun(observations, matcher, odometry_gate, loop_closures, method, goals)
-    run.run(rng, lambda done, total: tell(round(closing * total + (1 - closing) * done), total))
+    run.run(rng, lambda done, total: tell(round(closing * total + (before_floor - closing) * done), total))
     run.keep_largest_pieces()
     keyframes.keep_only([*run.nodes, *run.reserve])
     deltas = run.finish()
     if not method.building.floor_edges:
         return deltas
     floor = FreeFloor([keyframes.observation(node) for node in run.nodes], predictor.camera, odometry_gate)
-    return (*deltas, *floor_edges(TopologicalGraph(deltas), odometry_gate, floor, method))
+    edges = floor_edges(
+        TopologicalGraph(deltas),
+        odometry_gate,
+        floor,
+        method,
+        lambda share: tell(round((before_floor + _FLOOR_SHARE * share) * count), count),
+    )
+    deltas = (*deltas, *edges)
+    tell(count, count)
+    return deltas
 
 
 def _no_progress(done: int, total: int) -> None:

@@ -8,7 +8,7 @@ Joseph and Soares, On Sparse Spanners of Weighted Graphs, 1993). Owns the choice
 decides whether floor is free.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 
@@ -49,10 +49,21 @@ _DOUBTED = 0.5
 """p of an edge that odometry does not know well; it is driven only where the detour is long."""
 
 
-def floor_edges(graph: TopologicalGraph, gate: OdometryGate, floor: FreeFloor, method: Method) -> Iterator[EdgeAdded]:
-    """Yield edges in both directions, the shortest first, wherever no existing path is nearly as short."""
+def floor_edges(
+    graph: TopologicalGraph,
+    gate: OdometryGate,
+    floor: FreeFloor,
+    method: Method,
+    progress: Callable[[float], None] = lambda share: None,
+) -> Iterator[EdgeAdded]:
+    """Yield edges in both directions, the shortest first, wherever no existing path is nearly as short.
+
+    `progress` is called with the share of the pairs of nodes that are checked.
+    """
     ways = _Ways.of(graph, method)
-    for pair in sorted(_pairs(graph, gate, floor, method), key=lambda pair: pair.matches.distances[0]):
+    pairs = sorted(_pairs(graph, gate, floor, method), key=lambda pair: pair.matches.distances[0])
+    for number, pair in enumerate(pairs):
+        progress(number / len(pairs))
         if ways.are_shortened_by(pair) and (pair.is_one_place or floor.joins(pair.source, pair.matches)):
             ways.add(pair)
             yield from (pair.there, pair.back)

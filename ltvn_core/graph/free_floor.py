@@ -3,6 +3,7 @@
 Owns when a straight line counts as free. Knows nothing of the graph.
 """
 
+import itertools
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -48,9 +49,9 @@ class FreeFloor:
         self._any_scan = scans[0]  # All scans of one camera have the same bins.
         self._ranges_m = np.stack([scan.ranges_m for scan in scans])
         self._things = [scan.solid_points() for scan in scans]
-        stretches, poses = gate.placed(self._rows)
-        own = {stretch: np.flatnonzero(stretches == stretch) for stretch in np.unique(stretches).tolist()}
-        self._grids = {stretch: self._grid(images, poses[images]) for stretch, images in own.items()}
+        self._stretch_of, poses = gate.placed(self._rows)
+        own = {stretch: np.flatnonzero(self._stretch_of == stretch) for stretch in np.unique(self._stretch_of).tolist()}
+        self._stretches = {stretch: self._stretch(images, poses[images]) for stretch, images in own.items()}
 
     def may_join(self, source: int, targets: NDArray[np.intp], waypoints: Waypoint) -> NDArray[np.bool_]:
         """Tell (M,) whether any images saw straight lines free that lead from the image in a row to waypoints (M, 3).
@@ -60,21 +61,36 @@ class FreeFloor:
         """
         (stretch, *others), (pose, *_) = self._gate.placed(np.array([source, *targets]))
         points = np.linspace(0, 1, _FEW + 2)[1:-1, None, None] * waypoints[:, :2]
-        seen = self._grids[int(stretch)].shows(transform_points(points.reshape(-1, 2), pose))
+        seen = self._stretches[int(stretch)].grid.shows(transform_points(points.reshape(-1, 2), pose))
         return seen.reshape(_FEW, len(waypoints)).all(axis=0) | (np.array(others, np.intp) != stretch)
 
     def joins(self, source: NodeId, target: Matches) -> bool:
         """Tell whether images around both ends saw the straight line from a node to the only target free, with no
         obstacle near it."""
         way = _along(target.waypoints[0, :2])
-        poses, driven_m = self._gate.seen_from(source, self._rows)
-        _, back_m = self._gate.seen_from(target.nodes[0], self._rows)
+        (number,), (pose,) = self._gate.placed(self._gate.rows([source]))
+        stretch = self._stretches[int(number)]
+        line = transform_points(way, pose)
+        own = stretch.images[distances_to_way(stretch.places, line[0], line[-1]) < RANGE_M]
+        images = np.concatenate([own, np.flatnonzero(self._stretch_of != number)])
+        poses, driven_m = self._gate.seen_from(source, self._rows[images])
+        _, back_m = self._gate.seen_from(target.nodes[0], self._rows[images])
         in_range = distances_to_way(poses[:, :2], way[0], way[-1]) < RANGE_M
-        near = np.flatnonzero((np.minimum(driven_m, back_m) <= WELL_KNOWN_M) & in_range)
-        if not self._seen_free(way, near, poses[near]).any(axis=0).all():
+        near = (np.minimum(driven_m, back_m) <= WELL_KNOWN_M) & in_range
+        images, poses = images[near], poses[near]
+        if not self._seen_free(way, images, poses).any(axis=0).all() or stretch.blocks(line, images):
             return False
-        solid = np.concatenate([np.empty((0, 2)), *(transform_points(self._things[k], poses[k]) for k in near)])
-        return not len(solid) or bool(KDTree(solid).query(way)[0].min() > _CLEAR_M)
+        elsewhere = self._stretch_of[images] != number
+        things = [
+            transform_points(self._things[k], at) for k, at in zip(images[elsewhere], poses[elsewhere], strict=True)
+        ]
+        return not any(_least_m(way, each) <= _CLEAR_M for each in things)
+
+    def _stretch(self, images: NDArray[np.intp], poses: Pose) -> "_Stretch":
+        """Return what N images of one stretch at poses (N, 3) show."""
+        things = [transform_points(self._things[k], pose) for k, pose in zip(images, poses, strict=True)]
+        owners = np.repeat(images, [len(each) for each in things])
+        return _Stretch(images, poses[:, :2], self._grid(images, poses), KDTree(np.concatenate(things)), owners)
 
     def _grid(self, images: NDArray[np.intp], poses: Pose) -> "_FloorGrid":
         """Return the floor that N images of one stretch at poses (N, 3) saw free."""
@@ -102,6 +118,26 @@ class FreeFloor:
         return (inside & reach_past(beside, away_m + FREE_BEYOND_M)) | (away_m < _STOOD_M)
 
 
+class _Stretch(NamedTuple):
+    """What the N images of one stretch of unbroken odometry show, in its odometry frame."""
+
+    images: NDArray[np.intp]
+    """(N,) numbers of the images."""
+    places: NDArray[np.float64]
+    """(N, 2) places of the images."""
+    grid: "_FloorGrid"
+    things: KDTree
+    """Solid points (M, 2)."""
+    owners: NDArray[np.intp]
+    """(M,) number of the image that shows each point."""
+
+    def blocks(self, line: NDArray[np.float64], images: NDArray[np.intp]) -> bool:
+        """Tell whether some of the images show a solid point near a line (S, 2)."""
+        found = self.things.query_ball_point(line, _CLEAR_M)
+        rows = np.fromiter(itertools.chain.from_iterable(found), np.intp)
+        return bool(np.isin(self.owners[rows], images).any())
+
+
 class _FloorGrid(NamedTuple):
     """Floor that was seen free, in cells of `_CELL_M`, one cell wider than seen; its memory grows with the floor."""
 
@@ -122,6 +158,11 @@ def _cells(points: NDArray[np.float64]) -> NDArray[np.int64]:
 def _keys(cells: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return a number (M,) for each cell (M, 2), so that sorting compares cells."""
     return cells[:, 0] * _STRIDE + cells[:, 1]
+
+
+def _least_m(line: NDArray[np.float64], points: NDArray[np.float64]) -> float:
+    """Return the least distance in metres between points of a line (S, 2) and other points (M, 2); inf without any."""
+    return float(np.linalg.norm(line[:, None] - points, axis=-1).min(initial=np.inf))
 
 
 def _along(end: NDArray[np.float64]) -> NDArray[np.float64]:

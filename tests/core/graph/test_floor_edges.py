@@ -14,7 +14,7 @@ from ltvn_core.graph.deltas import Cause, EdgeAdded, GraphDelta, NodeAdded
 from ltvn_core.graph.floor_edges import floor_edges
 from ltvn_core.graph.free_floor import FreeFloor
 from ltvn_core.graph.matching import Matches
-from ltvn_core.graph.odometry_gate import OdometryGate
+from ltvn_core.graph.odometry_gate import DriveLink, OdometryGate
 from ltvn_core.graph.operators import bidirectional_edges, node_from_observation
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.robots.robot_spec import LOCOBOT
@@ -22,7 +22,8 @@ from ltvn_core.simulation.opening import open_simulation
 from ltvn_core.simulation.simulated_robot import SimulatedRobot
 from ltvn_core.simulation.wheel_odometry import OdometryNoise
 from ltvn_core.types import Observation
-from tests.core.flat_world import observation_at
+from tests.core.flat_world import observation_at, one_room
+from tests.core.navigation.people_about import depth_of
 from tests.core.simulation.two_room_mesh import box_house, save
 
 AHEAD = np.array([0.6, 0.0, 0.0])
@@ -119,6 +120,24 @@ def test_free_floor_joins_two_nodes_and_a_wall_does_not(camera_robot: SimulatedR
 def test_floor_that_no_image_shows_is_not_free(camera_robot: SimulatedRobot) -> None:
     away = seen_from(camera_robot, [(1.0, 1.0, np.pi), (1.0, 2.0, np.pi), (2.3, 2.0, 0.0), (2.3, 1.0, 0.0)])
     assert not joined(away, 0, 3)
+
+
+@pytest.mark.parametrize("is_linked", [True, False])
+def test_an_obstacle_that_another_drive_shows_keeps_nodes_apart_once_the_drives_are_linked(*, is_linked: bool) -> None:
+    def seen(step: int, pose: Sequence[float], person: Sequence[float], odometry: Sequence[float]) -> Observation:
+        depth = depth_of(one_room().walls, np.array(person), np.array(pose))
+        return replace(observation_at(np.array(pose), step), depth=depth, odometry=np.array(odometry))
+
+    nobody, person = (50.0, 50.0), (2.5, 2.0)
+    facing = [seen(0, (1.5, 2.0, 0.0), nobody, (1.5, 2.0, 0.0)), seen(10, (3.5, 2.0, np.pi), nobody, (3.5, 2.0, np.pi))]
+    across = [(2.5, 0.6, np.pi / 2), (2.5, 0.9, np.pi / 2)]
+    later = [seen(20 + 10 * k, pose, person, (0.3 * k, 0.0, 0.0)) for k, pose in enumerate(across)]
+    link = DriveLink(0, 20, relative(facing[0].odometry, np.array(across[0])))
+    images = [*facing, *later]
+    gate = OdometryGate(images, ROBUST.building, drive_starts=[20], links=[link] if is_linked else [])
+    floor = FreeFloor(images, LOCOBOT.camera, gate)
+    joins = floor.joins(0, Matches.of_one(10, 0.8, np.array([2.0, 0.0, np.pi])))
+    assert joins is not is_linked
 
 
 @pytest.fixture(scope="module")

@@ -5,14 +5,14 @@ notes name their rule in the recording; this module owns the rules of all other 
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from operator import attrgetter
 from typing import NamedTuple
 
 from ltvn_core.analysis.event_text import describe_event
 from ltvn_core.analysis.timeline import Timeline
-from ltvn_core.analysis.timeline_records import Instant
+from ltvn_core.analysis.timeline_records import Instant, QueryRecord
 from ltvn_core.config import Method
 from ltvn_core.graph import deltas as d
 from ltvn_core.graph.deltas import Cause
@@ -88,24 +88,21 @@ def query_decisions(timeline: Timeline, query: int, method: Method, *, until: In
     record = next((each for each in timeline.queries if each.id == query), None)
     if record is None:
         return []
-    after = min(record.last + 1, timeline.count_until(until))
-    return list(_decisions(timeline.events[record.first : after], record.first, timeline, method))
+    return list(_decisions(record, timeline, method, min(record.last + 1, timeline.count_until(until))))
 
 
-def _decisions(events: Sequence[e.StampedEvent], first: int, timeline: Timeline, method: Method) -> Iterator[Decision]:
+def _decisions(query: QueryRecord, timeline: Timeline, method: Method, after: int) -> Iterator[Decision]:
+    """Yield the decisions of a query before event number `after`."""
     failed = 0
-    place_p: float | None = None
-    for number, stamped in enumerate(events, first):
+    place_p = {plan.event: plan.place_p for plan in query.plans}
+    for number, stamped in enumerate(timeline.events[query.first : after], query.first):
         event = stamped.event
         rules = _rules(event, failed)
         if isinstance(event, e.AttemptEnded):
             failed += not event.succeeded
-        if isinstance(event, e.Localised):
-            place_p = event.probability
-        if isinstance(event, e.Planned) and rules is not None:
-            unsure_p = place_p if event.place_p is None else event.place_p
-            if unsure_p is not None and unsure_p <= LIKELY:
-                rules["localising.follow_places"] = unsure_p  # Edges that no image supports cost more.
+        p = place_p.get(number)
+        if rules is not None and p is not None and p <= LIKELY:
+            rules["localising.follow_places"] = p  # Edges that no image supports cost more.
         if rules is None:
             continue
         used = tuple(RuleUse(rule, _limit(method, rule), found) for rule, found in rules.items())

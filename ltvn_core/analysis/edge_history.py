@@ -235,11 +235,10 @@ def _take_change(lifetimes: list[_OpenLifetime], change: MapChange) -> None:
             | d.EdgeActionSet()
             | d.PresenceObserved()
             | d.NodeNamed()
+            | d.DriveBegun()
             | d.FramesReserved()
             | d.FramesReleased()
         ):
-            return
-        case d.DriveBegun():
             return
 
 

@@ -123,9 +123,9 @@ class GraphHistory:
                 self._set_action(self._edge_rows.get((source, target)), action)
             case d.NodeAdded():
                 pass  # The node is there already.
-            case d.EdgeProtected() | d.PresenceObserved() | d.NodeNamed() | d.FramesReserved() | d.FramesReleased():
+            case d.EdgeProtected() | d.PresenceObserved() | d.NodeNamed() | d.DriveBegun():
                 pass  # This change is not drawn.
-            case d.DriveBegun():
+            case d.FramesReserved() | d.FramesReleased():
                 pass
 
     def clear(self) -> None:

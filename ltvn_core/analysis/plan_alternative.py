@@ -98,11 +98,7 @@ class PlanAlternative:
     @property
     def matches_recording(self) -> bool:
         """Whether planning again gives the recorded cost, so that the two costs can be compared."""
-        return _are_equal(self.replanned.cost, self.plan.planned.cost)
-
-
-def _are_equal(cost: float, other: float) -> bool:
-    return isclose(cost, other, rel_tol=1e-6, abs_tol=1e-6)
+        return isclose(self.replanned.cost, self.plan.planned.cost, rel_tol=1e-6, abs_tol=1e-6)
 
 
 def plan_alternative(

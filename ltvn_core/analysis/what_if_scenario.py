@@ -61,11 +61,6 @@ class PlannerState:
     tries: int = 0
     """Number of obstructions met in this query."""
 
-    @property
-    def place_p(self) -> float | None:
-        """Probability of the robot's likeliest place; None if unknown."""
-        return None if self.localised is None else self.localised.probability
-
 
 def planner_state_at(timeline: Timeline, instant: Instant | None = None) -> PlannerState:
     """Return the planner's inputs at the end of a step, or of the run without an instant.
@@ -387,7 +382,8 @@ def _plan(scenario: WhatIfScenario, open_edges: Mapping[EdgeKey, float]) -> Grap
 def _penalties(scenario: WhatIfScenario) -> Mapping[EdgeKey, float]:
     asked = scenario.planner_state
     failures = {edge: count * scenario.method.planning.failure_penalty for edge, count in asked.failures.items()}
-    return with_blind_costs(scenario.graph, failures, asked.place_p)
+    place_p = None if asked.localised is None else asked.localised.probability
+    return with_blind_costs(scenario.graph, failures, place_p)
 
 
 def _cost_parts(

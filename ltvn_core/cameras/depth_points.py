@@ -64,6 +64,15 @@ def map_points(
     return points
 
 
+_STRIDE = 1 << 32
+"""Difference between the keys of two neighbouring rows of cells, larger than any row."""
+
+
+def cell_keys(cells: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return a number (M,) for each cell (M, 2) of a grid, so that cells can be sorted and compared."""
+    return cells[:, 0] * _STRIDE + cells[:, 1]
+
+
 def transform_points(points: NDArray[np.float64], pose: Pose) -> NDArray[np.float64]:
     """Transform points (M, 2) from the frame of a pose (3,) to the frame in which the pose is given."""
     return points @ rotation(float(pose[2])).T + pose[:2]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from ltvn_core.cameras.camera_model import CameraModel
-from ltvn_core.cameras.depth_points import transform_points
+from ltvn_core.cameras.depth_points import cell_keys, transform_points
 from ltvn_core.cameras.depth_scan import FREE_BEYOND_M, RANGE_M, DepthScan, reach_past
 from ltvn_core.geometry import wrap_angle
 from ltvn_core.graph.matching import Matches
@@ -27,8 +27,6 @@ _STOOD_M = 0.18
 _SPACING_M = 0.1
 _FEW, _CELL_M = 16, 0.1
 """Number of points of a line in a quick test, and the cells of its grid, in metres."""
-_STRIDE = 1 << 32
-"""Difference between the keys of two neighbouring rows of cells, larger than any row."""
 _REACH = np.arange(-round(RANGE_M / _CELL_M), round(RANGE_M / _CELL_M) + 1)
 _AROUND = np.stack(np.meshgrid(_REACH, _REACH), axis=-1).reshape(-1, 2)
 """Cells (C, 2) in the range of a scan, relative to the cell of its image."""
@@ -98,14 +96,14 @@ class FreeFloor:
         for first in range(0, len(images), _MERGED_AT_ONCE):
             rows = range(first, min(first + _MERGED_AT_ONCE, len(images)))
             keys = np.unique(np.concatenate([keys, *(self._free_cells(images[row], poses[row]) for row in rows)]))
-        beside = _keys(np.stack(np.meshgrid([-1, 0, 1], [-1, 0, 1]), axis=-1).reshape(-1, 2))
+        beside = cell_keys(np.stack(np.meshgrid([-1, 0, 1], [-1, 0, 1]), axis=-1).reshape(-1, 2))
         return _FloorGrid(np.unique(keys[:, None] + beside))
 
     def _free_cells(self, image: np.intp, pose: Pose) -> NDArray[np.int64]:
         """Return the keys (K,) of the cells that one image at a pose (3,) saw free."""
         cells = _cells(pose[None, :2]) + _AROUND
         places = np.asarray(cells * _CELL_M, np.float64)
-        return _keys(cells[self._seen_free(places, np.array([image]), pose[None])[0]])
+        return cell_keys(cells[self._seen_free(places, np.array([image]), pose[None])[0]])
 
     def _seen_free(self, way: NDArray[np.float64], images: NDArray[np.intp], poses: Pose) -> NDArray[np.bool_]:
         """Tell (N, S) which points (S, 2) each of N images at poses (N, 3) saw free, or was taken at."""
@@ -146,18 +144,13 @@ class _FloorGrid(NamedTuple):
 
     def shows(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Tell (M,) which points (M, 2) in the odometry frame were seen free."""
-        asked = _keys(_cells(points))
+        asked = cell_keys(_cells(points))
         place = np.searchsorted(self.keys, asked)
         return np.append(self.keys, np.iinfo(np.int64).max)[place] == asked
 
 
 def _cells(points: NDArray[np.float64]) -> NDArray[np.int64]:
     return np.round(points / _CELL_M).astype(np.int64)
-
-
-def _keys(cells: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return a number (M,) for each cell (M, 2), so that sorting compares cells."""
-    return cells[:, 0] * _STRIDE + cells[:, 1]
 
 
 def _least_m(line: NDArray[np.float64], points: NDArray[np.float64]) -> float:

@@ -16,6 +16,7 @@ from ltvn_core.cameras.depth_points import RELEVANT_RANGE_M, map_points, transfo
 from ltvn_core.config import DrivingConfig
 from ltvn_core.geometry import compose, invert, relative, wrap_angle
 from ltvn_core.graph.place_belief import is_where_expected
+from ltvn_core.graph.presence.obstruction import distances_to_way
 from ltvn_core.navigation.bystanders import BODY_M, Bystanders
 from ltvn_core.navigation.detour import find_detour, path_clearance_m
 from ltvn_core.navigation.events import AttemptEnd, Event, Tick
@@ -37,7 +38,9 @@ _FRAMES_AROUND_TARGET, _FRAMES_AROUND_NODE = 8, 3
 back up."""
 _NODES_AROUND = 12
 """Number of these nodes, the nearest ones."""
-NO_NODES: Mapping[NodeId, Pose] = MappingProxyType({})
+_BESIDE_WAY_M = 1.0
+"""Distance from the way back beyond which mapped obstacles are ignored, in metres; the robot swerves less."""
+_NO_NODES: Mapping[NodeId, Pose] = MappingProxyType({})
 _LOOK_AGAIN_STEPS = 3
 """Control steps after which a waiting robot looks again."""
 _WAITED_FOR_M = 1.5
@@ -92,7 +95,7 @@ class AttemptDriver:
         self._detours_left = 0
 
     def drive(
-        self, target: NodeId, waypoint: Waypoint, *, is_known: bool = False, around: Mapping[NodeId, Pose] = NO_NODES
+        self, target: NodeId, waypoint: Waypoint, *, is_known: bool = False, around: Mapping[NodeId, Pose] = _NO_NODES
     ) -> Generator[Event | Tick, None, AttemptResult]:
         """Drive to the waypoint (3,) of `target`, given in the robot's frame at departure.
 
@@ -176,6 +179,7 @@ class AttemptDriver:
         if self._backwards:
             nearest = dict(itertools.islice(around.items(), _NODES_AROUND))
             points = self._mapped_points(nearest, _FRAMES_AROUND_NODE)
+            points = points[distances_to_way(points, np.zeros(2), waypoint[:2]) < _BESIDE_WAY_M]
             self._behind = transform_points(points, self._motion.odometry)
         self._detour = None
         self._detours_left = self._config.bends

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from ltvn_core.cameras.depth_points import map_points, obstacle_points, transform_points
+from ltvn_core.cameras.depth_points import cell_keys, map_points, obstacle_points, transform_points
 from ltvn_core.cameras.depth_scan import DepthScan, reach_past
 from ltvn_core.geometry import compose, invert, relative
 from ltvn_core.graph.localiser import Localisation
@@ -79,8 +79,6 @@ _LEAST_ON_WAY = 4
 """Minimum number of new points inside the robot's swept path."""
 _GRID_M = 0.05
 """Width of a grid cell in which only one point is kept, in metres."""
-_CELLS = 1 << 32
-"""Stride of a row of cells, larger than any row."""
 
 
 def departure(query: Query, localisation: Localisation) -> Departure | None:
@@ -195,5 +193,5 @@ def _is_new_to(points: NDArray[np.float64], mapped: NDArray[np.float64]) -> NDAr
 
 def _thinned(points: NDArray[np.float64]) -> NDArray[np.float64]:
     cells = np.round(points / _GRID_M).astype(np.int64)
-    _, kept = np.unique(cells[:, 0] * _CELLS + cells[:, 1], return_index=True)
+    _, kept = np.unique(cell_keys(cells), return_index=True)
     return points[kept]

@@ -3,7 +3,7 @@
 Owns this state, and what of it ends when the robot is carried. The loop itself is in `navigation.query_runner`.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from typing import NamedTuple
 
 from ltvn_core.config import Method
@@ -77,8 +77,13 @@ class Query:
 
     def known_waypoint(self, node: NodeId, probability: float) -> Waypoint | None:
         """Return the waypoint (3,) of a node from here, if the likeliest place is more probable than `probability`."""
+        return self.nodes_around(probability).get(node)
+
+    def nodes_around(self, probability: float) -> Mapping[NodeId, Pose]:
+        """Return the poses (3,) of the nodes around, in the robot's frame, the nearest first; none unless the likeliest
+        place is more probable than `probability`."""
         place = self.place()
-        return None if place is None or place.probability <= probability else place.nodes.get(node)
+        return {} if place is None or place.probability <= probability else place.nodes
 
     def may_be_at(self, node: NodeId, waypoint: Waypoint) -> bool:
         """Tell whether a node is probably at a waypoint (3,) by all images of the query; True without a place

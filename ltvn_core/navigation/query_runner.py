@@ -15,7 +15,7 @@ from ltvn_core.graph.operators import pose_row
 from ltvn_core.graph.place_belief import LIKELY, SURE, is_where_expected
 from ltvn_core.graph.planner import GraphPath
 from ltvn_core.navigation.action_runner import run_action
-from ltvn_core.navigation.attempt_driver import NO_NODES, AttemptResult
+from ltvn_core.navigation.attempt_driver import AttemptResult
 from ltvn_core.navigation.events import (
     OBSTRUCTED_ENDS,
     AttemptEnd,
@@ -246,9 +246,9 @@ class QueryRunner:
             is_known = self._is_by_odometry(segment) or (
                 source is not None and self._query.known_waypoint(target, LIKELY) is not None
             )
-            place = self._query.place()
-            around = NO_NODES if place is None or place.probability <= LIKELY else place.nodes
-            result = yield from self._query.driver.drive(target, node_match.waypoint, is_known=is_known, around=around)
+            result = yield from self._query.driver.drive(
+                target, node_match.waypoint, is_known=is_known, around=self._query.nodes_around(LIKELY)
+            )
         except QueryAborted as over:
             end = AttemptEnd.CANCELLED if over.outcome is Outcome.CANCELLED else AttemptEnd.TIMEOUT
             yield self._ended(attempt, source, target, end, AttemptVerdict(False, f"cut short: {over.outcome.value}"))

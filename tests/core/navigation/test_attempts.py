@@ -8,7 +8,7 @@ import numpy as np
 from ltvn_core.config import ROBUST
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.matching import Matcher
-from ltvn_core.navigation.attempt_driver import NO_NODES, AttemptDriver, AttemptResult
+from ltvn_core.navigation.attempt_driver import AttemptDriver, AttemptResult
 from ltvn_core.navigation.events import AttemptEnd
 from ltvn_core.navigation.motion import MotionExecutor
 from ltvn_core.navigation.perception import Perception
@@ -36,11 +36,11 @@ class Drive:
         self.places: list[Pose] = []
 
     def go(
-        self, waypoint: Waypoint, *, is_known: bool = False, around: Mapping[NodeId, Pose] = NO_NODES
+        self, waypoint: Waypoint, *, is_known: bool = False, around: Mapping[NodeId, Pose] | None = None
     ) -> AttemptResult:
         """Let time pass until the leg ends."""
         self.commands, self.places = [], []
-        steps: Iterator[object] = iter(self._steps(waypoint, is_known=is_known, around=around))
+        steps: Iterator[object] = iter(self._steps(waypoint, is_known=is_known, around=around or {}))
         for _ in steps:
             self.robot.advance()
             self.commands.append(self.robot.twist)

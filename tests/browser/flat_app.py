@@ -20,6 +20,8 @@ from ltvn_viz.session.saved_files import SAVED_ENDING, SAVED_PREFIX
 from ltvn_viz.session.session_loop import Session
 from ltvn_viz.session.snapshot import Snapshot
 from ltvn_viz.session.socket_handlers import SessionPages, drive_listener
+from ltvn_viz.wishes import commands as c
+from ltvn_viz.wishes.commands import Mode
 from tests.core.flat_world import FlatWorld, two_rooms
 from tests.viz.page_sockets import ANY_PACE
 from tests.viz.session_harness import SessionHarness
@@ -88,6 +90,17 @@ def until_shown(app: FlatApp, holds: Callable[[Snapshot], bool], *, patience_s: 
     found = until(matching, patience_s=patience_s, explain=lambda: app.harness.now)
     assert found is not None
     return found
+
+
+def navigate_far(app: FlatApp) -> None:
+    """Start a query to the node farthest from the robot, and wait until the robot is on its way.
+
+    The newest node would not do: where the robot was driven before, it stands there.
+    """
+    graph = app.harness.now.moment.graph
+    away = np.hypot(*(graph.poses[:, :2] - app.harness.robot.pose[:2]).T)
+    app.session.send(c.NavigateTo(int(graph.ids[np.argmax(away)])))
+    until_shown(app, lambda now: now.mode is Mode.NAVIGATING)
 
 
 def _show(harness: SessionHarness, painter: Painter, snapshot: Snapshot) -> None:

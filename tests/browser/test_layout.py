@@ -11,9 +11,8 @@ from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Browser, FloatRect, Locator, Page, expect
 
 from ltvn_viz.wishes import commands as c
-from ltvn_viz.wishes.commands import Mode
 from tests.browser.actions import wait_for_rest
-from tests.browser.flat_app import FLOOR, FlatApp, serving
+from tests.browser.flat_app import FLOOR, FlatApp, navigate_far, serving
 from tests.browser.pages import draw_nothing, open_page
 from tests.waiting import PATIENCE_MS, PATIENCE_S, until
 
@@ -290,8 +289,8 @@ def test_a_finger_drives_and_is_told_of_no_keys(app: FlatApp, chromium: Browser)
 
 
 def test_the_longest_words_of_the_pad_move_nothing_out_of_the_window(app: FlatApp, page: Page) -> None:
-    app.session.send(c.NavigateTo(int(app.harness.now.moment.graph.ids[-1])))
-    until(lambda: app.session.mode is Mode.NAVIGATING)
+    wait_for_rest(app)
+    navigate_far(app)
     app.session.send(c.Pause())
     try:
         expect(page.locator(".ltvn-status")).to_contain_text("The robot is paused on its path to node")

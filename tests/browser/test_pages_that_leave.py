@@ -6,15 +6,13 @@ import signal
 from collections.abc import Iterator
 from pathlib import Path
 
-import numpy as np
 import psutil
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from ltvn_viz.wishes import commands as c
 from ltvn_viz.wishes.commands import Mode
 from tests.browser.drive_page import renderers
-from tests.browser.flat_app import FlatApp, serving, until_shown
+from tests.browser.flat_app import FlatApp, navigate_far, serving, until_shown
 from tests.browser.pages import open_page
 from tests.viz.page_sockets import open_live_page
 from tests.waiting import until
@@ -29,13 +27,6 @@ def app(tmp_path: Path) -> Iterator[FlatApp]:
         yield app
 
 
-def start_query(app: FlatApp) -> None:
-    graph = app.harness.now.moment.graph
-    away = np.hypot(*(graph.poses[:, :2] - app.harness.robot.pose[:2]).T)
-    app.session.send(c.NavigateTo(int(graph.ids[np.argmax(away)])))
-    until_shown(app, lambda now: now.mode is Mode.NAVIGATING)
-
-
 def go_on(app: FlatApp, page: Page) -> None:
     page.get_by_role("button", name=re.compile("^Go on")).locator("visible=true").first.click()
     until_shown(app, lambda now: now.mode is Mode.NAVIGATING)
@@ -46,7 +37,7 @@ def test_a_query_pauses_while_the_only_page_is_frozen_or_reloads_and_goes_on_by_
 ) -> None:
     with open_page(chromium, app.server.url, width=1000, height=640, draws=False) as page:
         page.get_by_text("Next:").wait_for()
-        start_query(app)
+        navigate_far(app)
         frozen = renderers()
         try:
             for process in frozen:

@@ -43,10 +43,12 @@ class LinkReport:
     """Charge of the battery, in [0, 1]; None if the robot does not report it."""
     stopped_because: str | None = None
     """Reason why commands are ignored until the driver releases the controls; None if they are not."""
+    restrained_because: str | None = None
+    """Reason why a guard on the robot refuses to drive forwards, as commanded; None if it does not."""
 
     @property
     def quality(self) -> LinkQuality:
-        """Reason why commands are ignored until the driver releases the controls; None if they are obeyed."""
+        """How good the connection is."""
         if not self.is_connected or self.picture_age_s > STALE_S:
             return LinkQuality.LOST
         is_weak = (

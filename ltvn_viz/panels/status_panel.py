@@ -295,7 +295,7 @@ def _link_rows(link: LinkReport | None) -> tuple[tuple[str, str], ...]:
     return (
         ("link to the robot", str(link.quality) if link.is_connected else "broken"),
         ("images from the robot", f"{link.pictures_hz:.0f} a second, {link.lost_share:.0%} got lost"),
-        ("not driven because", link.stopped_because or "–"),
+        ("not driven because", link.stopped_because or link.restrained_because or "–"),
     )
 
 

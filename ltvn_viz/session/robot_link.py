@@ -24,6 +24,8 @@ class _Phase(Enum):
     LOST = auto()
     HELD = auto()
     """The link is restored, but the driver's input is still held down."""
+    RESTRAINED = auto()
+    """The guard on the robot refuses to drive forwards."""
 
 
 class RobotLink:
@@ -46,13 +48,17 @@ class RobotLink:
         if self._phase is before:
             return None
         self.news = self._words()
+        if self._phase is _Phase.FINE and before is _Phase.RESTRAINED:
+            return None
         again = f"{self._name} answers again. Without a query it stands still: drive it, or choose a goal."
         return self.news or LinkNews(again, Severity.INFO, is_lost=False)
 
     def _phase_of(self, report: LinkReport) -> _Phase:
         if report.quality is LinkQuality.LOST:
             return _Phase.LOST
-        return _Phase.FINE if report.stopped_because is None else _Phase.HELD
+        if report.stopped_because is not None:
+            return _Phase.HELD
+        return _Phase.FINE if report.restrained_because is None else _Phase.RESTRAINED
 
     def _words(self) -> LinkNews | None:
         match self._phase:
@@ -67,4 +73,10 @@ class RobotLink:
                 return LinkNews(text, Severity.ERROR, is_lost=True)
             case _Phase.HELD:
                 text = f"{self._name} was stopped: {self.report.stopped_because}. Release the keys, then drive again."
+                return LinkNews(text, Severity.WARN, is_lost=False)
+            case _Phase.RESTRAINED:
+                text = (
+                    f"The guard of {self._name} refuses to drive forwards: {self.report.restrained_because}. Turn, or "
+                    "drive backwards."
+                )
                 return LinkNews(text, Severity.WARN, is_lost=False)

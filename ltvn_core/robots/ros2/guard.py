@@ -2,7 +2,8 @@
 
 Subscribes to the profile's `guard_topic`, and forwards the commands that `CommandGate` accepts to its command topic:
 fresh commands within the limits, and one zero when they stop. At the beginning, after silence, and after a pause of the
-guard itself, a driver must send a zero before it may drive. `DepthStop` refuses forward motion unless fresh depth shows
+guard itself, a driver must send a zero before it may drive. Whether and why commands are refused is published at
+`guard_status_topic`. `DepthStop` refuses forward motion unless fresh depth shows
 a free corridor ahead, so that a covered or failed camera also stops the robot.
 """
 
@@ -20,8 +21,15 @@ from ltvn_core.robots.ros2.freshness import MOST_LATE_COMMAND_S, Freshness
 from ltvn_core.robots.ros2.profile import RobotProfile
 from ltvn_core.robots.ros2.robot_sensors import depth_topic, sensor_depth, sensor_size
 from ltvn_core.robots.ros2.ros_cameras import CAMERA_INFO, is_calibrated, ros_camera
-from ltvn_core.robots.ros2.ros_messages import read_stamp, read_twist, twist_message
-from ltvn_core.robots.ros2.topic_keys import Topic, command_type
+from ltvn_core.robots.ros2.ros_messages import (
+    GuardState,
+    GuardStatus,
+    guard_status_message,
+    read_stamp,
+    read_twist,
+    twist_message,
+)
+from ltvn_core.robots.ros2.topic_keys import DIAGNOSTIC, Topic, command_type
 from ltvn_core.robots.ros2.zenoh_link import Complaints, Received, ZenohLink
 from ltvn_core.types import ZERO_TWIST, Depth, Twist
 
@@ -38,6 +46,8 @@ _FEW_POINTS = 3
 """Least number of points of an obstacle; fewer points count as noise."""
 _LOG = logging.getLogger(__name__)
 TURN_S = 0.02
+_STATUS_S = 0.2
+"""Interval at which the status is published even if it has not changed, in seconds, because messages get lost."""
 _HEADER_APART_S = 1.0
 """Greatest difference between the stamp of a command and its time of sending, in seconds."""
 
@@ -64,11 +74,18 @@ class CommandGate:
         self._heard_s = -math.inf
         self._asked_s = clock()
         self._must_stop_first = True
+        self._refuses_because = ""
 
     @property
-    def must_stop_first(self) -> bool:
-        """Whether commands are refused until the driver sends a zero."""
-        return self._must_stop_first
+    def refuses_because(self) -> str:
+        """Reason why a driver that has not sent a stop since is refused; empty if no driver is."""
+        return self._refuses_because
+
+    @property
+    def is_restrained(self) -> bool:
+        """Whether the surroundings permit less than the driver commands."""
+        wanted = self._wanted
+        return wanted != ZERO_TWIST and self._allows(wanted) != wanted
 
     def hear(self, twist: Twist) -> Twist | None:
         """Accept a fresh command; return the command to send now, None to send nothing."""
@@ -77,7 +94,9 @@ class CommandGate:
             pause = self._after_pause(now_s)
             if twist == ZERO_TWIST:
                 self._must_stop_first = False
+                self._refuses_because = ""
             elif self._must_stop_first:
+                self._refuses_because = self._refuses_because or "it started while the robot was driven"
                 return pause
             self._heard_s = now_s
             self._wanted = self._speeds.bounded(twist)
@@ -95,23 +114,26 @@ class CommandGate:
                 self._asked_s = now_s
                 return None
             if now_s - self._heard_s >= SILENCE_S:
-                return self._halt()
+                return self._halt(f"no command arrived for {now_s - self._heard_s:.1f} s")
             return self._next(now_s)
 
     def close(self) -> Twist:
         """Reject all further commands; return the final zero."""
         with self._lock:
-            return self._halt()
+            return self._halt("it has ended")
 
     def _after_pause(self, now_s: float) -> Twist | None:
         """Return a zero if this process was paused while the robot drove."""
-        paused = now_s - self._asked_s > PAUSE_S and self._wanted != ZERO_TWIST
-        self._asked_s = now_s if paused else self._asked_s
-        return self._halt() if paused else None
+        gap_s = now_s - self._asked_s
+        if gap_s <= PAUSE_S or self._wanted == ZERO_TWIST:
+            return None
+        self._asked_s = now_s
+        return self._halt(f"it did not run for {gap_s:.1f} s")
 
-    def _halt(self) -> Twist:
+    def _halt(self, because: str) -> Twist:
         self._wanted = self._output = ZERO_TWIST
         self._must_stop_first = True
+        self._refuses_because = because
         return ZERO_TWIST
 
     def _next(self, now_s: float) -> Twist:
@@ -229,6 +251,10 @@ class Guard:
         self._command = profile.topics.command
         self._kind = kind
         self._wheels = link.command_publisher(Topic(self._command, kind, domain))
+        self._depth_stop = depth_stop
+        self._status = link.publisher(Topic(profile.driving.guard_status_topic, DIAGNOSTIC, domain))
+        self._published: GuardStatus | None = None
+        self._published_s = -math.inf
         if depth_stop is not None:
             link.subscribe(
                 Topic(profile.topics.camera_info, CAMERA_INFO, domain),
@@ -248,14 +274,31 @@ class Guard:
         try:
             while not is_over():
                 time.sleep(TURN_S)
-                was_open = not self._gate.must_stop_first
                 self._send(self._gate.turn())
-                if was_open and self._gate.must_stop_first:
-                    self._complaints.say(
-                        RobotError("No command arrived in time: the robot is stopped until its driver sends a stop.")
-                    )
+                self._publish_status()
         finally:
             self._send(self._gate.close())
+            self._publish_status()
+
+    @property
+    def status(self) -> GuardStatus:
+        """Whether commands are forwarded now, and if not, why."""
+        if reason := self._gate.refuses_because:
+            return GuardStatus(GuardState.REFUSES, reason)
+        if self._depth_stop is not None and self._gate.is_restrained:
+            return GuardStatus(GuardState.RESTRAINS, self._depth_stop.reason or "")
+        return GuardStatus(GuardState.FORWARDS)
+
+    def _publish_status(self) -> None:
+        """Publish the status after each change of state, and at intervals."""
+        status, now_s = self.status, time.monotonic()
+        before = GuardState.FORWARDS if self._published is None else self._published.state
+        if status.state is before and now_s - self._published_s < _STATUS_S:
+            return
+        if status.state is GuardState.REFUSES and before is not GuardState.REFUSES:
+            self._complaints.say(RobotError(f"The robot is stopped until its driver sends a stop: {status.reason}."))
+        self._published, self._published_s = status, now_s
+        self._status.put(guard_status_message(status))
 
     def _take(self, received: Received) -> None:
         self._freshness.admit(received.attachment, received.arrived_s)

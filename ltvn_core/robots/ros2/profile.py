@@ -103,6 +103,11 @@ class Driving:
     guard_topic: str = "/ltvn/cmd_vel"
     """Topic that the guard subscribes to."""
 
+    @property
+    def guard_status_topic(self) -> str:
+        """Topic at which the guard publishes whether it forwards commands, a DiagnosticStatus."""
+        return f"{self.guard_topic}_status"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Body:

@@ -4,7 +4,8 @@ Stamps are seconds on the robot's clock. Owns the names of frames. Images are de
 """
 
 import math
-from typing import Any
+from enum import Enum
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -12,13 +13,30 @@ from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.errors import RobotError
 from ltvn_core.robots.ros2.ros_cameras import CAMERA_INFO
 from ltvn_core.robots.ros2.ros_images import IMAGE
-from ltvn_core.robots.ros2.topic_keys import BUMPER, ODOMETRY, TRANSFORMS, TWIST, TWIST_STAMPED, type_store
+from ltvn_core.robots.ros2.topic_keys import BUMPER, DIAGNOSTIC, ODOMETRY, TRANSFORMS, TWIST, TWIST_STAMPED, type_store
 from ltvn_core.types import Depth, Pose, Rgb, Twist
 
 BASE_FRAME = "base_link"
 ODOMETRY_FRAME = "odom"
 CAMERA_FRAME = "camera_color_optical_frame"
 _UNIT_QUATERNION_TOLERANCE = 0.01
+
+
+class GuardState(Enum):
+    """What the guard does with commands; the value is the level of its DiagnosticStatus."""
+
+    FORWARDS = 0
+    RESTRAINS = 1
+    """It refuses forward motion, but not turning and backing up."""
+    REFUSES = 2
+    """It refuses all commands until it receives a stop."""
+
+
+class GuardStatus(NamedTuple):
+    """State of the guard with its reason, which is empty if it forwards commands."""
+
+    state: GuardState
+    reason: str = ""
 
 
 def twist_message(twist: Twist, stamp_s: float | None) -> Any:
@@ -151,6 +169,20 @@ def bumper_message(*, pressed: bool) -> Any:
     return _make(BUMPER, data=pressed)
 
 
+def guard_status_message(status: GuardStatus) -> Any:
+    """Return the status of the guard as a DiagnosticStatus."""
+    level = status.state.value
+    return _make(DIAGNOSTIC, level=level, name="ltvn guard", message=status.reason, hardware_id="", values=[])
+
+
+def read_guard_status(message: Any, source: str) -> GuardStatus:
+    """Return the status in a DiagnosticStatus of the guard. Raises RobotError for an unknown level."""
+    try:
+        return GuardStatus(GuardState(int(message.level)), str(message.message))
+    except ValueError as error:
+        raise RobotError(f"{source}: level {message.level} is none of the guard's, which are 0, 1 and 2.") from error
+
+
 def _planar(place: Any, q: Any, source: str) -> Pose:
     length = math.hypot(q.x, q.y, q.z, q.w)
     if not (math.isfinite(place.x) and math.isfinite(place.y)):
@@ -177,5 +209,5 @@ def _vector(x: float, y: float, z: float) -> Any:
     return _make("geometry_msgs/msg/Vector3", x=x, y=y, z=z)
 
 
-def _make(name: str, **fields: Any) -> Any:
+def _make(name: str, /, **fields: Any) -> Any:
     return type_store().types[name](**fields)

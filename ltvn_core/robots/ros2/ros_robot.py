@@ -33,10 +33,19 @@ from ltvn_core.robots.ros2.robot_sensors import (
     sensor_size,
 )
 from ltvn_core.robots.ros2.ros_cameras import CAMERA_INFO, is_calibrated, ros_camera
-from ltvn_core.robots.ros2.ros_messages import twist_message
+from ltvn_core.robots.ros2.ros_messages import GuardState, read_guard_status, twist_message
 from ltvn_core.robots.ros2.sensor_inbox import Moment, SensorInbox, Stream
-from ltvn_core.robots.ros2.topic_keys import BATTERY, BUMPER, ODOMETRY, TWIST_STAMPED, Role, Topic, command_type
-from ltvn_core.robots.ros2.zenoh_link import Complaints, ZenohLink
+from ltvn_core.robots.ros2.topic_keys import (
+    BATTERY,
+    BUMPER,
+    DIAGNOSTIC,
+    ODOMETRY,
+    TWIST_STAMPED,
+    Role,
+    Topic,
+    command_type,
+)
+from ltvn_core.robots.ros2.zenoh_link import Complaints, Received, ZenohLink
 from ltvn_core.types import CONTROL_STEP_S, ZERO_TWIST, Observation, Pose, RobotState, Twist
 
 _LOG = logging.getLogger(__name__)
@@ -48,6 +57,8 @@ _BRIEF_S = 2.0
 """Length of a pause of this program, in seconds, above which a query does not continue by itself."""
 LET_GO_S = 0.5
 """Time without commands after which the driver has released the controls, in seconds."""
+_ON_THE_WAY_S = 0.3
+"""Age of a command, in seconds, below which a status of the guard may have been sent before the guard received it."""
 _CLOCKS_APART_S = 1.0
 _FIRST_S = 3.0
 _PATIENCE_S = 10.0
@@ -62,11 +73,12 @@ class CommandSender:
         self.lease = DriveLease(time.monotonic, limits=limits)
         self._reason: str | None = None
         self.was_paused = False
-        """Whether the last interruption was only a brief pause of this program."""
+        """Whether the last interruption was only a brief pause of this program, or of the stream of commands."""
         self._asked_s = -math.inf
         self._send = send
         self._is_connected = is_connected
         self._moving = False
+        self._moving_since_s = math.inf
         self._closed = False
         self._lock = threading.Lock()
         self._wake = threading.Event()
@@ -95,6 +107,16 @@ class CommandSender:
         self._wake.set()
         if self.break_reason is None and time.monotonic() - self._asked_s < LET_GO_S:
             self._break(reason)
+
+    def refused(self, reason: str) -> None:
+        """Stop if the robot is driven, because its guard refuses all commands until it receives a stop.
+
+        A query continues afterwards: it was only a gap in the stream of commands.
+        """
+        with self._lock:
+            if self._moving and time.monotonic() - self._moving_since_s > _ON_THE_WAY_S:
+                self._break(reason, was_paused=True)
+                self._wake.set()
 
     def stop(self) -> None:
         """Send a zero now."""
@@ -128,6 +150,7 @@ class CommandSender:
                 self._break("the link to the robot broke")
             twist = self.lease.command()
             if twist != ZERO_TWIST and not self._moving:
+                self._moving_since_s = time.monotonic()
                 self._send(ZERO_TWIST)  # A guard that was started in between accepts commands only after a stop.
             if twist != ZERO_TWIST or self._moving:
                 self._send(twist)
@@ -186,6 +209,10 @@ class RosRobot:
         goal = driving.guard_topic if driving.guarded else profile.topics.command
         self._commands = link.command_publisher(Topic(goal, self._kind, profile.domain))
         self._sender = CommandSender(self._send, lambda: link.is_connected, profile.speeds)
+        self._restrained_because: str | None = None
+        if driving.guarded:
+            status = Topic(driving.guard_status_topic, DIAGNOSTIC, profile.domain)
+            link.subscribe(status, self._take_guard_status, self._complaints.say)
 
     @property
     def spec(self) -> RobotSpec:
@@ -201,7 +228,7 @@ class RosRobot:
         """Return the newest image with depth and odometry of the same time.
 
         Raises RobotError if it is older than 0.5 s, or after an interruption until the driver releases the controls;
-        RobotPausedError if the interruption was only a brief pause of this program.
+        RobotPausedError if the interruption was only a brief pause of this program or of the stream of commands.
         """
         if self._seen is None:
             self._await_fresh()
@@ -268,6 +295,7 @@ class RosRobot:
             lost_share=inbox.colour.lost_share,
             battery=inbox.battery,
             stopped_because=self._sender.break_reason,
+            restrained_because=self._restrained_because,
         )
 
     def close(self) -> None:
@@ -300,6 +328,12 @@ class RosRobot:
             self.link.subscribe(Topic(topics.bumper, BUMPER, domain), inbox.take_bumper, self._complaints.say)
         if topics.truth:
             self.link.subscribe(Topic(topics.truth, ODOMETRY, domain), inbox.take_truth, self._complaints.say)
+
+    def _take_guard_status(self, received: Received) -> None:
+        status = read_guard_status(received.message, self.profile.driving.guard_status_topic)
+        self._restrained_because = status.reason if status.state is GuardState.RESTRAINS else None
+        if status.state is GuardState.REFUSES:
+            self._sender.refused(f"the guard on the robot stopped it, because {status.reason}")
 
     def _refuse(self, stream: Stream, error: RobotError) -> None:
         stream.refusal = str(error)

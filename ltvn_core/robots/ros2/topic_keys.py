@@ -24,6 +24,7 @@ ODOMETRY = "nav_msgs/msg/Odometry"
 TRANSFORMS = "tf2_msgs/msg/TFMessage"
 BATTERY = "sensor_msgs/msg/BatteryState"
 BUMPER = "std_msgs/msg/Bool"
+DIAGNOSTIC = "diagnostic_msgs/msg/DiagnosticStatus"
 
 NO_HASH = "TypeHashNotSupported"
 """Placeholder for the hash, used by robots with ROS 2 Humble."""

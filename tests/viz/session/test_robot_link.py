@@ -44,6 +44,17 @@ def test_each_change_is_told_once_in_plain_words() -> None:
     assert robot.link.news is None
 
 
+def test_a_guard_that_refuses_to_drive_forwards_is_told_while_it_does_and_nothing_comes_after() -> None:
+    robot = Robot()
+    walled = replace(WELL, restrained_because="there is an obstacle 0.20 m in front of the robot")
+
+    assert "0.20 m in front" in robot.said(walled)
+    assert "0.20 m in front" in health_numbers(Snapshot(link=walled))
+    assert robot.said(replace(walled, restrained_because="there is an obstacle 0.10 m in front of the robot")) == ""
+    assert robot.said(WELL) == ""
+    assert robot.link.news is None
+
+
 @pytest.mark.parametrize(
     ("change", "quality", "health"),
     [

@@ -79,8 +79,10 @@ def test_a_command_beyond_the_limits_is_scaled_along_its_arc(gate: CommandGate, 
 def test_silence_is_one_zero_within_the_lease(gate: CommandGate, clock: Hand) -> None:
     drive(gate, clock, Twist(0.2, 0.0), 0.3)
 
+    assert gate.refuses_because == ""
     sent = wait(gate, clock, 2.0)
 
+    assert "no command" in gate.refuses_because
     assert sent.count(ZERO_TWIST) == 1
     assert sent.index(ZERO_TWIST) * 0.05 <= 0.25
     assert all(each is None for each in sent[sent.index(ZERO_TWIST) + 1 :])
@@ -92,7 +94,19 @@ def test_after_silence_a_stop_comes_before_the_next_command(gate: CommandGate, c
 
     assert drive(gate, clock, Twist(0.2, 0.0), 0.3) == [None] * 6
     assert gate.hear(ZERO_TWIST) == ZERO_TWIST
+    assert gate.refuses_because == ""
     assert drive(gate, clock, Twist(0.2, 0.0), 0.05) == [pytest.approx(Twist(0.05, 0.0))]
+
+
+def test_only_a_command_that_is_cut_down_counts_as_restrained(clock: Hand) -> None:
+    def no_way_ahead(twist: Twist) -> Twist:
+        return Twist(min(twist.linear_m_s, 0.0), twist.angular_rad_s)
+
+    gate = CommandGate(clock, speeds=SpeedLimits(), accelerations=SLOW_STARTER, allows=no_way_ahead)
+
+    for twist, is_restrained in ((ZERO_TWIST, False), (Twist(0.2, 0.0), True), (Twist(-0.2, 0.0), False)):
+        gate.hear(twist)
+        assert gate.is_restrained == is_restrained
 
 
 def test_a_stop_is_passed_on_at_once_and_needs_nothing_after_it(gate: CommandGate, clock: Hand) -> None:

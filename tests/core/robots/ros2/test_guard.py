@@ -10,9 +10,11 @@ import pytest
 
 from ltvn_core.robots.ros2.profile import shipped_profiles
 from ltvn_core.robots.ros2.ros_messages import read_twist, twist_message
+from ltvn_core.robots.ros2.ros_robot import open_ros_robot
 from ltvn_core.robots.ros2.topic_keys import TWIST, TWIST_STAMPED, Topic
 from ltvn_core.robots.ros2.zenoh_link import Received, TopicPublisher, ZenohLink
 from ltvn_core.types import ZERO_TWIST, Twist
+from tests.core.robots.ros2.meddled_link import meddled_robot
 from tests.core.robots.ros2.processes import Program, running
 from tests.platforms import needs_linux
 from tests.waiting import PATIENCE_S, until
@@ -60,13 +62,24 @@ class Bench:
 
 
 @pytest.fixture(scope="module")
-def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
+def guarded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The profile of a robot behind a guard."""
     file = tmp_path_factory.mktemp("profile") / "guarded.toml"
     file.write_text(shipped_profiles()["sim"].replace("guarded = false", "guarded = true"), encoding="utf-8")
+    return file
+
+
+@pytest.fixture(scope="module")
+def bench(guarded: Path) -> Iterator[Bench]:
     with ZenohLink.listen("tcp/127.0.0.1:0", node="bench") as link:
-        robot = f"{file}@{link.address}"
+        robot = f"{guarded}@{link.address}"
         with running("ltvn_core.verbs.guard", "GuardVerb", robot, ready="Guarding") as guard:
             yield Bench(link, guard, link.publisher(Topic("/ltvn/cmd_vel", TWIST)))
+
+
+def suspend(guard: Program) -> None:
+    guard.process.send_signal(signal.SIGSTOP)
+    until(lambda: Path(f"/proc/{guard.process.pid}/stat").read_text(encoding="utf-8").split()[2] == "T")
 
 
 def test_commands_are_forwarded_and_silence_is_one_zero(bench: Bench) -> None:
@@ -91,14 +104,33 @@ def test_a_command_of_another_type_is_named_and_moves_nothing(bench: Bench) -> N
 @needs_linux
 def test_a_guard_that_was_suspended_forwards_nothing_old(bench: Bench) -> None:
     bench.drive_off()
-    bench.guard.process.send_signal(signal.SIGSTOP)
-    until(lambda: Path(f"/proc/{bench.guard.process.pid}/stat").read_text(encoding="utf-8").split()[2] == "T")
+    suspend(bench.guard)
     begun_s = time.monotonic()
     until(lambda: bench.drive(TURN) or time.monotonic() - begun_s > 0.6)
     bench.guard.process.send_signal(signal.SIGCONT)
 
     bench.next_that(is_zero=True)
     bench.drive_off()
+
+
+@needs_linux
+def test_a_driver_is_told_why_the_guard_stopped_its_robot_and_may_drive_on(guarded: Path) -> None:
+    with meddled_robot() as body:
+        name = f"{guarded}@{body.link.address}"
+        with running("ltvn_core.verbs.guard", "GuardVerb", name, ready="Guarding") as guard:
+            robot = open_ros_robot(name, patience_s=PATIENCE_S)
+            until(lambda: robot.drive(TURN) or body.moves)
+
+            suspend(guard)
+            begun_s = time.monotonic()
+            until(lambda: robot.drive(TURN) or time.monotonic() - begun_s > 0.6)
+            guard.process.send_signal(signal.SIGCONT)
+            until(lambda: robot.drive(TURN) or "guard" in (robot.link_report().stopped_because or ""))
+
+            until(lambda: not body.moves)
+            until(lambda: robot.link_report().stopped_because is None)  # Nobody drives meanwhile.
+            until(lambda: robot.drive(TURN) or body.moves)
+            robot.close()
 
 
 def test_a_guard_that_ends_sends_a_last_zero(bench: Bench) -> None:

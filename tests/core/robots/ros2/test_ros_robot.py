@@ -91,3 +91,20 @@ def test_a_pause_of_the_program_is_told_from_a_broken_link(sender: CommandSender
     wire.stall_s, wire.is_whole = 0.0, False
 
     until(lambda: not paused(sender))
+
+
+def test_a_guard_that_refuses_commands_is_heard_only_while_the_robot_is_driven(
+    sender: CommandSender, wire: Wire
+) -> None:
+    sender.refused("a gap")
+    assert sender.break_reason is None
+
+    until(lambda: sender.drive(AHEAD) or sender.refused("a gap") or sender.break_reason)
+    assert sender.break_reason == "a gap"
+    assert sender.was_paused
+    until(lambda: wire.sent[-1] == ZERO_TWIST)
+    until(lambda: sender.break_reason is None)
+    before = len(wire.sent)
+    sender.drive(AHEAD)
+    until(lambda: AHEAD in wire.sent[before:])
+    assert wire.sent[before] == ZERO_TWIST

@@ -36,11 +36,11 @@ class Parcel(NamedTuple):
     attachment: bytes
 
 
-Meddle = Callable[[int, Parcel], list[tuple[float, Parcel]]]
-"""What becomes of the n-th message: parcels, and after how many seconds each goes on."""
+Meddle = Callable[[Parcel], list[tuple[float, Parcel]]]
+"""What becomes of a message: parcels, and after how many seconds each goes on."""
 
 
-def leave_alone(_: int, parcel: Parcel) -> list[tuple[float, Parcel]]:
+def leave_alone(parcel: Parcel) -> list[tuple[float, Parcel]]:
     return [(0.0, parcel)]
 
 
@@ -97,9 +97,8 @@ class MeddledRobot:
         beside: Any = sample.attachment
         key = str(sample.key_expr).replace("0/near/", "0/")
         parcel = Parcel(key, sample.payload.to_bytes(), beside.to_bytes())
-        number = next(self._count)
         with self._lock:
-            for wait_s, each in self.meddle(number, parcel):
+            for wait_s, each in self.meddle(parcel):
                 heapq.heappush(self._waiting, (time.monotonic() + wait_s, next(self._count), each))
 
     def _deliver(self) -> None:

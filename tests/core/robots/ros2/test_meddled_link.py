@@ -1,7 +1,7 @@
 """A link that holds messages up, loses or changes them: a clear word, and no motion that nobody asked for."""
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 
 import numpy as np
@@ -14,7 +14,7 @@ from ltvn_core.robots.ros2.ros_messages import image_message
 from ltvn_core.robots.ros2.ros_robot import RosRobot, open_ros_robot
 from ltvn_core.robots.ros2.topic_keys import Topic
 from ltvn_core.types import ZERO_TWIST, Twist
-from tests.core.robots.ros2.meddled_link import MeddledRobot, Parcel, leave_alone, meddled_robot
+from tests.core.robots.ros2.meddled_link import Meddle, MeddledRobot, Parcel, leave_alone, meddled_robot
 from tests.waiting import until
 
 AHEAD = Twist(0.2, 0.0)
@@ -34,23 +34,23 @@ def robot(body: MeddledRobot) -> Iterator[RosRobot]:
     opened.close()
 
 
-def late_by(seconds: float) -> Callable[[int, Parcel], list[tuple[float, Parcel]]]:
-    return lambda _, parcel: [(seconds, parcel)]
+def late_by(seconds: float) -> Meddle:
+    return lambda parcel: [(seconds, parcel)]
 
 
-def other_edition(_: int, parcel: Parcel) -> list[tuple[float, Parcel]]:
+def other_edition(parcel: Parcel) -> list[tuple[float, Parcel]]:
     return [(0.0, parcel._replace(key=parcel.key[:-1] + "0"))]
 
 
-def cut(_: int, parcel: Parcel) -> list[tuple[float, Parcel]]:
+def cut(parcel: Parcel) -> list[tuple[float, Parcel]]:
     return [(0.0, parcel._replace(payload=parcel.payload[:20]))]
 
 
-def foreign_attachment(_: int, parcel: Parcel) -> list[tuple[float, Parcel]]:
+def foreign_attachment(parcel: Parcel) -> list[tuple[float, Parcel]]:
     return [(0.0, parcel._replace(attachment=parcel.attachment[:-1]))]
 
 
-def lost(_: int, parcel: Parcel) -> list[tuple[float, Parcel]]:
+def lost(parcel: Parcel) -> list[tuple[float, Parcel]]:
     return []
 
 
@@ -90,7 +90,7 @@ def _sees(robot: RosRobot) -> bool:
     ],
 )
 def test_what_cannot_be_used_stops_the_robot_says_why_and_driving_does_not_come_back(
-    body: MeddledRobot, robot: RosRobot, meddle: Callable[[int, Parcel], list[tuple[float, Parcel]]], words: str
+    body: MeddledRobot, robot: RosRobot, meddle: Meddle, words: str
 ) -> None:
     set_out(robot, body)
 
@@ -115,9 +115,12 @@ def test_what_cannot_be_used_stops_the_robot_says_why_and_driving_does_not_come_
 def test_lost_and_reordered_messages_are_counted_and_never_used_out_of_order(
     body: MeddledRobot, robot: RosRobot
 ) -> None:
-    def shuffle(number: int, parcel: Parcel) -> list[tuple[float, Parcel]]:
-        # Whole moments of four messages are lost, or overtaken.
-        return [[], [(0.0, parcel)], [(0.12, parcel)]][number // 4 % 3]
+    moments: dict[bytes, int] = {}
+
+    def shuffle(parcel: Parcel) -> list[tuple[float, Parcel]]:
+        # Whole moments of four messages are lost, or overtaken. Each message begins with its stamp.
+        moment = moments.setdefault(parcel.payload[4:12], len(moments))
+        return [[], [(0.0, parcel)], [(0.12, parcel)]][moment % 3]
 
     body.meddle = shuffle
     stamps: list[float] = []

@@ -189,7 +189,6 @@ def test_a_recording_is_made_kept_opened_and_sought(app: FlatApp, page: Page) ->
 def test_a_cut_connection_leaves_the_tab_open_that_was_open(app: FlatApp, chromium: Browser) -> None:
     # A page of its own, because viser connects again only while its window has the focus.
     with open_page(chromium, app.server.url, width=1000, height=640, draws=False) as page:
-        page.get_by_text("Next:").wait_for()
         open_tab(page, "World")
         page.evaluate("document.querySelector('[role=tablist]').dataset.cut = ''")
 

@@ -35,7 +35,7 @@ def app(tmp_path_factory: pytest.TempPathFactory) -> Iterator[FlatApp]:
         yield app
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def page(app: FlatApp, chromium: Browser) -> Iterator[Page]:
     with open_page(chromium, app.server.url, width=1280, height=800, draws=False) as page:
         page.get_by_text("Next:").wait_for()

@@ -110,8 +110,8 @@ class NumbersVerb(Verb):
                 builds = module.startswith("graph.") and module not in _DRIVING_ONLY
                 _copy_inputs(self.folder / "whole" / name, folder / name, with_map=not builds)
             options = ["--scene", self.scene, "--conditions", *self.conditions, "--body", "planar", "--seed", "0"]
-            options += ["--episodes", str(self.episodes), "--folder", str(folder)]
-            scaled = [module or "navigation", str(factor)]
+            options += ["--episodes", str(self.episodes), "--folder", str(folder), "--processes", "1"]
+            scaled = [module or "navigation", str(factor)]  # One process, which is the one that imports scaled numbers.
             subprocess.run([sys.executable, "-c", _CHILD, *scaled, "evaluate", *options], check=True)
         return load_results(result, TrialResult)
 

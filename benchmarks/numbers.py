@@ -168,6 +168,10 @@ class _Scaling(ast.NodeTransformer):
                 statement.value = self.visit(statement.value)
         return node
 
+    def visit_Call(self, node: ast.Call) -> ast.AST:
+        is_shape = isinstance(node.func, ast.Attribute) and node.func.attr == "empty"
+        return node if is_shape else self.generic_visit(node)
+
     def visit_Constant(self, node: ast.Constant) -> ast.Constant:
         value = node.value
         if isinstance(value, bool) or not isinstance(value, int | float) or value in (0, 1, -1):

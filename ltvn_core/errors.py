@@ -46,7 +46,7 @@ class WeightsError(LtvnError):
 
 
 class OptionError(LtvnError):
-    """An option of the command line or of the page has an invalid value."""
+    """An option of the command line or of the page has an invalid value, or a request is not possible now."""
 
 
 class EngineError(LtvnError):

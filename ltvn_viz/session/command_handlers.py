@@ -43,6 +43,8 @@ def handle(state: AppState, command: c.Command) -> None:
         return
     try:
         _carry_out(state, command)
+    except OptionError as error:
+        state.say(str(error), Severity.WARN)  # The request is at fault; the app itself is well.
     except LtvnError as error:
         state.say(str(error), Severity.ERROR)
 

@@ -142,8 +142,10 @@ class LiveRun:
         self.view = self.robot.glance()
 
     def begin_recording(self) -> None:
-        """Start a recording with the current image; raises RecordingError. Nothing else may use the robot during the
-        call."""
+        """Start a recording with the current image; raises OptionError if one is running.
+
+        Nothing else may use the robot during the call.
+        """
         self.recorder.start()
         before = self.observation
         if self.capture() is before and before is not None:

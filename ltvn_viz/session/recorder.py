@@ -15,7 +15,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any, ParamSpec, Protocol, TypeAlias, TypeVar
 
-from ltvn_core.errors import LtvnError, RecordingError
+from ltvn_core.errors import LtvnError, OptionError, RecordingError
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import GraphChanged, StampedEvent
 from ltvn_core.types import FrameId, Observation
@@ -134,15 +134,15 @@ class Recorder:
         return self._current is not None
 
     def start(self) -> None:
-        """Request a recording, which `tick` starts; raises RecordingError if one is running.
+        """Request a recording, which `tick` starts; raises OptionError if one is running.
 
         Rows that arrive before the file is ready are queued and written first.
         """
         if (before := self._current) is not None:
             name = "A recording" if before.path is None else before.path.name
             if before.finished is not None:
-                raise RecordingError(f"{name} is being finished; record again in a moment.")
-            raise RecordingError(f"{name} is being recorded already; keep or discard it first.")
+                raise OptionError(f"{name} is being finished; record again in a moment.")
+            raise OptionError(f"{name} is being recorded already; keep or discard it first.")
         current = self._current = _RecordingUnderWay(time.monotonic())
         self._files.submit(self._try_open, lambda opened: self._opened(current, opened))
 
@@ -170,12 +170,12 @@ class Recorder:
             self._write(self._current, lambda writer: writer.draw_graph(graph, step, stamp))
 
     def keep(self, then: Callable[[Path], None]) -> None:
-        """End the recording soon and call `then` with its finished file; raises RecordingError without a recording."""
+        """End the recording soon and call `then` with its finished file; raises OptionError without a recording."""
         current = self._require()
         current.finished = current.finished or then
 
     def discard(self, then: Callable[[Path], None]) -> None:
-        """End the recording soon, move it aside and call `then` with its new path; raises RecordingError without a
+        """End the recording soon, move it aside and call `then` with its new path; raises OptionError without a
         recording."""
 
         def moved(place: Path | Exception) -> None:
@@ -227,7 +227,7 @@ class Recorder:
 
     def _require(self) -> _RecordingUnderWay:
         if self._current is None:
-            raise RecordingError("Nothing is being recorded; press R to start.")
+            raise OptionError("Nothing is being recorded; press R to start.")
         return self._current
 
     def _try_open(self) -> tuple[Path, RecordingSink] | Exception:

@@ -3,6 +3,7 @@
 Owns the rule how an activity ends. `command_handlers` runs commands, and `snapshot_builder` makes the state visible.
 """
 
+import time
 from collections import OrderedDict
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -42,6 +43,9 @@ from ltvn_viz.timeline.strip_marks import StripLibrary
 from ltvn_viz.wishes.commands import Command, QuestionRequest
 
 Activity: TypeAlias = Teleop | Navigation | MapBuilding | Playback
+
+REPEATS_S = 1.0
+"""Time in seconds within which the same message again is one message, as for an error that repeats at every tick."""
 
 
 class Debugger(Protocol):
@@ -176,6 +180,9 @@ class AppState:
     """The marks of the runs on show, for the pages' timelines."""
     own_debuggers: OrderedDict[ClientId, Debugger] = field(default_factory=OrderedDict)
     """Debuggers of watching pages that have their own question; the first one is refreshed next."""
+    clock: Callable[[], float] = time.monotonic
+    said_s: float = float("-inf")
+    """Time when the message was last said, by the clock."""
 
     def __post_init__(self) -> None:
         """Start with teleoperation."""
@@ -193,10 +200,12 @@ class AppState:
 
     def say(self, text: str, severity: Severity = Severity.INFO, *, title: str = "") -> None:
         """Show a message in the page, with a title or else the title of its severity."""
-        if self.message is None or (text, severity) != (self.message.text, self.message.severity):
-            # An error that repeats at every tick is one message.
+        now = self.clock()
+        repeats = self.message is not None and (text, severity) == (self.message.text, self.message.severity)
+        if not repeats or now > self.said_s + REPEATS_S:
             number = 1 if self.message is None else self.message.number + 1
             self.message = Message(text, severity, number, title)
+        self.said_s = now
 
     def cancel(self, notice: str) -> None:
         """End a query early and show a notice."""

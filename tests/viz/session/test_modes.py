@@ -65,6 +65,20 @@ def test_driving_keys_take_the_robot_over_from_navigation(harness: SessionHarnes
     assert harness.robot.twist == FORWARD
 
 
+def test_what_is_not_possible_is_said_again_when_it_is_asked_again_and_is_no_trouble_of_the_app(
+    harness: SessionHarness,
+) -> None:
+    harness.state.clock = lambda: 0.0
+    first = harness.do(c.NavigateTo(None)).message
+    assert harness.do(c.NavigateTo(None)).message == first  # An error that repeats at every tick is said once.
+    harness.state.clock = lambda: 60.0
+    second = harness.do(c.NavigateTo(None)).message
+    assert first is not None
+    assert second is not None
+    assert (second.text, second.number) == (first.text, first.number + 1)
+    assert second.severity is Severity.WARN
+
+
 def test_letting_go_stops_the_robot_at_once(harness: SessionHarness) -> None:
     harness.driver.twist = FORWARD
     harness.wait(5)

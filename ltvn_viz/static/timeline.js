@@ -203,8 +203,11 @@ function listenToStrip() {
   canvas.addEventListener("keydown", onStripKey);
 }
 
+// A click near the end of a recording shows its end, because what happened last is counted only there.
 function snapped(column) {
-  return nearestMark(timeAt(column), timeAt(SNAP) - timeAt(0)) ?? timeAt(column);
+  const [time, reach] = [timeAt(column), timeAt(SNAP) - timeAt(0)];
+  if (moment.replay && moment.length - time < reach) return moment.length;
+  return nearestMark(time, reach) ?? time;
 }
 
 function pinchWidth() {

@@ -47,8 +47,8 @@ function showTimeline() {
   dock.clock = element("output", "ltvn-time-clock");
   dock.live = dockButton("show_now", "● Live", "back to now: end looking back");
   dock.live.classList.add("ltvn-time-live");
-  dock.queries = [dockButton("query_before", "|◀", "query before", "Minus"), dockButton("query_after", "▶|", "next query", "Equal")];
-  const events = [dockButton("event_before", "‹", "event before", "Semicolon"), dockButton("event_after", "›", "next event", "Quote")];
+  dock.queries = [dockButton("query_before", "|◀", "previous query", "Minus"), dockButton("query_after", "▶|", "next query", "Equal")];
+  const events = [dockButton("event_before", "‹", "previous event", "Semicolon"), dockButton("event_after", "›", "next event", "Quote")];
   events.forEach((each) => each.classList.add("ltvn-time-step"));
   const middle = () => stripWidth() / 2;
   const zooms = element("span", "ltvn-time-zoom");

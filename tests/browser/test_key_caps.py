@@ -37,7 +37,7 @@ def caps_in_help(page: Page) -> list[str]:
 
 def test_help_and_buttons_have_the_caps_of_a_german_keyboard(app: FlatApp, chromium: Browser) -> None:
     page = opened(app, chromium, _GERMAN)
-    expect(page.get_by_role("button", name="query before")).to_have_attribute("title", "query before (ß)")
+    expect(page.get_by_role("button", name="previous query")).to_have_attribute("title", "previous query (ß)")
     assert {"Ü", "+", "Ö", "Ä", "ß", "´"} <= set(caps_in_help(page))
     page.close()
 

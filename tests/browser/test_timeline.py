@@ -87,7 +87,7 @@ def test_keys_on_the_strip_and_off_it_go_through_time(app: FlatApp, page: Page) 
 
 
 def test_queries_are_bars_that_say_how_they_ended_and_buttons_go_there(app: FlatApp, page: Page) -> None:
-    page.get_by_role("button", name="query before").click()
+    page.get_by_role("button", name="previous query").click()
     past = until_shown(app, lambda now: not now.timeline.is_now).timeline
     box = page.locator(STRIP).bounding_box()
     assert box is not None

@@ -172,7 +172,7 @@ def _detail(context: DebugContext, failure: FailedQuery, builder: AnswerBuilder)
     failed = Strong(f"query {query.id}")
     builder.add_line("Last failed: ", failed, f" to node {query.goal}, begun at ", began, f": {failure.failure_mode}.")
     builder.add_line(wrong, f" {failure.text}")
-    builder.add_line("It drove ", _what_to_ask(failure))
+    builder.add_line(_what_to_ask(failure, "It drove"))
     add_map_faults(context, failure, builder)
 
 
@@ -183,17 +183,17 @@ def _later(context: DebugContext, later: Sequence[FailedQuery], builder: AnswerB
     named = f"query {failure.query.id} fails, {failure.failure_mode}, from "
     when = time_link(context.seconds(failure.instant))
     more = f" {len(later) - 1} more after that." if len(later) > 1 else ""
-    builder.add_line(f"Later in this {run}: {named}", when, " on. It drives ", _what_to_ask(failure), more)
+    builder.add_line(f"Later in this {run}: {named}", when, " on. ", _what_to_ask(failure, "It drives"), more)
 
 
-def _what_to_ask(failure: FailedQuery) -> list[Inline]:
-    """Return the driven edge, and links to questions about it."""
+def _what_to_ask(failure: FailedQuery, drove: str) -> list[Inline]:
+    """Return the driven edge after the words `drove`, and links to questions about it."""
     edge = failure.edge or _last_edge(failure.query)
-    driven: list[Inline] = ["nowhere"]
+    asking: list[Inline] = ["Ask “"]
     if edge is not None:
-        driven = [Link(f"edge {edge[0]} → {edge[1]}", PointAt(*edge)), "; point at it"]
+        asking = [f"{drove} ", Link(f"edge {edge[0]} → {edge[1]}", PointAt(*edge)), ": click it, then ask “"]
     questions = [Link(str(question), ChooseQuestion(question)) for question in _NEXT[failure.failure_mode]]
-    return [*driven, ", then ask “", *joined(questions, "” or “"), "”."]
+    return [*asking, *joined(questions, "” or “"), "”."]
 
 
 def _last_edge(query: QueryRecord) -> EdgeKey | None:

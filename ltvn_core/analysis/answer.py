@@ -118,6 +118,8 @@ class Axis(NamedTuple):
     """Name of the quantity with its unit."""
     first: float
     last: float
+    is_count: bool = False
+    """Whether only whole numbers have a meaning."""
 
     def share(self, value: float) -> float:
         """Return the position of a value on the axis: 0 at the first value, 1 at the last."""

@@ -72,10 +72,11 @@ def _step_chart_svg(chart: StepChart) -> str:
 
 
 def axis_ticks(axis: Axis) -> list[float]:
-    """Return two to six round numbers."""
+    """Return two to six round numbers, or fewer on a short axis of whole numbers."""
     span = max(axis.last - axis.first, 1e-9)
     step = 10.0 ** floor(log10(span))
     step = next(each for each in (step / 5, step / 2, step, 2 * step) if span / each <= 5 or each == 2 * step)
+    step = max(step, 1.0) if axis.is_count else step
     first = ceil(axis.first / step - 1e-6)
     last = floor(axis.last / step + 1e-6)
     return [k * step for k in range(first, last + 1)]

@@ -242,7 +242,7 @@ def _chart(values: Sequence[float] | np.ndarray, label: str, colour: Rgb8) -> St
     """Draw one value after each query (Q,)."""
     rows = np.unique(np.linspace(0, len(values) - 1, min(len(values), _POINTS)).astype(np.intp))
     points = tuple((float(row + 1), float(values[row])) for row in rows)
-    x = Axis("queries", 1.0, float(len(values)))
+    x = Axis("queries", 1.0, float(len(values)), is_count=True)
     y = Axis(label, 0.0, max(1.0, float(np.max(values))))
     return StepChart(points, x, y, colour)
 

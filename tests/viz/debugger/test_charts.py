@@ -56,6 +56,10 @@ def test_an_axis_has_a_few_round_ticks(span: float) -> None:
     assert len(ticks) >= 2 or span < 0.3
 
 
+def test_an_axis_that_counts_has_whole_ticks() -> None:
+    assert axis_ticks(Axis("queries", 1.0, 3.0, is_count=True)) == [1.0, 2.0, 3.0]
+
+
 def test_the_axis_of_a_probability_ends_at_one() -> None:
     assert axis_ticks(Axis("p", *PROBABILITY)) == pytest.approx([0.0, 0.2, 0.4, 0.6, 0.8, 1.0])
 

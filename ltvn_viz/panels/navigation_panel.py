@@ -159,8 +159,12 @@ def _state(snapshot: Snapshot) -> str:
         text = f"{progress.navigator} · {len(progress.plan)} nodes planned"
         if progress.localised is not None and progress.localised.node is not None:
             text += f" · at node {progress.localised.node} (d {progress.localised.distance:.2f})"
+        if snapshot.selected is not None and snapshot.way is not None and snapshot.selected != snapshot.way.goal:
+            text += f" · next goal: node {snapshot.selected}"
     elif progress.ended is not None:
         text = _ending(progress.ended.outcome, snapshot)
+        if snapshot.selected is not None and snapshot.selected != progress.ended.goal:
+            text += f" Next goal: node {snapshot.selected}."
     elif snapshot.selected is not None:
         text = f"Goal: node {snapshot.selected}."
     else:

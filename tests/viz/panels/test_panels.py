@@ -200,6 +200,20 @@ def test_on_the_way_three_images_say_where_it_is_what_comes_next_and_where_it_go
     assert re.findall(r"/thumb/(\d+)\.jpg", panel.way.content) == ["9"]
 
 
+def test_a_goal_chosen_while_a_query_runs_is_named_as_the_next_one(
+    server: viser.ViserServer, snapshot: Snapshot
+) -> None:
+    panel = NavigationPanel(server.gui, nothing, "{}?key=k".format)
+    ended = QueryEnded(query=4, goal=7, outcome=Outcome.CANCELLED, steps=1, collisions=0, path_m=0.0)
+    still = snapshot.moment.progress
+    for progress in (still._replace(query=4, goal=7), still._replace(query=None, ended=ended)):
+        there = replace(snapshot, moment=replace(snapshot.moment, progress=progress), way=WayNodes(3, 5, 7))
+        panel.show(replace(there, selected=7))
+        assert "node 12" not in panel.state.content
+        panel.show(replace(there, selected=12))
+        assert "goal: node 12" in panel.state.content
+
+
 def test_an_upload_stands_under_its_heading_beside_places_with_their_likeness(
     server: viser.ViserServer, snapshot: Snapshot
 ) -> None:

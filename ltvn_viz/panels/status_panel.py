@@ -109,7 +109,7 @@ PANEL_MARK = "<i data-ltvn-panel></i>"
 
 _WATCHING = (
     '<div class="lt ltvn-watching-only"><div class="lt-card" data-severity="WARN">'
-    "Another page drives, so what is grey is not for this one. You may look around, ask Why, and stop the robot."
+    "Another page drives; this one only watches. You can look around, ask Why and stop the robot."
     f"{button_row(ActionButton(Action.TAKE_OVER))}</div></div>"
 )
 """Card that a page shows while it does not have the seat."""

@@ -191,7 +191,7 @@ def _what_to_ask(failure: FailedQuery, drove: str) -> list[Inline]:
     edge = failure.edge or _last_edge(failure.query)
     asking: list[Inline] = ["Ask “"]
     if edge is not None:
-        asking = [f"{drove} ", Link(f"edge {edge[0]} → {edge[1]}", PointAt(*edge)), ": click it, then ask “"]
+        asking = [f"{drove} ", Link(f"edge {edge[0]} → {edge[1]}", PointAt(*edge)), ": select it, then ask “"]
     questions = [Link(str(question), ChooseQuestion(question)) for question in _NEXT[failure.failure_mode]]
     return [*asking, *joined(questions, "” or “"), "”."]
 

@@ -2,9 +2,9 @@
 
 Subscribes to the profile's `guard_topic`, and forwards the commands that `CommandGate` accepts to its command topic:
 fresh commands within the limits, and one zero when they stop. At the beginning, after silence, and after a pause of the
-guard itself, a driver must send a zero before it may drive. Whether and why commands are refused is published at
-`guard_status_topic`. `DepthStop` refuses forward motion unless fresh depth shows
-a free corridor ahead, so that a covered or failed camera also stops the robot.
+guard itself, a driver must send a zero before it may drive. `DepthStop` refuses forward motion unless fresh depth shows
+a free corridor ahead, so that a covered or failed camera also stops the robot. Whether and why commands are refused is
+published at the profile's `guard_status_topic`.
 """
 
 import logging
@@ -278,7 +278,7 @@ class Guard:
                 self._publish_status()
         finally:
             self._send(self._gate.close())
-            self._publish_status()
+            self._status.put(guard_status_message(self.status))
 
     @property
     def status(self) -> GuardStatus:

@@ -60,8 +60,8 @@ class GoalLayer:
         )
 
     def show(self, snapshot: Snapshot) -> None:
-        """Put the pin at the chosen goal."""
-        goal = snapshot.selected
+        """Put the pin at the goal of the running query, or else at the chosen goal."""
+        goal = snapshot.selected if snapshot.way is None else snapshot.way.goal
         poses = snapshot.moment.graph.poses_of(() if goal is None else (goal,))
         if len(poses):
             self.pin.position = points(poses[0], 0.0)

@@ -66,7 +66,7 @@ class LearningTime:
 def besides_words(besides_s: float | None) -> str:
     """Return a sentence about the extra time that fine-tuning takes beyond the requested time."""
     if besides_s is None:
-        return "Preparation and evaluation take some minutes more; this page shows their time after the first run."
+        return "Preparation and evaluation add a few minutes; after the first run this page shows how many."
     return f"Preparation and evaluation took {_minutes(max(besides_s, 1.0))} more the last time."
 
 

@@ -26,7 +26,7 @@ function button(className, text, label) {
 }
 
 function arrow(direction) {
-  const made = button(`ltvn-key ltvn-${direction}`, CAPS[direction], `drive ${direction}`);
+  const made = button(`ltvn-key ltvn-${direction}`, CAPS[direction], `${direction === "left" || direction === "right" ? "turn" : "drive"} ${direction}`);
   const source = `pad ${direction}`;
   made.addEventListener("pointerdown", (event) => {
     if (event.button !== 0) return;

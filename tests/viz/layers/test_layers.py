@@ -19,7 +19,7 @@ from ltvn_viz.layers.navigation_layers import GhostLayer, GoalLayer, PlanLayer
 from ltvn_viz.layers.robot_layers import CourseLayer, RobotLayer, TrajectoryLayer
 from ltvn_viz.layers.scene_layer import SceneLayer
 from ltvn_viz.layers.shapes import marker_mesh
-from ltvn_viz.session.snapshot import Snapshot
+from ltvn_viz.session.snapshot import Snapshot, WayNodes
 from ltvn_viz.timeline.run_moment import RunMoment
 from ltvn_viz.wishes import commands as c
 from tests.viz.session_harness import SessionHarness
@@ -209,6 +209,14 @@ def test_the_pin_stands_at_the_goal_and_is_hidden_without_one(server: viser.Vise
     layer.show(replace(snapshot, selected=int(snapshot.moment.graph.ids[3])))
     assert layer.pin.visible
     np.testing.assert_allclose(layer.pin.position[:2], snapshot.moment.graph.poses[3, :2], atol=1e-6)
+
+
+def test_the_pin_stays_at_the_goal_of_the_query_while_the_next_one_is_chosen(
+    server: viser.ViserServer, snapshot: Snapshot
+) -> None:
+    graph, layer = snapshot.moment.graph, GoalLayer(server.scene)
+    layer.show(replace(snapshot, selected=int(graph.ids[3]), way=WayNodes(None, None, int(graph.ids[1]))))
+    np.testing.assert_allclose(layer.pin.position[:2], graph.poses[1, :2], atol=1e-6)
 
 
 def test_ghost_and_plan_appear_on_the_way_and_vanish_after(server: viser.ViserServer, tmp_path: Path) -> None:

@@ -56,12 +56,15 @@ function tabs() {
 }
 
 // viser builds its panel anew when its socket was cut, with the first tab open: the page opens the one chosen last. The
-// choice is noted as it is made, because the panel may be built anew before the page has seen the tab open.
-let chosenTab = null;
+// choice is noted as it is made, because the panel may be built anew before the page has seen the tab open. What a
+// person chose outlasts a reload, too.
+let chosenTab = history.state?.tab ?? null;
 
 function noteChosenTab(event) {
   const tab = event.target.closest?.("#root [role=tab]");
-  chosenTab = tab ? tab.textContent.trim() : chosenTab;
+  if (!tab) return;
+  chosenTab = tab.textContent.trim();
+  if (event.isTrusted) history.replaceState({ tab: chosenTab }, "");
 }
 
 // Until a person chooses one, the tab that the app's first hint names; who only watches can use “Why” alone.

@@ -192,7 +192,7 @@ def test_a_recording_is_made_kept_opened_and_sought(app: FlatApp, page: Page) ->
     until_shown(app, lambda now: now.mode is Mode.TELEOP)
 
 
-def test_a_cut_connection_leaves_the_tab_open_that_was_open(app: FlatApp, chromium: Browser) -> None:
+def test_a_cut_connection_and_a_reload_leave_the_tab_open_that_was_open(app: FlatApp, chromium: Browser) -> None:
     # A page of its own, because viser connects again only while its window has the focus.
     with open_page(chromium, app.server.url, width=1000, height=640, draws=False) as page:
         open_tab(page, "World")
@@ -201,6 +201,8 @@ def test_a_cut_connection_leaves_the_tab_open_that_was_open(app: FlatApp, chromi
         app.server.viser._websock_server.disconnect_all_clients()
 
         expect(page.locator("[role=tablist]:not([data-cut])")).to_be_visible()
+        expect(page.get_by_role("tab", name="World")).to_have_attribute("aria-selected", "true")
+        page.reload()
         expect(page.get_by_role("tab", name="World")).to_have_attribute("aria-selected", "true")
 
 

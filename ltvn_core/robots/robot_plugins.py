@@ -11,15 +11,17 @@ import sys
 from collections.abc import Callable, Mapping
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
-from typing import cast
+from typing import TypeVar, cast
 
-from ltvn_core.errors import LtvnError, PluginError
+from ltvn_core.errors import ImageError, LtvnError, PluginError
 from ltvn_core.extras import naming_the_extra
 from ltvn_core.plugins import ROBOTS, Plugin, find_plugins
 from ltvn_core.preprocessing import admit_observation
 from ltvn_core.robots.robot import Robot
 from ltvn_core.robots.robot_spec import RobotSpec
+from ltvn_core.types import Observation, RobotState
 
+_Answer = TypeVar("_Answer")
 METHODS = ("observe", "state", "drive", "stop")
 HOW_TO = (
     "`--robot NAME` opens an installed robot, `--robot path/to/file.py:factory` one from a Python file, `--robot "
@@ -64,15 +66,27 @@ def check_robot(robot: object, name: str) -> None:
 
 def _check_first_image(robot: Robot, spec: RobotSpec, name: str) -> None:
     try:
-        admit_observation(robot.observe(), spec.camera, spec.camera, source=name)
-        state = robot.state()
-        sound = len(state.odometry) == 3 and all(map(math.isfinite, state.odometry)) and math.isfinite(state.stamp)
-    except LtvnError as error:
+        admit_observation(_answer(robot, "observe", Observation, name), spec.camera, spec.camera, source=name)
+    except ImageError as error:
         raise PluginError(f"The robot {name} returns images that cannot be used: {error}") from error
-    except Exception as error:
-        raise PluginError(f"The robot {name} returns no image ({type(error).__name__}: {error}).") from error
+    state = _answer(robot, "state", RobotState, name)
+    try:
+        sound = len(state.odometry) == 3 and all(map(math.isfinite, [*state.odometry, state.stamp]))
+    except TypeError:  # Not numbers.
+        sound = False
     if not sound:
         raise PluginError(f"The robot {name}: its state must have x, y, yaw and seconds, all finite, got {state}.")
+
+
+def _answer(robot: Robot, method: str, kind: type[_Answer], name: str) -> _Answer:
+    """Return what a method of a robot returns. Raises PluginError if it fails, or returns what it must not."""
+    try:
+        answer = getattr(robot, method)()
+    except Exception as error:  # Another person's code may raise anything.
+        raise PluginError(f"The robot {name} failed in {method}() ({type(error).__name__}: {error}).") from error
+    if not isinstance(answer, kind):
+        raise PluginError(f"The robot {name}: {method}() must return a ltvn_core.{kind.__name__}, got {answer!r:.60}.")
+    return answer
 
 
 def _factory(wanted: str, installed: Mapping[str, Plugin] | None) -> Callable[[], Robot]:

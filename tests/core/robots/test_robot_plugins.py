@@ -38,6 +38,26 @@ def lost():
     robot.state = lambda: FlatRobot.state(robot)._replace(odometry=(float("nan"), 0, 0))
     return robot
 
+def unplugged():
+    robot = make_robot()
+    robot.observe = broken
+    return robot
+
+def wordless():
+    robot = make_robot()
+    robot.state = broken
+    return robot
+
+def wrong_state():
+    robot = make_robot()
+    robot.state = lambda: (0, 0, 0)
+    return robot
+
+def worded():
+    robot = make_robot()
+    robot.state = lambda: FlatRobot.state(robot)._replace(stamp="noon")
+    return robot
+
 def broken():
     raise OSError("no cable")
 
@@ -72,7 +92,11 @@ def test_an_installed_robot_is_found_by_its_name() -> None:
         ("NoSpec", "has no `spec`"),
         ("timeless", "has no `clock`"),
         ("legless", "lacks drive"),
-        ("blind", "returns no image"),
+        ("blind", r"observe\(\) must return a ltvn_core.Observation, got None"),
+        ("unplugged", r"failed in observe\(\) \(OSError: no cable\)"),
+        ("wordless", r"failed in state\(\) \(OSError: no cable\)"),
+        ("wrong_state", r"state\(\) must return a ltvn_core.RobotState, got \(0, 0, 0\)"),
+        ("worded", "all finite"),
         ("lost", "all finite"),
     ],
 )

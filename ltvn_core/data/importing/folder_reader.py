@@ -10,7 +10,7 @@ approximately from the EXIF data of a picture.
 import io
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -63,8 +63,14 @@ class FolderPictures:
     """Pictures that are called depth but have only 8 bits; they are used neither as depth nor as colours."""
     unreadable: Sequence[Path]
 
-    def doubts(self) -> Iterable[str]:
-        """Yield notes about the pictures that are left out, in whole sentences."""
+    def doubts(self, depth: Collection[Path]) -> Iterable[str]:
+        """Yield notes about the pictures that are left out, in whole sentences; `depth` are those used as depth."""
+        if lone := [path for path in self.deep if path not in depth]:
+            yield (
+                f"{len(lone)} images such as {lone[0].name} have one channel of more than 8 bits, so they count as "
+                "depth, and no colour image has their name or number, so they were left out. If they are pictures in "
+                "grey, save them with 8 bits."
+            )
         if self.unreadable:
             kinds = kinds_of(self.unreadable)
             yield f"{len(self.unreadable)} images are in unsupported formats ({kinds}). {_conversion(kinds)}"
@@ -198,7 +204,7 @@ class FolderReader(ImageFilesReader):
         self._described = camera_beside(folder)
         if pictures.unreadable:
             self.dropped[_UNREADABLE] = len(pictures.unreadable)
-        self.doubts += pictures.doubts()
+        self.doubts += pictures.doubts(frozenset(self._depth.values() if options.depth is None else pictures.deep))
         if self._truth is not None and self._truth.missing:
             self.doubts.append(f"{self._truth.missing} images have no valid pose in {self._truth.name}.")
         self.facts = DriveFacts(

@@ -202,6 +202,16 @@ def test_depth_in_the_folder_of_the_colours_is_told_apart_and_paired(tmp_path: P
     assert all(frame.depth_m is None for frame in read(tmp_path, ReadOptions(depth="none")))
 
 
+def test_deep_pictures_without_a_colour_image_are_named_unless_a_person_wants_no_depth(tmp_path: Path) -> None:
+    write_pictures(tmp_path, ["1.png", "3.png"])
+    for name in ("2.png", "4.png"):
+        write_depth(tmp_path / name, 1000)
+    reader = FolderReader.open(tmp_path, ReadOptions())
+    assert [frame.name for frame in reader.frames()] == ["1.png", "3.png"]
+    assert "2 images such as 2.png" in reader.doubts[0]
+    assert not FolderReader.open(tmp_path, ReadOptions(depth="none")).doubts
+
+
 def test_a_folder_of_depth_alone_asks_for_the_colours(tmp_path: Path) -> None:
     for k in range(3):
         write_depth(tmp_path / f"{k}.png", 1000)

@@ -297,8 +297,8 @@ class _DriveImport:
         reasons = ", ".join(f"{reason}: {count}" for reason, count in self._all_dropped().items())
         if not reasons:
             return f"The drive holds no images at all; what was found: {streams}."
-        first = "".join(f" {fault}" for fault in [*self._faults, *self._reader.doubts][:1])
-        return f"None of the images can be used ({reasons}).{first} What was found: {streams}."
+        faults = "".join(f" {fault}" for fault in [*self._faults[:1], *self._reader.doubts])
+        return f"None of the images can be used ({reasons}).{faults} What was found: {streams}."
 
 
 def _median_m(depth: Depth | None) -> float | None:

@@ -141,6 +141,15 @@ def test_a_cut_image_is_left_out_and_a_picture_that_unpacks_to_gigabytes_is_neve
     assert reader.dropped == {"damaged or missing image": 2}
 
 
+def test_a_list_of_images_that_are_all_elsewhere_names_one_of_them(tmp_path: Path) -> None:
+    poses = [f"{100 + k / 10} {k} 0 0 0 0 0 1" for k in range(4)]  # Their world is on its side, which is a doubt too.
+    folder = write_tum_folder(tmp_path / "drive", pose_lines=poses)
+    listed = folder / "rgb.txt"
+    listed.write_text(listed.read_text(encoding="utf-8").replace(".png", ".jpg"), encoding="utf-8")
+    with pytest.raises(DriveError, match=r"rgb/100\.00\.jpg cannot be read"):
+        import_drive(TumReader.open(folder, ReadOptions()), tmp_path / "drive.rrd")
+
+
 def test_a_calibration_as_eth3d_writes_it_names_the_lens(tmp_path: Path) -> None:
     folder = write_tum_folder(tmp_path, frames=1)
     (folder / "calibration.txt").write_text("55.5 56.5 31.5 23.5\n", encoding="utf-8")

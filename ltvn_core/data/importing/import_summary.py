@@ -272,7 +272,8 @@ def _overlap(drive: DriveStatistics) -> Iterator[Finding]:
         yield Finding(
             f"{apart.sum()} of {len(apart)} images do not overlap with the one before: they are farther than {NEAR_M} "
             "m apart, or turned by more than half of the field of view.",
-            remedy=f"Drive slower, or record more images per second. {_thinned(drive)}".rstrip(),
+            remedy="If its poses are in metres and radians, drive slower, or record more images per second. "
+            f"{_thinned(drive)}".rstrip(),
         )
     if drive.coverage.pieces > 1:
         yield Finding(

@@ -58,6 +58,11 @@ def test_images_in_a_row_that_cannot_overlap_are_told(tmp_path: Path) -> None:
     assert "25 pieces" in said(summary)
 
 
+def test_a_yaw_in_degrees_is_told_by_a_question_for_the_unit(tmp_path: Path) -> None:
+    drive = [replace(frame(k, x=0.05 * k), odometry=np.array([0.05 * k, 0, 9.0 * k])) for k in range(25)]
+    assert "If its poses are in metres and radians" in said(imported(tmp_path, drive))
+
+
 def test_odometry_in_another_unit_shows_as_drift(tmp_path: Path) -> None:
     drive = [replace(frame(k, x=0.1 * k), truth=np.array([0.1 * k * 2.54, 0, 0])) for k in range(40)]
     summary = imported(tmp_path, drive, ("rgb", "odometry", "truth"))

@@ -5,7 +5,7 @@ build a map, or drive by a map, use this class.
 """
 
 import logging
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Self
@@ -15,11 +15,13 @@ import numpy as np
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.cameras.rectification import rectified_camera
 from ltvn_core.data.recording.map_file import LoadedMap, check_fingerprint, load_map, save_map
+from ltvn_core.errors import MapError
 from ltvn_core.findings import Finding, WithDoubts
 from ltvn_core.graph.builder import ProgressCallback
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.navigation_system import Deltas, NavigationSystem
 from ltvn_core.graph.topological_graph import TopologicalGraph
+from ltvn_core.image_validity import check_instant
 from ltvn_core.maps.joined_drives import JoinedDrive
 from ltvn_core.maps.joined_map import DriveReport, drive_findings, join_map
 from ltvn_core.maps.map_check import MappedDrive, diagnose
@@ -256,7 +258,7 @@ class TopologicalMap(WithDoubts):
 
 
 def build_map(
-    observations: Sequence[Observation],
+    observations: Iterable[Observation],
     *,
     predictor: Predictor | None = None,
     predictor_name: str = "",
@@ -290,9 +292,11 @@ def build_map(
         progress: Called now and then with the number of images done and the number of all images.
 
     Raises:
-        MapError: There are no observations, their steps repeat, or a goal is not one of them.
+        MapError: There are no observations, their steps repeat, one is something else, or a goal is not one of them.
+        ImageError: An odometry, stamp or step is impossible.
         WeightsError: The shipped weights are damaged.
     """
+    observations = _checked(observations)
     if predictor is None:
         predictor_name = NETWORK
         predictor = open_predictor(NETWORK, weights=system_entry(system.name if system else DEFAULT_SYSTEM).weights)
@@ -353,3 +357,17 @@ def _sequence_findings(in_order: Sequence[Observation], drives: Sequence[JoinedD
     for drive in drives:
         found = sequence_findings([seen for seen in in_order if drive.holds(seen.step)])
         yield from (finding.of(drive.name) for finding in found)
+
+
+def _checked(observations: Iterable[Observation]) -> list[Observation]:
+    """Return the images that a program of another person hands over. Raises MapError and ImageError."""
+    images = list(observations) if isinstance(observations, Iterable) else [observations]
+    for image in images:
+        if not isinstance(image, Observation):
+            raise MapError(
+                f"A map is built from images of the type ltvn_core.Observation, not from {type(image).__name__}. "
+                "`preprocess_observation` makes one of colours, depth and odometry; of a recording, give "
+                "[recording.observation(frame) for frame in recording.frames]."
+            )
+        check_instant(image.odometry, stamp=image.stamp, step=image.step, source=f"image {image.step}")
+    return images

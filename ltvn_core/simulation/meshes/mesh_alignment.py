@@ -32,6 +32,8 @@ _SLAB_M = 0.1
 _LEAST_SPAN_M = 1.0
 _MOST_SPAN_M = 150.0
 _MOST_HEIGHT_M = 40.0
+_MOST_DISTANCE_M = 10_000.0
+"""Largest distance of a mesh from its origin, in metres; vertices with 32 bits are exact to a millimetre there."""
 _UNITS = (0.001, 0.01, 0.0254, 0.3048, 10.0, 100.0, 1000.0)
 """Metres per unit that are tried for a hint: millimetres, centimetres, inches, feet, and models of buildings."""
 _MISSPELT = 0.65
@@ -134,7 +136,7 @@ def align_z_up(surfaces: Surfaces, mesh: Path, settings: MeshSettings) -> Surfac
     """Return the surfaces with z up and in metres, without stray triangles far outside.
 
     Raises:
-        SceneError: The size is impossible for an indoor scene.
+        SceneError: The size is impossible for an indoor scene, or the mesh is far from its origin.
     """
     up = settings.up or ("z" if mesh.stem.startswith("mesh_z_up") else _guess_up(surfaces, mesh, settings.scale))
     vertices = (surfaces.vertices * settings.scale).astype(np.float32)
@@ -144,6 +146,7 @@ def align_z_up(surfaces: Surfaces, mesh: Path, settings: MeshSettings) -> Surfac
     turned = replace(surfaces, vertices=vertices)
     low, high = _extent(turned)
     _check_size(high - low, mesh)
+    _check_place((low + high) / 2, mesh)
     corners = vertices[surfaces.faces]
     margin = 0.5 * (high - low).max() + 1
     return turned.only(((corners > low - margin) & (corners < high + margin)).all(axis=(1, 2)))
@@ -198,6 +201,19 @@ def _check_size(size: NDArray[np.float64], mesh: Path) -> None:
         f"scene in metres (a floor is {_LEAST_SPAN_M:g} to {_MOST_SPAN_M:g} m wide). If it has another unit, write "
         "the metres per unit into "
         f'{mesh.with_suffix(".json")}, for instance {{"scale": {factor:g}}}.'
+    )
+
+
+def _check_place(middle: NDArray[np.float64], mesh: Path) -> None:
+    if np.abs(middle).max() <= _MOST_DISTANCE_M:
+        return
+    place = ", ".join(f"{along / 1000:,.0f}" for along in middle)
+    raise SceneError(
+        f"{mesh} lies far from its origin, at ({place}) km, as surveyed coordinates do (such as UTM). So far away, "
+        f"32 bits do not tell centimetres apart; move it within {_MOST_DISTANCE_M / 1000:g} km of the origin, for "
+        "instance by CloudCompare, or in Python: import trimesh; scene = "
+        f"trimesh.load_scene({str(mesh)!r}); scene.apply_translation(-scene.centroid); "
+        f"scene.export({str(mesh.with_stem(mesh.stem + '_moved'))!r})"
     )
 
 

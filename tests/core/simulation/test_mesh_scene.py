@@ -264,6 +264,23 @@ def test_the_hint_of_a_unit_makes_a_scene_of_the_size_of_a_building(tmp_path: Pa
     assert 1 < side_m * float(hint.rstrip("}.")) < 150
 
 
+@pytest.mark.parametrize("suffix", [".obj", ".ply"])
+def test_a_mesh_in_coordinates_of_the_earth_is_refused_with_a_program_that_moves_it(
+    tmp_path: Path, suffix: str
+) -> None:
+    house = box_house("vertex").apply_translation((500_000, 4_500_000, 120))
+    path = save(house, tmp_path / f"surveyed{suffix}")
+    with pytest.raises(SceneError, match=r"far from its origin, at \(500, 4,500, 0\) km") as refused:
+        load_scene(str(path))
+    exec(str(refused.value).split("in Python: ")[1])
+    assert np.isfinite(load_scene(str(tmp_path / f"surveyed_moved{suffix}")).area_m2)
+
+
+def test_a_mesh_a_few_kilometres_from_its_origin_is_a_scene(tmp_path: Path) -> None:
+    moved = save(box_house().apply_translation((4_000, -3_000, 120)), tmp_path / "campus.glb")
+    assert load_scene(str(moved)).area_m2 == pytest.approx(24.0, rel=0.15)
+
+
 def test_a_map_of_a_floor_that_the_mesh_does_not_have_is_refused(tmp_path: Path) -> None:
     folder, house = tmp_path / "Space", box_house()
     house.delete_geometry([name for name, part in house.geometry.items() if part.bounds[1, 2] < 0.05])

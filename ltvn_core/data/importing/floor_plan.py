@@ -27,6 +27,7 @@ UNKNOWN = -1
 OCCUPIED = 100
 MOST_M = 100_000.0
 """Upper limit for the size of a floor plan and for its distance from the origin, in metres."""
+_PICTURES = frozenset((".pgm", ".png", ".jpg", ".jpeg", ".bmp"))
 _OCCUPIED_THRESHOLD, _FREE_THRESHOLD = 0.65, 0.196
 """Default thresholds. The grey value 205, which map savers write for unknown, is just above the second, so it is not
 free."""
@@ -59,6 +60,12 @@ class FloorPlan:
     @classmethod
     def open(cls, path: Path) -> Self:
         """Read `map.yaml` and its image. Raises DriveError, whose message says what to correct."""
+        if path.suffix.lower() in _PICTURES:
+            raise DriveError(
+                f"{path} is the picture of a floor plan; name its map.yaml instead, which says where it lies. If "
+                f"there is none, write one: image: {path.name}, resolution: 0.05 (metres per pixel), origin: [0, 0, 0] "
+                "(x, y, yaw of the lower left corner), each in its own line."
+            )
         said = CalibrationYaml(path, what="map.yaml")
         name = said.word("image")
         if not name:

@@ -1,8 +1,10 @@
 """A `map.yaml` of nav2 and its picture are read as the map server reads them, and laid under a map by points."""
 
 import os
+import re
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -103,6 +105,17 @@ def test_what_cannot_be_right_is_refused_in_one_line(tmp_path: Path, said: str, 
     with pytest.raises(DriveError, match=expected) as caught:
         FloorPlan.open(path)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("suffix", [".pgm", ".PNG"])
+def test_the_picture_in_place_of_its_yaml_is_refused_with_lines_that_make_one(tmp_path: Path, suffix: str) -> None:
+    picture = tmp_path / f"house{suffix}"
+    cv2.imwrite(str(picture), np.full((40, 60), 254, np.uint8))
+    with pytest.raises(DriveError, match=r"name its map\.yaml") as refused:
+        FloorPlan.open(picture)
+    lines = re.findall(r"(image: \S+(?=,)|resolution: [0-9.]+|origin: \[.*?\])", str(refused.value))
+    (tmp_path / "map.yaml").write_text("\n".join(lines), encoding="utf-8")
+    assert FloorPlan.open(tmp_path / "map.yaml").size_m == (3.0, 2.0)
 
 
 def test_a_missing_file_and_a_link_to_outside_are_refused(tmp_path: Path) -> None:

@@ -80,6 +80,10 @@ def _recognised(path: Path) -> ReaderClass:
         )
     if path.suffix.lower() in _SCENES:
         raise DriveError(f"{path} is a scene, not a drive: `ltvn app --scene {path}` opens it, to drive in.")
+    if path.is_file() and path.stat().st_size == 0:
+        raise DriveError(f"{path} is empty (0 bytes); copy or record it again.")
+    if path.is_dir() and not any(path.iterdir()):
+        raise DriveError(f"{path} is an empty folder; name the file or folder of one drive.")
     require_plain(path)  # No reader may recognise a Git LFS pointer as the file that it stands for.
     raise DriveError(
         f"{path} is not in a supported format ({', '.join(reader_names())}); name the file or folder of one drive, "

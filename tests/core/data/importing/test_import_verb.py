@@ -33,6 +33,8 @@ def test_a_real_drive_is_imported_with_one_command(tmp_path: Path, capsys: pytes
     [
         (["{tmp}/missing"], "There is no file or folder"),
         (["{tmp}/strange.bin"], "not in a supported format"),
+        (["{tmp}/nothing.mp4"], "nothing.mp4 is empty"),
+        (["{tmp}/bare"], "bare is an empty folder"),
         (["{tmp}/house.glb"], "--scene"),
         (["{tmp}/strange.bin", "--format", "floppy"], "No reader is called 'floppy'"),
         ([str(EXCERPT), "--camera", "1,2,3"], "--camera 1,2,3"),
@@ -45,6 +47,8 @@ def test_what_cannot_be_imported_ends_with_one_clear_line(
 ) -> None:
     (tmp_path / "strange.bin").write_bytes(b"\0\1\2\3" * 100)
     (tmp_path / "house.glb").write_bytes(b"glTF")
+    (tmp_path / "nothing.mp4").touch()
+    (tmp_path / "bare").mkdir()
     filled = [argument.replace("{tmp}", str(tmp_path)) for argument in arguments]
     assert main(["import", *filled, "--output", str(tmp_path / "tour.rrd")]) == 1
     said = capsys.readouterr().err

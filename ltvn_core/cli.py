@@ -274,11 +274,21 @@ def _is_output_closed() -> bool:
     return False
 
 
+def _holds_json(path: "Path") -> bool:
+    with path.open("rb") as file:
+        return file.read(1) in (b"", b"{")
+
+
 def _write_summary(path: "Path", summary: "Summary") -> None:
-    """Write a summary; if the file cannot be written, print it, so that the result of a long run is not lost."""
+    """Write a summary to a new file, or over JSON or an empty file: no recording is ever lost by it.
+
+    If the file cannot be written, print the summary, so that the result of a long run is not lost.
+    """
     from ltvn_core.verbs.verb import to_json
 
     try:
+        if path.is_file() and not _holds_json(path):
+            raise FileExistsError("the file exists and is no summary, so it is kept; name another one")
         path.write_text(to_json(summary) + "\n", encoding="utf-8")
     except (OSError, ValueError) as error:
         print(to_json(summary))

@@ -97,6 +97,21 @@ def test_a_summary_is_text_for_a_person_and_json_for_a_program(
     assert json.loads((tmp_path / "info.json").read_text(encoding="utf-8")) == summary
 
 
+@pytest.mark.parametrize("name", ["drive.rrd", "notes.txt"])
+def test_a_summary_never_replaces_a_file_of_another_kind(
+    drive: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
+) -> None:
+    (tmp_path / "notes.txt").write_text("my notes", encoding="utf-8")
+    before = (tmp_path / name).read_bytes()
+    ran = ltvn_here(capsys, "info", drive, "--json", tmp_path / name)
+    assert ran.code == 1
+    assert "is no summary, so it is kept" in ran.stderr
+    assert json.loads(ran.stdout)["frames"] == 10
+    assert (tmp_path / name).read_bytes() == before
+    for _ in range(2):
+        assert ltvn_here(capsys, "info", drive, "--json", tmp_path / "info.json").code == 0
+
+
 def test_rows_of_a_summary_get_a_line_each() -> None:
     rows = [measured("seek", 0.8, "ms", at_most=100), measured("recolour", 296, "kB", at_most=400)]
     _, first, second = to_text(BenchSummary("a laptop", rows)).split("\n  (")

@@ -1,6 +1,7 @@
 """Overlay of a debugger question on the map.
 
-The selected edge keeps the colour of its p and gets a white halo, because another colour would show a wrong p.
+The selected edge has a white halo. It keeps the colour that the answer gives it, for instance that of edges that cannot
+be driven; where the answer only points at it, it keeps the colour of its p, because orange would show a wrong p.
 """
 
 from collections.abc import Sequence
@@ -14,7 +15,7 @@ from ltvn_core.analysis.map_history import GraphArrays
 from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_viz.layers import NODE_Z, PLAN_Z
 from ltvn_viz.layers.shapes import LineSegments, drops, points
-from ltvn_viz.session.inspection import EMPTY_OVERLAY, Label, Overlay, Stroke
+from ltvn_viz.session.inspection import EMPTY_OVERLAY, Label, Overlay, QuestionName, Stroke
 from ltvn_viz.session.snapshot import Snapshot
 
 _LABELS = 24
@@ -36,15 +37,19 @@ class DebuggerLayer:
         self._ghosts = drops(scene, "/debugger/ghosts", 0.34)
         self._labels: list[viser.LabelHandle] = []
         self._drawn: Overlay = EMPTY_OVERLAY
+        self._selected: EdgeKey | None = None
 
     def show(self, snapshot: Snapshot) -> None:
-        """Draw the overlay when it changed."""
-        overlay = snapshot.inspection.answer.overlay
+        """Draw the overlay when it or the selected edge changed."""
+        inspection = snapshot.inspection
+        overlay = inspection.answer.overlay
+        selected = None if inspection.question is QuestionName.NONE else inspection.selection.edge
         graph = snapshot.moment.graph
-        if overlay is self._drawn:
+        if overlay is self._drawn and selected == self._selected:
             return
         self._drawn = overlay
-        self._draw_strokes(overlay.strokes, graph, snapshot.inspection.selection.edge)
+        self._selected = selected
+        self._draw_strokes(overlay.strokes, graph, selected)
         there = set(graph.ids.tolist()) if overlay.nodes else set()
         known = [node for node in overlay.nodes if node in there]
         self._nodes.place(graph.poses_of(tuple(known)), NODE_Z + 0.02)
@@ -62,7 +67,12 @@ class DebuggerLayer:
         if found is not None:
             ends, p = found
             is_selected = np.all(np.abs(segments - ends) < _SAME_PLACE_M, axis=(1, 2))
-            colours[is_selected] = palette.probability_colours([p])
+            if not is_selected.any():
+                segments = np.concatenate((segments, ends[None]))
+                colours = np.concatenate((colours, np.array([palette.TARGET], np.uint8)))
+                is_selected = np.append(is_selected, True)
+            is_pointed_at = is_selected & np.all(colours == np.array(palette.TARGET), axis=1)
+            colours[is_pointed_at] = palette.probability_colours([p])
         halo = segments[is_selected]
         self.halo.draw(points(halo, _OVERLAY_Z - _HALO_BELOW_M), np.full((len(halo), 3), 255, np.uint8))
         self.strokes.draw(points(segments, _OVERLAY_Z), colours)

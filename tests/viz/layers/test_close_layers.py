@@ -14,7 +14,7 @@ from ltvn_core.analysis.map_history import GraphArrays
 from ltvn_viz.layers.close_layers import HEADINGS_WITHIN_M, LEAST_MARKER_M, MARKER_Z, HeadingsLayer, RobotMarker
 from ltvn_viz.layers.debugger_layer import DebuggerLayer
 from ltvn_viz.layers.world_layers import DOOR_HANDLE_Z
-from ltvn_viz.session.inspection import Inspection, Overlay, QuestionAnswer, Selection, Stroke, stroke
+from ltvn_viz.session.inspection import Inspection, Overlay, QuestionAnswer, QuestionName, Selection, Stroke, stroke
 from ltvn_viz.session.snapshot import Snapshot
 from ltvn_viz.timeline.run_moment import RunMoment
 
@@ -69,17 +69,38 @@ def test_headings_are_drawn_from_near_alone(server: viser.ViserServer) -> None:
     assert len(layer.ticks.handle.points) == len(GRAPH.ids)
 
 
-def test_a_selected_edge_keeps_the_colour_of_its_p_within_a_white_halo(server: viser.ViserServer) -> None:
-    layer = DebuggerLayer(server.scene)
-    selected, other = (
-        stroke(GRAPH.poses[0], GRAPH.poses[1], palette.TARGET),
-        Stroke((5.0, 5.0), (6.0, 6.0), palette.PLAN),
-    )
-    shown = Inspection(answer=QuestionAnswer(overlay=Overlay((selected, other))), selection=Selection(edge=(7, 8)))
-    layer.show(Snapshot(moment=RunMoment(graph=GRAPH), inspection=shown))
+def test_a_selected_edge_that_is_only_pointed_at_keeps_the_colour_of_its_p_within_a_white_halo(
+    server: viser.ViserServer,
+) -> None:
+    other = Stroke((5.0, 5.0), (6.0, 6.0), palette.PLAN)
+    layer = _selecting_layer(server, stroke(GRAPH.poses[0], GRAPH.poses[1], palette.TARGET), other)
     first, second = layer.strokes.handle.colors[:, 0]
     np.testing.assert_array_equal(first, palette.srgb_to_linear(palette.probability_colours([0.95]))[0])
     np.testing.assert_array_equal(second, palette.srgb_to_linear(np.array(palette.PLAN)))
     assert len(layer.halo.handle.points) == 1
     assert layer.halo.handle.colors.min() == 255
     assert layer.halo.handle.thickness > layer.strokes.handle.thickness
+
+
+def test_a_selected_edge_keeps_the_colour_of_what_the_answer_says_about_it(server: viser.ViserServer) -> None:
+    layer = _selecting_layer(server, stroke(GRAPH.poses[0], GRAPH.poses[1], palette.EDGE_REMOVED))
+    np.testing.assert_array_equal(
+        layer.strokes.handle.colors[0, 0], palette.srgb_to_linear(np.array(palette.EDGE_REMOVED))
+    )
+    assert len(layer.halo.handle.points) == 1
+
+
+def test_a_selected_edge_is_seen_although_the_answer_does_not_draw_it(server: viser.ViserServer) -> None:
+    layer = _selecting_layer(server)
+    assert len(layer.strokes.handle.points) == len(layer.halo.handle.points) == 1
+    layer.show(Snapshot(moment=RunMoment(graph=GRAPH), inspection=Inspection(selection=Selection(edge=(7, 8)))))
+    assert not layer.halo.handle.visible
+
+
+def _selecting_layer(server: viser.ViserServer, *strokes: Stroke) -> DebuggerLayer:
+    """Return a layer that shows an answer with these strokes while the edge from 7 to 8 is selected."""
+    layer = DebuggerLayer(server.scene)
+    answer = QuestionAnswer(overlay=Overlay(strokes))
+    shown = Inspection(question=QuestionName.FAILURES, answer=answer, selection=Selection(edge=(7, 8)))
+    layer.show(Snapshot(moment=RunMoment(graph=GRAPH), inspection=shown))
+    return layer

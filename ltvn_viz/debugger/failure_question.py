@@ -6,7 +6,7 @@ Owns the layout of the answer, and the curves of success, nodes and edges over q
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -107,6 +107,7 @@ class FailureQuestion(Question[ShowFailures]):
         known = findings.until(context.step)
         shown = [each for each in known.failures if self._only in (None, each.failure_mode)]
         self._causes(known, builder)
+        ends = builder.add_selected_edge(selection)
         later = findings.failures[len(known.failures) :]
         is_failing = bool(later) and later[0].query.begin.step <= context.step
         if shown and not is_failing:
@@ -118,7 +119,8 @@ class FailureQuestion(Question[ShowFailures]):
         add_lifelong_curves(context, known.strip, builder)
         if later:
             _later(context, later, builder)
-        return builder.build(self._overlay(context, shown))
+        drawn = self._overlay(context, shown)
+        return builder.build(replace(drawn, nodes={**drawn.nodes, **ends}) if ends else drawn)
 
     def handle_request(self, context: DebugContext, request: ShowFailures) -> None:
         """Show one cause, or all causes."""

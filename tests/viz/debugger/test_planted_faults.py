@@ -54,6 +54,13 @@ def test_playing_stops_where_the_first_attempt_fails_at_the_edge_through_the_wal
     assert "attempt 1 along edge 1489->2621 failed" in stopped.message.text
 
 
+def test_an_edge_that_is_selected_among_the_failures_is_named_there(do: Do) -> None:
+    do(c.ChooseQuestion(QuestionName.FAILURES), c.Seek(20.1))
+    shown = do(c.PointAt(3081, 2226))
+    assert "3081 → 2226: its images and attempts" in words(shown)
+    assert {3081, 2226} <= shown.inspection.answer.overlay.nodes.keys()
+
+
 def test_without_the_edge_through_the_wall_there_is_a_way_round(do: Do) -> None:
     do(c.ChooseQuestion(QuestionName.WHAT_IF), c.Seek(1.0))
 

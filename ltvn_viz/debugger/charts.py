@@ -22,12 +22,14 @@ from ltvn_core.palette import Rgb8
 from ltvn_viz.debugger.presence_chart import presence_svg
 
 WIDTH_PX = 360
-HEIGHT_PX = 150
+HEIGHT_PX = 156
 _LANE_PX = 9
-_LEFT_PX = 34
+_LEFT_PX = 44
 _RIGHT_PX = 10
-_TOP_PX = 20
+_TOP_PX = 26
 _BOTTOM_PX = 36
+_TITLE_ROW_PX = 13
+"""Baseline of the title of the y-axis, clear of the top number."""
 _FONT_PX = 13
 _INK = "#b6b8bb"
 _RULE = "#868e96"
@@ -111,7 +113,7 @@ def _axes(x: Axis, y: Axis) -> str:
         at = _u(x, tick)
         parts.append(f'<path d="M{at} {bottom}v4" stroke="{_RULE}"/>')
         parts.append(_text(float(at), bottom + 17, f"{tick:g}", "middle"))
-    parts.append(_text(2, 13, y.label, "start"))
+    parts.append(_text(2, _TITLE_ROW_PX, y.label, "start"))
     parts.append(_text(right, HEIGHT_PX - 4, x.label, "end"))
     return "".join(parts)
 
@@ -133,7 +135,7 @@ def _now(x: Axis, now: float) -> str:
     at = float(_u(x, now))
     anchor, shift = ("end", -4) if x.share(now) > 0.8 else ("start", 4)
     line = f'<path d="M{at:.1f} {_TOP_PX - 6}V{HEIGHT_PX - _BOTTOM_PX}" stroke="white" stroke-width="1.5"/>'
-    return line + _text(at + shift, _TOP_PX - 6, "now", anchor, "white")
+    return line + _text(at + shift, _TITLE_ROW_PX, "now", anchor, "white")
 
 
 def _text(x: float, y: float, words: str, anchor: str, colour: str = _INK) -> str:

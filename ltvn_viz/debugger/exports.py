@@ -20,11 +20,14 @@ from ltvn_viz.session.recording_library import RecordingLibrary
 
 
 def save_excerpt(library: RecordingLibrary, name: str, from_s: float, to_s: float) -> tuple[Path, Path]:
-    """Write an excerpt between two times of the robot's clock, and a test in the same folder. Raises LtvnError."""
+    """Write an excerpt between two times of the robot's clock, and a test in the same folder. Raises LtvnError.
+
+    Both names have the second of the recording at which it begins, as the page shows it.
+    """
     recording = Recording.open(library.path(name))
     begin, end = time_span(recording)
     from_s, to_s = max(from_s, begin), min(to_s, end)
-    output = library.new_file(f"moment-{Path(name).stem}-{from_s:.0f}s")
+    output = library.new_file(f"moment-{Path(name).stem}-{from_s - begin:.0f}s")
     write_excerpt(recording, output, from_s=from_s, to_s=to_s)
     test = library.new_file(f"test_{re.sub(r'[^0-9A-Za-z]+', '_', output.stem)}", ".py")
     write_excerpt_test(recording, output, test, from_s=from_s, to_s=to_s)

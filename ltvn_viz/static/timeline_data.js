@@ -40,6 +40,7 @@ function takeMarks({ run, first, rows }) {
     if (kind === TIMELINE.began) strip.queries.push({ id: one, goal: other, from: time, to: null, end: null });
     else if (kind === TIMELINE.ended) endQuery(one, time, other);
   }
+  showMoment(); // Whether there is a query before or after it is known only now.
   drawSoon();
 }
 

@@ -150,6 +150,6 @@ def _inline(part: Inline, numbers: Iterator[int]) -> str:
             where = f'data-ltvn-download="{escape(address)}" data-name="{escape(name)}"'
             return f'<button type="button" class="lt-words" {where}>{escape(label)}</button>'
         case Hint(text, about):
-            return f'<span title="{escape(about)}">{escape(text)}</span>'
+            return f'<span class="lt-term" title="{escape(about)}">{escape(text)}</span>'
         case _:
             assert_never(part)

@@ -49,6 +49,8 @@ from ltvn_viz.server.glossary import explained
 
 _PICTURE_PX = 288
 """Width of an image in an answer."""
+_WHOLE_LETTERS = 30
+"""A link of so many letters fits into one line of the narrowest page, and is not broken, for instance at a minus."""
 
 
 def picture_figure(picture: Picture) -> str:
@@ -140,7 +142,8 @@ def _inline(part: Inline, numbers: Iterator[int]) -> str:
         case Link(label, _, about):
             title = f' title="{escape(about)}"' if about else ""
             target = f'data-ltvn-action="follow" data-id="link-{next(numbers)}" {REACHED_BY_TAB}'
-            return f'<a class="lt-link" {target}{title}>{escape(label)}</a>'
+            whole = " lt-whole" if len(label) <= _WHOLE_LETTERS else ""
+            return f'<a class="lt-link{whole}" {target}{title}>{escape(label)}</a>'
         case Address(label, url, in_new_tab):
             where = ' target="_blank" rel="noreferrer"' if in_new_tab else ""
             return f'<a href="{escape(url)}"{where} class="lt-link">{escape(label)}</a>'

@@ -97,6 +97,7 @@ STYLE = f"""<style>
 .lt-dot {{ padding: 0 .25em; border-radius: .35em; }}
 .lt-dot i {{ font-style: normal; }}
 .lt-link {{ color: var(--ltvn-link); cursor: pointer; text-decoration: underline; }}
+.lt-whole {{ white-space: nowrap; }}
 .lt-pair {{ display: flex; gap: .4em; }}
 .lt-why figure {{ flex: 1; margin: 0; }}
 .lt-why figure img, .lt-none {{ width: 100%; aspect-ratio: 4/3; border-radius: .35em; display: block; }}

@@ -37,19 +37,21 @@ class DebuggerLayer:
         self._ghosts = drops(scene, "/debugger/ghosts", 0.34)
         self._labels: list[viser.LabelHandle] = []
         self._drawn: Overlay = EMPTY_OVERLAY
-        self._selected: EdgeKey | None = None
+        self._selected: tuple[EdgeKey, float] | None = None  # With its p.
 
     def show(self, snapshot: Snapshot) -> None:
-        """Draw the overlay when it or the selected edge changed."""
+        """Draw the overlay when it, the selected edge or the p of that edge changed."""
         inspection = snapshot.inspection
         overlay = inspection.answer.overlay
         selected = None if inspection.question is QuestionName.NONE else inspection.selection.edge
         graph = snapshot.moment.graph
-        if overlay is self._drawn and selected == self._selected:
+        found = None if selected is None else _edge(graph, selected)
+        believed = None if selected is None or found is None else (selected, found[1])
+        if overlay is self._drawn and believed == self._selected:
             return
         self._drawn = overlay
-        self._selected = selected
-        self._draw_strokes(overlay.strokes, graph, selected)
+        self._selected = believed
+        self._draw_strokes(overlay.strokes, found)
         there = set(graph.ids.tolist()) if overlay.nodes else set()
         known = [node for node in overlay.nodes if node in there]
         self._nodes.place(graph.poses_of(tuple(known)), NODE_Z + 0.02)
@@ -59,13 +61,13 @@ class DebuggerLayer:
         self._ghosts.paint(np.tile(np.array(palette.PREDICTED_POSE, np.uint8), (len(ghosts), 1)))
         self._write(overlay.labels)
 
-    def _draw_strokes(self, strokes: Sequence[Stroke], graph: GraphArrays, selected: EdgeKey | None) -> None:
+    def _draw_strokes(self, strokes: Sequence[Stroke], selected: tuple[NDArray[np.float64], float] | None) -> None:
+        """Draw the strokes, and around the selected edge, given as its ends (2, 2) and its p, a halo."""
         segments = np.array([(each.start, each.end) for each in strokes], np.float64).reshape(-1, 2, 2)
         colours = np.array([each.colour for each in strokes], np.uint8).reshape(-1, 3)
         is_selected = np.zeros(len(segments), bool)
-        found = None if selected is None else _edge(graph, selected)
-        if found is not None:
-            ends, p = found
+        if selected is not None:
+            ends, p = selected
             is_selected = np.all(np.abs(segments - ends) < _SAME_PLACE_M, axis=(1, 2))
             if not is_selected.any():
                 segments = np.concatenate((segments, ends[None]))

@@ -361,8 +361,9 @@ def _sequence_findings(in_order: Sequence[Observation], drives: Sequence[JoinedD
 
 def _checked(observations: Iterable[Observation]) -> list[Observation]:
     """Return the images that a program of another person hands over. Raises MapError and ImageError."""
-    images = list(observations) if isinstance(observations, Iterable) else [observations]
-    for image in images:
+    given: list[object] = list(observations) if isinstance(observations, Iterable) else [observations]
+    images = list[Observation]()
+    for image in given:
         if not isinstance(image, Observation):
             raise MapError(
                 f"A map is built from images of the type ltvn_core.Observation, not from {type(image).__name__}. "
@@ -370,4 +371,5 @@ def _checked(observations: Iterable[Observation]) -> list[Observation]:
                 "[recording.observation(frame) for frame in recording.frames]."
             )
         check_instant(image.odometry, stamp=image.stamp, step=image.step, source=f"image {image.step}")
+        images.append(image)
     return images

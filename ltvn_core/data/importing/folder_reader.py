@@ -235,7 +235,8 @@ class FolderReader(ImageFilesReader):
         rgb = decode_colour(blob, name)
         height, width = rgb.shape[:2]
         camera = self._options.camera or self._described.camera or _exif_camera(blob, width, height)
-        return self._raw_frame(moment, name, rgb, camera=camera, depth_m=self._read_depth(image))
+        depth_m = self._if_readable(lambda: self._read_depth(image))
+        return self._raw_frame(moment, name, rgb, camera=camera, depth_m=depth_m)
 
     def _read_depth(self, picture: Path) -> Depth | None:
         path = self._depth.get(picture)

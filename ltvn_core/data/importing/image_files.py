@@ -5,7 +5,7 @@ Owns the conversion of a list of images to raw frames, and the least confidence 
 
 from abc import ABC, abstractmethod
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any, Self
 
@@ -44,6 +44,8 @@ class ImageFilesReader(ABC):
         """Number of images that were left out, by reason."""
         self.doubts: list[str] = []
         """Doubts about the drive, as sentences."""
+        self._unread_depths: list[str] = []
+        """Why depth images could not be read."""
 
     @classmethod
     def open(cls, path: Path, options: ReadOptions) -> Self:
@@ -57,8 +59,9 @@ class ImageFilesReader(ABC):
     def frames_where(self, wanted: FrameFilter) -> Iterator[RawFrame]:
         """Yield the frames of the wanted moments; the images of other moments are not read.
 
-        An image that cannot be read is counted, and the first such image is reported as a doubt. Raises DriveError
-        where the first `MOST_AT_FIRST` images cannot be read.
+        An image that cannot be read is counted, and the first such image is reported as a doubt. An image whose depth
+        cannot be read comes without depth, which is a doubt too. Raises DriveError where the first `MOST_AT_FIRST`
+        images cannot be read.
         """
         found_any = False
         for moment, image in self._images():
@@ -75,6 +78,11 @@ class ImageFilesReader(ABC):
                     raise DriveError(
                         f"None of the first {self.MOST_AT_FIRST:,} images can be read. {self.doubts[-1]}"
                     ) from error
+        if self._unread_depths:
+            self.doubts.append(
+                f"{len(self._unread_depths)} depth images could not be read, so their images have no depth: "
+                f"{self._unread_depths[0]}"
+            )
 
     @abstractmethod
     def _images(self) -> Iterable[tuple[FrameMoment, Any]]:
@@ -92,6 +100,14 @@ class ImageFilesReader(ABC):
         """Return the depth (H, W) in metres of a file in the folder; `unit_m` is the size of its unit. Raises
         DriveError."""
         return decode_depth(read_bytes_within(self._folder, name), unit_m, name)
+
+    def _if_readable(self, read: Callable[[], Depth | None]) -> Depth | None:
+        """Return the depth that `read` returns; None, and count it, if it cannot be read."""
+        try:
+            return read()
+        except DriveError as error:
+            self._unread_depths.append(str(error))
+            return None
 
     def _raw_frame(
         self,

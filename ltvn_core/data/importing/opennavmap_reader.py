@@ -60,7 +60,8 @@ class OpenNavMapReader(ImageFilesReader):
     def _frame(self, moment: FrameMoment, image: str) -> RawFrame:
         rgb = self._colours(image)
         camera = self._options.camera or self._lens(image)
-        return self._raw_frame(moment, image, rgb, camera=camera, depth_m=self._read_depth(image))
+        depth_m = self._if_readable(lambda: self._read_depth(image))
+        return self._raw_frame(moment, image, rgb, camera=camera, depth_m=depth_m)
 
     def _lens(self, name: str) -> CameraModel | None:
         if name not in self._lenses:

@@ -120,7 +120,9 @@ class TumReader(ImageFilesReader):
     def _frame(self, moment: FrameMoment, image: tuple[str, str | None]) -> RawFrame:
         name, depth_name = image
         rgb = self._colours(name)
-        depth = None if depth_name is None else self._depth_m(depth_name, self._depth_unit_m)
+        depth = None
+        if depth_name is not None:
+            depth = self._if_readable(lambda: self._depth_m(depth_name, self._depth_unit_m))
         return self._raw_frame(
             moment,
             name,

@@ -248,7 +248,7 @@ class RtabmapExportReader(ImageFilesReader):
     def _frame(self, moment: FrameMoment, image: Path) -> RawFrame:
         name = str(image.relative_to(self._folder))
         rgb = self._colours(name)
-        depth_m = self._depth(image)
+        depth_m = self._if_readable(lambda: self._depth(image))
         return self._raw_frame(moment, name, rgb, depth_m=depth_m, camera=self._lens(image, rgb.shape[1], rgb.shape[0]))
 
     def _lens(self, image: Path, width: int, height: int) -> CameraModel | None:

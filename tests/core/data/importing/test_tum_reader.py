@@ -141,6 +141,21 @@ def test_a_cut_image_is_left_out_and_a_picture_that_unpacks_to_gigabytes_is_neve
     assert reader.dropped == {"damaged or missing image": 2}
 
 
+@pytest.mark.parametrize("damage", [b"", b"no image", None])
+def test_an_image_whose_depth_cannot_be_read_comes_without_depth_and_that_is_said(
+    tmp_path: Path, damage: bytes | None
+) -> None:
+    folder = write_tum_folder(tmp_path)
+    deep = folder / "depth/100.10.png"
+    deep.unlink()
+    if damage is not None:
+        deep.write_bytes(damage)
+    reader = TumReader.open(folder, ReadOptions())
+    assert [frame.depth_m is None for frame in reader.frames()] == [False, True, False, False]
+    assert not reader.dropped
+    assert any("100.10.png" in doubt and "1 depth" in doubt for doubt in reader.doubts)
+
+
 def test_a_list_of_images_that_are_all_elsewhere_names_one_of_them(tmp_path: Path) -> None:
     poses = [f"{100 + k / 10} {k} 0 0 0 0 0 1" for k in range(4)]  # Their world is on its side, which is a doubt too.
     folder = write_tum_folder(tmp_path / "drive", pose_lines=poses)

@@ -199,6 +199,7 @@ class FolderReader(ImageFilesReader):
         if options.depth != NOTHING:
             self._depth = depth_partners(folder, options.depth, pictures)
         self._table = _table(folder, options.odometry)
+        self.doubts += [] if self._table is None else self._table.doubts
         self._stamps = self._known_stamps()
         self._truth = poses_beside(folder, self._pictures)
         self._described = camera_beside(folder)

@@ -143,10 +143,14 @@ class OdometryTable:
     """A table of odometry."""
 
     def __init__(self, name: str, keys: Sequence[str], poses: Pose) -> None:
-        """Take N keys (file names or stamps) and poses (N, 3)."""
+        """Take N keys (file names or stamps) and poses (N, 3); a row whose pose is not finite has no pose."""
         self.name = name
         self._poses = poses
+        self._is_finite = np.asarray(np.isfinite(poses).all(axis=1))
         self._stamps = _numbers(keys)
+        self._slack_s = _LEAST_SLACK_S
+        if self._stamps is not None:
+            self._slack_s = max((period_s(np.sort(self._stamps)) or 0.0) / 2, _LEAST_SLACK_S)
         self._places = {Path(key).name: place for place, key in enumerate(keys)}
         self._stems = {Path(key).stem: place for place, key in enumerate(keys)}
 
@@ -164,6 +168,28 @@ class OdometryTable:
             raise DriveError(f"{path} cannot be read as a table ({error!s:.120}); {_TABLE_NEEDS}.") from error
         return cls(path.name, *_parsed(rows, path))
 
+    @property
+    def doubts(self) -> list[str]:
+        """Return the doubts about the table: rows without a pose, and stamps out of order."""
+        found = []
+        if not self._is_finite.all():
+            row = int(np.argmin(self._is_finite))
+            pose = ", ".join(f"{number:g}" for number in self._poses[row])
+            found.append(
+                f"{np.sum(~self._is_finite)} of the {len(self)} rows of {self.name} have a pose that is not finite, "
+                f"such as row {row + 1} ({pose}), so images of that time have no odometry. Delete these rows, or "
+                "write the poses of the rows around them."
+            )
+        falls = np.flatnonzero(np.diff(self._stamps) < 0) if self._stamps is not None else []
+        if self._stamps is not None and len(falls):
+            row = int(falls[0]) + 1
+            found.append(
+                f"The stamps of {self.name} do not increase: row {row + 1} has {self._stamps[row]:g} after "
+                f"{self._stamps[row - 1]:g}. The nearest row was used for each image. If the rows are in the order of "
+                "the images, correct the stamps."
+            )
+        return found
+
     def stamps_by_place(self, images: int) -> list[float] | None:
         """Return the stamps of all rows if their number is `images` and they increase; otherwise None."""
         if self._stamps is None or len(self._poses) != images or not (np.diff(self._stamps) > 0).all():
@@ -175,13 +201,12 @@ class OdometryTable:
         row = self._places.get(file, self._stems.get(Path(file).stem))
         if row is None and self._stamps is not None:
             row = self._row_at(stamp)
-        return None if row is None else self._poses[row]
+        return None if row is None or not self._is_finite[row] else self._poses[row]
 
     def _row_at(self, stamp: float) -> int | None:
         assert self._stamps is not None  # The caller checks this.
         row = int(np.argmin(np.abs(self._stamps - stamp)))
-        slack_s = max((period_s(self._stamps) or 0.0) / 2, _LEAST_SLACK_S)
-        return row if abs(self._stamps[row] - stamp) <= slack_s else None
+        return row if abs(self._stamps[row] - stamp) <= self._slack_s else None
 
 
 def _parsed(rows: list[list[str]], path: Path) -> tuple[list[str], Pose]:

@@ -55,6 +55,7 @@ class VideoReader:
         found = video_frames.video_facts(path, self._container)
         streams = [SourceFact("rgb", path.name, found.images, self._rate_hz or found.rate_hz)]
         if self._table is not None:
+            self.doubts += self._table.doubts
             streams.append(SourceFact("odometry", self._table.name, len(self._table), None))
         self.facts = DriveFacts(format="video", frames=found.images, streams=streams, place=path.stem)
 

@@ -88,6 +88,30 @@ def test_a_picture_that_the_table_does_not_name_is_left_out_with_the_reason(tmp_
     assert Recording.open(tmp_path / "tour.rrd").poses.odometry.tolist() == [[0, 0, 0], [1, 0, 0]]
 
 
+@pytest.mark.parametrize("pose", ["nan,0,0", "0,inf,0", "0,0,-inf"])
+def test_a_row_of_odometry_without_a_finite_pose_is_named_and_costs_only_its_picture(tmp_path: Path, pose: str) -> None:
+    folder = write_pictures(tmp_path, [f"{k}.jpg" for k in range(4)])
+    (folder / "odometry.csv").write_text(
+        f"stamp,x,y,yaw\n0,0,0,0\n0.1,1,0,0\n0.2,{pose}\n0.3,3,0,0\n", encoding="utf-8"
+    )
+    reader = FolderReader.open(folder, ReadOptions())
+    assert [frame.odometry is None for frame in reader.frames()] == [False, False, True, False]
+    assert any("row 3" in doubt and "odometry.csv" in doubt for doubt in reader.doubts)
+
+
+def test_a_table_of_odometry_in_reverse_order_gives_the_same_poses_with_a_doubt(tmp_path: Path) -> None:
+    folder = write_pictures(tmp_path, [f"{k}.5.jpg" for k in range(4)])
+    rows = [f"{k + 0.9},{k},0,0\n" for k in range(4)]
+    found = []
+    for order in (rows, rows[::-1]):
+        (folder / "odometry.csv").write_text("stamp,x,y,yaw\n" + "".join(order), encoding="utf-8")
+        reader = FolderReader.open(folder, ReadOptions())
+        found.append(([None if f.odometry is None else f.odometry.tolist() for f in reader.frames()], reader.doubts))
+    assert found[0][0] == found[1][0]
+    assert any("do not increase" in doubt for doubt in found[1][1])
+    assert not found[0][1]
+
+
 def test_the_lens_of_a_phone_is_known_from_its_pictures(tmp_path: Path) -> None:
     exif = Image.Exif()
     exif.get_ifd(0x8769)[0xA405] = 26

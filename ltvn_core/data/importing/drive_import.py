@@ -18,7 +18,14 @@ from numpy.typing import NDArray
 
 from ltvn_core.atomic_files import atomic_output
 from ltvn_core.cameras.camera_model import CameraModel
-from ltvn_core.data.importing.drive_statistics import TOO_LITTLE_MOTION, KeptFrame, drive_statistics
+from ltvn_core.data.importing.drive_statistics import (
+    NO_ODOMETRY,
+    NO_TRUTH,
+    STAMP_NOT_AFTER,
+    TOO_LITTLE_MOTION,
+    KeptFrame,
+    drive_statistics,
+)
 from ltvn_core.data.importing.frame_preparation import FramePreparation
 from ltvn_core.data.importing.import_options import ImportOptions, OdometrySource, chosen_odometry
 from ltvn_core.data.importing.import_summary import ImportSummary, import_summary
@@ -237,11 +244,10 @@ class _DriveImport:
         before = self._stamps[-1] if self._stamps else -np.inf
         self._stamps.append(max(moment.stamp, before))
         if not moment.stamp > before:
-            return "stamp not after the one before"
+            return STAMP_NOT_AFTER
         pose = self._odometry.pose(moment)
         if pose is None:
-            wanted = "true pose" if self._odometry is OdometrySource.TRUTH else "odometry"
-            return f"no {wanted} at that time"
+            return NO_TRUTH if self._odometry is OdometrySource.TRUTH else NO_ODOMETRY
         return None if self._selection.may_keep(pose, moment.tilt) else TOO_LITTLE_MOTION
 
     def _mounted_camera(self, camera: CameraModel) -> CameraModel:

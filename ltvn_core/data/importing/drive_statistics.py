@@ -29,6 +29,9 @@ GAP_S = 1.0
 """Least length of a gap in seconds; a gap is also longer than `GAP_PERIODS` times the usual time between two images."""
 TOO_LITTLE_MOTION = "too little motion"
 """The only reason for leaving out an image that does not mean a fault of the image."""
+STAMP_NOT_AFTER = "stamp not after the one before"
+NO_ODOMETRY = "no odometry at that time"
+NO_TRUTH = "no true pose at that time"
 _MEASURED = ("rgb", "depth", "odometry", "truth")
 
 
@@ -93,8 +96,8 @@ class DriveStatistics:
     """Statistics of a drive after reading."""
 
     frames: int
-    dropped_as_wrong: int
-    """Images that were left out for another reason than too little motion."""
+    dropped_as_wrong: Mapping[str, int]
+    """Images that were left out for another reason than too little motion, by reason."""
     thinned: int
     """Images that were left out for too little motion."""
     is_spacing_ignored: bool
@@ -138,7 +141,7 @@ def drive_statistics(
     has_poses = odometry is not OdometrySource.NONE
     return DriveStatistics(
         frames=len(frames),
-        dropped_as_wrong=sum(count for reason, count in dropped.items() if reason != TOO_LITTLE_MOTION),
+        dropped_as_wrong={reason: count for reason, count in dropped.items() if reason != TOO_LITTLE_MOTION},
         thinned=dropped.get(TOO_LITTLE_MOTION, 0),
         is_spacing_ignored=is_spacing_ignored,
         with_depth=sum(frame.has_depth for frame in frames),

@@ -11,7 +11,15 @@ from pathlib import Path
 import numpy as np
 
 from ltvn_core.cameras.camera_model import CameraModel
-from ltvn_core.data.importing.drive_statistics import Drift, DriveStatistics, TiltRange, path_m
+from ltvn_core.data.importing.drive_statistics import (
+    NO_ODOMETRY,
+    NO_TRUTH,
+    STAMP_NOT_AFTER,
+    Drift,
+    DriveStatistics,
+    TiltRange,
+    path_m,
+)
 from ltvn_core.data.importing.frame_preparation import ASSUMED_FOV_DEG
 from ltvn_core.data.importing.import_options import OdometrySource
 from ltvn_core.data.importing.raw_frame import DriveFacts
@@ -36,6 +44,14 @@ _MOST_NAMES = 10
 _KEEP_ALL = "--every-m 0 --every-deg 0 keeps every image."
 _APART_SHARE = 0.1
 _DROPPED_SHARE = 0.1
+_NO_ROW = "Do its rows cover the whole drive, with stamps of the clock of the images?"
+_CAUSES = {
+    STAMP_NOT_AFTER: "Are the stamps written with too few digits, or all alike?",
+    NO_ODOMETRY: f"Odometry is missing for some images. {_NO_ROW}",
+    NO_TRUTH: f"True poses are missing for some images. {_NO_ROW}",
+}
+"""Likely causes of the reasons for which images are left out."""
+_OTHER_CAUSE = "Is the file cut off, or do its streams have different clocks?"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -294,8 +310,7 @@ def _thinned(drive: DriveStatistics) -> str:
 
 
 def _dropped(drive: DriveStatistics) -> Iterator[Finding]:
-    if drive.dropped_as_wrong > _DROPPED_SHARE * (drive.frames + drive.dropped_as_wrong):
-        yield Finding(
-            f"{drive.dropped_as_wrong} images could not be used, see `dropped` for the reasons. Is the file cut off, "
-            "or do its streams have different clocks?"
-        )
+    wrong = sum(drive.dropped_as_wrong.values())
+    if wrong > _DROPPED_SHARE * (drive.frames + wrong):
+        causes = dict.fromkeys(_CAUSES.get(reason, _OTHER_CAUSE) for reason in drive.dropped_as_wrong)
+        yield Finding(f"{wrong} images could not be used, see `dropped` for the reasons. {' '.join(causes)}")

@@ -52,6 +52,17 @@ def test_pauses_of_the_recorder_are_told(tmp_path: Path) -> None:
     assert "For 3 times, 15 s in all" in said(summary)
 
 
+def test_the_likely_cause_of_images_left_out_is_that_of_their_reason(tmp_path: Path) -> None:
+    drive = [frame(k, x=0.1 * k) for k in range(24)]
+    (tmp_path / "short").mkdir()
+    half = imported(tmp_path / "short", [replace(raw, odometry=None) if k > 11 else raw for k, raw in enumerate(drive)])
+    assert "12 images could not be used" in said(half)
+    assert "Odometry is missing" in said(half)
+    alike = imported(tmp_path, [replace(raw, stamp=9.0) for raw in drive])
+    assert "stamps" in said(alike)
+    assert not any("cut off" in said(summary) for summary in (half, alike))
+
+
 def test_images_in_a_row_that_cannot_overlap_are_told(tmp_path: Path) -> None:
     summary = imported(tmp_path, [frame(k, x=1.5 * k) for k in range(25)])
     assert "24 of 24 images do not overlap" in said(summary)

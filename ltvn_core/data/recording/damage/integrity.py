@@ -185,8 +185,8 @@ def repair(path: Path | str, output: Path | str, *, recording_id: str | None = N
     """Write all intact frames and events of a damaged or unfinished recording to a new file `output`.
 
     Damaged data are left out and reported. Raises RecordingError if `output` exists, if `path` is not a recording of
-    this program, or if it is damaged and no frame and no event in it is intact. A file with several recordings needs a
-    `recording_id`.
+    this program, or if no frame and no event is intact although it is damaged or holds parts of frames. A file with
+    several recordings needs a `recording_id`.
     """
     path = Path(path)
     output = Path(output)
@@ -197,8 +197,12 @@ def repair(path: Path | str, output: Path | str, *, recording_id: str | None = N
     losses = find_losses(salvage, frames)
     events = list(_consistent_events(recording, losses.without_image(recording, frames)))
     # A recording that was cut off before its first frame contains only the description and the scene.
-    if not frames and not events and (salvage.ended or salvage.lost_places):
-        raise RecordingError(f"{path} has no undamaged frame and no undamaged event; nothing can be recovered.")
+    if not frames and not events and (salvage.ended or salvage.lost_places or losses.frame_count):
+        parts = f" It ends before the first of {losses.frame_count} frames is complete." if losses.frame_count else ""
+        raise RecordingError(
+            f"{path} has no undamaged frame and no undamaged event; nothing can be recovered.{parts} Copy the whole "
+            "file again from where it was recorded, or record the drive again."
+        )
     with atomic_output(output) as part:
         rewrite(recording, part, frames, events)
     return _report(recording, output, frames, events, losses)

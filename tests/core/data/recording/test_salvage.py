@@ -55,9 +55,11 @@ def test_a_cut_recording_is_refused_and_its_whole_frames_come_back(whole: Path, 
         verify(cut)
     try:
         saved = repair(cut, repaired)
-    except RecordingError:
-        # Only where not even the description at its beginning is whole, which takes a few kilobytes.
-        assert cut.stat().st_size < 20_000
+    except RecordingError as error:
+        # Only where not even the description at its beginning is whole, which takes a few kilobytes, or no frame is.
+        said = str(error)
+        assert cut.stat().st_size < 20_000 or "before the first" in said
+        assert not repaired.exists()
         return
     assert verify(repaired).frames == saved.frames
     recording = Recording.open(repaired)
@@ -65,6 +67,14 @@ def test_a_cut_recording_is_refused_and_its_whole_frames_come_back(whole: Path, 
     for frame in recording.frames:
         assert (recording.observation(frame).odometry == example_recording.observation(frame).odometry).all()
     assert cut.read_bytes() == data[: int(share * len(data))]
+
+
+def test_a_drive_cut_before_its_first_whole_frame_is_not_said_to_be_repaired(tmp_path: Path) -> None:
+    cut, repaired = tmp_path / "cut.rrd", tmp_path / "repaired.rrd"
+    cut.write_bytes((ROOT / "recordings/demo-drive.rrd").read_bytes()[:300_000])
+    with pytest.raises(RecordingError, match=r"[1-9] frames .* again"):
+        repair(cut, repaired)
+    assert not repaired.exists()
 
 
 def test_a_recording_cut_inside_the_name_of_a_message_is_still_one_recording(whole: Path, tmp_path: Path) -> None:

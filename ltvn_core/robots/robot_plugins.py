@@ -49,6 +49,16 @@ def open_robot(wanted: str, installed: Mapping[str, Plugin] | None = None) -> Ro
 
 def check_robot(robot: object, name: str) -> None:
     """Raise PluginError if a part of a robot is missing, or if its first image does not fit its camera."""
+    if isinstance(robot, type):
+        raise PluginError(
+            f"The function of the robot {name} returned the class {robot.__name__}; return an object of it, as "
+            f"{robot.__name__}() makes one."
+        )
+    if robot is None or isinstance(robot, int | float | str | bytes | tuple | list | dict):
+        raise PluginError(
+            f"The function of the robot {name} returned {robot!r:.60} ({type(robot).__name__}), which is no robot; "
+            f"return an object with spec, clock, {', '.join(METHODS)}, see examples/05_drive_your_own_robot.py."
+        )
     spec = getattr(robot, "spec", None)
     clock = getattr(robot, "clock", None)
     if not isinstance(spec, RobotSpec):

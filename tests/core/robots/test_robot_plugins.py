@@ -58,6 +58,15 @@ def worded():
     robot.state = lambda: FlatRobot.state(robot)._replace(stamp="noon")
     return robot
 
+def unmade():
+    return FlatRobot
+
+def nothing():
+    pass
+
+def counted():
+    return 42
+
 def broken():
     raise OSError("no cable")
 
@@ -90,6 +99,9 @@ def test_an_installed_robot_is_found_by_its_name() -> None:
         ("number", "cannot be called"),
         ("broken", "OSError: no cable"),
         ("NoSpec", "has no `spec`"),
+        ("unmade", r"returned the class FlatRobot; .* FlatRobot\(\)"),
+        ("nothing", "returned None"),
+        ("counted", r"returned 42 \(int\)"),
         ("timeless", "has no `clock`"),
         ("legless", "lacks drive"),
         ("blind", r"observe\(\) must return a ltvn_core.Observation, got None"),

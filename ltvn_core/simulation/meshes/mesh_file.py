@@ -10,7 +10,7 @@ import io
 import json
 import struct
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -225,7 +225,19 @@ def read_mesh(path: Path) -> MeshContent:
         overhead=np.zeros(len(triangles), bool),
         textures=colours.textures(),
     )
-    return MeshContent(surfaces, tuple(_doubts(path, finder, gltf)))
+    doubts = (*_corner_doubts(path, parts), *_doubts(path, finder, gltf))
+    return MeshContent(surfaces, doubts)
+
+
+def _corner_doubts(path: Path, parts: Sequence["_Part"]) -> Iterator[str]:
+    """Yield a sentence if triangles were left out because a corner has a coordinate that is not finite."""
+    if count := sum(part.without_place for part in parts):
+        kept = sum(len(part.triangles) for part in parts)
+        yield (
+            f"{path.name}: {count} of {kept + count} triangles have a corner at a coordinate that is not finite (NaN "
+            "or infinite), and were left out, so floor or walls may have holes. Export the scene again, or remove "
+            "these corners in the program that made it."
+        )
 
 
 def _doubts(path: Path, finder: AssetFinder, gltf: GltfFile | None) -> Iterator[str]:
@@ -267,13 +279,14 @@ def _placed_meshes(
 
 
 class _Part:
-    """One mesh in the coordinates of the file, without degenerate triangles."""
+    """One mesh in the coordinates of the file, without degenerate triangles and those with NaN corners."""
 
     def __init__(self, triangles: NDArray, corner_uv: NDArray, face_texture: NDArray) -> None:
-        edges = triangles[:, 1:] - triangles[:, :1]
         with np.errstate(invalid="ignore", over="ignore"):
+            edges = triangles[:, 1:] - triangles[:, :1]
             doubled = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
         whole = np.isfinite(doubled) & (doubled > 0)
+        self.without_place = int(np.count_nonzero(~np.isfinite(triangles).all(axis=(1, 2))))
         self.triangles = triangles[whole]
         self.corner_uv = corner_uv[whole]
         self.face_texture = face_texture[whole]

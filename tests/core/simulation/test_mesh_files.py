@@ -54,6 +54,19 @@ def write_integers(path: Path, *, signed: bool) -> tuple[Path, np.ndarray]:
     return write_glb(path, header, faces.tobytes() + rows.tobytes()), vertices
 
 
+@pytest.mark.parametrize("corner", [np.nan, np.inf])
+def test_triangles_with_a_corner_that_is_no_number_are_left_out_and_counted(tmp_path: Path, corner: float) -> None:
+    vertices, faces = triangle_soup()
+    vertices[faces[[3, 8]], 1] = corner
+    path = tmp_path / "house.obj"
+    lines = [f"v {x} {y} {z}" for x, y, z in vertices] + [f"f {a} {b} {c}" for a, b, c in faces + 1]
+    path.write_text("\n".join(lines), encoding="utf-8")
+    content = read_mesh(path)
+    (doubt,) = content.doubts
+    assert np.isfinite(content.surfaces.vertices).all()
+    assert f" {len(faces) - len(content.surfaces.faces)} of {len(faces)} triangles" in doubt
+
+
 @pytest.mark.parametrize("signed", [False, True])
 def test_integers_that_stand_for_shares_of_one_are_scaled(tmp_path: Path, signed: bool) -> None:
     path, vertices = write_integers(tmp_path / "house.glb", signed=signed)

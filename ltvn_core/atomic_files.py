@@ -130,6 +130,16 @@ def open_new_file(path: Path) -> int:
         raise _refused(path, error) from error
 
 
+def recording_path(given: Path | str) -> Path:
+    """Return the path of a recording or map that a program names. Raises RecordingError if it is no path."""
+    if not isinstance(given, str | os.PathLike):
+        raise RecordingError(
+            f"A recording or map is named by the path of its file, a str or pathlib.Path such as 'map.rrd', not by "
+            f"{given!r:.40} ({type(given).__name__})."
+        )
+    return Path(given)
+
+
 def require_usable_name(path: Path) -> None:
     """Raise RecordingError for an invalid file name, or one that the libraries for recordings cannot open."""
     shown = str(path).encode("utf-8", "backslashreplace").decode()

@@ -120,27 +120,30 @@ class TopologicalMap(WithDoubts):
     @classmethod
     def open(
         cls,
-        loaded: LoadedMap,
+        loaded: LoadedMap | Path | str,
         *,
         preset: str = "robust",
         predictor: str = AUTO,
         weights: Path | None = None,
         with_reserve: bool = True,
     ) -> Self:
-        """Return a map that was read from a file, with the predictor that made it and the system that built it.
+        """Return a map of a file, with the predictor that made it and the system that built it.
 
         Args:
-            loaded: The contents of the file.
+            loaded: The contents of the file, or its path.
             preset: Name of the method's settings.
             predictor: Name of the predictor that compares images; `auto` is the one that made the map.
             weights: Weights to use instead of those that come with the map's system.
             with_reserve: Whether to encode the images of the reserve too.
 
         Raises:
-            MapError: Another predictor made the map.
+            RecordingError: The path is not that of a complete recording.
+            MapError: The file contains no map, or another predictor made it.
             OptionError: The predictor or the map's navigation system is not installed.
             WeightsError: The weights are missing or damaged.
         """
+        if not isinstance(loaded, LoadedMap):
+            loaded = load_map(loaded)
         meta = loaded.meta
         entry = recorded_system(meta.config)
         name = ImageSource.of(meta).choose(predictor).name

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ltvn_core.atomic_files import atomic_output
+from ltvn_core.atomic_files import atomic_output, recording_path
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.data.recording.frame_codec import EncodedFrame
 from ltvn_core.data.recording.metadata import RecordingMetadata
@@ -56,7 +56,7 @@ def save_map(
     kept = {observation.step: observation for observation in observations if observation.step in wanted}
     _require_images(wanted, kept.keys(), "The map cannot be saved")
     with (
-        atomic_output(Path(path)) as part,
+        atomic_output(recording_path(path)) as part,
         RecordingWriter(
             part, scene=scene, config=config, fingerprint=fingerprint, camera=camera, scene_glb=scene_glb
         ) as writer,

@@ -14,6 +14,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
+from ltvn_core.atomic_files import recording_path
 from ltvn_core.data.recording import schema
 from ltvn_core.data.recording.event_codec import decode_event
 from ltvn_core.data.recording.frame_codec import EncodedFrame, decode_frame
@@ -82,7 +83,8 @@ class Recording:
 
         Raises RecordingError for anything else, with advice on what to do.
         """
-        return cls(Path(path), open_contents(Path(path)))
+        path = recording_path(path)
+        return cls(path, open_contents(path))
 
     @cached_property
     def frames(self) -> Sequence[FrameId]:

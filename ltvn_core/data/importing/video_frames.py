@@ -4,6 +4,7 @@ Owns the limits: a file has only the named format, refers to no other file, and 
 a camera.
 """
 
+import struct
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -18,6 +19,8 @@ from ltvn_core.types import Rgb
 
 _MOST_IMAGES = 2_000_000
 """Largest number of images: eighteen hours at 30 images per second."""
+_PART_HEADER = struct.Struct(">I4s")
+"""Length of a part of an MP4 file, including this header, and its kind."""
 _DEEP = {"gray12le", "gray16le", "gray10le", "yuv420p12le", "yuv422p12le", "yuv444p12le"}
 
 
@@ -56,7 +59,31 @@ def video_facts(path: Path, container_format: str) -> VideoFacts:
     except DriveError:
         raise
     except Exception as error:  # As below.
+        if container_format == "mp4" and not _has_index(path):
+            raise DriveError(
+                f"{path} has no index (the `moov` part), so its images cannot be found: its recording or copying was "
+                "interrupted. Copy the whole file again; if the original lacks it too, a program such as untrunc can "
+                "rebuild it from another video of the same camera. Record as .mkv to lose only the end next time."
+            ) from error
         raise _unreadable(path, error) from error
+
+
+def _has_index(path: Path) -> bool:
+    """Tell whether an MP4 file has the part that says where its images are; its parts follow each other by length."""
+    with path.open("rb") as file:
+        size = path.stat().st_size
+        position = 0
+        while position + _PART_HEADER.size <= size:
+            file.seek(position)
+            length, kind = _PART_HEADER.unpack(file.read(_PART_HEADER.size))
+            if kind == b"moov":
+                return position + length <= size
+            if length == 1:  # The length of a large part follows in 64 bits.
+                length = int.from_bytes(file.read(8), "big")
+            if length < _PART_HEADER.size:
+                return False
+            position += length
+    return False
 
 
 def video_images(part: VideoPart, period_s: float, *, container_format: str = "mp4") -> Iterator[VideoImage]:

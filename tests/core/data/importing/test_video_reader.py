@@ -75,6 +75,15 @@ def test_a_cut_video_gives_what_can_be_read_and_says_so(tmp_path: Path) -> None:
     assert 0 < len(list(reader.frames())) < 200
 
 
+@pytest.mark.parametrize("share", [0.3, 0.6, 0.9])
+def test_a_video_whose_recording_was_interrupted_is_said_to_lack_its_index(tmp_path: Path, share: float) -> None:
+    path = write_video(tmp_path / "walk.mp4", images=60)
+    whole = path.read_bytes()
+    path.write_bytes(whole[: int(share * whole.index(b"moov"))])
+    with pytest.raises(DriveError, match=r"walk\.mp4 .*index"):
+        VideoReader.open(path, ReadOptions())
+
+
 @pytest.mark.parametrize("content", [b"", b"\0\0\0\x18ftypmp42" + b"\0" * 200, b"RIFF....AVI " * 9])
 def test_what_is_no_video_ends_in_one_line(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "walk.mp4"

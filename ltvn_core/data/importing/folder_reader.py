@@ -105,9 +105,9 @@ def colour_pictures(folder: Path, wanted: str | None) -> FolderPictures:
     raise DriveError(f"{folder / (wanted or '')} contains no images ({', '.join(sorted(IMAGE_SUFFIXES))}).")
 
 
-def holds_pictures(path: Path) -> bool:
-    """Tell by the file names whether a folder holds at least a few pictures, supported or not."""
-    return any(_count(path / name) >= FEWEST for name in IMAGE_FOLDERS)
+def most_pictures(path: Path) -> int:
+    """Return by the file names how many pictures, supported or not, a folder or one of its image folders holds."""
+    return max(_count(path / name) for name in IMAGE_FOLDERS)
 
 
 def depth_partners(folder: Path, wanted: str | None, pictures: FolderPictures) -> Mapping[Path, Path]:
@@ -216,7 +216,7 @@ class FolderReader(ImageFilesReader):
     def recognises(cls, path: Path) -> bool:
         """Tell whether a path is a folder with some pictures."""
         try:
-            return path.is_dir() and holds_pictures(path)
+            return path.is_dir() and most_pictures(path) >= FEWEST
         except OSError:
             return False
 

@@ -84,11 +84,19 @@ def _recognised(path: Path) -> ReaderClass:
         raise DriveError(f"{path} is empty (0 bytes); copy or record it again.")
     if path.is_dir() and not any(path.iterdir()):
         raise DriveError(f"{path} is an empty folder; name the file or folder of one drive.")
+    if path.is_dir() and _has_lone_picture(path):
+        raise DriveError(f"{path} holds one picture, and a drive has at least two; name the folder of all its images.")
     require_plain(path)  # No reader may recognise a Git LFS pointer as the file that it stands for.
     raise DriveError(
         f"{path} is not in a supported format ({', '.join(reader_names())}); name the file or folder of one drive, "
         "and its format with --format if it was not recognised."
     )
+
+
+def _has_lone_picture(path: Path) -> bool:
+    from ltvn_core.data.importing.folder_reader import most_pictures  # A reader is imported only when it is needed.
+
+    return most_pictures(path) == 1
 
 
 def _drives_in(path: Path) -> list[Path]:

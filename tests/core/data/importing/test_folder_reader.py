@@ -186,6 +186,14 @@ def test_of_a_damaged_picture_one_line_is_said_and_none_by_the_libraries_that_de
     assert capfd.readouterr().err == ""
 
 
+@pytest.mark.parametrize("inside", ["", "rgb"])
+def test_a_folder_of_one_picture_is_refused_by_the_number_and_not_by_the_format(tmp_path: Path, inside: str) -> None:
+    write_pictures(tmp_path / "drive" / inside, ["1.png"])
+    with pytest.raises(DriveError, match="one picture") as refusal:
+        open_drive(tmp_path / "drive")
+    assert "format" not in str(refusal.value)
+
+
 def test_a_folder_without_pictures_is_no_drive(tmp_path: Path) -> None:
     assert not FolderReader.recognises(tmp_path)
     with pytest.raises(DriveError, match="contains no images"):

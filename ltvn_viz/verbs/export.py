@@ -25,8 +25,9 @@ class ExportVerb(FloorPlanOptions, Verb):
     from_s: Annotated[float | None, tyro.conf.arg(name="from")] = None
     """Start of the excerpt, in seconds on the robot's clock; by default the beginning of the recording."""
     to: str | None = None
-    """Format for other programs: mcap, tum, vint or lerobot for a drive; graphml, geojson or nav2-route for a map. Or a
-    time in seconds: the end of the excerpt, at which the map is drawn; by default the end of the recording."""
+    """Format for other programs: mcap, tum, vint or lerobot for the images of a drive; graphml, geojson or nav2-route
+    for the map that is in a recording at its end, also of a drive in which one was built or used. Or a time in seconds:
+    the end of the excerpt, at which the map is drawn; by default the end of the recording."""
     until: float | None = None
     """End of the excerpt, in seconds on the robot's clock; needed only if --to names a format."""
     output: Path | None = None

@@ -34,6 +34,10 @@ _MOST_SPAN_M = 150.0
 _MOST_HEIGHT_M = 40.0
 _MOST_DISTANCE_M = 10_000.0
 """Largest distance of a mesh from its origin, in metres; vertices with 32 bits are exact to a millimetre there."""
+_STOREY_M = (2.0, 4.0)
+"""Usual height of a storey, least and greatest, in metres."""
+_HIGH_STOREY_M = 4.5
+"""Height in metres above which a mesh is more than one usual storey."""
 _UNITS = (0.001, 0.01, 0.0254, 0.3048, 10.0, 100.0, 1000.0)
 """Metres per unit that are tried for a hint: millimetres, centimetres, inches, feet, and models of buildings."""
 _MISSPELT = 0.65
@@ -150,6 +154,25 @@ def align_z_up(surfaces: Surfaces, mesh: Path, settings: MeshSettings) -> Surfac
     corners = vertices[surfaces.faces]
     margin = 0.5 * (high - low).max() + 1
     return turned.only(((corners > low - margin) & (corners < high + margin)).all(axis=(1, 2)))
+
+
+def side_doubt(aligned: Surfaces, mesh: Path, settings: MeshSettings) -> str | None:
+    """Return a sentence if the guessed upward axis makes a mesh too high for a storey, and the other axis does not.
+
+    A scan without a floor has its largest level surfaces along walls, so it may lie on its side.
+    """
+    if settings.up is not None or mesh.stem.startswith("mesh_z_up"):
+        return None
+    _, depth, height = np.ptp(
+        aligned.vertices[aligned.faces].reshape(-1, 3), axis=0
+    )  # Both y and z up have the other axis second.
+    if height <= _HIGH_STOREY_M or not _STOREY_M[0] <= depth <= _STOREY_M[1]:
+        return None
+    return (
+        f"{mesh.name} is {height:.1f} m high and {depth:.1f} m wide as it stands, so it may lie on its side, with a "
+        'wall as its floor. Write {"up": "y"} or {"up": "z"}, the axis of the file that points up, into '
+        f"{mesh.with_suffix('.json').name}, and check that the mesh has a floor."
+    )
 
 
 def _guess_up(surfaces: Surfaces, mesh: Path, scale: float) -> str:

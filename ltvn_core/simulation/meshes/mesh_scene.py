@@ -15,7 +15,13 @@ from numpy.typing import NDArray
 
 from ltvn_core.errors import SceneError
 from ltvn_core.simulation.clearance_map import ClearanceMap
-from ltvn_core.simulation.meshes.mesh_alignment import StoreyFloor, align_z_up, detect_floor, read_mesh_settings
+from ltvn_core.simulation.meshes.mesh_alignment import (
+    StoreyFloor,
+    align_z_up,
+    detect_floor,
+    read_mesh_settings,
+    side_doubt,
+)
 from ltvn_core.simulation.meshes.mesh_file import read_mesh
 from ltvn_core.simulation.rooms import Room, RoomKind
 from ltvn_core.simulation.scene import Scene
@@ -113,9 +119,11 @@ def load_mesh_scene(source: Path) -> Scene:
     mesh = find_mesh(source) if source.is_dir() else source
     settings = read_mesh_settings(mesh)
     content = read_mesh(mesh)
-    for doubt in content.doubts:
-        log.warning(doubt)
     surfaces = align_z_up(content.surfaces, mesh, settings)
+    lying = side_doubt(surfaces, mesh, settings)
+    doubts = content.doubts if lying is None else (*content.doubts, lying)
+    for doubt in doubts:
+        log.warning(doubt)
     heights = floor_heights(source) if source.is_dir() else None
     floor_height_m = heights[0] if heights is not None and settings.floor_height is None else settings.floor_height
     storey = 0
@@ -131,7 +139,7 @@ def load_mesh_scene(source: Path) -> Scene:
         clearance=floor.clearance,
         surfaces=replace(standing, overhead=_overhead(standing, floor)),
         source=source,
-        doubts=content.doubts,
+        doubts=doubts,
     )
 
 

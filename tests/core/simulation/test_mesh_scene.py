@@ -57,6 +57,19 @@ def extent(scene: Scene) -> float:
     return float(scene.clearance.origin[1] + (rows.mean() + 0.5) * scene.clearance.resolution_m)
 
 
+@pytest.mark.parametrize("up", ["y", "z"])
+def test_a_scan_without_floor_that_may_lie_on_its_side_is_doubted_and_a_whole_house_is_not(
+    tmp_path: Path, up: str
+) -> None:
+    whole = box_house(up=up, scale=1.2)
+    assert load_scene(str(save(whole, tmp_path / "whole.glb"))).doubts == ()
+    bare = box_house(up=up, scale=1.2)
+    bare.delete_geometry(list(bare.geometry)[:2])
+    (doubt,) = load_scene(str(save(bare, tmp_path / "bare.glb"))).doubts
+    assert "on its side" in doubt
+    assert "bare.json" in doubt
+
+
 def test_the_floor_lies_at_zero_and_the_free_floor_is_indoors(house: Scene) -> None:
     assert house.name == "house"
     assert house.surfaces.vertices[:, 2].max() == pytest.approx(HEIGHT + 0.1, abs=0.02)

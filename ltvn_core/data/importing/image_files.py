@@ -26,6 +26,29 @@ _LOW_PERCENT = 34
 """Confidence from 0 to 100 below which depth is discarded; if the levels are 0, 1 and 2, level 0 is discarded."""
 
 
+class ReadableDepths:
+    """Reads depth images, and counts those that cannot be read, because their colour images are useful without."""
+
+    def __init__(self) -> None:
+        """Start before the first depth image."""
+        self._faults: list[str] = []
+
+    def __call__(self, read: Callable[[], Depth | None]) -> Depth | None:
+        """Return the depth that `read` returns; None if it cannot be read."""
+        try:
+            return read()
+        except DriveError as error:
+            self._faults.append(str(error))
+            return None
+
+    @property
+    def doubts(self) -> list[str]:
+        """Return the doubt about the depth images that could not be read, if there are any."""
+        if not self._faults:
+            return []
+        return [f"{len(self._faults)} depth images could not be read, so their images have no depth: {self._faults[0]}"]
+
+
 class ImageFilesReader(ABC):
     """A drive that is open for reading and whose images lie in files; a `DriveReader`."""
 
@@ -44,8 +67,7 @@ class ImageFilesReader(ABC):
         """Number of images that were left out, by reason."""
         self.doubts: list[str] = []
         """Doubts about the drive, as sentences."""
-        self._unread_depths: list[str] = []
-        """Why depth images could not be read."""
+        self._if_readable = ReadableDepths()
 
     @classmethod
     def open(cls, path: Path, options: ReadOptions) -> Self:
@@ -78,11 +100,7 @@ class ImageFilesReader(ABC):
                     raise DriveError(
                         f"None of the first {self.MOST_AT_FIRST:,} images can be read. {self.doubts[-1]}"
                     ) from error
-        if self._unread_depths:
-            self.doubts.append(
-                f"{len(self._unread_depths)} depth images could not be read, so their images have no depth: "
-                f"{self._unread_depths[0]}"
-            )
+        self.doubts += self._if_readable.doubts
 
     @abstractmethod
     def _images(self) -> Iterable[tuple[FrameMoment, Any]]:
@@ -100,14 +118,6 @@ class ImageFilesReader(ABC):
         """Return the depth (H, W) in metres of a file in the folder; `unit_m` is the size of its unit. Raises
         DriveError."""
         return decode_depth(read_bytes_within(self._folder, name), unit_m, name)
-
-    def _if_readable(self, read: Callable[[], Depth | None]) -> Depth | None:
-        """Return the depth that `read` returns; None, and count it, if it cannot be read."""
-        try:
-            return read()
-        except DriveError as error:
-            self._unread_depths.append(str(error))
-            return None
 
     def _raw_frame(
         self,

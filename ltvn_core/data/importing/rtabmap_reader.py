@@ -12,6 +12,7 @@ import numpy as np
 
 from ltvn_core.cameras.camera_model import MILLIMETRES, CameraModel
 from ltvn_core.cameras.encoded_images import decode_colour, decode_depth, decode_rvl
+from ltvn_core.data.importing.image_files import ReadableDepths
 from ltvn_core.data.importing.raw_frame import NOTHING, DriveFacts, RawFrame, ReadOptions, SourceFact
 from ltvn_core.data.importing.rtabmap.database import Node, NodeImages, RigCamera, RtabmapDatabase, parse_calibration
 from ltvn_core.data.importing.rtabmap.export_reader import RtabmapExportReader
@@ -39,6 +40,7 @@ class RtabmapReader:
         self._camera_number = _camera_number(options.rgb)
         self.dropped: Counter[str] = Counter()
         self.doubts: list[str] = []
+        self._if_readable = ReadableDepths()
         self._nodes = self._one_session(self._database.nodes())
         self._truth = self._true_poses()
         streams = (
@@ -81,6 +83,7 @@ class RtabmapReader:
                 self.dropped[DAMAGED] += 1
                 if self.dropped[DAMAGED] == 1:
                     self.doubts.append(f"An image was left out: {error}")
+        self.doubts += self._if_readable.doubts
         if last == float("-inf"):
             raise DriveError(f"{self._database.path} has no image that can be read. {' '.join(self.doubts)}")
 
@@ -98,7 +101,7 @@ class RtabmapReader:
         return RawFrame(
             stamp=node.stamp,
             rgb=rgb,
-            depth_m=self._depth(images, rig, name),
+            depth_m=self._if_readable(lambda: self._depth(images, rig, name)),
             camera=self._lens(camera, mounting, width, height, name),
             odometry=None if odometry is None else odometry.planar,
             truth=None if truth is None else truth.planar,

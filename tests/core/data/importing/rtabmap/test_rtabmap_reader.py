@@ -177,8 +177,6 @@ def test_nodes_without_stamps_are_counted_in_their_order(tmp_path: Path) -> None
     "damage",
     [
         {"image": b"\xff\xd8 no jpeg"},
-        {"depth": b"DEPTHRVL" + struct.pack("<II", 2**31, 2**31) + bytes(100)},
-        {"depth": png(np.zeros((HEIGHT, WIDTH), np.uint16))[:60]},
         {"calibration": struct.pack("<11i", 0, 21, 0, 0, 64, 48, 2**30, 5, 9, 12, 12) + bytes(80)},
         {"calibration": b"abc"},
         {"calibration": mono_blob(mounted(), focal=-1.0)},
@@ -195,6 +193,24 @@ def test_a_damaged_node_is_left_out(tmp_path: Path, damage: dict[str, bytes]) ->
     assert [frame.stamp - BEGIN_S for frame in frames] == [1, 3]
     assert reader.dropped == {"damaged image": 1}
     assert "node 2" in reader.doubts[0]
+
+
+@pytest.mark.parametrize(
+    "depth",
+    [
+        b"DEPTHRVL" + struct.pack("<II", 2**31, 2**31) + bytes(100),
+        png(np.zeros((HEIGHT, WIDTH), np.uint16))[:60],
+    ],
+)
+def test_a_node_whose_depth_is_damaged_comes_without_depth_and_that_is_said(tmp_path: Path, depth: bytes) -> None:
+    nodes = straight_drive(3)
+    nodes[1].depth = depth
+
+    frames, reader = read(write_database(tmp_path / "drive.db", nodes))
+
+    assert [frame.depth_m is None for frame in frames] == [False, True, False]
+    assert not reader.dropped
+    assert any("node 2" in doubt and "1 depth" in doubt for doubt in reader.doubts)
 
 
 def test_poses_that_are_none_leave_odometry_open(tmp_path: Path) -> None:

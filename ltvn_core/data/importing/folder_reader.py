@@ -18,7 +18,7 @@ from pathlib import Path
 from PIL import Image
 
 from ltvn_core.cameras.camera_model import MILLIMETRES, CameraModel
-from ltvn_core.cameras.encoded_images import decode_colour, heif_exif, is_heif
+from ltvn_core.cameras.encoded_images import MAX_PIXELS, decode_colour, heif_exif, is_heif
 from ltvn_core.data.importing.foreign_files import read_bytes_within
 from ltvn_core.data.importing.image_files import ImageFilesReader, without_low_confidence
 from ltvn_core.data.importing.pose_track import poses_beside
@@ -177,6 +177,19 @@ def _is_deep(path: Path) -> bool:
         return False
 
 
+def _is_transparent(path: Path) -> bool:
+    """Tell whether every pixel of a PNG is fully transparent; False for other kinds and damaged pictures."""
+    if path.suffix.lower() != ".png" or not path.is_file():
+        return False
+    try:
+        with path.open("rb") as file, Image.open(file, formats=("PNG",)) as image:
+            if image.mode not in ("RGBA", "LA") or image.width * image.height > MAX_PIXELS:
+                return False
+            return image.getchannel("A").getextrema()[1] == 0
+    except Exception:  # As above.
+        return False
+
+
 def _numbers(path: Path) -> tuple[int, ...]:
     return tuple(int(digits) for digits in re.findall(r"[0-9]+", path.stem))
 
@@ -206,6 +219,11 @@ class FolderReader(ImageFilesReader):
         if pictures.unreadable:
             self.dropped[_UNREADABLE] = len(pictures.unreadable)
         self.doubts += pictures.doubts(frozenset(self._depth.values() if options.depth is None else pictures.deep))
+        if _is_transparent(self._pictures[0]):
+            self.doubts.append(
+                f"{self._pictures[0].name} is fully transparent; the colours below its transparency were used. If no "
+                "viewer shows them, save the pictures without transparency."
+            )
         if self._truth is not None and self._truth.missing:
             self.doubts.append(f"{self._truth.missing} images have no valid pose in {self._truth.name}.")
         self.facts = DriveFacts(

@@ -186,6 +186,15 @@ def test_of_a_damaged_picture_one_line_is_said_and_none_by_the_libraries_that_de
     assert capfd.readouterr().err == ""
 
 
+@pytest.mark.parametrize(("alpha", "is_doubted"), [(0, True), (1, False), (255, False)])
+def test_pictures_that_are_fully_transparent_are_a_doubt(tmp_path: Path, alpha: int, is_doubted: bool) -> None:
+    for name in ("1.png", "2.png"):
+        cv2.imwrite(str(tmp_path / name), np.full((48, 64, 4), (90, 80, 70, alpha), np.uint8))
+    reader = FolderReader.open(tmp_path, ReadOptions())
+    assert len(list(reader.frames())) == 2
+    assert any("transparent" in doubt for doubt in reader.doubts) == is_doubted
+
+
 @pytest.mark.parametrize("inside", ["", "rgb"])
 def test_a_folder_of_one_picture_is_refused_by_the_number_and_not_by_the_format(tmp_path: Path, inside: str) -> None:
     write_pictures(tmp_path / "drive" / inside, ["1.png"])

@@ -176,7 +176,7 @@ class OdometryTable:
             row = int(np.argmin(self._is_finite))
             pose = ", ".join(f"{number:g}" for number in self._poses[row])
             found.append(
-                f"{np.sum(~self._is_finite)} of the {len(self)} rows of {self.name} have a pose that is not finite, "
+                f"In {self.name}, {np.sum(~self._is_finite)} of {len(self)} rows have a pose that is not finite, "
                 f"such as row {row + 1} ({pose}), so images of that time have no odometry. Delete these rows, or "
                 "write the poses of the rows around them."
             )

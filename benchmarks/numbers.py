@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 import ltvn_core
+from benchmarks.rules import Achieved, summed_up, table
 from ltvn_core.cli import run_verb
 from ltvn_core.verbs.verb import Summary, Verb
 
@@ -36,10 +37,7 @@ _NOT_SHOWN = {
 """Modules without a number of the method, or whose numbers act only where maps change or people walk."""
 _DRIVING_ONLY = {"graph.place_belief", "graph.planner", "graph.localiser", "graph.ltvn"}
 """Modules of `graph` that do not build maps. Those of `navigation` do not, either."""
-_CHILD = (
-    "import sys; from benchmarks.numbers import scale; scale(sys.argv.pop(1), float(sys.argv.pop(1))); "
-    "from ltvn_core.cli import main; main()"
-)
+_EVALUATE = "from ltvn_core.cli import main; main()"
 
 
 @dataclass(frozen=True)
@@ -47,21 +45,19 @@ class Sensitivity:
     """What became of the episodes with the numbers of one module scaled."""
 
     module: str
-    """Such as graph.place_belief; empty for the unchanged method."""
+    """Such as graph.place_belief."""
     numbers: int
+    """Numbers in the module."""
     factor: float
-    episodes: int
-    reached: int
-    spl: float
-    collisions: float
-    """Per episode."""
+    achieved: Achieved
 
 
 @dataclass(frozen=True)
 class NumbersSummary:
     """The sensitivity to the numbers of each module."""
 
-    scene: str
+    whole: Achieved
+    """What the unchanged method came to."""
     rows: list[Sensitivity]
     wall_s: float
 
@@ -91,29 +87,37 @@ class NumbersVerb(Verb):
         from ltvn_core.evaluation.reports.evaluation_page import fill_blocks
 
         started = time.monotonic()
-        rows = [_sensitivity(self._trial("", 1.0), "", 1.0)]
+        whole = summed_up(self._trial("whole", _EVALUATE))
+        rows: list[Sensitivity] = []
         for module in tqdm(self.module or tuple(scalable_modules()), unit="module"):
-            rows += [_sensitivity(self._trial(module, factor), module, factor) for factor in FACTORS]
+            rows += [self._scaled(module, factor) for factor in FACTORS]
             if self.page is not None:
-                fill_blocks(self.page, {"numbers": markdown(rows)})
-        return NumbersSummary(self.scene, rows, round(time.monotonic() - started, 1))
+                fill_blocks(self.page, {"numbers": markdown(whole, rows)})
+        return NumbersSummary(whole, rows, round(time.monotonic() - started, 1))
 
-    def _trial(self, module: str, factor: float) -> "TrialResult":
-        """Drive the episodes with the numbers of a module scaled, unless they were driven before."""
+    def _scaled(self, module: str, factor: float) -> Sensitivity:
+        """Drive the episodes with the numbers of a module scaled, on the same map if the module builds none."""
+        name = f"{module}-{factor:g}"
+        builds = module.startswith("graph.") and module not in _DRIVING_ONLY
+        if not self._result(name).exists():
+            _copy_inputs(self._result("whole").parent, self._result(name).parent, with_map=not builds)
+        code = f"from benchmarks.numbers import scale; scale({module!r}, {factor}); {_EVALUATE}"
+        return Sensitivity(module, numbers_of(module), factor, summed_up(self._trial(name, code)))
+
+    def _result(self, name: str) -> Path:
+        drive = "-".join([self.scene, *self.conditions, "0"])
+        return self.folder / name / drive / f"ltvn-{self.episodes}.trial.json"
+
+    def _trial(self, name: str, code: str) -> "TrialResult":
+        """Run the evaluation by this code of Python, unless it was run before."""
         from ltvn_core.evaluation.results import TrialResult, load_results
 
-        folder = self.folder / (f"{module}-{factor:g}" if module else "whole")
-        name = "-".join([self.scene, *self.conditions, "0"])
-        result = folder / name / f"ltvn-{self.episodes}.trial.json"
-        if not result.exists():
-            if module:
-                builds = module.startswith("graph.") and module not in _DRIVING_ONLY
-                _copy_inputs(self.folder / "whole" / name, folder / name, with_map=not builds)
+        if not self._result(name).exists():
             options = ["--scene", self.scene, "--conditions", *self.conditions, "--body", "planar", "--seed", "0"]
-            options += ["--episodes", str(self.episodes), "--folder", str(folder), "--processes", "1"]
-            scaled = [module or "navigation", str(factor)]  # One process, which is the one that imports scaled numbers.
-            subprocess.run([sys.executable, "-c", _CHILD, *scaled, "evaluate", *options], check=True)
-        return load_results(result, TrialResult)
+            options += ["--episodes", str(self.episodes), "--folder", str(self.folder / name)]
+            # One process, which is the one that imports scaled numbers.
+            subprocess.run([sys.executable, "-c", code, "evaluate", *options, "--processes", "1"], check=True)
+        return load_results(self._result(name), TrialResult)
 
 
 def scalable_modules() -> Iterator[str]:
@@ -134,7 +138,7 @@ def numbers_of(module: str) -> int:
 
 def scale(module: str, factor: float) -> None:
     """Let the next import of a module below `ltvn_core` scale all numbers in its constants."""
-    sys.meta_path.insert(0, _ScaledImport(f"ltvn_core.{module}", factor))
+    sys.meta_path.insert(0, _ScaledImport(module, factor))
 
 
 class _ScaledImport(importlib.abc.MetaPathFinder, importlib.abc.Loader):
@@ -145,12 +149,10 @@ class _ScaledImport(importlib.abc.MetaPathFinder, importlib.abc.Loader):
         self._factor = factor
 
     def find_spec(self, fullname: str, path: object, target: object = None) -> importlib.machinery.ModuleSpec | None:
-        if fullname != self._name or _path(fullname.removeprefix("ltvn_core.")).name == "__init__.py":
-            return None
-        return importlib.machinery.ModuleSpec(fullname, self, origin=str(_path(fullname.removeprefix("ltvn_core."))))
+        return importlib.machinery.ModuleSpec(fullname, self) if fullname == f"ltvn_core.{self._name}" else None
 
     def exec_module(self, module: object) -> None:
-        tree = ast.fix_missing_locations(_Scaling(self._factor).visit(_parsed(self._name.removeprefix("ltvn_core."))))
+        tree = ast.fix_missing_locations(_Scaling(self._factor).visit(_parsed(self._name)))
         exec(compile(tree, self._name, "exec"), vars(module))
 
 
@@ -183,37 +185,20 @@ class _Scaling(ast.NodeTransformer):
         return ast.Constant(min(scaled, 0.99) if value < 1 else max(scaled, 1.01))
 
 
-def markdown(rows: Sequence[Sensitivity]) -> str:
+def markdown(whole: Achieved, rows: Sequence[Sensitivity]) -> str:
     """Return the table of all modules that are done."""
-    whole, *others = rows
-    lines = ["| module | numbers |", "| --- | ---: |"]
+    head = ["module", "numbers"]
     for factor in FACTORS:
-        lines[0] += f" times {factor:g}: reached | SPL | collisions |"
-        lines[1] += " ---: | ---: | ---: |"
-    lines.append(f"| *unchanged* | | {_cells(whole)} | {_cells(whole)} |")
-    for first, second in zip(others[::2], others[1::2], strict=True):
+        head += [f"times {factor:g}: reached", "SPL", "collisions"]
+    lines = [["*unchanged*", "", *_cells(whole), *_cells(whole)]]
+    for first, second in zip(rows[::2], rows[1::2], strict=True):
         name = first.module.replace(".", "/") + ".py"
-        lines.append(f"| `{name}` | {first.numbers} | {_cells(first)} | {_cells(second)} |")
-    return "\n".join(lines) + "\n"
+        lines.append([f"`{name}`", f"{first.numbers}", *_cells(first.achieved), *_cells(second.achieved)])
+    return table(head, lines)
 
 
-def _cells(row: Sensitivity) -> str:
-    return f"{row.reached} of {row.episodes} | {row.spl:.2f} | {row.collisions:.1f}"
-
-
-def _sensitivity(trial: "TrialResult", module: str, factor: float) -> Sensitivity:
-    from ltvn_core.evaluation.metrics import compute_metrics
-
-    found = compute_metrics([trial])
-    return Sensitivity(
-        module=module,
-        numbers=numbers_of(module) if module else 0,
-        factor=factor,
-        episodes=found.episodes,
-        reached=sum(each.reached for each in trial.episodes),
-        spl=round(found.spl.mean, 3),
-        collisions=round(found.collisions_per_episode.mean, 3),
-    )
+def _cells(achieved: Achieved) -> list[str]:
+    return [f"{achieved.reached} of {achieved.episodes}", f"{achieved.spl:.2f}", f"{achieved.collisions:.1f}"]
 
 
 def _copy_inputs(source: Path, target: Path, *, with_map: bool) -> None:
@@ -228,12 +213,7 @@ def _copy_inputs(source: Path, target: Path, *, with_map: bool) -> None:
 
 
 def _parsed(module: str) -> ast.Module:
-    return ast.parse(_path(module).read_text(encoding="utf-8"))
-
-
-def _path(module: str) -> Path:
-    plain = _ROOT.joinpath(*module.split(".")).with_suffix(".py")
-    return plain if plain.exists() else plain.with_suffix("") / "__init__.py"
+    return ast.parse(_ROOT.joinpath(*module.split(".")).with_suffix(".py").read_text(encoding="utf-8"))
 
 
 if __name__ == "__main__":

@@ -39,8 +39,8 @@ _RESAMPLES = 2_000
 
 
 @dataclass(frozen=True)
-class WholeMethod:
-    """What the method with all its rules came to in one scene."""
+class Achieved:
+    """What a method came to in one scene."""
 
     scene: str
     episodes: int
@@ -78,7 +78,7 @@ class RuleWorth:
 class RulesSummary:
     """The worth of all rules in all scenes that are done."""
 
-    whole: list[WholeMethod]
+    whole: list[Achieved]
     """What the whole method came to in each scene."""
     rules: list[RuleWorth]
     without_worth: list[str]
@@ -108,11 +108,11 @@ class RulesVerb(Verb):
 
         started = time.monotonic()
         rules = self.rule or tuple(rule for rule in RULES if rule.split(".")[0] not in LEARNED_ONLY)
-        whole: list[WholeMethod] = []
+        whole: list[Achieved] = []
         worth: list[RuleWorth] = []
         for scene in self.scene:
             with_all, *without = self._trials(scene, rules)
-            whole.append(_summed_up(with_all))
+            whole.append(summed_up(with_all))
             worth += [_worth(with_all, trial, rule) for rule, trial in zip(rules, without, strict=True)]
             if self.page is not None:
                 fill_blocks(self.page, {"rules": markdown(whole, worth)})
@@ -151,7 +151,7 @@ class RulesVerb(Verb):
         return TrialPlan(scene=scene, seed=0, parts_off=parts, conditions=conditions, protocol=protocol)
 
 
-def markdown(whole: Sequence["WholeMethod"], worth: Sequence[RuleWorth]) -> str:
+def markdown(whole: Sequence["Achieved"], worth: Sequence[RuleWorth]) -> str:
     """Return two tables of all scenes that are done: the whole method, then each rule over all scenes."""
     scenes = [_scene_row(each) for each in whole]
     rules = [
@@ -159,13 +159,13 @@ def markdown(whole: Sequence["WholeMethod"], worth: Sequence[RuleWorth]) -> str:
     ]
     head = ["rule", "ours", "paper's", "goals", "SPL", "most SPL in", "collisions", "spurious edges", "time"]
     return (
-        _table(["scene", "reached", "SPL", "collisions", "spurious edges"], scenes)
+        table(["scene", "reached", "SPL", "collisions", "spurious edges"], scenes)
         + "\nWith the rule minus without it:\n\n"
-        + _table(head, rules)
+        + table(head, rules)
     )
 
 
-def _scene_row(found: WholeMethod) -> list[str]:
+def _scene_row(found: Achieved) -> list[str]:
     reached = f"{found.reached} of {found.episodes}"
     spurious = f"{found.map.spurious_edges} of {found.map.edges}"
     return [found.scene, reached, f"{found.spl:.2f}", f"{found.collisions:.2f}", spurious]
@@ -192,16 +192,18 @@ def _rule_row(rule: str, rows: Sequence[RuleWorth]) -> list[str]:
     ]
 
 
-def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Return a table of Markdown."""
     lines = [head, ["---"] * len(head), *rows]
     return "".join(f"| {' | '.join(row)} |\n" for row in lines)
 
 
-def _summed_up(trial: "TrialResult") -> WholeMethod:
+def summed_up(trial: "TrialResult") -> Achieved:
+    """Return what a trial came to."""
     from ltvn_core.evaluation.metrics import compute_metrics
 
     found = compute_metrics([trial])
-    return WholeMethod(
+    return Achieved(
         scene=trial.scene,
         episodes=found.episodes,
         reached=sum(each.reached for each in trial.episodes),

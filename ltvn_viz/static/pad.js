@@ -26,7 +26,8 @@ function button(className, text, label) {
 }
 
 function arrow(direction) {
-  const made = button(`ltvn-key ltvn-${direction}`, CAPS[direction], `${direction === "left" || direction === "right" ? "turn" : "drive"} ${direction}`);
+  const verb = direction === "left" || direction === "right" ? "turn" : "drive";
+  const made = button(`ltvn-key ltvn-${direction}`, CAPS[direction], `${verb} ${direction}`);
   const source = `pad ${direction}`;
   made.addEventListener("pointerdown", (event) => {
     if (event.button !== 0) return;

@@ -180,8 +180,7 @@ class OdometryTable:
                 f"such as row {row + 1} ({pose}), so images of that time have no odometry. Delete these rows, or "
                 "write the poses of the rows around them."
             )
-        falls = np.flatnonzero(np.diff(self._stamps) < 0) if self._stamps is not None else []
-        if self._stamps is not None and len(falls):
+        if self._stamps is not None and len(falls := np.flatnonzero(np.diff(self._stamps) < 0)):
             row = int(falls[0]) + 1
             found.append(
                 f"The stamps of {self.name} do not increase: row {row + 1} has {self._stamps[row]:g} after "

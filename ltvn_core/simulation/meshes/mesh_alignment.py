@@ -142,7 +142,7 @@ def align_z_up(surfaces: Surfaces, mesh: Path, settings: MeshSettings) -> Surfac
     Raises:
         SceneError: The size is impossible for an indoor scene, or the mesh is far from its origin.
     """
-    up = settings.up or ("z" if mesh.stem.startswith("mesh_z_up") else _guess_up(surfaces, mesh, settings.scale))
+    up = _known_up(mesh, settings) or _guess_up(surfaces, mesh, settings.scale)
     vertices = (surfaces.vertices * settings.scale).astype(np.float32)
     if up == "y":
         # This is a quarter turn about x; a mere exchange of axes would mirror the scene.
@@ -161,11 +161,10 @@ def side_doubt(aligned: Surfaces, mesh: Path, settings: MeshSettings) -> str | N
 
     A scan without a floor has its largest level surfaces along walls, so it may lie on its side.
     """
-    if settings.up is not None or mesh.stem.startswith("mesh_z_up"):
+    if _known_up(mesh, settings):
         return None
-    _, depth, height = np.ptp(
-        aligned.vertices[aligned.faces].reshape(-1, 3), axis=0
-    )  # Both y and z up have the other axis second.
+    # Whichever of y and z was taken as up, the other one is now second.
+    _, depth, height = np.ptp(aligned.vertices[aligned.faces].reshape(-1, 3), axis=0)
     if height <= _HIGH_STOREY_M or not _STOREY_M[0] <= depth <= _STOREY_M[1]:
         return None
     return (
@@ -173,6 +172,10 @@ def side_doubt(aligned: Surfaces, mesh: Path, settings: MeshSettings) -> str | N
         'wall as its floor. Write {"up": "y"} or {"up": "z"}, the axis of the file that points up, into '
         f"{mesh.with_suffix('.json').name}, and check that the mesh has a floor."
     )
+
+
+def _known_up(mesh: Path, settings: MeshSettings) -> str | None:
+    return settings.up or ("z" if mesh.stem.startswith("mesh_z_up") else None)
 
 
 def _guess_up(surfaces: Surfaces, mesh: Path, scale: float) -> str:

@@ -209,7 +209,7 @@ class RosRobot:
         goal = driving.guard_topic if driving.guarded else profile.topics.command
         self._commands = link.command_publisher(Topic(goal, self._kind, profile.domain))
         self._sender = CommandSender(self._send, lambda: link.is_connected, profile.speeds)
-        self._restrained_because: str | None = None
+        self._restrained: tuple[str, float] | None = None  # The reason, and when the guard told it.
         if driving.guarded:
             status = Topic(driving.guard_status_topic, DIAGNOSTIC, profile.domain)
             link.subscribe(status, self._take_guard_status, self._complaints.say)
@@ -295,7 +295,7 @@ class RosRobot:
             lost_share=inbox.colour.lost_share,
             battery=inbox.battery,
             stopped_because=self._sender.break_reason,
-            restrained_because=self._restrained_because,
+            restrained_because=self._restrained_because(now_s),
         )
 
     def close(self) -> None:
@@ -331,9 +331,14 @@ class RosRobot:
 
     def _take_guard_status(self, received: Received) -> None:
         status = read_guard_status(received.message, self.profile.driving.guard_status_topic)
-        self._restrained_because = status.reason if status.state is GuardState.RESTRAINS else None
+        self._restrained = (status.reason, received.arrived_s) if status.state is GuardState.RESTRAINS else None
         if status.state is GuardState.REFUSES:
             self._sender.refused(f"the guard on the robot stopped it, because {status.reason}")
+
+    def _restrained_because(self, now_s: float) -> str | None:
+        """Return why the guard refuses to drive forwards; None if it has not said so lately, as after its end."""
+        reason, told_s = self._restrained or (None, now_s)
+        return reason if now_s - told_s <= STALE_S else None
 
     def _refuse(self, stream: Stream, error: RobotError) -> None:
         stream.refusal = str(error)

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from queue import Empty, SimpleQueue
 
+import numpy as np
 import pytest
 
 from ltvn_core.robots.ros2.profile import shipped_profiles
@@ -130,6 +131,18 @@ def test_a_driver_is_told_why_the_guard_stopped_its_robot_and_may_drive_on(guard
             until(lambda: not body.moves)
             until(lambda: robot.link_report().stopped_because is None)  # Nobody drives meanwhile.
             until(lambda: robot.drive(TURN) or body.moves)
+            robot.close()
+
+
+def test_the_driver_is_told_why_it_may_not_drive_forwards_only_while_a_guard_says_so(guarded: Path) -> None:
+    with meddled_robot() as body:
+        name = f"{guarded}@{body.link.address}"
+        with running("ltvn_core.verbs.guard", "GuardVerb", name, "--depth-stop", "3", ready="Guarding") as guard:
+            robot = open_ros_robot(name, patience_s=PATIENCE_S)
+            body.depth = np.zeros_like(body.depth)
+            until(lambda: robot.drive(Twist(0.2, 0.0)) or "empty" in (robot.link_report().restrained_because or ""))
+            guard.process.kill()
+            until(lambda: robot.link_report().restrained_because is None)
             robot.close()
 
 

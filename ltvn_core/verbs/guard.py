@@ -12,8 +12,8 @@ class GuardVerb(Verb):
     """Run a watchdog on the robot's own computer, between the driver and the wheels, until interrupted.
 
     Forwards fresh commands from the profile's guard topic to its command topic, within its limits of speed and
-    acceleration. After 0.2 s without commands it sends one zero; then the driver must send a stop before it may drive
-    again.
+    acceleration. After 0.2 s without commands, or an invalid one, it sends one zero; then the driver must send a stop
+    before it may drive again.
     """
 
     job = "ltvn_core.verbs.jobs.guard:guard_robot"
@@ -21,5 +21,5 @@ class GuardVerb(Verb):
     robot: Positional[str]
     """PROFILE@ADDRESS, as in turtlebot4@tcp/127.0.0.1:7447."""
     depth_stop: float | None = None
-    """Refuse to drive forward if the depth image shows an obstacle within this distance of the body, in metres, or if
-    there is no depth image."""
+    """Drive forward only while the depth image shows that the way is free up to this distance before the body, in
+    metres."""

@@ -6,7 +6,7 @@ Pure logic with an injected clock; independent of sockets and robots. Safe to ca
 * A held input is a lease: it counts for `lease_s` after the last message. `current_twist` is a function of time, so a
   thread that polls it stops the robot even when the thread that receives messages hangs.
 * A page that draws slowly notices inputs late, and sends their age. The older an input is, the slower it drives; at
-  `hand_limit_s` it no longer counts, even if it is repeated.
+  `hand_limit_s` it no longer counts, even if it is repeated: it neither drives, nor takes the seat, nor arms a client.
 * After every stop, except when the driver lets go, a new *epoch* begins, in which no client is *armed*. A client is
   armed by an empty input that names the present epoch. So neither an input held since before the stop nor a delayed
   message can start the robot again.
@@ -148,9 +148,10 @@ class DriverSeat:
         """Process a message with the inputs that the client held `age_s` seconds ago, and the epoch that it knows."""
         with self._lock:
             self._expire()
+            counts = epoch == self._epoch and age_s < self._hand_limit_s
             if held.is_empty:
-                self._let_go(client, epoch)
-            elif epoch == self._epoch and client in self._armed and self.try_sit(client):
+                self._let_go(client, arms=counts)
+            elif counts and client in self._armed and self.try_sit(client):
                 self._drive(client, held.twist(), age_s)
             else:
                 # A watcher's held key must not start the robot when the seat becomes free, only a new press may.
@@ -228,8 +229,6 @@ class DriverSeat:
             self._driver = None
 
     def _drive(self, client: ClientId, twist: Twist, age_s: float) -> None:
-        if age_s >= self._hand_limit_s:
-            return  # The page only repeats an old input, so the lease of the last valid one expires.
         now = self._active = self._clock()
         self._counts_until = now + min(self.lease_s, self._hand_limit_s - age_s)
         late = max(0.0, age_s - self.lease_s)
@@ -237,8 +236,8 @@ class DriverSeat:
         self._twist = Twist(share * twist.linear_m_s, share * twist.angular_rad_s)
         self._events.append(DriveAccepted(client, self._twist))
 
-    def _let_go(self, client: ClientId, epoch: int) -> None:
-        if epoch == self._epoch:
+    def _let_go(self, client: ClientId, *, arms: bool) -> None:
+        if arms:
             self._armed.add(client)
         if client == self._driver and self._twist is not None:
             self._twist = None

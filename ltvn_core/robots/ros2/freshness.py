@@ -30,16 +30,19 @@ class Freshness:
         self._gid = b""
         self._forget()
 
-    def admit(self, attachment: Attachment, arrived_s: float) -> None:
-        """Raise RobotError if a message is late, out of order, from a second sender, or from a clock that was set.
+    def admit(self, attachment: Attachment, arrived_s: float) -> float:
+        """Return how late a message is relative to the quickest one, in seconds.
 
         Args:
             attachment: The metadata of the message.
             arrived_s: Time of arrival on our monotonic clock, in seconds.
+
+        Raises:
+            RobotError: The message is late, out of order, from a second sender, or from a clock that was set.
         """
         self._check_sender(attachment, arrived_s)
         self._check_order(attachment)
-        self._check_lateness(attachment.stamp_ns * 1e-9, arrived_s)
+        return self._lateness_s(attachment.stamp_ns * 1e-9, arrived_s)
 
     def _check_sender(self, attachment: Attachment, arrived_s: float) -> None:
         if attachment.gid != self._gid:
@@ -59,7 +62,7 @@ class Freshness:
             )
         self._sequence = attachment.sequence
 
-    def _check_lateness(self, sent_s: float, arrived_s: float) -> None:
+    def _lateness_s(self, sent_s: float, arrived_s: float) -> float:
         took_s = arrived_s - sent_s
         if took_s < self._quickest_s - _JUMP_S and self._quickest_s < math.inf:
             self._jumps += 1
@@ -71,11 +74,13 @@ class Freshness:
         faded_s = self._quickest_s + _DRIFT * (arrived_s - self._checked_s)
         self._quickest_s = min(took_s, faded_s)
         self._checked_s = arrived_s
-        if took_s - self._quickest_s > self._most_late_s:
+        late_s = took_s - self._quickest_s
+        if late_s > self._most_late_s:
             raise RobotError(
-                f"{self._source}: a message is {took_s - self._quickest_s:.1f} s late; it is not used. Is the link "
-                "slow, or was a clock set back? If a clock was set back, restart the sender."
+                f"{self._source}: a message is {late_s:.1f} s late; it is not used. Is the link slow, or was a clock "
+                "set back? If a clock was set back, restart the sender."
             )
+        return late_s
 
     def _forget(self) -> None:
         self._sequence = -1

@@ -2,9 +2,9 @@
 
 Subscribes to the profile's `guard_topic`, and forwards the commands that `CommandGate` accepts to its command topic:
 fresh commands within the limits, and one zero when they stop. At the beginning, after silence, and after a pause of the
-guard itself, a driver must send a zero before it may drive. `DepthStop` refuses forward motion unless fresh depth shows
-a free corridor ahead, so that a covered or failed camera also stops the robot. Whether and why commands are refused is
-published at the profile's `guard_status_topic`.
+guard itself, and after an invalid command, a driver must send a zero before it may drive. `DepthStop` refuses forward
+motion unless fresh depth shows a free corridor ahead, so that a covered or failed camera also stops the robot. Whether
+and why commands are refused is published at the profile's `guard_status_topic`.
 """
 
 import logging
@@ -12,15 +12,14 @@ import math
 import threading
 import time
 from collections.abc import Callable
-from typing import Any
 
-from ltvn_core.cameras.camera_model import CameraModel
-from ltvn_core.errors import LtvnError, RobotError
+from ltvn_core.errors import RobotError
 from ltvn_core.robots.robot_spec import AccelerationLimits, SpeedLimits
+from ltvn_core.robots.ros2.depth_stop import DepthStop
 from ltvn_core.robots.ros2.freshness import MOST_LATE_COMMAND_S, Freshness
 from ltvn_core.robots.ros2.profile import RobotProfile
-from ltvn_core.robots.ros2.robot_sensors import depth_topic, sensor_depth, sensor_size
-from ltvn_core.robots.ros2.ros_cameras import CAMERA_INFO, is_calibrated, ros_camera
+from ltvn_core.robots.ros2.robot_sensors import depth_topic
+from ltvn_core.robots.ros2.ros_cameras import CAMERA_INFO
 from ltvn_core.robots.ros2.ros_messages import (
     GuardState,
     GuardStatus,
@@ -31,19 +30,13 @@ from ltvn_core.robots.ros2.ros_messages import (
 )
 from ltvn_core.robots.ros2.topic_keys import DIAGNOSTIC, Topic, command_type
 from ltvn_core.robots.ros2.zenoh_link import Complaints, Received, ZenohLink
-from ltvn_core.types import ZERO_TWIST, Depth, Twist
+from ltvn_core.types import ZERO_TWIST, Twist
 
 SILENCE_S = 0.2
 """Time without commands after which a driver counts as gone, in seconds. Including checking, sending and braking, the
 robot stands still within 300 ms; commands arrive 20 times a second."""
 PAUSE_S = 0.3
 """Time between two iterations above which the guard itself was paused, in seconds."""
-FRESH_S = 0.5
-_EVERY_PIXEL = 4
-_FLOOR_M = 0.03
-"""Margin above the ground clearance, in metres, for errors of depth."""
-_FEW_POINTS = 3
-"""Least number of points of an obstacle; fewer points count as noise."""
 _LOG = logging.getLogger(__name__)
 TURN_S = 0.02
 _STATUS_S = 0.2
@@ -117,10 +110,10 @@ class CommandGate:
                 return self._halt(f"no command arrived for {now_s - self._heard_s:.1f} s")
             return self._next(now_s)
 
-    def close(self) -> Twist:
-        """Reject all further commands; return the final zero."""
+    def halt(self, because: str) -> Twist:
+        """Refuse all commands until the driver sends a stop; return the zero to send now."""
         with self._lock:
-            return self._halt("it has ended")
+            return self._halt(because)
 
     def _after_pause(self, now_s: float) -> Twist | None:
         """Return a zero if this process was paused while the robot drove."""
@@ -167,70 +160,11 @@ def _towards(speed: float, goal: float, speeding_up: float, braking: float) -> f
     return speed + min(max(goal - speed, -most), most)
 
 
-class DepthStop:
-    """Refuses forward motion if an obstacle is within `stop_m` of the body."""
-
-    def __init__(self, profile: RobotProfile, stop_m: float) -> None:
-        """Start without depth, so that forward motion is refused."""
-        self.reason: str | None = "no depth image has arrived yet"
-        """Reason why forward motion is refused; None if it is allowed."""
-        self._profile = profile
-        self._stop_m = stop_m
-        self._seen_s = 0.0
-        self._info: Any = None
-        self._lock = threading.Lock()
-
-    def allows(self, twist: Twist) -> Twist:
-        """Return the command, without its forward speed if that is refused; turning and backing up stay."""
-        with self._lock:
-            if time.monotonic() - self._seen_s > FRESH_S:
-                self.reason = "no recent depth image has arrived"
-            is_free = self.reason is None
-        return twist if is_free or twist.linear_m_s <= 0 else Twist(0.0, twist.angular_rad_s)
-
-    def take_camera_info(self, received: Received) -> None:
-        """Store the CameraInfo."""
-        self._info = received.message
-
-    def take_depth(self, received: Received) -> None:
-        """Check a depth image for obstacles. Raises RobotError if it is invalid."""
-        message = received.message
-        topic = self._profile.topics.depth
-        if self._info is None or not is_calibrated(self._info):
-            return
-        camera = self._profile.camera
-        size = sensor_size(message, topic)
-        depth = sensor_depth(message, topic, camera.depth_unit_m)
-        try:
-            lens = ros_camera(self._info, *size, rectified=camera.rectified, topic=topic)
-        except LtvnError as error:
-            raise RobotError(str(error)) from error
-        reason = self._reason(depth, self._profile.mounted(lens))
-        with self._lock:
-            self.reason = reason
-            self._seen_s = received.arrived_s
-
-    def _reason(self, depth: Depth, camera: CameraModel) -> str | None:
-        """Return the reason to refuse forward motion; None if there is none."""
-        if not depth.any():
-            return "the depth image is empty"
-        sparse = depth[::_EVERY_PIXEL, ::_EVERY_PIXEL]
-        points = camera.scaled(sparse.shape[1], sparse.shape[0]).unproject_image(sparse)
-        body = self._profile.body
-        before = (points[:, 0] > 0) & (points[:, 0] < body.radius_m + self._stop_m)
-        beside = abs(points[:, 1]) < body.radius_m
-        high = (points[:, 2] > body.ground_clearance_m + _FLOOR_M) & (points[:, 2] < body.height_m)
-        hits = points[before & beside & high]
-        if len(hits) < _FEW_POINTS:
-            return None
-        return f"there is an obstacle {hits[:, 0].min() - body.radius_m:.2f} m in front of the robot"
-
-
 class Guard:
     """Forwards commands to one robot."""
 
     def __init__(self, link: ZenohLink, profile: RobotProfile, *, depth_stop_m: float | None = None) -> None:
-        """Subscribe; with `depth_stop_m`, refuse forward motion if an obstacle is nearer than this to the body."""
+        """Subscribe; with `depth_stop_m`, allow forward motion only if depth shows this way before the body free."""
         self.forwarded = 0
         """Number of forwarded commands."""
         self.refused = 0
@@ -277,7 +211,7 @@ class Guard:
                 self._send(self._gate.turn())
                 self._publish_status()
         finally:
-            self._send(self._gate.close())
+            self._send(self._gate.halt("it has ended"))
             self._status.put(guard_status_message(self.status))
 
     @property
@@ -329,7 +263,8 @@ class Guard:
         try:
             twist = read_twist(received.message, self._source)
         except RobotError:
-            self._send(self._gate.hear(ZERO_TWIST))
+            # A driver that sends invalid speeds is broken; what it sent is no stop, so it must send one.
+            self._send(self._gate.halt("a command was invalid"))
             raise
         if self._stamped and received.message.header.stamp.sec:
             apart_s = read_stamp(received.message, self._source) - received.attachment.stamp_ns * 1e-9

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ltvn_core.cameras.camera_model import MILLIMETRES
-from ltvn_core.cameras.encoded_images import decode_colour, decode_depth, decode_rvl, encoded_size
+from ltvn_core.cameras.encoded_images import NO_RETURN, decode_colour, decode_depth, decode_rvl, encoded_size
 from ltvn_core.errors import DriveError
 from ltvn_core.types import Depth, Rgb
 
@@ -127,7 +127,9 @@ def decode_metres(message: Any, source: str, unit_m: float = MILLIMETRES) -> Dep
     if not hasattr(message, "encoding"):
         return _clean(_compressed_metres(bytes(message.data), str(message.format), source, unit_m))
     image = _pixels(message, _layout(message, _DEPTHS, source), source)
-    return _clean(image * np.float32(unit_m) if image.dtype == np.uint16 else image.astype(np.float32))
+    if image.dtype == np.uint16:
+        return _clean(np.where(image == NO_RETURN, 0, image) * np.float32(unit_m))
+    return _clean(image.astype(np.float32))
 
 
 def _layout(message: Any, known: dict[str, _Layout], source: str) -> _Layout:

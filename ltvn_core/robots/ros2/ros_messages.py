@@ -138,13 +138,13 @@ def read_stamp(message: Any, source: str) -> float:
 
 
 def read_twist(message: Any, source: str) -> Twist:
-    """Return the speeds in a Twist or TwistStamped. Raises RobotError if one is not finite."""
+    """Return the speeds in a Twist or TwistStamped. Raises RobotError if any of its six is not finite."""
     body = getattr(message, "twist", message)
     twist = Twist(float(body.linear.x), float(body.angular.z))
-    if not all(map(math.isfinite, twist)):
+    every = [float(getattr(part, axis)) for part in (body.linear, body.angular) for axis in "xyz"]
+    if not all(map(math.isfinite, every)):
         raise RobotError(
-            f"{source}: a command must be two finite speeds, got {twist.linear_m_s} m/s and "
-            f"{twist.angular_rad_s} rad/s; it is refused."
+            f"{source}: a command must be two finite speeds, got {every[:3]} m/s and {every[3:]} rad/s; it is refused."
         )
     return twist
 
@@ -196,9 +196,9 @@ def _planar(place: Any, q: Any, source: str) -> Pose:
 
 
 def read_battery(message: Any) -> float | None:
-    """Return the charge in a BatteryState, in [0, 1]; None if it is not measured."""
+    """Return the charge in a BatteryState, in [0, 1]; None if it is not measured, or in another unit."""
     share = float(message.percentage)
-    return min(max(share, 0.0), 1.0) if math.isfinite(share) else None
+    return share if 0.0 <= share <= 1.0 else None  # In percent, every charge would seem full.
 
 
 def _turn(yaw: float) -> Any:

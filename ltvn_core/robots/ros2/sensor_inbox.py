@@ -141,6 +141,7 @@ class SensorInbox:
         """Charge of the battery, in [0, 1]; None if the robot does not report it."""
         self._is_touching = False
         self._touched_s = -math.inf
+        self._truth_freshness = Freshness(topics.truth, most_late_s=MOST_LATE_S)
         self.truth: Stamped | None = None
         """The true pose; None if nothing publishes it."""
         self._changed = threading.Condition(threading.RLock())
@@ -204,7 +205,8 @@ class SensorInbox:
             return self._is_touching or now_s - self._touched_s < _TOUCH_LASTS_S
 
     def take_truth(self, received: Received) -> None:
-        """Keep the true pose."""
+        """Keep the true pose. Raises RobotError if it is late or invalid."""
+        self._truth_freshness.admit(received.attachment, received.arrived_s)
         pose = read_odometry(received.message, "its true pose")
         stamp_s = read_stamp(received.message, "its true pose")
         self.truth = Stamped(stamp_s, received.arrived_s, received.attachment.sequence, pose)

@@ -111,6 +111,15 @@ def test_nobody_repeats_a_held_key_for_longer_than_the_limit(seat: DriverSeat, c
     assert seat.take_events()[-1] == MotionStopped(ANN, StopReason.INPUT_LOST)
 
 
+def test_an_input_that_is_too_old_neither_arms_a_page_nor_gives_it_the_seat(seat: DriverSeat) -> None:
+    seat.receive(ANN, EMPTY, 0, HAND_LIMIT_S)
+    hold(seat, ANN)
+    assert seat.current_twist() is None
+    arm(seat, BOB)
+    seat.receive(BOB, FORWARD, 0, HAND_LIMIT_S)
+    assert seat.driver is None
+
+
 def test_a_worker_that_dies_stops_the_robot_within_the_lease_however_patient_it_was(
     seat: DriverSeat, clock: Clock
 ) -> None:

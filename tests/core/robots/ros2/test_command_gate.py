@@ -126,6 +126,17 @@ def test_a_guard_that_was_stopped_itself_lets_nothing_through_until_a_stop(gate:
     assert wait(gate, clock, 1.0) == [None] * 20
 
 
+def test_an_invalid_command_stops_the_robot_and_is_not_the_stop_that_the_driver_owes(
+    gate: CommandGate, clock: Hand
+) -> None:
+    drive(gate, clock, Twist(0.2, 0.0), 0.3)
+    assert gate.halt("a command was invalid") == ZERO_TWIST
+    assert drive(gate, clock, Twist(0.2, 0.0), 0.1) == [None] * 2
+
+    assert gate.hear(ZERO_TWIST) == ZERO_TWIST
+    assert gate.refuses_because == ""
+
+
 def test_fresh_messages_pass_whatever_the_senders_clock_says() -> None:
     check = Freshness("/cmd_vel", most_late_s=0.2)
 

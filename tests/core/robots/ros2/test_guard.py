@@ -1,5 +1,6 @@
 """The guard in a process of its own: what it forwards, and that the wheels get a zero whatever dies."""
 
+import math
 import signal
 import time
 from collections.abc import Iterator
@@ -91,6 +92,23 @@ def test_commands_are_forwarded_and_silence_is_one_zero(bench: Bench) -> None:
     bench.guard.wait_until_it_says("must first send a stop")
     assert bench.reached.empty()
     bench.drive(ZERO_TWIST)
+    bench.next_that(is_zero=True)
+
+
+@pytest.mark.parametrize("broken", [Twist(math.nan, 0.0), Twist(0.0, math.inf)])
+def test_a_command_that_is_not_finite_is_not_the_stop_that_a_driver_owes(bench: Bench, broken: Twist) -> None:
+    bench.drive_off()
+    bench.next_that(is_zero=True)
+
+    for _ in range(3):
+        bench.drive(broken)
+        bench.drive(TURN)
+    bench.drive(ZERO_TWIST)
+    bench.drive(TURN)
+    reached = [bench.reached.get(timeout=PATIENCE_S)]
+    while reached[-1] == ZERO_TWIST:
+        reached.append(bench.reached.get(timeout=PATIENCE_S))
+    assert len(reached) == 5, "three zeros for what was broken, one for the stop, and then the turn"
     bench.next_that(is_zero=True)
 
 

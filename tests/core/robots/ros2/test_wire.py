@@ -290,6 +290,10 @@ def test_what_was_sent_is_what_is_read() -> None:
 def test_numbers_that_cannot_be_are_refused() -> None:
     with pytest.raises(RobotError, match="two finite speeds"):
         read_twist(twist_message(Twist(math.nan, 0.0), None), "/cmd_vel")
+    sideways = twist_message(Twist(0.0, 0.0), None)
+    sideways.linear.y = math.nan
+    with pytest.raises(RobotError, match="two finite speeds"):
+        read_twist(sideways, "/cmd_vel")
     with pytest.raises(RobotError, match="both must be finite metres"):
         read_odometry(odometry_message(np.array([math.inf, 0.0, 0.0]), Twist(0.0, 0.0), 1.0), "/odom")
     with pytest.raises(RobotError, match="heading"):

@@ -193,12 +193,7 @@ class RosRobot:
         self._complaints = Complaints()
         self._subscribe()
         if not self.inbox.wait_for_all(patience_s):
-            otherwise = " ".join(map(str, self.declared_otherwise()))
-            raise RobotError(
-                f"{profile.name} at {link.address}: within {patience_s:g} s some messages did not arrive: "
-                f"{self.inbox.complaint(time.monotonic())}. "
-                f"{otherwise or '`ros2 topic list` lists the names; put them into a profile.'}"
-            )
+            raise RobotError(f"{profile.name} at {link.address}: {self._why_silent(patience_s)}")
         first = self._newest()
         self._spec = profile.spec(self._lens(first))
         self._began_s = first.stamp_s - (self.clock.now() - (time.monotonic() - first.arrived_s))
@@ -343,6 +338,18 @@ class RosRobot:
     def _refuse(self, stream: Stream, error: RobotError) -> None:
         stream.refusal = str(error)
         self._complaints.say(error)
+
+    def _why_silent(self, patience_s: float) -> str:
+        otherwise = " ".join(map(str, self.declared_otherwise()))
+        if not otherwise and self.link.hears_dds_bridge(stream.topic for stream in self.inbox.streams):
+            return (
+                "a zenoh-bridge-ros2dds answers there, which the toolkit does not understand; the robot must run "
+                "rmw_zenoh (RMW_IMPLEMENTATION=rmw_zenoh_cpp for all its nodes, and rmw_zenohd) instead."
+            )
+        return (
+            f"within {patience_s:g} s some messages did not arrive: {self.inbox.complaint(time.monotonic())}. "
+            f"{otherwise or '`ros2 topic list` lists the names; put them into a profile.'}"
+        )
 
     def _newest(self) -> Moment:
         moment = self.inbox.newest()

@@ -72,6 +72,8 @@ GID_BYTES = 16
 _LAYOUT = struct.Struct(f"<qqB{GID_BYTES}s")
 """Sequence number, nanoseconds, length of the sender's id, and the sender's id."""
 TOKENS = "@ros2_lv"
+BRIDGE_TOKENS = f"@/*/{TOKENS}/**"
+"""Key expression of the liveliness tokens of zenoh-bridge-ros2dds, whose messages are not those of `rmw_zenoh`."""
 _DEFAULT_QOS_REST = ":,:,:,,"
 
 

@@ -12,13 +12,14 @@ import re
 import socket
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple, Self
 
 import zenoh
 
 from ltvn_core.errors import LtvnError, RobotError
 from ltvn_core.robots.ros2.topic_keys import (
+    BRIDGE_TOKENS,
     NO_HASH,
     Attachment,
     Declared,
@@ -147,6 +148,21 @@ class ZenohLink:
         """Return all endpoints of a role, in any domain. Waits up to 1 s; not to be called in a thread of the link."""
         replies = [reply.ok for reply in self._session.liveliness().get(token_pattern(role), timeout=1.0)]
         return [Declared.from_token(str(reply.key_expr)) for reply in replies if reply is not None]
+
+    def hears_dds_bridge(self, names: Iterable[str]) -> bool:
+        """Tell whether a zenoh-bridge-ros2dds answers, by its tokens or by messages whose keys are bare topic names.
+
+        Waits up to 2 s; not to be called in a thread of the link.
+        """
+        if any(reply.ok is not None for reply in self._session.liveliness().get(BRIDGE_TOKENS, timeout=1.0)):
+            return True
+        heard = threading.Event()
+        keys = {f"**/{name.strip('/')}" for name in names}
+        listening = [self._session.declare_subscriber(key, lambda _: heard.set()) for key in keys]
+        heard.wait(1.0)
+        for each in listening:
+            each.undeclare()
+        return heard.is_set()
 
     def close(self) -> None:
         """Undeclare everything and disconnect; closing twice is allowed."""

@@ -1,5 +1,6 @@
 """What some robots of ROS 2 say in another way: where they are, by the tree of frames, and what they see."""
 
+import threading
 import time
 from dataclasses import replace
 from typing import Any
@@ -12,10 +13,10 @@ from ltvn_core.errors import RobotError
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.robots.ros2.guard import DepthStop
 from ltvn_core.robots.ros2.robot_probe import look_over
-from ltvn_core.robots.ros2.ros_messages import bumper_message, camera_info_message, transform_message
+from ltvn_core.robots.ros2.ros_messages import bumper_message, camera_info_message, odometry_message, transform_message
 from ltvn_core.robots.ros2.sensor_inbox import SensorInbox
 from ltvn_core.robots.ros2.served_robot import compressed_depth_message
-from ltvn_core.robots.ros2.topic_keys import TRANSFORMS, Attachment, Topic
+from ltvn_core.robots.ros2.topic_keys import TRANSFORMS, Attachment, Topic, encode
 from ltvn_core.robots.ros2.zenoh_link import Received, ZenohLink
 from ltvn_core.types import Observation, RobotState, Twist
 from tests.core.flat_world import FlatRobot, one_room
@@ -148,3 +149,33 @@ def test_the_check_names_a_bumper_that_nobody_publishes() -> None:
         finally:
             robot.close()
     assert [doubt for doubt in doubts if "publishes /bumper" in doubt]
+
+
+@pytest.mark.parametrize("has_tokens", [True, False])
+def test_a_robot_behind_a_bridge_of_dds_is_told_to_run_rmw_zenoh(has_tokens: bool) -> None:
+    profile, over = changed_profile(), threading.Event()
+    with ZenohLink.listen("tcp/127.0.0.1:0", node="bridge") as link:
+        session: Any = link._session
+        token = f"@/{session.zid()}/@ros2_lv/MP/odom/nav_msgs§msg§Odometry/::,2:"
+        kept = session.liveliness().declare_token(token) if has_tokens else None
+        odometry = encode(odometry_message(np.zeros(3), Twist(0.0, 0.0), 1.0))
+
+        def speak() -> None:
+            while not over.wait(0.05):
+                session.put("odom", odometry)
+
+        speaking = threading.Thread(target=speak)
+        speaking.start()
+        try:
+            with pytest.raises(RobotError, match=r"bridge.* must run rmw_zenoh"):
+                opened(link.address, profile, patience_s=0.2)
+        finally:
+            over.set()
+            speaking.join()
+            del kept
+
+
+def test_a_router_without_a_robot_is_no_bridge() -> None:
+    with ZenohLink.listen("tcp/127.0.0.1:0", node="router") as link, pytest.raises(RobotError) as told:
+        opened(link.address, changed_profile(), patience_s=0.2)
+    assert "bridge" not in str(told.value)

@@ -1,13 +1,20 @@
 """Robots of other people are found by name or in a file, and whatever is wrong with one is said at the door."""
 
+import re
+import subprocess
+import sys
 from importlib.metadata import EntryPoint
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from ltvn_core.errors import PluginError
 from ltvn_core.plugins import ROBOTS, find_plugins
 from ltvn_core.robots.robot_plugins import open_robot
+from ltvn_core.types import Twist
+from tests.repository import ROOT
+from tests.waiting import until
 
 ROBOT = """
 from tests.core.flat_world import FlatRobot, one_room
@@ -135,6 +142,35 @@ def test_a_file_that_cannot_be_run_is_named(tmp_path: Path) -> None:
     path.write_text("import nothing_of_this_name", encoding="utf-8")
     with pytest.raises(PluginError, match=r"torn\.py could not be run"):
         open_robot(f"{path}:make_robot")
+
+
+@pytest.fixture
+def documented(tmp_path: Path) -> tuple[Path, list[str]]:
+    """The robot that the guide prints, in a file, and the commands that it prints for it."""
+    page = (ROOT / "docs" / "how-to" / "own-robot.md").read_text(encoding="utf-8")
+    (code,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    path = tmp_path / "my_robot.py"
+    path.write_text(code, encoding="utf-8")
+    return path, re.findall(r"^\$ ltvn (.*?)(?: *#.*)?$", page, re.MULTILINE)
+
+
+def test_the_robot_of_the_guide_drives_as_printed_and_stops_by_itself(documented: tuple[Path, list[str]]) -> None:
+    robot = open_robot(f"{documented[0]}:make_robot")
+    until(lambda: robot.drive(Twist(0.3, 0.5)) or robot.state().odometry[0] > 0.05)
+    assert robot.state().odometry[2] > 0.05
+
+    until(lambda: np.array_equal(robot.state().odometry, robot.state().odometry))
+    assert robot.observe().has_depth
+
+
+@pytest.mark.slow
+def test_the_guides_command_records_the_guides_robot(documented: tuple[Path, list[str]]) -> None:
+    path, (collect, app) = documented
+    assert app == "app --robot my_robot.py:make_robot"
+    command = [sys.executable, "-m", "ltvn_core.cli", *collect.split()]
+    done = subprocess.run(command, cwd=path.parent, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert (path.parent / "first.rrd").stat().st_size > 10_000
 
 
 def a_robot() -> object:

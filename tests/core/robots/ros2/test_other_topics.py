@@ -3,6 +3,7 @@
 import threading
 import time
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import cv2
@@ -13,7 +14,13 @@ from ltvn_core.errors import RobotError
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.robots.ros2.guard import DepthStop
 from ltvn_core.robots.ros2.robot_probe import look_over
-from ltvn_core.robots.ros2.ros_messages import bumper_message, camera_info_message, odometry_message, transform_message
+from ltvn_core.robots.ros2.ros_messages import (
+    bumper_message,
+    camera_info_message,
+    odometry_message,
+    read_battery,
+    transform_message,
+)
 from ltvn_core.robots.ros2.sensor_inbox import SensorInbox
 from ltvn_core.robots.ros2.served_robot import compressed_depth_message
 from ltvn_core.robots.ros2.topic_keys import TRANSFORMS, Attachment, Topic, encode
@@ -138,6 +145,21 @@ def test_a_touch_between_two_questions_is_felt() -> None:
     now_s = time.monotonic()
     assert inbox.bumper_pressed(now_s)
     assert not inbox.bumper_pressed(now_s + 1.0)
+
+
+def test_a_true_pose_that_comes_late_is_not_where_the_robot_is() -> None:
+    inbox = SensorInbox(changed_profile())
+    pose = odometry_message(np.zeros(3), Twist(0.0, 0.0), 1.0)
+    inbox.take_truth(Received(pose, Attachment(1, 0, bytes(16)), 50.0))
+    with pytest.raises(RobotError, match="late"):
+        inbox.take_truth(Received(pose, Attachment(2, 10**9, bytes(16)), 52.0))
+    assert inbox.truth is not None
+    assert inbox.truth.arrived_s == 50.0
+
+
+@pytest.mark.parametrize(("percentage", "charge"), [(0.5, 0.5), (1.0, 1.0), (55.0, None), (-1.0, None), (np.nan, None)])
+def test_a_charge_that_is_no_share_is_unknown(percentage: float, charge: float | None) -> None:
+    assert read_battery(SimpleNamespace(percentage=percentage)) == charge
 
 
 def test_the_check_names_a_bumper_that_nobody_publishes() -> None:

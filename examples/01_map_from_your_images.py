@@ -30,7 +30,7 @@ def main(folder: Path) -> None:
         ltvn.preprocess_observation(rgb, depth, odometry, stamp=stamp, step=step)
         for step, (rgb, depth, odometry, stamp) in enumerate(my_frames())
     ]
-    with ltvn.RecordingWriter(folder / "tour.rrd", scene="my-house", config={}, fingerprint="") as writer:
+    with ltvn.RecordingWriter(folder / "tour.rrd", scene="my-house") as writer:
         for observation in observations:
             writer.write_frame(observation)
 

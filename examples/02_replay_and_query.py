@@ -14,7 +14,7 @@ DEMO = Path(__file__).parents[1] / "recordings" / "demo-fault.rrd"
 def main(path: Path) -> None:
     """Print the queries of a recording, its failures, and the life of the edge that was driven most."""
     recording = ltvn.Recording.open(path)
-    timeline = ltvn.Timeline.of(recording.events)
+    timeline = recording.timeline
     print(f"{path.name}: {len(recording.frames)} images, {len(recording.events)} events in {recording.meta.scene}")
 
     for query in timeline.queries:

@@ -10,8 +10,6 @@ from pathlib import Path
 import numpy as np
 
 import ltvn_core as ltvn
-from ltvn_core.geometry import relative
-from ltvn_core.robots.robot_spec import LOCOBOT
 
 DEMO = Path(__file__).parents[1] / "recordings" / "demo-drive.rrd"
 BINS = 8
@@ -22,7 +20,7 @@ class ColourPredictor:
 
     fingerprint = "colour-histogram-1"
     """Maps remember it; change it whenever the numbers change."""
-    camera = LOCOBOT.camera
+    camera = ltvn.LOCOBOT.camera
     """The camera whose images it compares; those of other cameras are rectified to it."""
 
     def encode(self, observations: Sequence[ltvn.Observation]) -> np.ndarray:
@@ -32,7 +30,7 @@ class ColourPredictor:
     def predict(self, sources: np.ndarray, targets: np.ndarray) -> ltvn.Prediction:
         """Compare sources (N, F) or (1, F) with targets (N, F)."""
         sources = np.broadcast_to(sources, targets.shape)
-        waypoints = relative(sources[:, :3], targets[:, :3])
+        waypoints = ltvn.relative(sources[:, :3], targets[:, :3])
         likeness = np.minimum(sources[:, 3:], targets[:, 3:]).sum(axis=1)
         near = np.exp(-0.2 * (np.hypot(waypoints[:, 0], waypoints[:, 1]) + np.abs(waypoints[:, 2])))
         return ltvn.Prediction(reachability=likeness * near, waypoints=waypoints)

@@ -8,8 +8,6 @@ import threading
 import numpy as np
 
 import ltvn_core as ltvn
-from ltvn_core.geometry import compose
-from ltvn_core.robots.drive_lease import DriveLease
 
 ROOM_M = np.array([[0.0, 0.0, 0.0], [6.0, 4.0, 2.5]])
 WALLPAPER = np.random.default_rng(5).integers(0, 255, (3, 2, 13, 13, 3), np.uint8)
@@ -23,7 +21,7 @@ class RoomRobot:
 
     def __init__(self) -> None:
         self.clock = ltvn.WallClock()
-        self._lease = DriveLease(self.clock.now, limits=self.spec.speeds)
+        self._lease = ltvn.DriveLease(self.clock.now, limits=self.spec.speeds)
         self._pose, self._bumped = np.array([2.0, 2.0, 0.0]), False
         threading.Thread(target=self._turn_wheels, daemon=True).start()
 
@@ -52,7 +50,7 @@ class RoomRobot:
         while True:
             self.clock.advance(0.02)
             speed, turn = self._lease.command()
-            wanted = compose(self._pose, np.array([0.02 * speed, 0.0, 0.02 * turn]))
+            wanted = ltvn.compose(self._pose, np.array([0.02 * speed, 0.0, 0.02 * turn]))
             free = np.clip(wanted[:2], ROOM_M[0, :2] + 0.2, ROOM_M[1, :2] - 0.2)
             self._pose, self._bumped = np.array([*free, wanted[2]]), bool(np.any(free != wanted[:2]))
 

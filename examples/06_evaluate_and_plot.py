@@ -9,8 +9,7 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 
-from ltvn_core.verbs.evaluate import EvaluateVerb
-from ltvn_core.verbs.jobs.evaluate import EvaluateSummary
+from ltvn_core.verbs.jobs.evaluate import EvaluateSummary, EvaluateVerb
 
 SYSTEMS = ("ltvn", "sptm")
 

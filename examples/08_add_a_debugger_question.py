@@ -10,9 +10,16 @@ from typing import Never
 
 from ltvn_core import palette
 from ltvn_viz.app import AppOptions, run_app
-from ltvn_viz.debugger.context import DebugContext
-from ltvn_viz.debugger.question import AnswerBuilder, Question, edge_link
-from ltvn_viz.session.inspection import Overlay, QuestionAnswer, Selection, stroke
+from ltvn_viz.debugger.question import (
+    AnswerBuilder,
+    DebugContext,
+    Overlay,
+    Question,
+    QuestionAnswer,
+    Selection,
+    edge_link,
+    stroke,
+)
 
 RECORDINGS = Path(__file__).parents[1] / "recordings"
 SHOWN = 5

@@ -8,10 +8,8 @@ import sys
 from pathlib import Path
 
 import ltvn_core as ltvn
-from ltvn_core.analysis.answer_text import answer_text
 from ltvn_core.graph.deltas import EdgePruned
-from ltvn_viz.debugger.file_context import FileCase
-from ltvn_viz.debugger.file_questions import FileAsk, ask_file
+from ltvn_viz.debugger.file_questions import FileAsk, FileCase, ask_file
 
 DEMO = Path(__file__).parents[1] / "recordings" / "demo-fault.rrd"
 
@@ -25,12 +23,12 @@ def main(path: Path) -> None:
 
     for failure in failures[-1:]:
         print(f"\n--- Query {failure.query.id}, as the page answers")
-        print(answer_text(ask_file(case, FileAsk(query=failure.query.id)).answer))
+        print(ltvn.analysis.answer_text(ask_file(case, FileAsk(query=failure.query.id)).answer))
 
     pruned = [change.delta for change in case.timeline.changes if isinstance(change.delta, EdgePruned)]
     for edge in pruned[-1:]:
         print(f"\n--- Edge {edge.source} -> {edge.target}, as the page answers")
-        print(answer_text(ask_file(case, FileAsk(edge=(edge.source, edge.target))).answer))
+        print(ltvn.analysis.answer_text(ask_file(case, FileAsk(edge=(edge.source, edge.target))).answer))
 
         print("\n--- Its reasons alone, each with the kind and the step to look at")
         for reason in ltvn.analysis.explain_pruned_edge(case.timeline, edge.source, edge.target):

@@ -27,7 +27,7 @@ def tell(case: str, path: GraphPath) -> None:
 
 def main() -> None:
     """Print the plan as it was, without the edge, and with other weights."""
-    timeline = ltvn.Timeline.of(ltvn.Recording.open(DEMO).events)
+    timeline = ltvn.Recording.open(DEMO).timeline
     graph = timeline.graph_at(timeline.queries[0].end)
     belief = graph.edges[START, GOAL].belief
     print(f"edge {START} -> {GOAL}: p {belief.p:.2f}, length {belief.mu:.2f}")

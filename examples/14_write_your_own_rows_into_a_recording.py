@@ -11,7 +11,6 @@ import numpy as np
 import rerun as rr
 
 import ltvn_core as ltvn
-from ltvn_core.data.recording.damage.integrity import verify
 
 DEMO = Path(__file__).parents[1] / "recordings" / "demo-drive.rrd"
 PLAIN_BELOW = 3.0
@@ -21,7 +20,7 @@ PLAIN_BELOW = 3.0
 def main(output: Path) -> None:
     """Record thirty images of the demo drive with the contrast of each, and read that back."""
     drive = ltvn.Recording.open(DEMO)
-    with ltvn.RecordingWriter(output, scene="demo", config={}, fingerprint="", camera=drive.meta.camera) as writer:
+    with ltvn.RecordingWriter(output, scene="demo", camera=drive.meta.camera) as writer:
         for frame in drive.frames[:30]:
             seen = drive.observation(frame)
             edges = np.abs(np.diff(seen.rgb.mean(axis=2), axis=1))
@@ -31,13 +30,14 @@ def main(output: Path) -> None:
             if edges.mean() < PLAIN_BELOW:
                 writer.log("my/remarks", rr.TextLog(f"image {frame} shows little but walls"))
 
+    written = ltvn.Recording.open(output)
     rows: dict[str, int] = {}
-    for batch in ltvn.Recording.open(output).user_rows():
+    for batch in written.user_rows():
         entity = (batch.schema.metadata or {})[b"rerun:entity_path"].decode()
         rows[entity] = rows.get(entity, 0) + batch.num_rows
     for entity, count in sorted(rows.items()):
         print(f"{entity}: {count} rows")
-    print(f"{output}: whole, {verify(output).frames} images")
+    print(f"{output}: whole, {len(written.frames)} images")
 
 
 if __name__ == "__main__":

@@ -11,7 +11,6 @@ import onnx
 import onnx.parser
 
 import ltvn_core as ltvn
-from ltvn_core.predictors.opening import open_predictor
 
 DEMO = Path(__file__).parents[1] / "recordings" / "demo-drive.rrd"
 IMAGES = 80
@@ -45,7 +44,7 @@ def main(folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     onnx.save(onnx.parser.parse_model(MODEL), str(folder / "policy.onnx"))
     (folder / "card.toml").write_text(CARD, encoding="utf-8")
-    policy = open_predictor("onnx", weights=folder / "card.toml")
+    policy = ltvn.open_predictor("onnx", weights=folder / "card.toml")
     recording = ltvn.Recording.open(DEMO)
     images = [recording.observation(frame) for frame in recording.frames[:IMAGES]]
     made = ltvn.build_map(images, predictor=policy, predictor_name="onnx", camera=recording.meta.camera)

@@ -9,8 +9,6 @@ from pathlib import Path
 import numpy as np
 
 import ltvn_core as ltvn
-from ltvn_core.graph.localiser import Localiser
-from ltvn_core.graph.matching import Matcher
 
 RECORDINGS = Path(__file__).parents[1] / "recordings"
 
@@ -20,12 +18,7 @@ def main() -> None:
     drive = ltvn.Recording.open(RECORDINGS / "demo-drive.rrd")
     picture = drive.observation(drive.frames[len(drive.frames) // 2])
     known = ltvn.TopologicalMap.load(RECORDINGS / "demo-map.rrd", with_reserve=False)
-    matcher = Matcher(known.predictor, known.keyframes, known.system.method.matching)
-    localiser = Localiser(matcher, known.system.method.localising)
-
-    features = known.predictor.encode([picture])
-    for node, likeness in localiser.nearest_nodes(features, known.graph, 3):
-        ((x, y, yaw),) = matcher.match(features, (node,)).waypoints
+    for node, likeness, (x, y, yaw) in known.find(picture, count=3):
         print(f"node {node}: r {likeness:.2f}, {np.hypot(x, y):.2f} m away, turned {np.degrees(yaw):+.0f} degrees")
 
 

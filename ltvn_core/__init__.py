@@ -25,18 +25,25 @@ if TYPE_CHECKING:
     from ltvn_core.data.recording.reader import Recording as Recording
     from ltvn_core.data.recording.writer import RecordingWriter as RecordingWriter
     from ltvn_core.errors import LtvnError as LtvnError
+    from ltvn_core.geometry import compose as compose
+    from ltvn_core.geometry import relative as relative
+    from ltvn_core.graph.deltas import Belief as Belief
     from ltvn_core.graph.navigation_system import NavigationSystem as NavigationSystem
     from ltvn_core.graph.topological_graph import TopologicalGraph as TopologicalGraph
     from ltvn_core.maps.topological_map import TopologicalMap as TopologicalMap
     from ltvn_core.maps.topological_map import build_map as build_map
+    from ltvn_core.navigation.events import QueryEnded as QueryEnded
     from ltvn_core.navigation.events import Tick as Tick
     from ltvn_core.navigation.navigator import Navigator as Navigator
-    from ltvn_core.network.predictor import load_predictor as load_predictor
+    from ltvn_core.predictors.opening import open_predictor as open_predictor
     from ltvn_core.predictors.request import PredictorRequest as PredictorRequest
     from ltvn_core.preprocessing import preprocess_observation as preprocess_observation
+    from ltvn_core.robots.drive_lease import DriveLease as DriveLease
     from ltvn_core.robots.robot import Robot as Robot
     from ltvn_core.robots.robot import WallClock as WallClock
+    from ltvn_core.robots.robot_spec import LOCOBOT as LOCOBOT
     from ltvn_core.robots.robot_spec import RobotSpec as RobotSpec
+    from ltvn_core.simulation.opening import open_simulation as open_simulation
     from ltvn_core.systems.registry import open_system as open_system
     from ltvn_core.types import Observation as Observation
     from ltvn_core.types import Prediction as Prediction
@@ -44,10 +51,11 @@ if TYPE_CHECKING:
     from ltvn_core.types import RobotState as RobotState
     from ltvn_core.types import Twist as Twist
 
-    System = NavigationSystem
-
 _HOMES = {
+    "Belief": "graph.deltas",
     "CameraModel": "cameras.camera_model",
+    "DriveLease": "robots.drive_lease",
+    "LOCOBOT": "robots.robot_spec",
     "LtvnError": "errors",
     "Method": "config",
     "NavigationSystem": "graph.navigation_system",
@@ -57,13 +65,13 @@ _HOMES = {
     "Prediction": "types",
     "Predictor": "types",
     "PredictorRequest": "predictors.request",
+    "QueryEnded": "navigation.events",
     "ROBUST": "config",
     "Recording": "data.recording.reader",
     "RecordingWriter": "data.recording.writer",
     "Robot": "robots.robot",
     "RobotSpec": "robots.robot_spec",
     "RobotState": "types",
-    "System": "graph.navigation_system",
     "Tick": "navigation.events",
     "Timeline": "analysis.timeline",
     "TopologicalGraph": "graph.topological_graph",
@@ -71,20 +79,23 @@ _HOMES = {
     "Twist": "types",
     "WallClock": "robots.robot",
     "build_map": "maps.topological_map",
-    "load_predictor": "network.predictor",
+    "compose": "geometry",
+    "open_predictor": "predictors.opening",
+    "open_simulation": "simulation.opening",
     "open_system": "systems.registry",
     "preprocess_observation": "preprocessing",
     "preset": "config",
+    "relative": "geometry",
 }
 """Module of each public name, relative to this package."""
 
-_OTHER_NAMES = {"System": "NavigationSystem"}
-"""Names of public objects in their own modules, if they differ from the public name."""
-
 __all__ = [
+    "LOCOBOT",
     "PAPER",
     "ROBUST",
+    "Belief",
     "CameraModel",
+    "DriveLease",
     "LtvnError",
     "Method",
     "NavigationSystem",
@@ -93,12 +104,12 @@ __all__ = [
     "Prediction",
     "Predictor",
     "PredictorRequest",
+    "QueryEnded",
     "Recording",
     "RecordingWriter",
     "Robot",
     "RobotSpec",
     "RobotState",
-    "System",
     "Tick",
     "Timeline",
     "TopologicalGraph",
@@ -108,10 +119,13 @@ __all__ = [
     "__version__",
     "analysis",
     "build_map",
-    "load_predictor",
+    "compose",
+    "open_predictor",
+    "open_simulation",
     "open_system",
     "preprocess_observation",
     "preset",
+    "relative",
 ]
 
 try:
@@ -126,7 +140,7 @@ def __getattr__(name: str) -> object:
         return import_module("ltvn_core.analysis")
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}; see ltvn_core.__all__ for its names")
-    value = getattr(import_module(f"{__name__}.{_HOMES[name]}"), _OTHER_NAMES.get(name, name))
+    value = getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
     globals()[name] = value
     return value
 

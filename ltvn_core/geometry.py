@@ -14,7 +14,15 @@ def wrap_angle(angle_rad: ArrayLike) -> NDArray[np.float64]:
 
 
 def compose(pose: Pose, waypoint: Waypoint) -> Pose:
-    """Return the pose reached from `pose` (..., 3) by `waypoint` (..., 3) given in its frame."""
+    """Return the pose that is reached from a pose by a waypoint.
+
+    Args:
+        pose: Poses (..., 3): x and y in metres, yaw in radians.
+        waypoint: Poses (..., 3) in the frame of `pose`.
+
+    Raises:
+        ValueError: The shapes do not fit each other.
+    """
     (x, y, yaw), (ahead, left, turn) = _coordinates(pose), _coordinates(waypoint)
     cos = np.cos(yaw)
     sin = np.sin(yaw)
@@ -30,7 +38,15 @@ def invert(waypoint: Waypoint) -> Waypoint:
 
 
 def relative(source: Pose, target: Pose) -> Waypoint:
-    """Return the pose of `target` (..., 3) in the frame of `source` (..., 3)."""
+    """Return the pose of a target in the frame of a source.
+
+    Args:
+        source: Poses (..., 3): x and y in metres, yaw in radians.
+        target: Poses (..., 3) in the same frame as `source`.
+
+    Raises:
+        ValueError: The shapes do not fit each other.
+    """
     return compose(invert(source), target)
 
 

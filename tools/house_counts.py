@@ -50,14 +50,21 @@ class House:
                 yield from {node.value.partition(":")[0]} & self.trees.keys()
 
     def reached_from(self, module: str) -> set[str]:
-        """Return the modules that a module can reach, itself included."""
+        """Return the modules that a module can reach when it runs, itself included."""
         reached, waiting = set[str](), [module]
         while waiting:
             name = waiting.pop()
             if name not in reached:
                 reached.add(name)
-                waiting.extend(self.imports[name])
+                waiting.extend(self.imports[name] - self._for_types_alone(name))
         return reached
+
+    def _for_types_alone(self, module: str) -> set[str]:
+        """Return the modules that a module imports for type checkers and nowhere else."""
+        tree = self.trees[module]
+        typing = [node for node in tree.body if _is_for_type_checkers(node)]
+        running = ast.Module([node for node in tree.body if not _is_for_type_checkers(node)], [])
+        return {name for node in typing for name in self._imported(module, node)} - set(self._imported(module, running))
 
     def one_sibling_modules(self) -> list[str]:
         """Return the modules that one module alone imports, and that one from the same folder."""
@@ -86,6 +93,10 @@ class House:
         )
 
 
+def _is_for_type_checkers(node: ast.AST) -> bool:
+    return isinstance(node, ast.If) and ast.unparse(node.test).endswith("TYPE_CHECKING")
+
+
 def _module_name(file: Path) -> str:
     parts = file.with_suffix("").parts
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
@@ -102,7 +113,7 @@ def type_only_imports(house: House) -> int:
         isinstance(inner, ast.Import | ast.ImportFrom)
         for tree in house.trees.values()
         for node in ast.walk(tree)
-        if isinstance(node, ast.If) and ast.unparse(node.test).endswith("TYPE_CHECKING")
+        if isinstance(node, ast.If) and _is_for_type_checkers(node)
         for inner in node.body
     )
 

@@ -11,11 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import ltvn_core as ltvn
-from ltvn_core.graph.presence.durations import FloatArray
-from ltvn_core.graph.presence.edge_presence import FilteredPresence
-from ltvn_core.graph.presence.persistent import EDGE_ERRORS, USUALLY_PRESENT, SightErrors
-from ltvn_core.graph.presence.presence_filter import PresenceFilter, Rows
-from ltvn_core.graph.presence.presence_maintenance import PresenceMaintenance
+from ltvn_core.graph.presence.persistent import EDGE_ERRORS, USUALLY_PRESENT, FloatArray, Rows, SightErrors
+from ltvn_core.systems.maintenance import with_presence_filter
 
 HOUR_S = 3600.0
 WEEK_S = 7 * 24 * HOUR_S
@@ -113,21 +110,11 @@ FREMEN = FremenFilter(periods_s=WEEK_S / np.arange(1, 7 * 12 + 1), present_at_fi
 """With periods from two hours to a week."""
 
 
-def forgetting_system(method: ltvn.Method) -> ltvn.System:
+def forgetting_system(method: ltvn.Method) -> ltvn.NavigationSystem:
     """Return the paper's system, which plans by what it saw in the last hours."""
-    return _with_presence(method, "forgetting", FORGETTING)
+    return replace(with_presence_filter(ltvn.open_system("ltvn", method), FORGETTING), name="forgetting")
 
 
-def fremen_system(method: ltvn.Method) -> ltvn.System:
+def fremen_system(method: ltvn.Method) -> ltvn.NavigationSystem:
     """Return the paper's system, which plans by what is open at this time of the day or of the week."""
-    return _with_presence(method, "fremen", FREMEN)
-
-
-def _with_presence(method: ltvn.Method, name: str, presence_filter: PresenceFilter) -> ltvn.System:
-    system = ltvn.open_system("ltvn", method)
-    return replace(
-        system,
-        name=name,
-        maintenance=PresenceMaintenance(system.method),
-        presence=FilteredPresence(presence_filter),
-    )
+    return replace(with_presence_filter(ltvn.open_system("ltvn", method), FREMEN), name="fremen")

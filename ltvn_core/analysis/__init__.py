@@ -4,8 +4,10 @@ All functions are pure. They need numpy and a recording alone, for instance in a
 is passed in as a `Predictor`. The page only shows these results. The names below are the entry points.
 """
 
+from ltvn_core.analysis.answer_text import answer_text
 from ltvn_core.analysis.edge_explanation import explain_edge_belief, explain_missing_edge, explain_pruned_edge
 from ltvn_core.analysis.edge_history import edge_history
+from ltvn_core.analysis.event_text import describe_event
 from ltvn_core.analysis.failure_triage import failed_queries, group_by_failure_mode, group_by_place
 from ltvn_core.analysis.lifelong_success import lifelong_success
 from ltvn_core.analysis.localisation_confidence import find_perceptual_aliases
@@ -14,7 +16,9 @@ from ltvn_core.analysis.timeline import Timeline
 
 __all__ = [
     "Timeline",
+    "answer_text",
     "compare_maps",
+    "describe_event",
     "edge_history",
     "explain_edge_belief",
     "explain_missing_edge",

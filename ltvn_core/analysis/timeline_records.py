@@ -162,7 +162,7 @@ def edges_between(path: Sequence[NodeId], source: NodeId, target: NodeId) -> tup
     return ((source, target),)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class QueryRecord:
     """A query from start to end."""
 
@@ -182,6 +182,11 @@ class QueryRecord:
     """The evaluation's verdict; None outside simulation."""
     attempts: tuple[AttemptRecord, ...]
     plans: tuple[PlanRecord, ...]
+
+    def __repr__(self) -> str:
+        ended = f"{self.outcome} at {self.end.stamp:.1f} s" if self.end else "cut off"
+        attempts = f"{len(self.attempts)} attempt{'s' * (len(self.attempts) != 1)}"
+        return f"<QueryRecord {self.id} to node {self.goal}: {attempts} from {self.begin.stamp:.1f} s, {ended}>"
 
     @property
     def outcome(self) -> Outcome | None:

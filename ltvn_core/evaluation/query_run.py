@@ -58,7 +58,7 @@ class QueryRun:
 
     def events(self) -> Generator[Event | Tick, None, None]:
         """Yield the events of the query and a `Tick` for each control step; the verdict comes last."""
-        with closing(self._events):  # type: ignore[type-var]  # A generator.
+        with closing(self._events):
             for event in self._events:
                 if isinstance(event, GraphChanged):
                     self._changes[type(event.delta)] += 1

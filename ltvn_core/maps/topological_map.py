@@ -8,10 +8,11 @@ import logging
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
+from ltvn_core.analysis.manual_edits import connect_by_action
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.cameras.rectification import rectified_camera
 from ltvn_core.data.recording.map_file import LoadedMap, check_fingerprint, load_map, save_map
@@ -19,6 +20,8 @@ from ltvn_core.errors import MapError
 from ltvn_core.findings import Finding, WithDoubts
 from ltvn_core.graph.builder import ProgressCallback
 from ltvn_core.graph.keyframes import KeyframeStore
+from ltvn_core.graph.localiser import Localiser
+from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.navigation_system import Deltas, NavigationSystem
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.image_validity import check_instant
@@ -36,9 +39,19 @@ from ltvn_core.preprocessing import recorded_observation
 from ltvn_core.robots.robot import Robot
 from ltvn_core.robots.robot_check import sequence_findings
 from ltvn_core.systems.registry import DEFAULT_SYSTEM, recorded_system, system_entry
-from ltvn_core.types import FrameId, Observation, Predictor
+from ltvn_core.types import FrameId, NodeId, Observation, Predictor, Waypoint
 
 log = logging.getLogger(__name__)
+
+
+class FoundPlace(NamedTuple):
+    """A node that resembles a picture."""
+
+    node: NodeId
+    reachability: float
+    """r in [0, 1] between the picture and the node's image."""
+    waypoint: Waypoint
+    """(3,) pose of the node in the picture's frame: x and y in metres, yaw in radians."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -190,6 +203,42 @@ class TopologicalMap(WithDoubts):
         deltas = self.system.build(
             observations, self.keyframes, self.predictor, rng=rng, goals=goals, progress=progress
         )
+        for delta in deltas:
+            self.graph.apply(delta)
+        return deltas
+
+    def find(self, picture: Observation, count: int = 3) -> tuple[FoundPlace, ...]:
+        """Return the places that resemble a picture most, the best first.
+
+        Args:
+            picture: An image with the predictor's camera, see `preprocessing.recorded_observation` for others.
+            count: Number of places, fewer if the map has fewer nodes.
+
+        Raises:
+            MapError: The map has no nodes.
+        """
+        if not self.graph.nodes:
+            raise MapError("The map has no nodes, so no place can be found in it; build it from images first.")
+        matcher = Matcher(self.predictor, self.keyframes, self.system.method.matching)
+        features = self.predictor.encode([picture])
+        nearest = Localiser(matcher, self.system.method.localising).nearest_nodes(features, self.graph, count)
+        waypoints = matcher.match(features, tuple(node for node, _ in nearest)).waypoints
+        return tuple(FoundPlace(*found, waypoint) for found, waypoint in zip(nearest, waypoints, strict=True))
+
+    def connect(self, source: NodeId, target: NodeId, *, action: str, cost_m: float = 10.0) -> Deltas:
+        """Join two nodes, in this direction, by an action that is not driving; return the changes of the map.
+
+        Args:
+            source: Node at which the action begins.
+            target: Node at which it ends.
+            action: What to do there, such as "Take the lift to floor 2".
+            cost_m: Cost of the action in a plan, in metres of driving; an existing edge keeps its own.
+
+        Raises:
+            MapError: A node is not in the map, or both are the same.
+            OptionError: The action or its cost is invalid.
+        """
+        deltas = connect_by_action(self.graph, source, target, action, cost_m)
         for delta in deltas:
             self.graph.apply(delta)
         return deltas

@@ -5,7 +5,8 @@ Owns the start and the end of a query, and always stops the robot afterwards. Th
 control step of 0.1 s pass.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
+from contextlib import closing
 
 import numpy as np
 
@@ -25,7 +26,7 @@ from ltvn_core.navigation.perception import Perception
 from ltvn_core.navigation.query import Query
 from ltvn_core.navigation.query_runner import QueryRunner
 from ltvn_core.robots.robot import Robot
-from ltvn_core.types import NodeId, Predictor
+from ltvn_core.types import CONTROL_STEP_S, NodeId, Predictor
 
 
 class Navigator:
@@ -68,7 +69,7 @@ class Navigator:
         )
         self._motion: MotionExecutor | None = None
 
-    def query(self, goal: NodeId, query: int) -> Iterator[Event | Tick]:
+    def query(self, goal: NodeId, query: int) -> Generator[Event | Tick, None, None]:
         """Drive to a node: yield events, and ticks at which the caller lets time pass.
 
         Closing the iterator stops the robot at once and yields nothing more; `cancel` ends the query with its events.
@@ -79,12 +80,34 @@ class Navigator:
             raise MapError(f"Node {goal} is not in the map, which has {count} nodes; choose one of them as the goal.")
         return self._query(goal, query)
 
+    def drive_to(self, goal: NodeId, *, query: int = 0, consume: Callable[[Event], None] | None = None) -> QueryEnded:
+        """Drive to a node, let the robot's clock run meanwhile, and return how the query ended.
+
+        Args:
+            goal: Node to drive to.
+            query: Number of the query in its events.
+            consume: Called with each event of the query; it may call `cancel`.
+
+        Raises:
+            MapError: The goal is not in the map.
+        """
+        with closing(self.query(goal, query)) as events:
+            for event in events:
+                if isinstance(event, Tick):
+                    self._robot.clock.advance(CONTROL_STEP_S)
+                    continue
+                if consume is not None:
+                    consume(event)
+                if isinstance(event, QueryEnded):
+                    return event
+        raise AssertionError("a query that is not closed ends with its event")
+
     def cancel(self) -> None:
         """End the running query at its next control step."""
         if self._motion is not None:
             self._motion.cancelled = True
 
-    def _query(self, goal: NodeId, query: int) -> Iterator[Event | Tick]:
+    def _query(self, goal: NodeId, query: int) -> Generator[Event | Tick, None, None]:
         motion = self._motion = MotionExecutor(self._robot, query, self._context.method.recovering, slips=self._slips)
         perception = Perception(motion, self._context.predictor, self._context.matcher)
         try:

@@ -97,7 +97,7 @@ def simulated_robot(predictor: str) -> RobotSpec:
 
 
 def open_predictor(
-    name: str, scene_name: str = "", weights: Path | None = None, *, camera: CameraModel = LOCOBOT.camera
+    name: str = NETWORK, scene_name: str = "", weights: Path | None = None, *, camera: CameraModel = LOCOBOT.camera
 ) -> Predictor:
     """Return the predictor with a name.
 

@@ -57,12 +57,20 @@ def open_simulation(
     script: "WorldScript | None" = None,
     body: "BodyName" = "auto",
 ) -> Simulation:
-    """Load a scene and put a robot of `spec` into it, at `start` (3,) or at a free place drawn with `seed`.
+    """Load a scene and put a robot into it.
 
-    `script` changes the scene over time; without one, the scene does not change. `body` moves the robot, see
-    `ltvn_core.simulation.body_selection`.
+    Args:
+        scene_name: Name of a scene, such as `demo` or `apartment-57`, or the file of a mesh.
+        seed: Seed of the robot's start and of noise.
+        first_step: Control step at which the robot's clock begins.
+        start: Pose (3,) of the robot, in metres and radians; a free place by default.
+        odometry_noise: Noise of odometry; none by default.
+        spec: Size, speeds and camera of the robot.
+        script: Changes of the scene over time; none by default.
+        body: What moves the robot, see `ltvn_core.simulation.body_selection`.
 
-    Raises SceneError for an unknown scene, or if the simulator cannot run here.
+    Raises:
+        SceneError: The scene is unknown, or the simulator cannot run here.
     """
     try:
         from ltvn_core.simulation.simulated_robot import SimulatedRobot

@@ -44,16 +44,20 @@ def with_maintenance(
     if name in ("brm", "brm-rooms"):
         rooms = _known(room_of, name, "which rooms its nodes lie in") if name == "brm-rooms" else None
         return replace(system, maintenance=BayesianEdges(rooms), presence=ALWAYS_OPEN)
-    maintenance = PresenceMaintenance(system.method)
-    return replace(system, maintenance=maintenance, presence=_presence(name, truth))
-
-
-def _presence(name: str, truth: EdgePresence | None) -> EdgePresence:
     if name == "persistent":
-        return FilteredPresence(PERSISTENT)
+        return with_presence_filter(system, PERSISTENT)
     if name != "truth":
         raise OptionError(f"No maintenance is called {name!r}. {which_name(name, MAINTENANCE_NAMES)}.")
-    return _known(truth, name, "which edges are open")
+    return _with_presence(system, _known(truth, name, "which edges are open"))
+
+
+def with_presence_filter(system: NavigationSystem, presence_filter: PresenceFilter) -> NavigationSystem:
+    """Return the same system, which plans by what a filter says of each edge: open now or not."""
+    return _with_presence(system, FilteredPresence(presence_filter))
+
+
+def _with_presence(system: NavigationSystem, presence: EdgePresence) -> NavigationSystem:
+    return replace(system, maintenance=PresenceMaintenance(system.method), presence=presence)
 
 
 def _known(told: _Told | None, name: str, what: str) -> _Told:

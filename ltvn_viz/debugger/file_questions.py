@@ -27,6 +27,8 @@ from ltvn_viz.session.inspection import QuestionName, Selection
 from ltvn_viz.timeline.breakpoint_monitor import BreakpointMonitor
 from ltvn_viz.wishes.commands import AskQuestion, ChooseQuestion, PointAt, Seek
 
+__all__ = ["FileAsk", "FileCase", "ask_file"]
+
 LONGEST_S = 300.0
 """Time limit for an answer, in seconds."""
 LONGEST_TEXT = 200

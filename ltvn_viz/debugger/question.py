@@ -14,8 +14,21 @@ from ltvn_core.palette import Rgb8
 from ltvn_core.types import NodeId
 from ltvn_viz.debugger.background_cache import LatestAnswer
 from ltvn_viz.debugger.context import DebugContext
-from ltvn_viz.session.inspection import EMPTY_OVERLAY, Overlay, QuestionAnswer, QuestionName, Selection
+from ltvn_viz.session.inspection import EMPTY_OVERLAY, Overlay, QuestionAnswer, QuestionName, Selection, stroke
 from ltvn_viz.wishes.commands import AskQuestion, ChooseQuestion, Command, PointAt, QuestionRequest, Seek
+
+__all__ = [
+    "AnswerBuilder",
+    "DebugContext",
+    "Overlay",
+    "Question",
+    "QuestionAnswer",
+    "Selection",
+    "edge_link",
+    "request_link",
+    "stroke",
+    "time_link",
+]
 
 
 class AnswerBuilder(answer.AnswerBuilder):

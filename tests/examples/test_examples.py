@@ -136,3 +136,14 @@ def test_the_notebook_runs_from_top_to_bottom() -> None:
     NotebookClient(notebook, timeout=120, resources={"metadata": {"path": str(EXAMPLES)}}).execute()
     figures = [output for cell in notebook.cells for output in cell.get("outputs", []) if "image/png" in str(output)]
     assert len(figures) == 2
+
+
+IMPORTS = re.compile(r"^(?:from (ltvn_\w+(?:\.\w+)*) import|import (ltvn_\w+))", re.MULTILINE)
+
+
+@pytest.mark.parametrize("path", sorted(EXAMPLES.rglob("*.py")), ids=lambda path: path.stem)
+def test_an_example_imports_one_module_of_a_border_at_most(path: Path) -> None:
+    modules = {first or second for first, second in IMPORTS.findall(path.read_text(encoding="utf-8"))}
+    borders = [".".join(name.split(".")[:2]) for name in modules - {"ltvn_core", "ltvn_core.palette"}]
+
+    assert len(borders) == len(set(borders))

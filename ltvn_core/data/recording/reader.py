@@ -6,8 +6,9 @@ Does not change the file. Images stay compressed until they are requested.
 import itertools
 from collections.abc import Iterable, Iterator, Sequence
 from functools import cached_property
+from importlib import import_module
 from pathlib import Path
-from typing import NamedTuple, Self
+from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 import pyarrow as pa
@@ -29,6 +30,9 @@ from ltvn_core.garbage_collection import garbage_collection_paused
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import GraphChanged, StampedEvent
 from ltvn_core.types import FrameId, Observation, Pose
+
+if TYPE_CHECKING:
+    from ltvn_core.analysis.timeline import Timeline
 
 _PART = 1_000
 """Number of batches of events that are decoded together."""
@@ -158,6 +162,13 @@ class Recording:
             parts = [_event_rows(batches[k : k + _PART]) for k in range(0, len(batches), _PART)]
             rows = sorted(itertools.chain.from_iterable(parts))
             return [StampedEvent(step, stamp, decode_event(text)) for _, step, stamp, text in rows]
+
+    @cached_property
+    def timeline(self) -> "Timeline":
+        """The run as queries, attempts and maps over time."""
+        # Imported at its first use, because what only builds maps needs no analysis.
+        timeline: type[Timeline] = import_module("ltvn_core.analysis.timeline").Timeline
+        return timeline.of(self.events)
 
     def graph_at(self, step: FrameId) -> TopologicalGraph:
         """Return the map after all changes up to and including `step`, by applying the deltas."""

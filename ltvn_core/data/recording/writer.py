@@ -49,9 +49,9 @@ class RecordingWriter:
         self,
         path: Path | str,
         *,
-        scene: str,
-        config: Mapping[str, Any],
-        fingerprint: str,
+        scene: str = "",
+        config: Mapping[str, Any] | None = None,
+        fingerprint: str = "",
         camera: CameraModel | None = None,
         scene_glb: bytes | None = None,
         recording_id: str = "",
@@ -62,10 +62,12 @@ class RecordingWriter:
     ) -> None:
         """Begin a recording at `path`.
 
-        `config` must consist of JSON values. `scene_glb` is drawn, see `draw_scene`. `recording_id` and `started_at`
-        are for rewriting an older recording. Recording stops if the disk has less than `min_free_bytes` left. Rerun
-        viewers on this machine can watch at `live_port`; raises ServerError if it is taken. If the disk is far behind,
-        writing waits for it up to `patience_s`; 0 is for a robot in real time.
+        `scene` names the place, and `fingerprint` the predictor whose map the run uses; both may stay empty. `config`
+        must consist of JSON values. Without a `camera`, the images count as those of the simulated robot. `scene_glb`
+        is drawn, see `draw_scene`. `recording_id` and `started_at` are for rewriting an older recording. Recording
+        stops if the disk has less than `min_free_bytes` left. Rerun viewers on this machine can watch at `live_port`;
+        raises ServerError if it is taken. If the disk is far behind, writing waits for it up to `patience_s`; 0 is for
+        a robot in real time.
         """
         camera = camera or LOCOBOT.camera
         recording_id = recording_id or str(uuid4())
@@ -73,7 +75,7 @@ class RecordingWriter:
         versions = package_versions()
         meta = RecordingMetadata(
             scene=scene,
-            config=config,
+            config=config or {},
             fingerprint=fingerprint,
             camera=camera,
             schema=schema.SCHEMA_VERSION,

@@ -11,6 +11,7 @@ from ltvn_core.evaluation.query_run import judge_goal_reached, random_goals
 from ltvn_core.navigation.events import (
     AttemptEnded,
     AttemptStarted,
+    Event,
     GraphChanged,
     Judged,
     Localised,
@@ -54,6 +55,34 @@ def test_the_events_tell_the_story_in_order() -> None:
     assert [started.attempt for started in legs] == list(range(1, len(legs) + 1))
     assert episode.steps == place.robot.step - FIRST_STEP
     assert episode.path_m > 3
+
+
+def test_driving_to_a_goal_is_one_call() -> None:
+    place, told = mapped_rooms(ROBUST), list[Event]()
+    goal = place.nearest(5.2, 3.2)
+
+    ended = place.navigator().drive_to(goal, query=7, consume=told.append)
+
+    assert (ended.query, ended.goal, ended.outcome) == (7, goal, Outcome.ARRIVED)
+    assert told[0] == QueryStarted(7, goal)
+    assert told[-1] is ended
+    assert place.robot.step - FIRST_STEP == ended.steps
+    with pytest.raises(MapError, match="not in the map"):
+        place.navigator().drive_to(-1)
+
+
+def test_an_error_while_driving_to_a_goal_leaves_the_robot_standing() -> None:
+    place = mapped_rooms(ROBUST)
+
+    def fail(event: Event) -> None:
+        if isinstance(event, AttemptStarted):
+            raise TimeoutError
+
+    with pytest.raises(TimeoutError):
+        place.navigator().drive_to(place.nearest(5.2, 3.2), consume=fail)
+    pose = place.robot.pose
+    place.robot.advance()
+    assert np.array_equal(place.robot.pose, pose)
 
 
 def test_the_robot_backs_up_along_an_edge_driven_against_its_direction() -> None:

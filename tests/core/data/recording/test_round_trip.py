@@ -44,6 +44,7 @@ from ltvn_core.graph.deltas import (
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import ChangedBy, Event, GraphChanged, Note, WorldChanged
 from tests.core.data.recording import example_recording
+from tests.repository import DEMO_FAULT
 
 
 @pytest.fixture(autouse=True)
@@ -281,3 +282,19 @@ def test_images_that_leave_memory_are_read_as_before(
     assert all(moved.is_intact(frame) for frame in kept.frames)
     assert_array_equal(moved.observation(3).rgb, kept.observation(3).rgb)
     assert_array_equal(moved.observation(3).depth, kept.observation(3).depth)
+
+
+def test_a_recording_needs_no_more_than_a_path(tmp_path: Path) -> None:
+    with RecordingWriter(tmp_path / "drive.rrd") as writer:
+        writer.log("my/score", 0.7, step=0, stamp=0.0)
+
+    written = Recording.open(tmp_path / "drive.rrd")
+    assert (written.meta.scene, written.meta.config, written.meta.fingerprint) == ("", {}, "")
+
+
+def test_a_recording_has_its_timeline_at_hand() -> None:
+    queries = Recording.open(DEMO_FAULT).timeline.queries
+
+    assert [query.id for query in queries] == [0, 1, 2, 3]
+    assert len(str(queries[0])) < 120
+    assert "no path" in str(queries[3])

@@ -28,6 +28,7 @@ from rosbags.rosbag2 import Reader as Reader2
 from rosbags.rosbag2 import storage_mcap
 
 from ltvn_core.data.importing.rosbag.message_forms import MessageReader, Written
+from ltvn_core.data.importing.unfinished_databases import files_beside, finished
 from ltvn_core.errors import DriveError
 
 MAX_CHUNK_BYTES = 2**28
@@ -191,7 +192,9 @@ class BagFiles:
         """Topics that are not read, each with the encoding of its messages."""
         self.duration_s = 0.0
         """Time from the first message to the last, in seconds."""
-        self._files = files
+        self.unfinished = [file.name for file in files if file.suffix == ".db3" and files_beside(file)]
+        """Names of the files whose last messages lie in a file beside them."""
+        self._files = [finished(file, self) if file.name in self.unfinished else file for file in files]
         self._reader = MessageReader(ros1=self._files[0].suffix == ".bag")
         begin = float("inf")
         end = float("-inf")

@@ -20,6 +20,7 @@ import numpy as np
 
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.data.importing.spatial_pose import Transform
+from ltvn_core.data.importing.unfinished_databases import finished
 from ltvn_core.errors import CameraError, DriveError
 
 POSE_FLOATS = 12
@@ -200,6 +201,7 @@ class RtabmapDatabase:
     def __init__(self, path: Path) -> None:
         """Open the file and check that it is RTAB-Map's."""
         self.path = path
+        self._file = finished(path, self)
         self._looks = 0
         tables = {row[0] for row in self._rows("SELECT name FROM sqlite_master WHERE type = 'table'")}
         if not {b"Node", b"Data", b"Admin"} <= tables:
@@ -280,7 +282,7 @@ class RtabmapDatabase:
             yield from connection.execute(query, values)
 
     def _connect(self) -> sqlite3.Connection:
-        connection = sqlite3.connect(f"{self.path.resolve().as_uri()}?mode=ro&immutable=1", uri=True)
+        connection = sqlite3.connect(f"{self._file.resolve().as_uri()}?mode=ro&immutable=1", uri=True)
         connection.text_factory = bytes
         connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, MAX_BLOB_BYTES)
         connection.execute("PRAGMA trusted_schema = OFF")

@@ -22,7 +22,7 @@ from ltvn_core.data.importing.drive_statistics import (
 )
 from ltvn_core.data.importing.frame_preparation import ASSUMED_FOV_DEG
 from ltvn_core.data.importing.import_options import OdometrySource
-from ltvn_core.data.importing.raw_frame import DriveFacts
+from ltvn_core.data.importing.raw_frame import NO_DEPTH, NO_POSE, NOT_LATER, DriveFacts
 from ltvn_core.data.importing.revisits import NEAR_M
 from ltvn_core.data.importing.source_camera import HOW_TO, HOW_TO_SCALE
 from ltvn_core.findings import Finding, WithDoubts
@@ -49,8 +49,11 @@ _CAUSES = {
     STAMP_NOT_AFTER: "Are the stamps written with too few digits, or all alike?",
     NO_ODOMETRY: f"Odometry is missing for some images. {_NO_ROW}",
     NO_TRUTH: f"True poses are missing for some images. {_NO_ROW}",
+    NO_POSE: "",
+    NO_DEPTH: "Depth is missing for some images; was it recorded at a lower rate, or were messages lost?",
+    NOT_LATER: "Do the stamps of the images go back, or repeat?",
 }
-"""Likely causes of the reasons for which images are left out."""
+"""Likely causes of the reasons for which images are left out; empty where the reader tells the cause."""
 _OTHER_CAUSE = "Is the file cut off, or do its streams have different clocks?"
 
 
@@ -313,4 +316,5 @@ def _dropped(drive: DriveStatistics) -> Iterator[Finding]:
     wrong = sum(drive.dropped_as_wrong.values())
     if wrong > _DROPPED_SHARE * (drive.frames + wrong):
         causes = dict.fromkeys(_CAUSES.get(reason, _OTHER_CAUSE) for reason in drive.dropped_as_wrong)
-        yield Finding(f"{wrong} images could not be used, see `dropped` for the reasons. {' '.join(causes)}")
+        if said := " ".join(cause for cause in causes if cause):
+            yield Finding(f"{wrong} images could not be used, see `dropped` for the reasons. {said}")

@@ -61,6 +61,10 @@ class FrameMoment(NamedTuple):
         return cls(stamp, odometry) if truth is None else cls(stamp, odometry, truth.planar, truth.tilt)
 
 
+NO_POSE = "no pose at that time"
+NO_DEPTH = "no depth image at that time"
+NOT_LATER = "not later than the image before"
+"""Reasons for which several readers leave out images."""
 NOTHING = "none"
 """Value of an option that excludes a stream."""
 FrameFilter: TypeAlias = Callable[[FrameMoment], bool]

@@ -1,11 +1,15 @@
-"""Surveys the beginning of a bag: one message of each relevant topic, and the robot's frames.
+"""Surveys a bag before it is read: the first messages of each relevant topic, and the robot's frames.
 
 Owns this survey, and the extraction of stamps, poses and frames from ROS messages. No image is decoded.
 """
 
 import re
+from collections.abc import Collection
 from dataclasses import dataclass, field
+from statistics import median
 from typing import Any
+
+import numpy as np
 
 from ltvn_core.data.importing.rosbag.bag_files import BagFiles, RawMessage
 from ltvn_core.data.importing.rosbag.transform_tree import TransformTree
@@ -25,6 +29,12 @@ TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 _STATIC = re.compile(r"static[^/]*$", re.IGNORECASE)
 _SURVEY_S = (1.0, 20.0)
 """Length of the survey in seconds: at least the first, and at most the second value if a topic is silent."""
+_MOST_STAMPS = 50
+"""Number of messages of a topic whose stamps are compared with the time of recording."""
+_MOST_STATIC = 1000
+"""Number of messages above which a topic of fixed transforms repeats them, so that its beginning holds them all."""
+_UNKNOWN_VARIANCE = 9999.0
+"""Variance in square metres from which odometry says that it was lost; RTAB-Map and ZED write this number."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,13 +43,31 @@ class BagSurvey:
 
     samples: dict[str, Any] = field(default_factory=dict)
     """The first message of each topic."""
-    ahead_s: dict[str, float] = field(default_factory=dict)
-    """Lead of the first stamp above 0 over the time at which its message was recorded, in seconds, by topic; the first
-    stamp if all are 0."""
+    leads_s: dict[str, dict[str, list[float]]] = field(default_factory=dict)
+    """Leads of the stamps above 0 over the times at which the messages were recorded, in seconds, by topic and, for
+    transforms, by frame."""
+    unstamped_s: dict[str, float] = field(default_factory=dict)
+    """The same lead of the first stamp of 0, by topic."""
+    lost: dict[str, bool] = field(default_factory=dict)
+    """Whether all poses of a topic so far say by their covariance that they are unknown."""
+    transforms: dict[str, int] = field(default_factory=dict)
+    """Number of messages so far of each topic of transforms."""
     earliest_s: dict[str, float] = field(default_factory=dict)
     """The first stamp above 0 of each topic, in seconds; missing if all are 0."""
     tree: TransformTree = field(default_factory=TransformTree)
     """Frames of `/tf` and `/tf_static` so far."""
+
+    def lead_s(self, topic: str) -> float | None:
+        """Return the usual lead of a topic's stamps over the times of recording, in seconds; None if it is unknown.
+
+        Of several frames the one that is nearest to 0 counts, because localisers date their transforms ahead.
+        """
+        leads = [median(each) for each in self.leads_s.get(topic, {}).values()]
+        return min(leads, key=abs, default=self.unstamped_s.get(topic))
+
+    def is_steady(self, topic: str, tolerance_s: float) -> bool:
+        """Tell whether the lead of a topic's stamps changes little, so that the times of recording are real ones."""
+        return all(np.ptp(each) <= tolerance_s for each in self.leads_s.get(topic, {}).values())
 
 
 def survey(files: BagFiles) -> BagSurvey:
@@ -53,11 +81,47 @@ def survey(files: BagFiles) -> BagSurvey:
         passed = raw.log_s - begin
         if passed > _SURVEY_S[1] or (passed > _SURVEY_S[0] and topics <= found.samples.keys()):
             break
-        if raw.msgtype in TRANSFORMS or raw.topic not in found.earliest_s:
+        if _is_needed(found, raw):
             _take(found, raw, files.decode(raw))
+    _add_late_frames(files, found)
     if any(topic.written.foxglove for topic in files.topics.values() if topic.msgtype in TRANSFORMS):
         found.tree.settle()
     return found
+
+
+def _is_needed(found: BagSurvey, raw: RawMessage) -> bool:
+    if raw.msgtype in TRANSFORMS or raw.topic not in found.earliest_s:
+        return True
+    return raw.msgtype != CAMERA_INFO and len(found.leads_s[raw.topic][""]) < _MOST_STAMPS
+
+
+def _add_late_frames(files: BagFiles, found: BagSurvey) -> None:
+    """Add the fixed transforms of the whole bag, because each of several nodes publishes its own when it starts."""
+    topics = [topic for topic in files.topics.values() if topic.msgtype in TRANSFORMS and is_static(topic.name)]
+    late = {topic.name for topic in topics if found.transforms.get(topic.name, 0) < topic.count <= _MOST_STATIC}
+    for raw in files.messages(late) if late else ():
+        add_transforms(found.tree, files.decode(raw), raw)
+
+
+def survey_frames(files: BagFiles, tree: TransformTree, topics: Collection[str]) -> None:
+    """Add all transforms of a bag to a tree; for a bag whose beginning does not say where its camera is. Raises
+    DriveError."""
+    for raw in files.messages(topics):
+        add_transforms(tree, files.decode(raw), raw)
+
+
+def are_all_lost(files: BagFiles, topic: str) -> bool:
+    """Tell whether all poses of a topic say that they are unknown. Raises DriveError."""
+    return all(is_lost(files.decode(raw)) for raw in files.messages({topic}))
+
+
+def is_lost(message: Any) -> bool:
+    """Tell whether a pose says by its covariance that its place is unknown: 9999 or more, or negative."""
+    covariance = getattr(message.pose, "covariance", None) if hasattr(message, "pose") else None
+    if covariance is None:
+        return False
+    x, y = float(covariance[0]), float(covariance[7])
+    return max(x, y) >= _UNKNOWN_VARIANCE or min(x, y) < 0
 
 
 def add_transforms(tree: TransformTree, message: Any, raw: RawMessage, *, by_log: bool = False, skip: str = "") -> None:
@@ -108,13 +172,17 @@ def stamp_s(message: Any) -> float:
 
 def _take(found: BagSurvey, raw: RawMessage, message: Any) -> None:
     found.samples.setdefault(raw.topic, message)
-    stamped = message if hasattr(message, "header") else next(iter(getattr(message, "transforms", ())), None)
-    if stamped is not None and raw.topic not in found.earliest_s:
-        stamp = stamp_s(stamped)
+    leads = found.leads_s.setdefault(raw.topic, {})
+    for each in getattr(message, "transforms", (message,)):
+        stamp = stamp_s(each)
+        frame = frame_name(each.child_frame_id) if raw.msgtype in TRANSFORMS else ""
         if stamp > 0:
-            found.earliest_s[raw.topic] = stamp
-            found.ahead_s[raw.topic] = stamp - raw.log_s
+            found.earliest_s.setdefault(raw.topic, stamp)
+            leads.setdefault(frame, []).append(stamp - raw.log_s)
         else:
-            found.ahead_s.setdefault(raw.topic, stamp - raw.log_s)
+            found.unstamped_s.setdefault(raw.topic, stamp - raw.log_s)
+    if raw.msgtype in POSES:
+        found.lost[raw.topic] = found.lost.get(raw.topic, True) and is_lost(message)
     if raw.msgtype in TRANSFORMS:
+        found.transforms[raw.topic] = found.transforms.get(raw.topic, 0) + 1
         add_transforms(found.tree, message, raw)

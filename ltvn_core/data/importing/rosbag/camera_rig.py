@@ -4,6 +4,7 @@ Owns the guesses for incomplete bags: the frames of robot and ground, and whethe
 frame.
 """
 
+import re
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -23,6 +24,10 @@ from ltvn_core.data.importing.spatial_pose import (
 _ODOMETRY_FRAMES = ("odom", "odometry", "odom_combined")
 _GROUND_FRAMES = ("base_footprint", "base_link_footprint", "footprint")
 _ROBOT_FRAMES = ("base_link", "base_footprint", "base")
+_DOWNWARD = re.compile(r"(^|[/_])(ned|frd)$", re.IGNORECASE)
+"""Names that REP-103 and REP-105 give to frames whose z points down and whose y points to the right."""
+_TURNED_OVER = np.diag([1.0, -1.0, -1.0, 1.0])
+"""Rotation (4, 4) by 180 degrees around x, from such a frame to one with z up and y to the left, and back."""
 _STEEP_RAD = np.radians(60.0)
 """Pitch in radians above which the image frame is probably a body frame, not an optical frame."""
 
@@ -52,7 +57,10 @@ class CameraRig:
     def pose(self, tree: TransformTree, stamp: float) -> SpatialPose | None:
         """Return the camera's pose at a time; None if the tree does not contain it."""
         found = tree.lookup(self.world, self.carrier, stamp) if self.world else None
-        return None if found is None else spatial_pose(found[:3, 3], found[:3, :3] @ self.turn)
+        if found is None:
+            return None
+        found = upright(self.world) @ found
+        return spatial_pose(found[:3, 3], found[:3, :3] @ self.turn)
 
 
 def find_rig(tree: TransformTree, camera_frame: str, odometry: FrameEdge | None, stamp: float) -> CameraRig:
@@ -69,6 +77,7 @@ def find_rig(tree: TransformTree, camera_frame: str, odometry: FrameEdge | None,
     on_robot = tree.lookup(robot, camera_frame, stamp)
     if on_robot is None:
         return _bare_rig(world, robot)
+    on_robot = upright(robot) @ on_robot
     turn = _optical(camera_frame, on_robot)
     camera_on_robot = on_robot.copy()
     camera_on_robot[:3, :3] = on_robot[:3, :3] @ turn
@@ -78,6 +87,16 @@ def find_rig(tree: TransformTree, camera_frame: str, odometry: FrameEdge | None,
     else:
         mounting = replace(mounting, height_m=_height(tree, camera_frame, mounting.height_m, stamp))
     return CameraRig(world=world, carrier=camera_frame, turn=turn, image_turn=turn, mounting=mounting)
+
+
+def upright_name(frame: str) -> str:
+    """Return the name of a frame without the ending that says that its z points down."""
+    return _DOWNWARD.sub("", frame)
+
+
+def upright(frame: str) -> Transform:
+    """Return the rotation (4, 4) that turns a frame over if its name says that its z points down."""
+    return _TURNED_OVER if _DOWNWARD.search(frame) else np.eye(4)
 
 
 def robot_frame(tree: TransformTree) -> str:
@@ -90,7 +109,7 @@ def _bare_rig(world: str, robot: str) -> CameraRig:
     return CameraRig(
         world=world,
         carrier=robot,
-        turn=BODY_FROM_OPTICAL,
+        turn=upright(robot)[:3, :3] @ BODY_FROM_OPTICAL,
         image_turn=np.eye(3),
         mounting=CameraMounting.unknown(),
     )

@@ -5,11 +5,17 @@ size.
 """
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from ltvn_core.data.importing.pose_outages import LOST, NOT_FINITE, NULL, PoseOutages
 from ltvn_core.data.importing.raw_frame import (
+    NO_DEPTH,
+    NO_POSE,
+    NOT_LATER,
     NOTHING,
     DriveFacts,
     FrameFilter,
@@ -23,14 +29,24 @@ from ltvn_core.data.importing.rosbag.bag_survey import (
     TRANSFORMS,
     BagSurvey,
     add_transforms,
+    are_all_lost,
     frame_name,
+    is_lost,
     is_static,
     ros_pose,
     stamp_s,
     survey,
+    survey_frames,
 )
 from ltvn_core.data.importing.rosbag.bag_topics import ChosenTopics, choose_topics, video_depth_text
-from ltvn_core.data.importing.rosbag.camera_rig import CameraRig, FrameEdge, find_rig, robot_frame
+from ltvn_core.data.importing.rosbag.camera_rig import (
+    CameraRig,
+    FrameEdge,
+    find_rig,
+    robot_frame,
+    upright,
+    upright_name,
+)
 from ltvn_core.data.importing.rosbag.frame_decoder import FrameDecoder
 from ltvn_core.data.importing.rosbag.image_matching import MatchedImages, PendingImage, StampMatcher
 from ltvn_core.data.importing.rosbag.transform_tree import MovingFrame
@@ -42,15 +58,16 @@ from ltvn_core.types import Pose
 _CLOCKS_APART_S = 5.0
 """Time difference between the stamps of messages recorded together, in seconds, above which they come from different
 clocks."""
+_SURELY_APART_S = 1.0
+_PERHAPS_APART_S = 0.3
+_AHEAD_S = 0.2
+"""The same where the times of recording are steady: above the first they come from different clocks, above the second
+only if one of them is this far in the future, because messages may be late on their way."""
 _CLOCK_BEGINS_S = 60.0
 """First stamp in seconds below which the clock started at 0 with the recording, as a simulator's clock does."""
 _TOLERANCES_S = (0.01, 0.1)
 """Smallest and largest tolerance in seconds for matching colours and depth; within these limits it is half a frame."""
 _MOST_DOUBTS = 10
-
-NO_POSE = "no pose at that time"
-NO_DEPTH = "no depth image at that time"
-NOT_LATER = "not later than the image before"
 
 
 class BagDrive:
@@ -67,9 +84,13 @@ class BagDrive:
         """Number of images that were left out, by reason."""
         self.doubts: list[str] = []
         """Doubts about the bag, as sentences."""
-        self._by_log = self._lacks_stamps(found) or self._has_clocks_apart(found.ahead_s)
+        self._by_log = self._lacks_stamps(found) or self._has_clocks_apart(found)
         self._is_zero_a_time = any(stamp < _CLOCK_BEGINS_S for stamp in found.earliest_s.values())
+        self._body = np.eye(4)
+        """Rotation from the robot's frame to the frame that odometry names; a turn if that is base_link_frd."""
         self._edge = self._odometry_frames(options)
+        self._says_loss = self._tells_losses(found)
+        self._outages = PoseOutages(topics.odometry or " and ".join(self._transform_topics()))
         self._rig = self._find_rig()
         self._decoder = FrameDecoder(topics, self._samples, self._tree, self._rig, options=options, doubt=self._doubt)
         self._last_stamp = float("-inf")
@@ -77,6 +98,11 @@ class BagDrive:
         if files.foreign:
             said = ", ".join(f"{name} ({encoding})" for name, encoding in [*files.foreign.items()][:_MOST_DOUBTS])
             self._doubt(f"Topics in unsupported encodings or schemas are left out: {said}.")
+        if files.unfinished:
+            self._doubt(
+                f"The recorder of {', '.join(files.unfinished)} was ended before it had finished, so the end of the "
+                "drive may be missing. Its last messages lie in a file beside it and were read too; keep both together."
+            )
         for name in topics.lost_depths:
             self._doubt(
                 f"{name} is called depth, but its images have only 8 bits, so it is not used. "
@@ -109,7 +135,7 @@ class BagDrive:
             frames=frames,
             streams=streams,
             place=self._files.path.resolve().stem,
-            odometry_frame=self._rig.world,
+            odometry_frame=upright_name(self._rig.world) or self._rig.world,
         )
 
     def frames(self) -> Iterator[RawFrame]:
@@ -125,6 +151,8 @@ class BagDrive:
             frame = self._frame(matched, wanted)
             if frame is not None:
                 yield frame
+        for sentence in self._outages.sentences():
+            self._doubt(sentence)
         if self._last_stamp == float("-inf"):
             said = ", ".join(f"{count} with {reason}" for reason, count in self.dropped.items()) or "it holds none"
             raise DriveError(
@@ -189,12 +217,18 @@ class BagDrive:
 
     def _take_pose(self, topic: str, message: Any, stamp: float) -> None:
         pose = transform(*ros_pose(message))
-        if pose is None:
-            self._doubt(f"Some poses of {topic} are not finite; they are left out.")
-        elif topic == self._topics.truth:
-            self._truth.add(stamp, pose)
-        elif self._edge is not None:
-            self._tree.add_moving(self._edge.parent, self._edge.child, stamp, pose)
+        if topic == self._topics.truth:
+            if pose is None:
+                self._doubt(f"Some poses of {topic} are not finite; they are left out.")
+            else:
+                self._truth.add(stamp, pose)
+            return
+        fault = "" if pose is not None else NULL if np.isfinite(np.concatenate(ros_pose(message))).all() else NOT_FINITE
+        if not fault and self._says_loss and is_lost(message):
+            fault = LOST
+        self._outages.add_pose(stamp, fault)
+        if not fault and pose is not None and self._edge is not None:
+            self._tree.add_moving(self._edge.parent, self._edge.child, stamp, pose @ self._body)
 
     def _known_s(self) -> float:
         return self._tree.newest_s(self._rig.world, self._rig.carrier) if self._rig.world else float("inf")
@@ -202,6 +236,8 @@ class BagDrive:
     def _frame(self, matched: MatchedImages, wanted: FrameFilter) -> RawFrame | None:
         """Return a frame; None if it was left out or is not wanted."""
         pose = self._rig.pose(self._tree, matched.colours.stamp)
+        if self._rig.world:
+            self._outages.add_image(matched.colours.stamp, has_pose=pose is not None)
         if matched.colours.stamp <= self._last_stamp:
             reason = NOT_LATER
         elif self._topics.depth is not None and matched.depth is None:
@@ -242,7 +278,7 @@ class BagDrive:
 
     def _lacks_stamps(self, found: BagSurvey) -> bool:
         """Tell whether all stamps of the topics in use are 0; then the time of recording is used."""
-        used = [topic for topic in self._topics.moments() if topic in found.ahead_s]
+        used = [topic for topic in self._topics.moments() if topic in found.samples]
         if not used or any(topic in found.earliest_s for topic in used):
             return False
         self._doubt(
@@ -251,16 +287,40 @@ class BagDrive:
         )
         return True
 
-    def _has_clocks_apart(self, ahead_s: Mapping[str, float]) -> bool:
+    def _has_clocks_apart(self, found: BagSurvey) -> bool:
+        """Tell whether the times of recording are better than the stamps, because these come from different clocks."""
         moving = [] if self._topics.odometry else [name for name in self._transform_topics() if not is_static(name)]
-        used = [ahead_s[topic] for topic in (*self._topics.moments(), *moving) if topic in ahead_s]
-        if not used or max(used) - min(used) < _CLOCKS_APART_S:
+        leads = {topic: found.lead_s(topic) for topic in (*self._topics.moments(), *moving)}
+        known = {topic: lead for topic, lead in leads.items() if lead is not None}
+        apart_s = max(known.values()) - min(known.values()) if known else 0.0
+        if apart_s < _PERHAPS_APART_S:
             return False
+        said = f"The stamps of the topics differ by up to {apart_s:.3g} s for messages that were recorded together"
+        steady = apart_s >= _CLOCKS_APART_S or all(found.is_steady(topic, apart_s / 2) for topic in known)
+        in_future = max(known.values()) >= _AHEAD_S > min(known.values())
+        if steady and (apart_s >= _SURELY_APART_S or in_future):
+            self._doubt(
+                f"{said}, so the time of recording is used; synchronise the clocks of all machines before you record."
+            )
+            return True
+        if steady:
+            first = min(known, key=lambda topic: known[topic])
+            self._doubt(
+                f"{said}: {first} is late. If its messages took that long on their way, all is well; if its clock is "
+                "slow, poses are wrong by the way driven in that time."
+            )
+        return False
+
+    def _tells_losses(self, found: BagSurvey) -> bool:
+        """Tell whether the covariance of odometry means something, because not all poses are unknown by it."""
+        topic = self._topics.odometry
+        if topic is None or not found.lost.get(topic) or not are_all_lost(self._files, topic):
+            return True
         self._doubt(
-            f"The stamps of the topics differ by up to {max(used) - min(used):.3g} s for messages that were recorded "
-            "together, so the time of recording is used; synchronise the clocks of all machines before you record."
+            f"By the covariance of {topic} none of its poses is known (9999 or more, or negative); they are used all "
+            "the same. Make the robot's driver write how sure it is."
         )
-        return True
+        return False
 
     def _odometry_frames(self, options: ReadOptions) -> FrameEdge | None:
         """Return the frames of the odometry topic; None if the transform tree gives the odometry."""
@@ -270,12 +330,20 @@ class BagDrive:
         if odometry is None:
             return None
         child = frame_name(getattr(odometry, "child_frame_id", "")) or robot_frame(self._tree)
+        if upright_name(child) in self._tree.frames:  # The camera is on `base_link`, not on `base_link_frd`.
+            self._body = upright(child)
+            child = upright_name(child)
         return FrameEdge(frame_name(odometry.header.frame_id) or "odom", child)
 
     def _find_rig(self) -> CameraRig:
         image = self._samples.get(self._topics.rgb)
         camera_frame = "" if image is None else frame_name(image.header.frame_id)
-        rig = find_rig(self._tree, camera_frame, self._edge, 0.0 if image is None else stamp_s(image))
+        begin = 0.0 if image is None else stamp_s(image)
+        rig = find_rig(self._tree, camera_frame, self._edge, begin)
+        if rig.carrier != camera_frame and camera_frame:
+            survey_frames(self._files, self._tree, self._transform_topics())
+            self._tree.settle_still(camera_frame, rig.carrier)
+            rig = find_rig(self._tree, camera_frame, self._edge, max(begin, self._tree.first_s(camera_frame)))
         if rig.world and rig.mounting.tilt is None and rig.carrier != camera_frame:
             self._doubt(
                 f"The bag does not say where {camera_frame or 'the camera'} is on {rig.carrier}; it is assumed to "

@@ -48,6 +48,16 @@ class MovingFrame:
         return len(self._stamps)
 
     @property
+    def first_s(self) -> float:
+        """Stamp of the first known pose; minus infinity without any."""
+        return self._stamps[0] if self._stamps else float("-inf")
+
+    @property
+    def is_still(self) -> bool:
+        """Whether there are poses, and all known ones are equal."""
+        return bool(self._poses) and np.allclose(self._poses, self._poses[-1])
+
+    @property
     def last(self) -> Transform:
         """Last pose; there must be one."""
         return self._poses[-1]
@@ -132,6 +142,22 @@ class TransformTree:
             for child in [child for child, moving in self._moving.items() if moving.count == 1]:
                 self._fixed[child] = self._moving.pop(child).last
                 self._settled.add(child)
+
+    def settle_still(self, camera_frame: str, robot: str) -> None:
+        """Make the frames from the camera up to the robot fixed that never moved; old drivers repeat them on `/tf`."""
+        for child in self.ancestors(camera_frame):
+            if child == robot:
+                return
+            if child in self._moving and self._moving[child].is_still:
+                self._fixed[child] = self._moving.pop(child).last
+                self._settled.add(child)
+
+    def first_s(self, frame: str) -> float:
+        """Return the time from which the poses of a frame and its ancestors in the survey are known."""
+        return max(
+            (self._moving[each].first_s for each in self.ancestors(frame) if each in self._moving),
+            default=float("-inf"),
+        )
 
     @property
     def frames(self) -> set[str]:

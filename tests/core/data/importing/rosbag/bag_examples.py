@@ -132,14 +132,28 @@ class BagBuilder:
         self.write(topic, message, stamp)
 
     def odometry(
-        self, topic: str, place: Place, stamp: float, *, child: str = "base_footprint", log_s: float = 0.0
+        self,
+        topic: str,
+        place: Place,
+        stamp: float,
+        *,
+        parent: str = "odom",
+        child: str = "base_footprint",
+        log_s: float = 0.0,
+        variance: float = 0.0,
+        is_null: bool = False,
     ) -> None:
+        pose = self._pose(place)
+        if is_null:
+            pose.orientation = self.make("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=0.0, w=0.0)
         zero = self.make("geometry_msgs/msg/Vector3", x=0.0, y=0.0, z=0.0)
         message = self.make(
             "nav_msgs/msg/Odometry",
-            header=self.header(stamp, "odom"),
+            header=self.header(stamp, parent),
             child_frame_id=child,
-            pose=self.make("geometry_msgs/msg/PoseWithCovariance", pose=self._pose(place), covariance=np.zeros(36)),
+            pose=self.make(
+                "geometry_msgs/msg/PoseWithCovariance", pose=pose, covariance=np.diag([variance] * 6).ravel()
+            ),
             twist=self.make(
                 "geometry_msgs/msg/TwistWithCovariance",
                 twist=self.make("geometry_msgs/msg/Twist", linear=zero, angular=zero),

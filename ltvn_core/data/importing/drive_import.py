@@ -29,6 +29,8 @@ from ltvn_core.data.importing.drive_statistics import (
 from ltvn_core.data.importing.frame_preparation import FramePreparation
 from ltvn_core.data.importing.import_options import ImportOptions, OdometrySource, chosen_odometry
 from ltvn_core.data.importing.import_summary import ImportSummary, import_summary
+from ltvn_core.data.importing.odometry_comparison import OdometryComparison
+from ltvn_core.data.importing.pose_outages import PoseOutages
 from ltvn_core.data.importing.raw_frame import DriveReader, FrameMoment, RawFrame, SelectiveReader
 from ltvn_core.data.recording.metadata import SOURCE_SCENE
 from ltvn_core.data.recording.writer import RecordingWriter
@@ -165,6 +167,8 @@ class _DriveImport:
         self._dropped: Counter[str] = Counter()
         self._faults: list[str] = []
         self._check = ObservationCheck()
+        self._comparison = OdometryComparison()
+        self._outages = PoseOutages("the true pose" if self._odometry is OdometrySource.TRUTH else "odometry")
         self._sequence_findings: list[Finding] = []
         self._stamps: list[float] = []
         self._kept: list[KeptFrame] = []
@@ -222,12 +226,19 @@ class _DriveImport:
         """Return the observation of a frame that may be kept; if it is left out, count the reason and return None."""
         pose = self._odometry.pose(FrameMoment.of(raw))
         assert pose is not None  # `_is_wanted` has checked this.
-        if not self._selection.keeps(raw.rgb, pose, raw.tilt):
+        is_compared = self._odometry is not OdometrySource.NONE
+        is_kept = self._selection.keeps(raw.rgb, pose, raw.tilt)
+        if not is_kept and not is_compared:
             self._dropped[TOO_LITTLE_MOTION] += 1
             return None
         if self._preparation is None:
             self._preparation = FramePreparation(raw, fov_deg=self._options.fov_deg)
         observation = self._preparation.observation(raw, step=len(self._kept), odometry=pose)
+        if is_compared:
+            self._comparison.add(observation, self._preparation.camera)
+        if not is_kept:  # The image was needed for the comparison alone.
+            self._dropped[TOO_LITTLE_MOTION] += 1
+            return None
         self._kept.append(
             KeptFrame(
                 stamp=observation.stamp,
@@ -246,9 +257,11 @@ class _DriveImport:
         if not moment.stamp > before:
             return STAMP_NOT_AFTER
         pose = self._odometry.pose(moment)
+        self._outages.add_image(moment.stamp, has_pose=pose is not None)
         if pose is None:
             return NO_TRUTH if self._odometry is OdometrySource.TRUTH else NO_ODOMETRY
-        return None if self._selection.may_keep(pose, moment.tilt) else TOO_LITTLE_MOTION
+        is_needed = self._comparison.needs(moment.stamp, pose) or self._selection.may_keep(pose, moment.tilt)
+        return None if is_needed else TOO_LITTLE_MOTION
 
     def _mounted_camera(self, camera: CameraModel) -> CameraModel:
         """Return the camera with its mounting: height and pitch from the user's options, else the median pitch of the
@@ -286,7 +299,7 @@ class _DriveImport:
             camera=camera,
         )
         faults = [f"An image was left out: {fault}" for fault in self._faults[:1]]
-        told = findings_of([*self._reader.doubts, *faults])
+        told = findings_of([*self._reader.doubts, *self._outages.sentences(), *faults])
         return import_summary(
             statistics,
             recording=name,
@@ -295,7 +308,7 @@ class _DriveImport:
             dropped=dropped,
             camera=camera,
             seconds=self._stamps[-1] - self._stamps[0],
-            told=(*told, *self._sequence_findings),
+            told=(*told, *self._sequence_findings, *self._comparison.findings()),
         )
 
     def _nothing_left(self) -> str:

@@ -28,7 +28,7 @@ from ltvn_viz.layers.scene_assets import FloorPicture, add_lights
 from ltvn_viz.layers.scene_layer import AddedLayer, SceneLayer
 from ltvn_viz.layers.world_layers import BoxesLayer, DoorsLayer
 from ltvn_viz.panels.camera_panel import CameraPanel
-from ltvn_viz.panels.command_palette import CommandPalette
+from ltvn_viz.panels.command_palette import CommandPalette, list_stop
 from ltvn_viz.panels.debugger_panel import DebuggerPanel
 from ltvn_viz.panels.drive_panel import DrivePanel, FineTuningPanel, FollowCamera, PadPanel
 from ltvn_viz.panels.floor_plan_panel import FloorPlanPanel
@@ -191,6 +191,10 @@ class Pages(Protocol):
         """Request an action that a page without the seat may have in its own view."""
         ...
 
+    def stop_for(self, viser_client: int) -> None:
+        """Stop the robot for a page, with the seat or without."""
+        ...
+
     def number_of(self, viser_client: int) -> ClientId | None:
         """Convert viser's number of a page to ours."""
         ...
@@ -254,6 +258,7 @@ def _panels(server: viser.ViserServer, pages: Pages, floor: Floor) -> list[PageP
         with why_tab:
             why = DebuggerPanel(client.gui, partial(pages.ask_from, client.client_id))
         legend = LegendPanel(client.gui)
+        list_stop(client.gui, partial(pages.stop_for, client.client_id))
         drawn = (RobotMarker(client), HeadingsLayer(client), DebuggerLayer(client.scene))
         return [view, follow, why, legend, *drawn, OwnNotices(client)]
 

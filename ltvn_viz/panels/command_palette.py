@@ -83,6 +83,16 @@ class CommandPalette:
         return _Shown(handle, modes)
 
 
+def list_stop(gui: viser.GuiApi, stop: Callable[[], None]) -> None:
+    """List the stop on one page; every page has it, with the driver's seat or without."""
+    wish = WISHES[Action.STOP]
+    handle = gui.add_command(f"Stop: {wish.help}", description=f"Key: {key_label(Action.STOP)}")
+
+    @handle.on_trigger
+    async def _(_: viser.CommandEvent) -> None:
+        stop()
+
+
 def _entries(snapshot: Snapshot, nodes: Sequence[NodeId]) -> Iterator[tuple[str, Entry]]:
     """Yield all labels with their entries, in the order of the list."""
     for action, wish in WISHES.items():

@@ -150,6 +150,11 @@ class GuardedServer:
         self._drive.settle()
         return Asker(page, drives)
 
+    def stop_for(self, viser_client: int) -> None:
+        """Stop the robot for a page, with the seat or without. Safe from any thread."""
+        self.seat.stop(self.number_of(viser_client))
+        self._drive.settle()
+
     def number_of(self, viser_client: int) -> ClientId | None:
         """Convert viser's number of a page to its `ClientId`. Safe from any thread."""
         return self._drive.client_of(self.gate.key_of(viser_client))

@@ -116,6 +116,8 @@ class PageGate:
             case UploadStart() | UploadPart():
                 return self._judge_upload(self._viser, client, page, message)
             case CommandTrigger(uuid):
+                if uuid in client.gui._command_handle_from_uuid:
+                    return Verdict.ADMITTED  # A page's own entry needs no seat.
                 command = self._viser.gui._command_handle_from_uuid.get(uuid)
                 return self._shared(page, is_fit=command is not None and not command._impl.props.disabled)
             case DrawnImage():

@@ -170,6 +170,8 @@ class AppState:
     """Reason why the robot obeys no command; empty if it does."""
     story: StoryTeller | None = None
     """The current story, or the last one."""
+    search: object | None = None
+    """The search for an image's place that lets the robot drive there when it ends; None without one."""
     shown_stamp: float | None = None
     """Stamp of an earlier moment of the live run that the page shows; None for the present."""
     plays_past: bool = False
@@ -207,11 +209,37 @@ class AppState:
             self.message = Message(text, severity, number, title)
         self.said_s = now
 
-    def cancel(self, notice: str) -> None:
-        """End a query early and show a notice."""
-        if isinstance(self.activity, Navigation | MapBuilding):
+    @property
+    def steps_from(self) -> str:
+        """What gives the robot its steps now or later, in words; empty if only a person can drive it."""
+        if self.story is not None and not self.story.is_over:
+            return "the story"
+        if isinstance(self.activity, Navigation) and not self.activity.is_stopping:
+            return "the query"
+        return "" if self.search is None else "the search for your image"
+
+    def end_steps(self, why: str) -> str:
+        """Stop the robot and end whatever gives it its steps, so that it stays until somebody asks for a new goal.
+
+        Every way to stop ends here. `why` continues “The story ends here: ”. Returns what ended, as `steps_from`.
+        """
+        ended = self.steps_from
+        self.search = None
+        if self.story is not None and not self.story.is_over:
+            self.story.stop(f"The story ends here: {why}.")
+        self.live.robot.stop()
+        if isinstance(self.activity, Navigation):
             self.activity.cancel()
-            self.say(notice)
+        return ended
+
+    def cancel(self, how: str, why: str) -> None:
+        """End whatever gives the robot its steps, or the building of a map, and say `how`; see `end_steps`."""
+        ended = self.end_steps(why)
+        if isinstance(self.activity, MapBuilding):
+            self.activity.cancel()
+            ended = "the building of the map"
+        if ended:
+            self.say(f"{how}; {ended} was cancelled.")
 
     def fail(self, text: str) -> None:
         """After an error, stop the robot, drop the query and show the reason."""
@@ -220,7 +248,7 @@ class AppState:
 
     def drop(self) -> None:
         """Stop the robot and drop the query."""
-        self.live.robot.stop()
+        self.end_steps("an error stopped the robot")
         self.work = None
         if isinstance(self.activity, Navigation | MapBuilding):
             self.activity = self.teleop

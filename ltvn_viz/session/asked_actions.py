@@ -19,6 +19,11 @@ class AskedActions:
         self._state = ActionState.FAILED
         self._answer: bool | None = None
 
+    def forget(self) -> None:
+        """Forget the action and the answer of a query that is over; they must not move the robot of the next one."""
+        self._target = self._answer = None
+        self._state = ActionState.FAILED
+
     def begin(self, source: NodeId, target: NodeId, action: str) -> None:
         """Wait for the person's answer; the page shows the action, because it is an event."""
         self._target = target

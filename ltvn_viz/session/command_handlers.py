@@ -30,7 +30,7 @@ from ltvn_viz.session.own_views import STALE_LINK
 from ltvn_viz.session.recording_maker import FailedRecording, MadeRecording, Progress
 from ltvn_viz.session.seeking import go_through_time
 from ltvn_viz.session.snapshot import JobProgress
-from ltvn_viz.session.world_handlers import change_world, interrupt_story
+from ltvn_viz.session.world_handlers import change_world
 from ltvn_viz.wishes import commands as c
 from ltvn_viz.wishes.commands import LEAST_MINUTES, MOST_MINUTES, Mode
 from ltvn_viz.wishes.wish_table import refusal
@@ -75,7 +75,7 @@ def _carry_out_other(state: AppState, command: c.OtherCommand) -> None:
         case c.EndAction(succeeded):
             state.actions.answer(succeeded=succeeded)
         case c.TakeOver():
-            state.cancel("You took over; the query was cancelled.")
+            _end_steps(state, "You took over", "somebody took over the robot")
         case c.KeepGoing(is_on):
             _keep_going(state, is_on=is_on)
         case c.ShowLarger(is_on):
@@ -140,7 +140,7 @@ def _cancel(state: AppState) -> None:
         state.maker.cancel()
         if state.alignment is not None and state.alignment.is_on:
             state.alignment.toggle()
-    state.cancel("Cancelled.")
+    state.cancel("Cancelled", "it was cancelled")
 
 
 def _build_map(state: AppState) -> None:
@@ -202,10 +202,14 @@ def _keep_going(state: AppState, *, is_on: bool) -> None:
 
 
 def _stop(state: AppState) -> None:
-    interrupt_story(state)
-    state.live.robot.stop()
-    if isinstance(state.activity, Navigation):
-        state.cancel("Stopped; the query was cancelled.")
+    if state.open_loop:
+        state.say(state.open_loop, Severity.WARN)
+    _end_steps(state, "Stopped", "the robot was stopped")
+
+
+def _end_steps(state: AppState, how: str, why: str) -> None:
+    if ended := state.end_steps(why):
+        state.say(f"{how}; {ended} was cancelled.")
 
 
 def _play(state: AppState, command: c.PlaybackCommand) -> None:

@@ -48,13 +48,23 @@ def choose_goal(state: AppState, node: NodeId) -> None:
 
 
 def navigate(state: AppState, node: NodeId | None) -> None:
-    """Drive to a node, or to the chosen goal. Raises OptionError without a goal, or if the robot cannot drive."""
+    """Drive to a node, or to the chosen goal, in place of a story.
+
+    Raises OptionError without a goal, or if the robot cannot drive.
+    """
     if state.open_loop:
         raise OptionError(state.open_loop)
     goal = state.goals.selected if node is None else node
     if goal is None:
         raise OptionError("Choose a goal first: click a node in the scene or an image under “Go”.")
+    state.end_steps("the robot has another goal")
+    drive_to(state, goal)
+
+
+def drive_to(state: AppState, goal: NodeId) -> None:
+    """Drive to a node on behalf of a person or of the story."""
     state.live.robot.stop()
+    state.actions.forget()
     state.goals.selected = goal
     _tell_goal(state, goal)
     state.queries += 1
@@ -104,10 +114,13 @@ def find_and_go(state: AppState, rgb: Rgb, original: Rgb | None) -> None:
         shown = rgb if original is None else original
         return _Resembling(UploadMatch(picture_address(shown), tuple(places)), state.live_map.node_images(nodes))
 
+    search = object()
+
     def go(found: _Resembling) -> None:
         state.goals.offer_match(found.match, found.images)
-        if state.activity is not state.teleop:
-            return
+        if state.search is not search:
+            return  # It was stopped meanwhile, or something newer drives the robot.
+        state.search = None
         if found.match.places[0].likeness < LIKELY_HELD:
             state.goals.selected = None
             state.say(_hardly_held(found), Severity.WARN, title=NOT_FOUND)
@@ -117,7 +130,14 @@ def find_and_go(state: AppState, rgb: Rgb, original: Rgb | None) -> None:
         )
         navigate(state, found.match.places[0].node)
 
-    state.worker.submit(find, go)
+    state.end_steps("the robot has another goal")
+    state.search = search
+    state.worker.submit(find, go, otherwise=lambda: _forget(state, search))
+
+
+def _forget(state: AppState, search: object) -> None:
+    if state.search is search:
+        state.search = None
 
 
 def _hardly_held(found: _Resembling) -> str:

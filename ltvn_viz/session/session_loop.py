@@ -158,7 +158,7 @@ class Session:
     def close(self) -> None:
         """Stop the robot and keep the running recording."""
         self._state.live.robot.stop()
-        self._state.cancel("The app is closing.")
+        self._state.cancel("The app is closing", "the app is closing")
         self._state.fine_tuning.cancel()
         self._state.maker.close()
         self._state.worker.close()
@@ -179,7 +179,7 @@ class Session:
         _hold_without_pages(state, self._absence())
         self._driver.keep(kept=isinstance(state.activity, Navigation))
         twist = self._driver.current_twist()
-        if twist is not None and isinstance(state.activity, Navigation) and not state.activity.is_stopping:
+        if twist is not None and state.steps_from:
             handle(state, c.TakeOver())
         if twist is not None and not isinstance(state.activity, Playback):
             show_now(state)  # Nobody may drive the robot by an image of the past.
@@ -196,8 +196,8 @@ class Session:
         self._record()
         state.fine_tuning.collect()
         take_made_recording(state)
-        if (asked := go_on_with_story(state)) is not None:
-            handle(state, asked)
+        if self._absence() is None or state.keeps_going:
+            go_on_with_story(state)
         carry_out_changes(state)
         let_time_pass(state, TICK_S)
         state.activity.tick()
@@ -256,7 +256,7 @@ def _watch_link(state: AppState) -> None:
     if news is None:
         return
     if news.is_lost:
-        state.cancel(news.text)
+        state.cancel("The link broke", "the link to the robot broke")
     state.say(news.text, news.severity)
 
 

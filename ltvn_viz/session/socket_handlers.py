@@ -75,6 +75,10 @@ class SessionPages:
         if asker.page is not None and (command := command_for(action, value)) is not None:
             self._session.send(command, watcher=None if asker.drives else asker.page)
 
+    def stop_for(self, viser_client: int) -> None:
+        """Stop the robot for a page, with the seat or without."""
+        self._server.stop_for(viser_client)
+
     def number_of(self, viser_client: int) -> ClientId | None:
         """Convert viser's number of a page to ours."""
         return self._server.number_of(viser_client)

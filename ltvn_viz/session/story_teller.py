@@ -19,7 +19,7 @@ from ltvn_core.evaluation.door_story.story import (
     StoryStep,
 )
 from ltvn_core.evaluation.door_story.story_map import StoryMap
-from ltvn_core.navigation.events import Note, Outcome, QueryEnded, QueryStarted
+from ltvn_core.navigation.events import Note, QueryStarted
 from ltvn_core.simulation.scene import door_names
 from ltvn_core.simulation.scripted_tour import LED_M_S, PathFollower
 from ltvn_core.systems.maintenance import with_maintenance
@@ -28,7 +28,6 @@ from ltvn_viz.session.live_map import LiveMap
 from ltvn_viz.session.live_run import LiveRun
 from ltvn_viz.wishes import commands as c
 
-ENDED_EARLY = "The story ends here, because somebody took over the robot."
 PACE = 3
 """Largest speed of the robot's time as a factor of real time."""
 
@@ -53,7 +52,6 @@ class StoryTeller:
         self._read = len(live.timeline.events)
         self._told = 0
         self._led: PathFollower | None = None
-        self._is_calling_back = False
         self._is_closed = False
         self.query: int | None = None
         """The last query that the story started."""
@@ -73,25 +71,19 @@ class StoryTeller:
         """Return the captions so far."""
         return tuple(self.story.captions)
 
-    def lead(self, *, is_free: bool) -> bool:
-        """Drive the robot as the story requires; returns whether the story drives it.
-
-        `is_free` says that nothing else drives the robot; otherwise the story ends.
-        """
+    def lead(self) -> bool:
+        """Drive the robot as the story requires; returns whether the story drives it."""
         if self._led is None:
             return False
         robot = self._live.robot
-        twist = self._led.twist(robot.drawn_pose) if is_free and not robot.state().bumper_pressed else None
+        twist = None if robot.state().bumper_pressed else self._led.twist(robot.drawn_pose)
         if twist is not None:
             robot.drive(twist)
             self._read_events()
             self._tell()
             return True
         self._led = None
-        if is_free:
-            robot.stop()
-        else:
-            self._end(ENDED_EARLY)
+        robot.stop()
         return False
 
     def tick(self, *, is_idle: bool) -> c.Command | None:
@@ -117,14 +109,10 @@ class StoryTeller:
             self._live.pace = 1
 
     def stop(self, why: str) -> None:
-        """End the story early, with the door open."""
+        """End the story early, with the door open; `close` restores the rest when nothing uses the map any more."""
         self._led = None
         self._carry_out(self.story.stop(why))
-
-    def _end(self, why: str) -> None:
-        self.stop(why)
         self._tell()
-        self.close()
 
     def _carry_out(self, step: StoryStep | None) -> c.Command | None:
         match step:
@@ -142,7 +130,6 @@ class StoryTeller:
                 self._led = PathFollower(path, speed_m_s=LED_M_S)
                 return None
             case CallBack():
-                self._is_calling_back = True
                 return c.Cancel()
             case _:
                 assert_never(step)
@@ -153,10 +140,6 @@ class StoryTeller:
             self.story.take(stamped.event)
             if isinstance(stamped.event, QueryStarted):
                 self.query = stamped.event.query
-            if isinstance(stamped.event, QueryEnded) and stamped.event.outcome is Outcome.CANCELLED:
-                if not self._is_calling_back and not self.is_over:
-                    self.stop(ENDED_EARLY)
-                self._is_calling_back = False
         self._read = len(events)
 
     def _tell(self) -> None:

@@ -8,6 +8,7 @@ from ltvn_viz.session.activities.map_building import MapBuilding
 from ltvn_viz.session.activities.navigation import Navigation
 from ltvn_viz.session.activities.playback import Playback
 from ltvn_viz.session.app_state import AppState
+from ltvn_viz.session.goal_handlers import drive_to
 from ltvn_viz.session.story_teller import StoryTeller
 from ltvn_viz.wishes import commands as c
 
@@ -30,6 +31,7 @@ def change_world(state: AppState, command: c.WorldCommand) -> None:
         case c.UndoWorldChange():
             state.world.undo()
         case c.WatchItLearn():
+            state.end_steps("another story begins")
             if state.story is not None:
                 state.story.close()
             state.story = StoryTeller(state.live, state.live_map, state.world)
@@ -51,25 +53,22 @@ def carry_out_changes(state: AppState) -> None:
         state.say(f"{done[-1][:1].upper()}{done[-1][1:]}.")
 
 
-def interrupt_story(state: AppState) -> None:
-    """End the story if it is driving the robot now; a cancelled query ends the story by itself."""
-    if state.story is not None:
-        state.story.lead(is_free=False)
-
-
-def go_on_with_story(state: AppState) -> c.Command | None:
-    """Continue the running story, and return its commands."""
+def go_on_with_story(state: AppState) -> None:
+    """Continue the running story; after its end, restore what it changed as soon as nothing uses the map."""
     story = state.story
-    if story is None or story.is_over:
-        return None
-    if isinstance(state.activity, Playback | MapBuilding):
-        return None
-    if story.lead(is_free=state.activity is state.teleop and not state.teleop.is_driven):
-        return None
-    if state.worker.pending or state.teleop.is_mapping:
-        return None
-    asked = story.tick(is_idle=state.activity is state.teleop)
-    if isinstance(asked, c.Cancel) and isinstance(state.activity, Navigation):
-        state.activity.cancel()  # The story gives the reason, so nothing is reported as cancelled.
-        return None
-    return asked
+    if story is None or isinstance(state.activity, Playback | MapBuilding):
+        return
+    is_idle = state.activity is state.teleop
+    if story.is_over:
+        if is_idle and not state.worker.pending:
+            story.close()
+        return
+    if story.lead() or state.worker.pending or state.teleop.is_mapping:
+        return
+    match story.tick(is_idle=is_idle):
+        case c.NavigateTo(node) if node is not None:
+            drive_to(state, node)
+        case c.Cancel() if isinstance(state.activity, Navigation):
+            state.activity.cancel()  # The story gives the reason, so nothing is reported as cancelled.
+        case _:
+            pass

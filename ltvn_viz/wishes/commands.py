@@ -52,7 +52,7 @@ class BaseCommand:
 
 @dataclass(frozen=True, eq=False)
 class StopRobot(BaseCommand, modes=ANYWHERE):
-    """Stop the robot now and cancel the query."""
+    """Stop the robot now and end whatever gives it its steps: a query, the story, the search for an image."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,8 +92,8 @@ class ShowLarger(BaseCommand, modes=ANYWHERE):
 
 
 @dataclass(frozen=True, eq=False)
-class TakeOver(BaseCommand, modes=UNDER_WAY):
-    """Cancel the query, because a person drives."""
+class TakeOver(BaseCommand, modes=ANYWHERE):
+    """End whatever gives the robot its steps, because a person drives."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,129 @@
+"""Every way to stop ends whatever gives the robot its steps, so that it stays until somebody asks for a new goal."""
+
+from collections.abc import Callable
+from concurrent.futures import Future
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ltvn_core.navigation.action_performer import ActionState
+from ltvn_core.types import Twist
+from ltvn_viz.wishes import commands as c
+from ltvn_viz.wishes.commands import Mode
+from tests.viz.session_harness import InlineExecutor, SessionHarness
+from tests.viz.two_floors import add_lift, nearest, open_two_rooms
+
+TICKS = 60
+FORWARD = Twist(0.4, 0.0)
+
+
+class HeldExecutor(InlineExecutor):
+    """Does its jobs at once, or when it is let go."""
+
+    def __init__(self) -> None:
+        self.is_held = False
+        self._waiting: list[Callable[[], object]] = []
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        if not self.is_held:
+            return super().submit(fn, *args, **kwargs)
+        later: Future[Any] = Future()
+        self._waiting.append(lambda: later.set_result(fn(*args, **kwargs)))
+        return later
+
+    def let_go(self) -> None:
+        self.is_held = False
+        for job in self._waiting:
+            job()
+
+
+def by_hand(harness: SessionHarness) -> None:
+    harness.driver.twist = FORWARD
+    harness.wait()
+    harness.driver.twist = None
+
+
+WAYS = {
+    "stop": lambda harness: harness.do(c.StopRobot()),
+    "cancel": lambda harness: harness.do(c.Cancel()),
+    "driving keys": by_hand,
+}
+
+
+def query(harness: SessionHarness) -> None:
+    harness.do(c.NavigateTo(far_node(harness)), ticks=20)
+
+
+def paused_query(harness: SessionHarness) -> None:
+    query(harness)
+    harness.do(c.Pause(), ticks=10)
+    assert harness.now.mode is Mode.PAUSED
+
+
+def far_node(harness: SessionHarness) -> int:
+    graph = harness.now.moment.graph
+    return int(graph.ids[np.hypot(*(graph.poses[:, :2] - harness.robot.pose[:2]).T).argmax()])
+
+
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("begin", [query, paused_query])
+def test_a_query_is_over(tmp_path: Path, begin: Callable[[SessionHarness], None], way: str) -> None:
+    harness = SessionHarness(tmp_path)
+    harness.wait()
+    begin(harness)
+    WAYS[way](harness)
+    stays(harness)
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_an_image_whose_place_is_still_looked_for_sends_the_robot_nowhere(tmp_path: Path, way: str) -> None:
+    executor = HeldExecutor()
+    harness = SessionHarness(tmp_path, executor=executor)
+    harness.wait()
+    image = harness.state.live_map.keyframes.observation(far_node(harness)).rgb
+    executor.is_held = True
+    harness.do(c.NavigateToImage(image))
+    WAYS[way](harness)
+    executor.let_go()
+    stays(harness)
+    assert harness.state.queries == 0
+    assert harness.now.upload is not None, "its places are still offered"
+
+
+def test_an_image_sends_the_robot_where_nobody_stops_it(tmp_path: Path) -> None:
+    harness = SessionHarness(tmp_path)
+    harness.wait()
+    harness.do(c.NavigateToImage(harness.state.live_map.keyframes.observation(far_node(harness)).rgb), ticks=2)
+    assert harness.state.queries == 1
+
+
+def test_an_answer_about_an_action_does_not_move_the_robot_in_a_later_query(tmp_path: Path) -> None:
+    harness = open_two_rooms(tmp_path)
+    harness.do(add_lift(harness))
+    harness.do(c.NavigateTo(nearest(harness, 5.0, 3.0)))
+    harness.until(lambda _: harness.state.actions.state() is ActionState.PENDING)
+    harness.do(c.EndAction(succeeded=True), c.StopRobot(), ticks=3)
+    assert harness.session.mode is Mode.TELEOP
+    harness.do(c.NavigateTo(nearest(harness, 1.0, 1.0)))
+    carried: list[int] = []
+    harness.state.actions.settle(carried.append)
+    assert carried == []
+
+
+def test_an_error_of_the_app_ends_the_query_for_good(tmp_path: Path) -> None:
+    harness = SessionHarness(tmp_path)
+    harness.wait()
+    query(harness)
+    harness.state.fail("the app has a fault")
+    stays(harness)
+
+
+def stays(harness: SessionHarness) -> None:
+    """Let time pass and see that the robot stays where it is, once it stands."""
+    harness.wait(3)
+    where = harness.robot.pose.copy()
+    harness.wait(TICKS)
+    np.testing.assert_array_equal(harness.robot.pose, where)
+    assert harness.session.mode is Mode.TELEOP

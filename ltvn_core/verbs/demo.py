@@ -39,5 +39,5 @@ class HeadlessDemoVerb(Verb):
     printed address."""
 
     story: bool = False
-    """Instead of driving to random goals, close a door on the planned path and show what the map learns. The demo
-    apartment uses its ready-made map."""
+    """Instead of driving to random goals, close a door on the planned path and show what the map learns. It plays in
+    the shipped map of the demo apartment."""

@@ -38,10 +38,9 @@ class WorldPanel:
         self.boxes.show(_boxes(world, is_enabled=enabled))
         self.light.show(_light(world, is_enabled=enabled))
         self.undo.show(_undo(world, is_enabled=enabled))
-        is_possible = bool(world.doors) and bool(len(snapshot.moment.graph.ids))
-        can_watch = snapshot.mode is Mode.TELEOP and is_possible and not snapshot.story_goes_on
-        watch = ActionButton(Action.WATCH_IT_LEARN, is_main=True, is_enabled=can_watch)
-        self.watch.show(button_row(watch))
+        can_watch = snapshot.mode is Mode.TELEOP and not snapshot.no_story and not snapshot.story_goes_on
+        watch = ActionButton(Action.WATCH_IT_LEARN, is_main=True, is_enabled=can_watch, hint=snapshot.no_story)
+        self.watch.show(button_row(watch) + (note(snapshot.no_story) if snapshot.no_story else ""))
         self.story.show(lines(*(f"{number}. {text}" for number, text in enumerate(snapshot.story, 1))))
 
 

@@ -30,7 +30,7 @@ from ltvn_viz.session.own_views import STALE_LINK
 from ltvn_viz.session.recording_maker import FailedRecording, MadeRecording, Progress
 from ltvn_viz.session.seeking import go_through_time
 from ltvn_viz.session.snapshot import JobProgress
-from ltvn_viz.session.world_handlers import change_world
+from ltvn_viz.session.world_handlers import change_map, change_world
 from ltvn_viz.wishes import commands as c
 from ltvn_viz.wishes.commands import LEAST_MINUTES, MOST_MINUTES, Mode
 from ltvn_viz.wishes.wish_table import refusal
@@ -101,7 +101,7 @@ def _carry_out_other(state: AppState, command: c.OtherCommand) -> None:
         case c.PickNode(node):
             pick(state, node)
         case c.EditMap(deltas):
-            _change(state, deltas)
+            change_map(state, deltas)
         case c.NavigateTo(node):
             navigate(state, node)
         case c.NavigateToImage(rgb, original):
@@ -249,15 +249,6 @@ def _inspect(state: AppState, command: c.DebuggerCommand) -> None:
 def _ask(state: AppState, asked: c.Command | None) -> None:
     if asked is not None:
         handle(state, asked)
-
-
-def _change(state: AppState, deltas: Sequence[GraphDelta]) -> None:
-    def show(changed: Sequence[GraphDelta]) -> None:
-        for delta in changed:
-            state.live.emit(GraphChanged(delta))
-        state.debugger.take_in_all_events()
-
-    state.worker.submit(lambda: state.live_map.change(deltas), show)
 
 
 def _record(state: AppState, command: c.RecordingCommand) -> None:

@@ -27,7 +27,7 @@ from ltvn_viz.session.own_views import handle_own, retain_own_views
 from ltvn_viz.session.seeking import let_time_pass, show_now
 from ltvn_viz.session.snapshot import Snapshot
 from ltvn_viz.session.snapshot_builder import SnapshotBuilder
-from ltvn_viz.session.world_handlers import carry_out_changes, go_on_with_story
+from ltvn_viz.session.world_handlers import advance_activity, carry_out_changes, go_on_with_story
 from ltvn_viz.wishes import commands as c
 from ltvn_viz.wishes.commands import Mode
 
@@ -200,7 +200,7 @@ class Session:
             go_on_with_story(state)
         carry_out_changes(state)
         let_time_pass(state, TICK_S)
-        state.activity.tick()
+        advance_activity(state)
         _handle_breakpoint(state)
         if isinstance(state.activity, Navigation | MapBuilding) and state.activity.over:
             state.activity = state.teleop

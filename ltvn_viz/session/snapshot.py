@@ -357,8 +357,10 @@ class Snapshot:
     """Captions of “Watch it learn” so far."""
     story_goes_on: bool = False
     """Whether the story is still running."""
+    no_story: str = ""
+    """Why “Watch it learn” cannot be played, and what to do; empty if it can."""
     story_door: int | None = None
-    """The story's door; None until it is known."""
+    """The story's door; None before a story."""
     story_query: int | None = None
     """The last query of the story; None before the first one."""
     inspection: Inspection = NO_INSPECTION

@@ -17,6 +17,7 @@ from ltvn_viz.session.command_handlers import drive_name
 from ltvn_viz.session.floor_plan_clicks import aligning_hint
 from ltvn_viz.session.own_views import refresh_next_own_view
 from ltvn_viz.session.snapshot import FineTuningPhase, FineTuningStatus, LoopRates, Snapshot, TimelineStatus, WayNodes
+from ltvn_viz.session.world_handlers import no_story
 from ltvn_viz.timeline.run_moment import RunMoment, moment_of
 from ltvn_viz.wishes.commands import Mode
 
@@ -164,6 +165,7 @@ def _live(state: AppState) -> Snapshot:
         link=None if state.link is None else state.link.report,
         story=() if state.story is None else tuple(state.story.captions),
         story_goes_on=state.story is not None and not state.story.is_over,
+        no_story=no_story(state),
         story_door=None if state.story is None else state.story.door,
         story_query=None if state.story is None else state.story.query,
     )

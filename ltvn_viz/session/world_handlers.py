@@ -1,9 +1,12 @@
 """Runs the commands that change the simulated world, and reports the results. In the session's thread only."""
 
+from collections.abc import Sequence
 from typing import assert_never
 
 from ltvn_core.errors import LtvnError, OptionError
-from ltvn_core.navigation.events import Severity
+from ltvn_core.evaluation.door_story.story_map import NO_STORY, why_no_story
+from ltvn_core.graph.deltas import GraphDelta
+from ltvn_core.navigation.events import GraphChanged, Severity
 from ltvn_viz.session.activities.map_building import MapBuilding
 from ltvn_viz.session.activities.navigation import Navigation
 from ltvn_viz.session.activities.playback import Playback
@@ -31,6 +34,8 @@ def change_world(state: AppState, command: c.WorldCommand) -> None:
         case c.UndoWorldChange():
             state.world.undo()
         case c.WatchItLearn():
+            if why_not := no_story(state):
+                raise OptionError(why_not)
             state.end_steps("another story begins")
             if state.story is not None:
                 state.story.close()
@@ -53,6 +58,34 @@ def carry_out_changes(state: AppState) -> None:
         state.say(f"{done[-1][:1].upper()}{done[-1][1:]}.")
 
 
+def no_story(state: AppState) -> str:
+    """Return why “Watch it learn” cannot be played, and what to do; empty if it can."""
+    live_map = state.live_map
+    if state.world is None:
+        return NO_STORY
+    return why_no_story(state.world.world.base, live_map.graph, live_map.keyframes.observation)
+
+
+def change_map(state: AppState, deltas: Sequence[GraphDelta]) -> None:
+    """Change the map by hand, in the worker's thread."""
+
+    def show(changed: Sequence[GraphDelta]) -> None:
+        for delta in changed:
+            state.live.emit(GraphChanged(delta))
+        state.debugger.take_in_all_events()
+
+    state.worker.submit(lambda: state.live_map.change(deltas), show)
+
+
+def advance_activity(state: AppState) -> None:
+    """Let the activity go on by a tick; while a caption of the story is read, the robot stands instead."""
+    story, activity = state.story, state.activity
+    if story is not None and story.is_waiting and isinstance(activity, Navigation) and not activity.is_thinking:
+        story.stand()
+    else:
+        activity.tick()
+
+
 def go_on_with_story(state: AppState) -> None:
     """Continue the running story; after its end, restore what it changed as soon as nothing uses the map."""
     story = state.story
@@ -61,14 +94,21 @@ def go_on_with_story(state: AppState) -> None:
     is_idle = state.activity is state.teleop
     if story.is_over:
         if is_idle and not state.worker.pending:
-            story.close()
+            _tidy_up(state, story)
         return
     if story.lead() or state.worker.pending or state.teleop.is_mapping:
         return
     match story.tick(is_idle=is_idle):
         case c.NavigateTo(node) if node is not None:
             drive_to(state, node)
-        case c.Cancel() if isinstance(state.activity, Navigation):
-            state.activity.cancel()  # The story gives the reason, so nothing is reported as cancelled.
+        case c.EditMap(deltas):
+            change_map(state, deltas)
         case _:
             pass
+
+
+def _tidy_up(state: AppState, story: StoryTeller) -> None:
+    if deltas := story.leftovers():
+        change_map(state, deltas)
+    else:
+        story.close()

@@ -1,4 +1,4 @@
-"""Change the world and Watch it learn, in a real browser: two rooms with two doors, of which the map knows one."""
+"""Change the world, in a real browser: two rooms with two doors, of which the map knows one."""
 
 import re
 from collections.abc import Iterator
@@ -13,8 +13,6 @@ from ltvn_core.worlds import DoorMoved, LightChanged, ThingPlaced, ThingRemoved,
 from ltvn_viz.app import AppOptions, RunningApp
 from ltvn_viz.layers.world_layers import BOX_HANDLE_Z, DOOR_HANDLE_Z
 from ltvn_viz.session.snapshot import BoxView, WorldView
-from tests.browser import newcomer
-from tests.browser.actions import wait_for_rest
 from tests.browser.pages import on_screen, open_page
 from tests.browser.running_app import running_app
 from tests.core.plugin_packages import install
@@ -27,9 +25,6 @@ pytestmark = pytest.mark.browser
 SOURCE = "from tests.core.simulation.two_door_scene import two_door_scene\n"
 HERE, THERE = (1.4, 2.3), (3.6, 3.1)
 """Free floor in the one room and in the other that nothing on the page covers, in metres."""
-
-FIRST_GOAL_S = 30.0
-"""Robot time after which somebody who waits for the first goal may lose patience."""
 
 
 @pytest.fixture(scope="module")
@@ -124,30 +119,6 @@ def test_what_a_person_changes_in_the_page_is_in_the_recording(app: RunningApp, 
     assert kinds == [DoorMoved, DoorMoved, ThingPlaced, ThingPlaced, ThingRemoved, LightChanged, LightChanged]
 
 
-def test_a_newcomer_reaches_a_goal_and_then_one_button_tells_how_the_map_learns(app: RunningApp, page: Page) -> None:
-    wait_for_rest(app)
-    newcomer.reach_first_goal(app, page)
-    wait_for_rest(app)
-    assert newcomer.first_query_s(app) < FIRST_GOAL_S
-    before = app.session.state.live_map.graph.copy()
-    newcomer.begin_story(page)
-    expect(page.locator(".ltvn-status")).to_contain_text("The story continues")
-    newcomer.wait_for_mark(page, newcomer.NEW)
-    newcomer.wait_for_mark(page, newcomer.FADED)
-    page.get_by_text("Learnt:").first.wait_for()
-    wait_for_rest(app)
-    story = app.session.state.story
-    assert story is not None
-    told = page.locator(".lt", has_text="driven along it once").filter(has_text="Learnt:").first.inner_text()
-    order = ("driven along it once", "New nodes appear", "closes the door", "edges through it fade", "The plan changes")
-    places = [told.find(each) for each in (*order, "is opened", "edges through it return", "Learnt:")]
-    assert -1 not in places
-    assert places == sorted(places)
-    after, facts = app.session.state.live_map.graph, story.story.facts
-    assert len(after.nodes) > len(before.nodes)
-    assert facts.rerouted
-    assert facts.returned
-    seen = {edge: [each.present for each in after.presence[edge]] for edge in facts.returned}
-    assert all(False in each and each[-1] for each in seen.values()), "the map remembers both"
-    assert all(each.is_open for each in view(app).doors)
-    expect(page.get_by_role("button", name="Watch it learn")).to_be_enabled()
+def test_the_story_names_the_command_that_opens_its_own_map(page: Page) -> None:
+    expect(page.get_by_role("button", name="Watch it learn")).to_be_disabled()
+    expect(page.get_by_role("tabpanel")).to_contain_text("ltvn app")

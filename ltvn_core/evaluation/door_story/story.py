@@ -1,38 +1,46 @@
 """The steps of the story and its captions. Drives nothing; the page and a headless run play it.
 
-A door on the planned path closes, and later it opens again. The player passes every event to `take`, calls `next_step`
-at each control step, and carries out the result. Each caption is one plain sentence.
+The robot learns another way, meets a wrong edge, and then a door on its way that closes and later opens again. The
+player passes every event to `take`, calls `next_step` at each control step, and carries out the result. Each caption is
+one plain sentence about the state of the map or the world at that moment. It stands for `READ_S`; until then the robot
+waits before anything happens that the next caption is about.
 """
 
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ltvn_core.evaluation.door_story.story_map import Stage, StoryMap
-from ltvn_core.evaluation.door_story.unknown_way import UnknownWay
-from ltvn_core.graph.deltas import EdgeAdded, EdgePruned, NodeAdded, PresenceObserved
+from ltvn_core.evaluation.door_story.story_map import (
+    DOOR,
+    GOAL,
+    LED_ALONG,
+    LED_FROM,
+    START,
+    TABLE,
+    WRONG_EDGE,
+    StoryMap,
+)
+from ltvn_core.graph.deltas import Cause, EdgeAdded, EdgePruned, GraphDelta, NodeAdded, PresenceObserved
 from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.navigation.events import Event, GraphChanged, Outcome, Planned, QueryEnded
 from ltvn_core.types import NodeId, Pose
-from ltvn_core.worlds import OWN_PREFIX, DoorMoved, ThingRemoved, TimePassed, WorldChange
+from ltvn_core.worlds import DoorMoved, ThingRemoved, TimePassed, WorldChange
 
-NO_STORY = "No path in this map leads from here through a door. Map more rooms, and try again from one of them."
 STORY_MAINTENANCE = "persistent"
 """Name of the maintenance in a story."""
-_ENDS: dict[Outcome | None, str] = {
-    Outcome.ARRIVED: "the robot arrived",
-    Outcome.CANCELLED: "the robot is called back, because the demonstration is complete",
-}
+READ_S = 4.5
+"""Least time for which a caption stands before the next one, in seconds."""
 _SEVERAL = 3
 """Number of new nodes at which a caption first mentions them."""
 MOST_TRIES = 2
 """Maximum number of further tries if the robot took another path without seeing the closed door."""
-STEPS_AT_DOOR, STEPS_BEYOND_DOOR = 80, 250
-"""Numbers of control steps after which the robot is called back: at a closed door, and beyond an open door."""
+SETTLED_STEPS = 20
+"""Number of control steps without another edge seen open after which the caption counts those that returned."""
+_LEAST_WAIT_S = 600.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,8 +58,15 @@ class Change:
 
 
 @dataclass(frozen=True, slots=True)
-class CallBack:
-    """End the running query now."""
+class Edit:
+    """Change the map now, as a person may."""
+
+    delta: GraphDelta
+
+
+@dataclass(frozen=True, slots=True)
+class Wait:
+    """Let the robot stand for a control step, because a caption is being read."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -70,7 +85,7 @@ class Lead:
     """(M, 2) x and y in metres."""
 
 
-StoryStep: TypeAlias = GoTo | Change | CallBack | Carry | Lead
+StoryStep: TypeAlias = GoTo | Change | Edit | Wait | Carry | Lead
 _Steps: TypeAlias = Iterator[StoryStep | None]
 """Action at each control step; None for no action."""
 
@@ -80,9 +95,10 @@ class StoryFacts:
     """Facts collected during the story."""
 
     absent: list[EdgeKey] = field(default_factory=list)
-    """Edges that were seen blocked, or pruned, in this order."""
+    """Edges that were seen blocked, in this order."""
     returned: set[EdgeKey] = field(default_factory=set)
-    """Edges of `absent` that were later seen open."""
+    """Edges of `absent` that were seen open last."""
+    pruned: list[EdgeKey] = field(default_factory=list)
     nodes_added: int = 0
     edges_added: int = 0
     rerouted: bool = False
@@ -92,12 +108,14 @@ class StoryFacts:
         """Count one event."""
         match event:
             case GraphChanged(delta=PresenceObserved(source, target, present)):
-                if (source, target) not in self.absent:
-                    self.absent += [] if present else [(source, target)]
-                elif present:
-                    self.returned.add((source, target))
+                edge = (source, target)
+                if not present:
+                    self.returned.discard(edge)
+                    self.absent += [edge] if edge not in self.absent else []
+                elif edge in self.absent:
+                    self.returned.add(edge)
             case GraphChanged(delta=EdgePruned(source, target)):
-                self.absent.append((source, target))
+                self.pruned.append((source, target))
             case GraphChanged(delta=NodeAdded()):
                 self.nodes_added += 1
             case GraphChanged(delta=EdgeAdded()):
@@ -105,180 +123,184 @@ class StoryFacts:
             case _:
                 pass
 
+    @property
+    def still_absent(self) -> set[EdgeKey]:
+        """The edges that were seen blocked last."""
+        return set(self.absent) - self.returned
+
 
 class DoorStory:
     """One story, from its beginning to its end."""
 
-    def __init__(self, story_map: StoryMap, door_names: Sequence[str]) -> None:
-        """Create a story in a map; `door_names` are the names of its doors in captions."""
+    def __init__(self, story_map: StoryMap, door_names: Sequence[str], clock: Callable[[], float]) -> None:
+        """Create a story in the shipped map, see `why_no_story`.
+
+        `door_names` are the names of its doors in captions; `clock` measures in seconds for how long a caption stands.
+        """
         self._map = story_map
-        self._door_names = door_names
+        self._door = f"the door {door_names[DOOR]}"
+        self._clock = clock
         self.captions: list[str] = []
         """Captions so far."""
+        self._queue: deque[str] = deque()
+        """Captions that wait until the one before was read."""
+        self._told_s = float("-inf")
         self.facts = StoryFacts()
-        self.stage: Stage | None = None
-        """Place of the story; None before it is known, or if there is none."""
         self.is_over = False
         """Whether the story has ended."""
         self._script = self._play()
-        self._is_idle = self._is_closed = self._is_reopened = self._is_called_back = False
+        self._is_idle = self._is_closed = False
+        self._blocked: set[EdgeKey] | None = None
+        """Edges that were absent when the door was opened again; None before."""
         self._plan: tuple[NodeId, ...] = ()
         self._outcome: Outcome | None = None
         """Outcome of the last query."""
-        self._steps_near = 0
 
     def take(self, event: Event) -> None:
-        """Process an event; a query that another person cancelled is not continued."""
+        """Process an event."""
         self.facts.take(event)
         if self.is_over:
             return
         self._tell_of_map()
-        if isinstance(event, Planned) and event.nodes and self.stage is not None:
+        if isinstance(event, Planned) and event.nodes:
             self._plan = event.nodes
-            self._tell_of_plan(self.stage)
-        elif isinstance(event, QueryEnded) and self.stage is not None and self._is_own(event.outcome):
+            self._tell_of_plan()
+        elif isinstance(event, QueryEnded):
             self._outcome = event.outcome
-            self.next_step(is_idle=False)  # Adds the last caption; the next action waits for an idle robot.
 
     def next_step(self, *, is_idle: bool) -> StoryStep | None:
         """Return the next action, if any; `is_idle` is True while the robot waits for a goal."""
         self._is_idle = is_idle
+        if self.is_over:
+            return None
+        self._flush()
+        if self._queue:
+            return Wait()
         try:
-            return None if self.is_over else next(self._script)
+            return next(self._script)
         except StopIteration:
             self.is_over = True
             return None
 
-    def stop(self, why: str) -> StoryStep | None:
-        """End the story early with a reason; return the last action, if any."""
+    def stop(self, why: str) -> Sequence[StoryStep]:
+        """End the story early with a reason; return the last actions, which open the door again."""
         self.is_over = True
+        self._queue.clear()
         self.captions.append(why)
-        if self.stage is None or not self._is_closed:
-            return None
-        self._is_closed = False
-        return Change(DoorMoved(self.stage.door, is_open=True))
+        is_closed, self._is_closed = self._is_closed, False
+        return (Change(DoorMoved(DOOR, is_open=True)),) if is_closed else ()
+
+    def leftovers(self) -> Sequence[GraphDelta]:
+        """Return the changes that free the map of the wrong edge, which belongs to the story alone."""
+        is_left = self.is_over and WRONG_EDGE in self._map.graph.edges
+        return (EdgePruned(*WRONG_EDGE, Cause.HAND),) if is_left else ()
 
     def _play(self) -> _Steps:
         yield from self._until_idle()
-        stage = self._map.stage()
-        stands_there = stage is not None and stage.has_way_round
-        if not stands_there and (unknown := self._map.unknown_way()) is not None:
-            yield from self._lead_along(unknown)
-            stage = self._map.stage_by(unknown) or self._map.stage()
-        if stage is None:
-            self.captions.append(NO_STORY)
-            return
-        self.stage = stage
-        other = "The map has another path, too." if stage.has_way_round else "The map has no other path."
-        self.captions.append(f"Now it drives autonomously to node {stage.goal}, through {self._door}. {other}")
-        if not stands_there:
-            yield from self._when_idle(Carry(self._map.pose(stage.start)))
-        yield from self._meet_closed_door(stage)
+        if DOOR in self._map.world.state.closed_doors:
+            yield Change(DoorMoved(DOOR, is_open=True))
+        yield from self._learn_other_way()
+        yield from self._prepare()
+        for tries_left in reversed(range(MOST_TRIES + 1)):
+            yield from self._query(self._close_door)
+            if not self._is_closed or self.facts.absent or not tries_left:
+                break
+            yield from self._tell("The robot did not see the closed door. It starts again from the same place.")
+            yield from self._when_idle(Carry(self._map.pose(START)))
         if self._is_closed:
-            yield from self._find_open_door(stage)
-
-    def _lead_along(self, unknown: UnknownWay) -> _Steps:
-        """Drive the robot along a path that its map lacks."""
-        room = self._map.room(unknown.path[len(unknown.path) // 2])
-        if unknown.moved_away is None:
-            self.captions.append(
-                f"There is a route through the {room} that the map lacks. The robot is driven along it once."
-            )
+            yield from self._find_open_door()
         else:
-            thing = unknown.moved_away.removeprefix(OWN_PREFIX).rpartition("-")[0].replace("-", " ")
-            self.captions.append(
-                f"Somebody moved the {thing} out of the {room}: now there is a route. The robot is driven along it "
-                "once."
-            )
-            yield from self._when_idle(Change(ThingRemoved(unknown.moved_away)))
-        yield from self._when_idle(Carry(self._map.pose(self._map.start_of(unknown))))
-        yield from self._when_idle(Lead(unknown.path))
+            yield from self._tell("The story ends here: the robot found a path that does not lead through the door.")
+
+    def _learn_other_way(self) -> _Steps:
+        """Drive the robot along the way that its map lacks."""
+        if TABLE not in self._map.world.state.missing:
+            yield from self._tell("Somebody moves the high table out of the kitchen: there is another way now.")
+            yield from self._when_idle(Change(ThingRemoved(TABLE)))
+        if self._map.knows_other_way:
+            return
+        yield from self._tell("The map lacks the way through the kitchen. The robot is driven along it once.")
+        yield from self._when_idle(Carry(self._map.pose(LED_FROM)))
+        yield from self._when_idle(Lead(LED_ALONG))
         yield from self._until_idle()
 
-    def _meet_closed_door(self, stage: Stage) -> _Steps:
-        """Let the robot drive with its map, and close the door as soon as a plan leads through it."""
-        for tries_left in reversed(range(MOST_TRIES + 1)):
-            yield from self._query(stage.goal, partial(self._close_or_wait, stage))
-            if not self._is_closed:
-                self.captions.append(
-                    "The robot found a path that does not lead through the door. Try again from another place."
-                )
-                return
-            if self.facts.absent or self._is_called_back or not tries_left:
-                break
-            self.captions.append(
-                "The robot did not see the obstacle, so the map learns nothing. It starts again from the same place."
-            )
-            yield from self._when_idle(Carry(self._map.pose(stage.start)))
-        if self._outcome is Outcome.ARRIVED:
-            self.captions.append("The robot arrived.")
-        elif self._outcome is not Outcome.CANCELLED:
-            self.captions.append(f"The robot gives up ({self._outcome}).")
+    def _prepare(self) -> _Steps:
+        """Put the robot to its start, with a map that plans through the door, but for one wrong edge."""
+        if wait_s := self._map.wait_s():
+            yield from self._tell(f"{_duration(wait_s)} pass, until the map trusts the door again.")
+            yield from self._when_idle(Change(TimePassed(wait_s)))
+        yield from self._tell(
+            f"The map also gets a wrong edge, which failed twice: it takes what lies ahead for node {GOAL}."
+        )
+        yield from self._when_idle(Carry(self._map.pose(START)))
+        if WRONG_EDGE not in self._map.graph.edges:
+            yield from self._when_idle(Edit(EdgeAdded(self._map.wrong_edge(), Cause.HAND)))
+        yield from self._tell(f"Now the robot drives by itself to node {GOAL}, and first tries the wrong edge.")
 
-    def _close_or_wait(self, stage: Stage) -> StoryStep | None:
-        """Close the door when a plan leads through it.
-
-        If the map has no other path, the robot may observe the closed door for a while; then it is called back.
-        """
-        if not self._is_closed and self._map.passes(self._plan, stage.door):
-            self._is_closed = True
-            self.captions.append(f"Somebody closes {self._door}. The robot does not know it yet.")
-            return Change(DoorMoved(stage.door, is_open=False))
-        if not self.facts.absent or stage.has_way_round:
+    def _close_door(self) -> StoryStep | None:
+        """Close the door when a plan leads through it, once the captions before that were read."""
+        if self._is_closed or not self._map.passes(self._plan):
             return None
-        self._steps_near += 1
-        if self._steps_near < STEPS_AT_DOOR:
-            return None
-        self.captions.append("The map has no other path, so the robot is called back.")
-        return self._call_back()
+        if not self._was_read:
+            return Wait()
+        self._is_closed = True
+        self._say(f"Somebody closes {self._door}. The robot does not know it yet.")
+        return Change(DoorMoved(DOOR, is_open=False))
 
-    def _find_open_door(self, stage: Stage) -> _Steps:
+    def _find_open_door(self) -> _Steps:
         """Open the door, let time pass, and send the robot that way again."""
-        wait_s = self._map.wait_s(stage)
-        self._is_reopened = True
-        self._steps_near = 0
-        self.captions.append(
-            f"{self._door[:1].upper()}{self._door[1:]} is opened, but the robot does not know it yet. "
-            f"{_duration(wait_s)} later it starts again from the same place."
-        )
-        yield from self._when_idle(Change(DoorMoved(stage.door, is_open=True)))
+        yield from self._tell(self._arrival())
+        yield from self._tell(f"{self._door[:1].upper()}{self._door[1:]} is opened. The robot does not know it yet.")
+        yield from self._when_idle(Change(DoorMoved(DOOR, is_open=True)))
         self._is_closed = False
+        self._blocked = self.facts.still_absent
+        wait_s = self._map.wait_s(at_least_s=_LEAST_WAIT_S)
+        yield from self._tell(f"{_duration(wait_s)} later the robot starts again from the same place.")
         yield from self._when_idle(Change(TimePassed(wait_s)))
-        # A map has several edges through a door; the shortest way may lead along one that was never seen blocked.
-        for goal in (stage.goal, *(self.facts.absent[0] if self.facts.absent else ())):
-            yield from self._when_idle(Carry(self._map.pose(stage.start)))
-            yield from self._query(goal, self._drive_on_a_little)
-            if self.facts.returned:
-                break
+        yield from self._when_idle(Carry(self._map.pose(START)))
+        yield from self._query(self._count_returned())
         facts = self.facts
-        self.captions.append(
-            f"Learnt: {len(facts.absent)} edges were absent for a while, {len(facts.returned)} of them are back; "
-            f"{facts.nodes_added} nodes and {facts.edges_added} edges are new."
+        yield from self._tell(
+            f"Learnt: {len(facts.absent)} edges were absent for a while, {len(facts.returned)} of them are back, "
+            f"{len(facts.pruned)} pruned; {facts.nodes_added} nodes and {facts.edges_added} edges are new."
         )
-        self.captions.append(f"The story is over: {_ENDS.get(self._outcome, 'the robot stopped on its way')}.")
+        yield from self._tell(f"The story is over. {self._arrival()}")
 
-    def _drive_on_a_little(self) -> StoryStep | None:
-        """Let the robot drive on after it saw the door open; call it back if it does not arrive in time."""
-        if not self.facts.returned:
+    def _arrival(self) -> str:
+        is_there = self._outcome is Outcome.ARRIVED
+        return "The robot arrived at its goal." if is_there else f"The robot gave up ({self._outcome})."
+
+    def _count_returned(self) -> Callable[[], StoryStep | None]:
+        """Return what tells of the edges that returned, as soon as no further one does."""
+        counted, steps = 0, 0
+
+        def look() -> StoryStep | None:
+            nonlocal counted, steps
+            before, counted = counted, len(self.facts.returned)
+            steps = steps + 1 if counted == before else 0
+            if steps >= SETTLED_STEPS:
+                self._tell_of_return()
             return None
-        self._steps_near += 1
-        return self._call_back() if self._steps_near >= STEPS_BEYOND_DOOR else None
 
-    def _is_own(self, outcome: Outcome) -> bool:
-        """Tell whether a query ended by itself, or because the story called the robot back."""
-        return outcome is not Outcome.CANCELLED or self._is_called_back
+        return look
 
-    def _call_back(self) -> StoryStep:
-        self._is_called_back = True
-        return CallBack()
+    def _tell_of_return(self) -> None:
+        """Tell once how many of the edges that were absent behind the closed door are back, and how many are not."""
+        assert self._blocked is not None
+        back, left = self._blocked & self.facts.returned, self._blocked - self.facts.returned
+        if not self._map.through_door(sorted(back)) or any("edges return" in text for text in self.captions):
+            return
+        rest = f" {len(left)} that it has not looked at again are still absent." if left else ""
+        self._say(f"The robot sees that the door is open: {len(back)} edges return.{rest}")
 
-    def _query(self, goal: NodeId, meanwhile: Callable[[], StoryStep | None]) -> _Steps:
-        """Send the robot to a goal, and yield the action at each control step on the way."""
-        self._outcome = None
-        self._is_called_back = False
-        yield from self._when_idle(GoTo(goal))
+    def _query(self, meanwhile: Callable[[], StoryStep | None]) -> _Steps:
+        """Send the robot to the goal, and yield the action at each control step on the way."""
+        self._outcome, self._plan = None, ()
+        yield from self._when_idle(GoTo(GOAL))
         while self._outcome is None:
-            yield None if self._is_idle or self._is_called_back else meanwhile()
+            yield None if self._is_idle else meanwhile()
+        if self._blocked is not None:
+            self._tell_of_return()
 
     def _when_idle(self, step: StoryStep) -> _Steps:
         yield from self._until_idle()
@@ -288,32 +310,47 @@ class DoorStory:
         while not self._is_idle:
             yield None
 
-    def _tell_of_plan(self, stage: Stage) -> None:
-        through = self._map.passes(self._plan, stage.door)
-        if self._is_reopened and through:
-            self._tell_once("After this time the map thinks that the door may be open: the plan goes through it again.")
-        if self._is_closed and not self._is_reopened and not through and not self.facts.rerouted:
+    def _tell_of_plan(self) -> None:
+        through = self._map.passes(self._plan)
+        if self._blocked is not None and through:
+            self._say_once("The map thinks that the door may be open by now: the plan leads through it again.")
+        if self._is_closed and self.facts.absent and not through and not self.facts.rerouted:
             self.facts.rerouted = True
-            self.captions.append(f"The plan changes: the robot takes the other path, {len(self._plan)} nodes long.")
+            self._say(f"The plan changes: the robot takes the other path, {len(self._plan)} nodes long.")
 
     def _tell_of_map(self) -> None:
         if self.facts.nodes_added >= _SEVERAL:
-            self._tell_once("New nodes appear in the map, in green: places that it did not know.")
-        if self.facts.absent:
-            self._tell_once(
+            self._say_once("New nodes appear in the map, in green: places that it did not know.")
+        if WRONG_EDGE in self.facts.pruned:
+            self._say_once("The robot did not come to its goal by the wrong edge: the map prunes it, for good.")
+        if self._is_closed and self._map.through_door(sorted(self.facts.still_absent)):
+            self._say_once(
                 "The robot sees the closed door. The edges through it fade, in magenta: absent now, not forgotten."
             )
-        if self.facts.returned:
-            self._tell_once("The door is open. The edges through it return.")
 
-    def _tell_once(self, text: str) -> None:
-        if text not in self.captions:
-            self.captions.append(text)
+    def _tell(self, text: str) -> _Steps:
+        """Wait until all captions so far were read, then tell the next one."""
+        while not self._was_read:
+            yield Wait()
+        self._say(text)
+
+    def _say(self, text: str) -> None:
+        self._queue.append(text)
+        self._flush()
+
+    def _say_once(self, text: str) -> None:
+        if text not in self.captions and text not in self._queue:
+            self._say(text)
+
+    def _flush(self) -> None:
+        """Tell the next caption in the queue if the one before was read."""
+        if self._queue and self._was_read:
+            self.captions.append(self._queue.popleft())
+            self._told_s = self._clock()
 
     @property
-    def _door(self) -> str:
-        assert self.stage is not None
-        return f"the door {self._door_names[self.stage.door]}"
+    def _was_read(self) -> bool:
+        return self._clock() - self._told_s >= READ_S
 
 
 def _duration(seconds: float) -> str:

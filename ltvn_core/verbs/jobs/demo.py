@@ -17,12 +17,12 @@ from ltvn_core.data.recording.demo_files import DEMO_MAP, demo_file
 from ltvn_core.data.recording.map_file import LoadedMap, load_map
 from ltvn_core.data.recording.recorded_run import RunDescription
 from ltvn_core.errors import OptionError
-from ltvn_core.evaluation.door_story.story import STORY_MAINTENANCE, CallBack, Carry, Change, DoorStory, GoTo, Lead
-from ltvn_core.evaluation.door_story.story_map import StoryMap
+from ltvn_core.evaluation.door_story.story import STORY_MAINTENANCE, Carry, Change, DoorStory, Edit, GoTo, Lead, Wait
+from ltvn_core.evaluation.door_story.story_map import NO_STORY, SCENE, StoryMap
 from ltvn_core.evaluation.query_run import run_query
 from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.maps.topological_map import TopologicalMap
-from ltvn_core.navigation.events import Event, Note
+from ltvn_core.navigation.events import Event, GraphChanged, Note
 from ltvn_core.predictors.choice import ImageSource
 from ltvn_core.predictors.opening import open_method, open_predictor, simulated_robot
 from ltvn_core.robots.robot_spec import LOCOBOT
@@ -72,6 +72,8 @@ class StorySummary:
     """Number of nodes and edges that were added while driving."""
     returned: int
     """Number of edges that were seen blocked, and open again later."""
+    pruned: int
+    """Number of edges that failed too often and were removed."""
     captions: list[str]
     """The story in words."""
     recording: Path
@@ -147,19 +149,22 @@ def _run_headless(options: HeadlessDemoVerb) -> DemoSummary:
 
 
 def _run_story(options: HeadlessDemoVerb) -> StorySummary:
-    """Play the story and record it."""
+    """Play the story in the shipped map and record it. Raises OptionError if another map or network is asked for."""
     started = time.monotonic()
     rng = np.random.default_rng(options.seed)
     choice = ImageSource(camera=LOCOBOT.camera).choose(options.predictor)
     spec = simulated_robot(choice.name)
     predictor = open_predictor(choice.name, options.scene, options.weights, camera=spec.camera)
-    known = _ready_made(options.scene, predictor)
+    place = demo_file(DEMO_MAP) if options.scene == SCENE else None
+    known = None if place is None else load_map(place)
+    if known is None or known.meta.fingerprint != predictor.fingerprint:
+        raise OptionError(f"{NO_STORY} --headless --story, without another --scene, --predictor or --weights.")
     simulation = open_simulation(
         options.scene,
         seed=options.seed,
         spec=spec,
-        first_step=0 if known is None else max(known.observations) + 1,
-        start=None if known is None else known.observations[int(rng.choice(list(known.graph.nodes)))].exact_pose,
+        first_step=max(known.observations) + 1,
+        start=known.observations[int(rng.choice(list(known.graph.nodes)))].exact_pose,
         body=options.body,
     )
     recording = options.recording or _dated_path(f"story-{Path(options.scene).stem}-{options.seed}")
@@ -169,6 +174,7 @@ def _run_story(options: HeadlessDemoVerb) -> StorySummary:
         rerouted=story.facts.rerouted,
         added=story.facts.nodes_added + story.facts.edges_added,
         returned=len(story.facts.returned),
+        pruned=len(story.facts.pruned),
         captions=list(story.captions),
         recording=recording,
         scene=simulation.scene.name,
@@ -182,10 +188,10 @@ def _play_recorded(
     recording: Path,
     simulation: Simulation,
     predictor: Predictor,
-    known: LoadedMap | None,
+    known: LoadedMap,
     rng: np.random.Generator,
 ) -> DoorStory:
-    """Play the story in the known map, or map the scene first if there is none."""
+    """Play the story in the shipped map."""
     system = with_maintenance(open_system(DEFAULT_SYSTEM, open_method(options.preset, predictor)), STORY_MAINTENANCE)
     run = RunDescription(
         scene=simulation.scene.address,
@@ -194,29 +200,26 @@ def _play_recorded(
         camera=simulation.robot.spec.camera,
         scene_glb=simulation.scene.glb(),
     )
-    begun = TopologicalMap.of(predictor, system) if known is None else TopologicalMap.take(known, predictor, system)
+    begun = TopologicalMap.take(known, predictor, system)
     with run.open_writer(recording, live_port=announce_stream(options.stream)) as writer:
-        if known is not None:
-            writer.write_map(begun.graph, begun.observations)
+        writer.write_map(begun.graph, begun.observations)
         runner = HeadlessRunner(simulation, writer, begun)
-        if known is None:
-            runner.build(runner.collect(rng, options.loops), rng)
-        story_map = StoryMap(
-            begun.graph, system, runner.world, begun.keyframes.observation, lambda: runner.robot.exact_pose
-        )
-        story = DoorStory(story_map, door_names(simulation.scene))
-        _play(story, runner, rng)
+        story_map = StoryMap(begun.graph, system, runner.world, begun.keyframes.observation)
+        story = DoorStory(story_map, door_names(simulation.scene), lambda: runner.robot.state().stamp)
+        play_story(story, runner, rng)
     return story
 
 
-def _play(story: DoorStory, runner: HeadlessRunner, rng: np.random.Generator) -> None:
+def play_story(story: DoorStory, runner: HeadlessRunner, rng: np.random.Generator) -> None:
     """Play a story to its end, and store its captions."""
     navigator = runner.navigator(rng)
     told = 0
     queries = 0
 
-    def tell() -> None:
+    def take(event: Event | None = None) -> None:
         nonlocal told
+        if event is not None:
+            story.take(event)
         for text in story.captions[told:]:
             _LOG.info(text)
             runner.record(Note(text))
@@ -224,42 +227,37 @@ def _play(story: DoorStory, runner: HeadlessRunner, rng: np.random.Generator) ->
 
     def consume(event: Event) -> None:
         runner.record(event)
-        story.take(event)
-        tell()
-
-    def led(event: Event) -> None:
-        story.take(event)
-        tell()
+        take(event)
 
     def advance() -> None:
-        step = story.next_step(is_idle=False)
-        tell()
+        while isinstance(step := story.next_step(is_idle=False), Wait):
+            take()
+            runner.robot.stop()
+            runner.advance()
+        take()
         if isinstance(step, Change):
             runner.world.apply(step.change)
-        elif isinstance(step, CallBack):
-            navigator.cancel()
         runner.advance()
 
     while (step := story.next_step(is_idle=True)) is not None:
-        tell()
+        take()
         match step:
-            case CallBack():
-                pass  # No query is in progress.
+            case Wait():
+                runner.advance()
             case Change(change):
                 runner.world.apply(change)
+            case Edit(delta):
+                runner.map.graph.apply(delta)
+                consume(GraphChanged(delta))
             case Carry(pose):
                 runner.robot.teleport(pose)
             case Lead(path):
-                runner.lead(path, led)
+                runner.lead(path, take)
             case GoTo(goal):
                 verdict = partial(runner.verdict, queries, goal)
                 run_query(navigator, goal, queries, advance=advance, verdict=verdict, consume=consume)
                 queries += 1
-    tell()
-
-
-def _ready_made(scene: str, predictor: Predictor) -> LoadedMap | None:
-    """Return the shipped map of the demo apartment; None for other scenes, and if other weights are used."""
-    place = demo_file(DEMO_MAP) if scene == "demo" else None
-    known = None if place is None else load_map(place)
-    return known if known is not None and known.meta.fingerprint == predictor.fingerprint else None
+    take()
+    for delta in story.leftovers():
+        runner.map.graph.apply(delta)
+        runner.record(GraphChanged(delta))

@@ -52,6 +52,7 @@ SCRIPTS = (
     *DOOR_SCRIPTS,
     "layout.js",
     "names.js",
+    "palette.js",
     "caps.js",
     "pictures.js",
     "seat.js",

@@ -57,6 +57,9 @@ def navigate(state: AppState, node: NodeId | None) -> None:
     goal = state.goals.selected if node is None else node
     if goal is None:
         raise OptionError("Choose a goal first: click a node in the scene or an image under “Go”.")
+    if goal not in state.live_map.graph.nodes:
+        count = len(state.live_map.graph.nodes)
+        raise OptionError(f"Node {goal} is not in the map, which has {count:,} nodes; the robot stays. Choose another.")
     state.end_steps("the robot has another goal")
     drive_to(state, goal)
 

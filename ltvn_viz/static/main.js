@@ -20,6 +20,7 @@ document.addEventListener("DOMContentLoaded", () => {
     nameKeysInPanels();
     nameKeysInPalette();
   });
+  listenToPalette();
   showRights();
   watchForSilence();
   watchDrawing();

@@ -4,6 +4,9 @@ const NAMELESS = [
   [".mantine-CloseButton-root", { "aria-label": "close" }],
   ["div[aria-haspopup=dialog]", { "role": "button", "tabindex": "0", "aria-label": "properties" }],
   ["#root img:not([alt])", { "alt": "" }],
+  [".mantine-Spotlight-content", { "aria-label": "commands" }],
+  [".mantine-Spotlight-search", { "aria-label": "search commands, or type the number of a node" }],
+  [".mantine-Spotlight-content .mantine-ScrollArea-viewport", { "tabindex": "0" }],
 ];
 
 function nameControls() {

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, Locator, Page, expect
 
+from ltvn_viz.wishes import commands as c
 from ltvn_viz.wishes.commands import Mode
 from tests.browser.flat_app import FlatApp, serving, until_shown
 from tests.browser.pages import open_page
@@ -105,3 +106,37 @@ def test_a_goal_a_recording_a_replay_and_a_question_by_the_keyboard_alone(app: F
     page.keyboard.press("ArrowDown")
     page.keyboard.press("Enter")
     until_shown(app, lambda now: now.inspection.question != asked)
+
+
+def test_a_number_typed_into_the_palette_is_the_goal_and_an_unknown_one_moves_nothing(app: FlatApp, page: Page) -> None:
+    nodes = [int(node) for node in app.harness.now.moment.graph.ids]
+    goal = next(node for node in nodes if any(str(other).startswith(str(node)) and other != node for other in nodes))
+    palette = page.get_by_role("dialog", name="commands")
+    page.keyboard.press("Control+k")
+    palette.get_by_role("textbox").fill("node 123456")
+    page.keyboard.press("Enter")
+    until_shown(app, lambda now: now.message is not None and "123456" in now.message.text)
+    assert app.session.mode is Mode.TELEOP
+    expect(palette).to_have_count(0)
+
+    page.keyboard.press("Control+k")
+    palette.get_by_role("textbox").fill("go to node")
+    page.keyboard.press("Enter")
+    expect(palette.get_by_role("textbox")).to_have_value("node ")
+    page.keyboard.type(str(goal))
+    expect(palette.get_by_role("button", name=f"Go to node {goal}", exact=True)).to_be_visible()
+    page.keyboard.press("Enter")
+    until_shown(app, lambda now: now.destination == goal)
+
+
+def test_the_robot_is_stopped_by_the_palette_of_a_page_that_only_watches(
+    app: FlatApp, page: Page, chromium: Browser
+) -> None:
+    app.session.send(c.NavigateTo(max(int(node) for node in app.harness.now.moment.graph.ids)))
+    until_shown(app, lambda now: now.mode is Mode.NAVIGATING)
+    with open_page(chromium, app.server.url, width=1000, height=640, draws=False) as other:
+        other.get_by_text("Next:").wait_for()
+        other.keyboard.press("Control+k")
+        other.get_by_role("dialog", name="commands").get_by_role("textbox").fill("stop the robot")
+        other.keyboard.press("Enter")
+        until_shown(app, lambda now: now.mode is Mode.TELEOP)

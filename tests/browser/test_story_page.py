@@ -38,7 +38,9 @@ def page(app: RunningApp, chromium: Browser) -> Iterator[Page]:
 
 
 def told(app: RunningApp) -> StoryTeller:
-    return until(lambda: app.session.state.story)
+    story = app.session.state.story
+    assert story is not None
+    return story
 
 
 def test_stop_between_two_parts_ends_the_story_and_the_robot_moves_no_more(app: RunningApp, page: Page) -> None:

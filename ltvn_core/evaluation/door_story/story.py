@@ -118,8 +118,8 @@ class StoryFacts:
                 self.pruned.append((source, target))
             case GraphChanged(delta=NodeAdded()):
                 self.nodes_added += 1
-            case GraphChanged(delta=EdgeAdded()):
-                self.edges_added += 1
+            case GraphChanged(delta=EdgeAdded(cause=cause)):
+                self.edges_added += cause is not Cause.HAND  # The wrong edge was not learnt.
             case _:
                 pass
 

@@ -1,15 +1,17 @@
 """What the command palette lists, and when each entry makes sense."""
 
+import asyncio
 from collections.abc import Iterator
 from dataclasses import replace
 
 import pytest
 import viser
 
-from ltvn_viz.panels.command_palette import CommandPalette
-from ltvn_viz.session.snapshot import Snapshot
+from ltvn_viz.panels.command_palette import CommandPalette, list_stop
+from ltvn_viz.session.snapshot import BoxView, DoorView, FloorView, Snapshot, WorldView
 from ltvn_viz.wishes import commands as c
 from ltvn_viz.wishes.commands import Mode
+from ltvn_viz.wishes.wish_table import Action
 
 
 @pytest.fixture
@@ -23,23 +25,69 @@ def listed(server: viser.ViserServer) -> dict[str, viser.CommandHandle]:
     return {handle.label: handle for handle in server.gui._command_handle_from_uuid.values()}
 
 
-def test_actions_questions_recordings_and_places_are_listed_and_go_when_they_are_gone(
+def trigger(handle: viser.CommandHandle) -> None:
+    """Choose an entry, as a page does."""
+    (chosen,) = handle._impl.trigger_cb
+    asyncio.run(chosen(None))  # type: ignore[arg-type]
+
+
+def test_actions_questions_and_recordings_are_listed_and_go_when_they_are_gone(
     server: viser.ViserServer, snapshot: Snapshot
 ) -> None:
     palette = CommandPalette(server.gui, lambda action, value: None)
     palette.show(replace(snapshot, recordings={"monday.rrd": ""}))
-    nodes = [int(node) for node in snapshot.moment.graph.ids]
     labels = listed(server).keys()
     assert any("monday.rrd" in label for label in labels)
     assert any("undo" in label.lower() for label in labels)
-    assert all(f"Go to node {node}" in labels for node in nodes)
     assert all(any(question in label for label in labels) for question in snapshot.inspection.offered[1:])
 
     palette.show(replace(snapshot, recordings={}))
     assert not any("monday.rrd" in label for label in listed(server))
 
 
-def test_what_makes_no_sense_now_is_grey(server: viser.ViserServer, snapshot: Snapshot) -> None:
+def test_all_nodes_are_one_entry_that_drives_nowhere_without_a_number(
+    server: viser.ViserServer, snapshot: Snapshot
+) -> None:
+    asked: list[Action] = []
+    CommandPalette(server.gui, lambda action, value: asked.append(action)).show(snapshot)
+    (handle,) = (handle for label, handle in listed(server).items() if "node" in label.lower())
+    assert not handle.disabled
+    trigger(handle)
+    assert asked == []
+
+
+def test_a_door_a_box_and_the_light_are_found_by_what_is_done_with_them(
+    server: viser.ViserServer, snapshot: Snapshot
+) -> None:
+    asked: list[tuple[Action, object]] = []
+    palette = CommandPalette(server.gui, lambda action, value: asked.append((action, value)))
+    room = FloorView(0.0, 0.0, 6.0, 4.0)
+    study = DoorView(0, "hall – study", 1.0, 0.0, along_x=True, width_m=0.9)
+    bath = DoorView(1, "hall – bath", 2.0, 0.0, along_x=True, width_m=0.9, is_open=False)
+    world = WorldView(room, (study, bath), (BoxView(3, 1.0, 1.0),), aimed=None, light=1.0, undo="")
+    palette.show(replace(snapshot, world=world))
+    handles = listed(server)
+    trigger(handles["Close the door hall – study"])
+    trigger(handles["Open the door hall – bath"])
+    trigger(handles["Take away box 3"])
+    trigger(next(handle for label, handle in handles.items() if label.startswith("Light: dim")))
+    assert asked == [(Action.DOOR, 0), (Action.DOOR, 1), (Action.TAKE_BOX, 3), (Action.LIGHT, 50)]
+    palette.show(replace(snapshot, world=replace(world, doors=(replace(study, is_open=False), bath), boxes=())))
+    assert "Open the door hall – study" in listed(server)
+    assert not {"Close the door hall – study", "Take away box 3"} & listed(server).keys()
+
+
+def test_a_name_stands_before_those_that_only_begin_with_it_also_when_it_comes_later(
+    server: viser.ViserServer, snapshot: Snapshot
+) -> None:
+    palette = CommandPalette(server.gui, lambda action, value: None)
+    palette.show(replace(snapshot, recordings={"run10.rrd": "", "run12.rrd": ""}))
+    palette.show(replace(snapshot, recordings={"run10.rrd": "", "run12.rrd": "", "run1.rrd": ""}))
+    opening = [label for label in listed(server) if label.startswith("Open recording")]
+    assert opening == [f"Open recording {name}.rrd" for name in ("run1", "run10", "run12")]
+
+
+def test_what_makes_no_sense_now_is_grey_and_says_why(server: viser.ViserServer, snapshot: Snapshot) -> None:
     palette = CommandPalette(server.gui, lambda action, value: None)
     for mode in Mode:
         palette.show(replace(snapshot, mode=mode))
@@ -48,3 +96,13 @@ def test_what_makes_no_sense_now_is_grey(server: viser.ViserServer, snapshot: Sn
                 assert handle.disabled == (mode not in c.StartRecording.modes)
             if label.startswith("Go to node"):
                 assert handle.disabled == (mode not in c.NavigateTo.modes)
+            if handle.disabled:
+                assert "Not possible now" in (handle.description or ""), label
+
+
+def test_every_page_can_stop_the_robot_by_the_palette(server: viser.ViserServer) -> None:
+    stops: list[str] = []
+    list_stop(server.gui, lambda: stops.append("stopped"))
+    (handle,) = listed(server).values()
+    trigger(handle)
+    assert stops == ["stopped"]

@@ -12,6 +12,7 @@ from pathlib import Path
 from uuid import uuid4
 
 from ltvn_core.errors import RecordingError
+from ltvn_core.readable_text import readable
 
 _FOR_NOBODY_ELSE = 0o077
 
@@ -142,7 +143,7 @@ def recording_path(given: Path | str) -> Path:
 
 def require_usable_name(path: Path) -> None:
     """Raise RecordingError for an invalid file name, or one that the libraries for recordings cannot open."""
-    shown = str(path).encode("utf-8", "backslashreplace").decode()
+    shown = readable(str(path))
     if "\0" in shown:
         raise RecordingError(f"{shown!r} holds a NUL character, which no file name can; name another file.")
     try:

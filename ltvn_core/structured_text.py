@@ -5,9 +5,12 @@ kilobytes can be nested more deeply than the stack allows, so the nesting depth 
 """
 
 import json
+import re
 import tomllib
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any
+
+from ltvn_core.readable_text import readable
 
 MOST_LEVELS = 100
 """Largest nesting depth; no file that the toolkit reads has more than a dozen levels."""
@@ -15,20 +18,42 @@ _MOST_TOML = 1_000_000
 """Largest number of characters of a TOML text; these files are written by hand, and the parser is slow."""
 
 
-def parse_json(text: str | bytes) -> Any:
-    """Return the value of a JSON text.
+_SURROGATE = re.compile(r"\\u[dD][89a-fA-F]")
+
+
+def parse_json(text: str | bytes, parse_constant: Callable[[str], Any] | None = None) -> Any:
+    """Return the value of a JSON text, in which all texts are readable.
+
+    Args:
+        text: The JSON text.
+        parse_constant: Function that returns the value of `NaN` or `Infinity`; a float if not given.
 
     Raises:
         ValueError: It is no JSON, is not in UTF-8, or lists and objects are nested too deeply.
     """
     try:
-        value = json.loads(text)
+        value = json.loads(text, parse_constant=parse_constant)
     except RecursionError:
         raise _too_deep() from None
     # A recording has hundreds of thousands of short texts, and counting brackets takes a tenth of the time.
     if _brackets(text) > MOST_LEVELS:
         _require_levels(value)
+    if _SURROGATE.search(text if isinstance(text, str) else text.decode("utf-8", "replace")):
+        return readable_value(value)
     return value
+
+
+def readable_value(value: Any) -> Any:
+    """Return a value of JSON or MessagePack in which all texts are readable."""
+    match value:
+        case str():
+            return readable(value)
+        case list() | tuple():
+            return [readable_value(each) for each in value]
+        case dict():
+            return {readable_value(name): readable_value(each) for name, each in value.items()}
+        case _:
+            return value
 
 
 def parse_toml(text: str) -> dict[str, Any]:

@@ -11,6 +11,7 @@ from collections.abc import Iterable
 from difflib import get_close_matches
 
 from ltvn_core.errors import OptionError
+from ltvn_core.readable_text import readable
 
 
 def which_name(typed: str, names: Iterable[str]) -> str:
@@ -40,8 +41,8 @@ _UNSAFE = re.compile(
 
 
 def shown_plainly(text: str) -> str:
-    r"""Return a text in which each control character is written as a Python escape, such as \x1b."""
-    return _UNSAFE.sub(lambda found: found.group().encode("unicode_escape").decode("ascii"), text)
+    r"""Return a readable text in which each control character is written as a Python escape, such as \x1b."""
+    return _UNSAFE.sub(lambda found: found.group().encode("unicode_escape").decode("ascii"), readable(text))
 
 
 class PlainFormatter(logging.Formatter):

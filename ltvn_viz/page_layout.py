@@ -6,6 +6,7 @@ slow page nor a change of a big map delays the robot or its driver.
 
 import logging
 import threading
+import traceback
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
@@ -15,6 +16,7 @@ from typing import Protocol
 import viser
 
 from ltvn_core import palette
+from ltvn_core.navigation.events import Severity
 from ltvn_core.robots.robot_spec import LOCOBOT, RobotSpec
 from ltvn_core.worlds import WorldState
 from ltvn_viz.layers.close_layers import HeadingsLayer, RobotMarker
@@ -39,12 +41,16 @@ from ltvn_viz.panels.replay_panel import ReplayPanel, TimelinePanel
 from ltvn_viz.panels.status_panel import Notifications, OwnNotices, StatusPanel, StoryBar
 from ltvn_viz.panels.world_panel import WorldPanel
 from ltvn_viz.server.driver_seat import ClientId
+from ltvn_viz.server.limits import LimitedLog
 from ltvn_viz.server.page_messages import shared_elements
-from ltvn_viz.session.snapshot import Snapshot
+from ltvn_viz.session.snapshot import Message, Snapshot
 from ltvn_viz.wishes.commands import Command
 from ltvn_viz.wishes.wish_table import Action, Value
 
 logger = logging.getLogger(__name__)
+_log = LimitedLog(logger)
+_NOT_DRAWN = -1
+"""Number of the message about parts that could not be drawn; the session's messages count from 0."""
 
 
 class PagePart(Protocol):
@@ -71,16 +77,17 @@ class OwnParts:
         self._parts: dict[int, Sequence[PagePart]] = {}
 
     def show(self, snapshot: Snapshot) -> None:
-        """Show each page its own parts."""
+        """Show each page its own parts. Raises NotDrawnError."""
         clients = {client.client_id: client for client in self._clients()}
         for gone in self._parts.keys() - clients.keys():
             del self._parts[gone]
+        failed: list[str] = []
         for number, client in clients.items():
             if number not in self._parts and not self._welcome(client):
                 continue
-            own = self._own(snapshot, number)
-            for part in self._parts[number]:
-                part.show(own)
+            failed += _show_all(self._parts[number], self._own(snapshot, number))
+        if failed:
+            raise NotDrawnError(*dict.fromkeys(failed))
 
     def _welcome(self, client: viser.ClientHandle) -> bool:
         """Make the parts of a page; return whether the page is still connected."""
@@ -97,6 +104,24 @@ class OwnParts:
         return snapshot if inspection is None else replace(snapshot, inspection=inspection)
 
 
+class NotDrawnError(Exception):
+    """Some parts could not be drawn; its arguments are their names."""
+
+
+def _show_all(parts: Iterable[PagePart], snapshot: Snapshot) -> list[str]:
+    """Draw a snapshot by all parts, whichever of them fail; return the names of these."""
+    failed: list[str] = []
+    for part in parts:
+        try:
+            part.show(snapshot)
+        except NotDrawnError as error:
+            failed += error.args
+        except Exception:
+            failed.append(type(part).__name__)
+            _log.log(logging.ERROR, "%s could not be drawn\n%s", failed[-1], traceback.format_exc())
+    return failed
+
+
 class Painter:
     """Draws the newest snapshot by all layers and panels."""
 
@@ -106,6 +131,7 @@ class Painter:
         self._batch = batch
         self._change = threading.Condition()
         self._newest: Snapshot | None = None
+        self._failed: list[str] = []
         self._closing = False
         self._thread = threading.Thread(target=self._paint_forever, name="painter", daemon=True)
 
@@ -120,13 +146,16 @@ class Painter:
             self._change.notify()
 
     def paint(self, snapshot: Snapshot) -> None:
-        """Draw one snapshot now; a part that fails is logged and does not keep the others from drawing."""
+        """Draw one snapshot now; a part that fails is named on the page, and does not keep the others from drawing."""
         with self._batch():
-            for part in self._parts:
-                try:
-                    part.show(snapshot)
-                except Exception:
-                    logger.exception("%s could not be drawn", type(part).__name__)
+            self._failed = _show_all(self._parts, self._with_failure(snapshot))
+
+    def _with_failure(self, snapshot: Snapshot) -> Snapshot:
+        """Return a snapshot whose message names the parts that could not be drawn last time, if there are any."""
+        if not self._failed:
+            return snapshot
+        text = f"These parts of the page could not be drawn: {', '.join(self._failed)}. The terminal says why."
+        return replace(snapshot, message=Message(text, Severity.ERROR, _NOT_DRAWN))
 
     def close(self) -> None:
         """Stop drawing."""

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from ltvn_core.errors import OptionError, RecordingError
+from ltvn_core.readable_text import readable
 from ltvn_core.terminal_text import which_name
 from ltvn_viz.debugger.file_context import FileCase
 from ltvn_viz.session.recording_library import SUFFIX, RecordingLibrary
@@ -78,7 +79,8 @@ class _NamedLibrary(RecordingLibrary):
 
 def _recordings(named: Path) -> list[Path]:
     if named.is_dir():
-        return [named / name for name in sorted(RecordingLibrary(named).names())]
+        library = RecordingLibrary(named)
+        return [library.path(name) for name in sorted(library.names())]
     if not named.is_file():
         raise OptionError(f"{named} does not exist; name .rrd files, or a folder that holds some.")
     if named.suffix != SUFFIX:
@@ -90,4 +92,4 @@ def _short_names(paths: list[Path]) -> dict[str, Path]:
     """Return the files by name: the last part of the path, or the whole path if several files have the same last
     part."""
     names = [path.name for path in paths]
-    return {path.name if names.count(path.name) == 1 else str(path): path for path in paths}
+    return {readable(path.name if names.count(path.name) == 1 else str(path)): path for path in paths}

@@ -6,15 +6,20 @@ that the server can read new messages during a call.
 
 import base64
 import json
+from collections.abc import AsyncIterable, Awaitable, Callable
 from importlib.metadata import version
 from typing import Any
 
 import anyio
+from anyio.streams.memory import MemoryObjectSendStream
 from anyio.to_thread import run_sync
 from mcp import types
 from mcp.server.lowlevel import Server
 from mcp.server.stdio import stdio_server
+from mcp.shared.message import SessionMessage
+from pydantic import ValidationError
 
+from ltvn_core.structured_text import parse_json, readable_value
 from ltvn_viz.agent.arguments import object_schema
 from ltvn_viz.agent.tools import RecordingTools, Tool, ToolError, ToolImage, ToolResult
 
@@ -35,8 +40,39 @@ def serve(tools: RecordingTools) -> None:
 
 async def _serve(tools: RecordingTools) -> None:
     server = agent_server(tools)
-    async with stdio_server() as (read, write):
-        await server.run(read, write, server.create_initialization_options())
+    async with stdio_server() as (read, write), anyio.create_task_group() as tasks:
+        told, heard = anyio.create_memory_object_stream[SessionMessage | Exception]()
+        tasks.start_soon(_relay, read, told, write.send)
+        await server.run(heard, write, server.create_initialization_options())
+
+
+async def _relay(
+    read: AsyncIterable[SessionMessage | Exception],
+    told: MemoryObjectSendStream[SessionMessage | Exception],
+    answer: Callable[[SessionMessage], Awaitable[None]],
+) -> None:
+    """Pass messages on; the library would leave those that it cannot read without an answer."""
+    async with told:
+        async for heard in read:
+            message = _read_again(heard) if isinstance(heard, ValidationError) else heard
+            if isinstance(message, types.JSONRPCError):
+                await answer(SessionMessage(message))
+            else:
+                await told.send(message)
+
+
+def _read_again(refused: ValidationError) -> SessionMessage | types.JSONRPCError:
+    """Read a message with unreadable text, such as half of a surrogate pair; return a refusal if it is no message."""
+    request = None
+    try:
+        fields = parse_json(str(refused.errors()[0]["input"]))
+        request = fields.get("id")
+        return SessionMessage(types.jsonrpc_message_adapter.validate_python(fields, by_name=False))
+    except (ValueError, AttributeError):
+        told = types.ErrorData(
+            code=types.INVALID_REQUEST, message="This is not a JSON-RPC request in one line of UTF-8."
+        )
+        return types.JSONRPCError(jsonrpc="2.0", id=request if isinstance(request, int | str) else None, error=told)
 
 
 def agent_server(tools: RecordingTools) -> Server[Any]:
@@ -76,5 +112,6 @@ def _packed(result: ToolResult) -> types.CallToolResult:
             image = types.ImageContent(data=base64.b64encode(data).decode("ascii"), mime_type=mime_type)
             return types.CallToolResult(content=[image])
         case _:
-            text = types.TextContent(text=json.dumps(result, ensure_ascii=False))
-            return types.CallToolResult(content=[text], structured_content=result)
+            told = readable_value(result)
+            text = types.TextContent(text=json.dumps(told, ensure_ascii=False))
+            return types.CallToolResult(content=[text], structured_content=told)

@@ -8,6 +8,7 @@ import json
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
+from ltvn_core.structured_text import parse_json
 from ltvn_viz.server.driver_seat import ClientId, HeldInput, SeatState
 from ltvn_viz.server.keymap import Direction
 from ltvn_viz.wishes.wish_table import MAX_WHOLE, WISHES, Action, Value
@@ -65,8 +66,8 @@ def parse_message(text: str | bytes) -> PageMessage:
     if text == _HERE_TEXT:
         return HERE  # The fast path: every page sends this 20 times a second.
     try:
-        fields = json.loads(text, parse_constant=_refuse_constant)
-    except (ValueError, RecursionError) as error:
+        fields = parse_json(text, _refuse_constant)
+    except ValueError as error:
         raise MessageError(f"not JSON: {error}") from error
     if not isinstance(fields, dict):
         raise MessageError("not an object")

@@ -51,6 +51,7 @@ from ltvn_viz.server.requests import (
     refusal,
     refuse,
 )
+from ltvn_viz.server.sendable_messages import make_messages_sendable
 
 DRIVE_PATH = "/drive"
 VISER_PATH = "/"
@@ -210,6 +211,7 @@ class GuardedServer:
     def _start(self, listening: socket.socket) -> viser.ViserServer:
         """Start viser on a bound socket, with all requests passed through the access check."""
         original = websockets.asyncio.server.serve
+        make_messages_sendable()
 
         def serve(handler: Callable[..., Any], host: str, port: int, **options: Any) -> Any:
             options |= {"process_request": self._judge, "logger": quiet_logger(), "server_header": None}

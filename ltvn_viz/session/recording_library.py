@@ -1,6 +1,7 @@
 """The folder of recordings: its content, and file names that never overwrite.
 
-Owns all paths that the page may use. A name from a browser is only looked up in the list of existing files.
+Owns all paths that the page may use. A name from a browser is only looked up in the list of existing files. The names
+of the list are readable, also where the name of a file is not valid UTF-8.
 Recordings that the page opens in Rerun are served until the app ends.
 """
 
@@ -12,6 +13,7 @@ from pathlib import Path
 
 from ltvn_core.data.importing.reader_registry import is_drive
 from ltvn_core.errors import RecordingError, ServerError
+from ltvn_core.readable_text import readable
 
 SUFFIX = ".rrd"
 DISCARDED = "discarded"
@@ -36,7 +38,7 @@ class RecordingLibrary:
         """Return the recordings, newest first, each with a short description of its file: time and size."""
         try:
             with os.scandir(self.folder) as entries:
-                found = [(entry.stat(), entry.name) for entry in entries if _is_recording(entry)]
+                found = [(entry.stat(), readable(entry.name)) for entry in entries if _is_recording(entry)]
         except OSError:
             return {}  # The folder does not exist or is unreadable; the start of a recording reports which.
         found.sort(key=lambda each: (each[0].st_mtime, each[1]), reverse=True)
@@ -49,7 +51,7 @@ class RecordingLibrary:
                 f"There is no recording “{name}” in {self.folder}. Choose one from the list; files elsewhere must be "
                 "copied into that folder first."
             )
-        return self.folder / name
+        return self._place(name)
 
     def sources(self) -> tuple[str, ...]:
         """Return the names of the drives in other formats, which can be imported: bags, databases, folders."""
@@ -59,7 +61,7 @@ class RecordingLibrary:
         except OSError:
             return ()
         self._seen = {key: self._seen[key] if key in self._seen else is_drive(self.folder / key[0]) for key in found}
-        return tuple(sorted(name for (name, _), known in self._seen.items() if known))
+        return tuple(sorted(readable(name) for (name, _), known in self._seen.items() if known))
 
     def source(self, name: str) -> Path:
         """Return the path of a drive in another format of the list; raises RecordingError for anything else."""
@@ -68,7 +70,7 @@ class RecordingLibrary:
                 f"There is no drive “{name}” in {self.folder} that can be imported. Choose one from the list; files "
                 "elsewhere must be copied into that folder first, or imported by `ltvn import`."
             )
-        return self.folder / name
+        return self._place(name)
 
     def new_path(self, now: datetime) -> Path:
         """Return an unused path for a new recording; raises RecordingError if there is none."""
@@ -85,6 +87,10 @@ class RecordingLibrary:
     def discard(self, path: Path) -> Path:
         """Move a recording to the folder of discarded ones and return its new path."""
         return path.rename(_free(self.folder / DISCARDED, path.stem))
+
+    def _place(self, name: str) -> Path:
+        """Return the path of the entry that is listed by a name."""
+        return self.folder / next((each for each in os.listdir(self.folder) if readable(each) == name), name)
 
 
 def _day(stamp_s: float) -> str:
@@ -110,7 +116,7 @@ def _free(folder: Path, stem: str, suffix: str = SUFFIX) -> Path:
             f"Cannot write into {folder}: {error.strerror}. Choose another folder with --recordings."
         ) from error
     for number in count(1):
-        place = folder / (f"{stem}{suffix}" if number == 1 else f"{stem}-{number}{suffix}")
+        place = folder / (f"{readable(stem)}{suffix}" if number == 1 else f"{readable(stem)}-{number}{suffix}")
         if not os.path.lexists(place):
             return place
     raise AssertionError("count() never ends")

@@ -49,6 +49,7 @@ FOUNDATION = (
     "preprocessing",
     "protobuf_fields",
     "structured_text",
+    "readable_text",
     "terminal_text",
     "cameras",
     "robots",

@@ -32,3 +32,9 @@ def test_what_people_write_comes_out_as_written() -> None:
     assert parse_json('{"a": [1, {"b": null}], "c": "]]]"}') == {"a": [1, {"b": None}], "c": "]]]"}
     assert parse_json(b"[" * 50 + b"7" + b"]" * 50)
     assert parse_toml("[robot]\nname = 'x'\nsizes = [1, 2]") == {"robot": {"name": "x", "sizes": [1, 2]}}
+
+
+def test_half_a_surrogate_pair_is_replaced_wherever_it_stands_and_whole_pairs_stay() -> None:
+    text = r'{"\ud800": ["\udce4", {"a": "\ud83d\ude00\ude00"}], "b": 0.1}'
+    for given in (text, text.encode()):
+        assert parse_json(given) == {"\ufffd": [r"\xe4", {"a": "\U0001f600\ufffd"}], "b": 0.1}

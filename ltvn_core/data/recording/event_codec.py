@@ -1,4 +1,5 @@
 """Converts events and deltas to JSON and back, exactly: every float, tuple and enum is equal afterwards.
+Only lone surrogates in texts are replaced.
 
 The text is strict JSON, so that any language can read it: a float that is not finite becomes the string "inf", "-inf"
 or "nan". Each union member has its class name as "kind", a change of the world as "change". Owns no file.

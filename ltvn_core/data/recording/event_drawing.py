@@ -26,6 +26,7 @@ from ltvn_core.graph.topological_graph import EdgeKey
 from ltvn_core.navigation import events as ev
 from ltvn_core.navigation.events import WorldChanged
 from ltvn_core.palette import Rgb8
+from ltvn_core.readable_text import readable
 from ltvn_core.types import FrameId
 from ltvn_core.worlds import PersonMoved
 
@@ -68,7 +69,7 @@ def _box(outline: w.Outline, colour: Rgb8, label: str) -> rr.Boxes3D:
         half_sizes=[[outline.width / 2, outline.depth / 2, outline.height / 2]],
         quaternions=[rr.Quaternion(xyzw=[0.0, 0.0, math.sin(outline.yaw / 2), math.cos(outline.yaw / 2)])],
         colors=[colour],
-        labels=[label],
+        labels=[readable(label)],
         show_labels=False,
     )
 
@@ -86,7 +87,7 @@ def _log_line(event: ev.Event) -> list[DrawnEntity]:
     ):
         return []
     description = describe_event(event)
-    return [DrawnEntity(schema.LOG, [rr.TextLog(description.text, level=str(description.severity))])]
+    return [DrawnEntity(schema.LOG, [rr.TextLog(readable(description.text), level=str(description.severity))])]
 
 
 def _shapes(event: ev.Event, drawn_poses: DrawnPoses) -> list[DrawnEntity]:

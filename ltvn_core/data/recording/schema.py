@@ -12,6 +12,7 @@ import pyarrow as pa
 import rerun as rr
 from numpy.typing import NDArray
 
+from ltvn_core.readable_text import readable
 from ltvn_core.types import FrameId
 
 SCHEMA_VERSION = 1
@@ -187,8 +188,8 @@ class ArchetypeColumns(rr.AsComponents):
 
 
 def text_column(*values: str) -> pa.Array:
-    """Make a column of texts."""
-    return pa.array(values, pa.utf8())
+    """Make a column of readable texts."""
+    return pa.array([readable(value) for value in values], pa.utf8())
 
 
 def integer_column(*values: int) -> pa.Array:

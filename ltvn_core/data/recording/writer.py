@@ -29,6 +29,7 @@ from ltvn_core.errors import RecordingError
 from ltvn_core.graph.deltas import NodeAdded
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.navigation.events import GraphChanged, Note, StampedEvent
+from ltvn_core.readable_text import readable
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.types import FrameId, Observation, OriginalImage
 
@@ -69,6 +70,7 @@ class RecordingWriter:
         raises ServerError if it is taken. If the disk is far behind, writing waits for it up to `patience_s`; 0 is for
         a robot in real time.
         """
+        scene = readable(scene)  # It may be the name of a folder.
         camera = camera or LOCOBOT.camera
         recording_id = recording_id or str(uuid4())
         started_at = started_at or datetime.now(UTC).isoformat(timespec="seconds")

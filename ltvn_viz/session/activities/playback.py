@@ -25,6 +25,7 @@ from ltvn_core.errors import LtvnError
 from ltvn_core.garbage_collection import garbage_collection_paused
 from ltvn_core.predictors.choice import IMPORTED, ImageSource, PredictorChoice
 from ltvn_core.predictors.opening import NETWORK, open_method, open_predictor
+from ltvn_core.readable_text import readable
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.systems.registry import open_system
 from ltvn_core.types import FrameId, NodeId, Observation, Predictor
@@ -219,7 +220,7 @@ def read_replay(path: Path, choose_method: MethodChoice = lambda _: None) -> Pla
         timeline = Timeline.of(recording.events, frames)
     meta = recording.meta
     return Playback(
-        path.name,
+        readable(path.name),
         meta.scene,
         timeline,
         recording,

@@ -12,6 +12,7 @@ from ltvn_core.data.importing.floor_plan_alignment import LaidFloorPlan
 from ltvn_core.data.recording.demo_files import demo_file
 from ltvn_core.data.recording.info import read_info
 from ltvn_core.errors import RecordingError
+from ltvn_core.readable_text import readable
 from ltvn_core.verbs.jobs.stream import announce_stream
 from ltvn_core.verbs.verb import Summary
 from ltvn_viz.app import AppOptions, run_app
@@ -41,7 +42,7 @@ def open_replay(options: ReplayVerb) -> Summary:
     scene = read_info(recording).scene
     app = AppVerb(port=options.port, scene=scene, recordings=recording.parent)
     laid = lay_floor_plan(options, recording)
-    return _serve(app, laid, replay=recording.name, at_s=options.at, ask=options.ask)
+    return _serve(app, laid, replay=readable(recording.name), at_s=options.at, ask=options.ask)
 
 
 def _find(options: ReplayVerb) -> Path:

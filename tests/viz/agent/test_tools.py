@@ -2,6 +2,10 @@
 
 import base64
 import io
+import json
+import os
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -9,8 +13,10 @@ import pytest
 from PIL import Image
 
 from ltvn_viz.agent.tools import LARGEST_IMAGE
-from tests.repository import DEMO_DRIVE, DEMO_FAULT, DEMO_MAP, RECORDINGS
+from tests.platforms import needs_posix
+from tests.repository import DEMO_DRIVE, DEMO_FAULT, DEMO_MAP, RECORDINGS, ROOT
 from tests.viz.agent.agent_client import AgentClient, agent_client
+from tests.waiting import PATIENCE_S
 
 FAULT = DEMO_FAULT.name
 
@@ -119,3 +125,37 @@ def test_a_damaged_file_is_refused_and_the_others_are_still_read(tmp_path: Path)
 def test_a_folder_stands_for_the_recordings_in_it() -> None:
     with agent_client(RECORDINGS) as agent:
         assert FAULT in {row["file"] for row in agent.ask("list_files")["files"]}
+
+
+@needs_posix
+def test_names_and_arguments_that_are_not_utf_8_are_answered(tmp_path: Path) -> None:
+    os.link(DEMO_FAULT, os.fsencode(tmp_path) + b"/caf\xe9.rrd")
+    os.link(DEMO_FAULT, tmp_path / FAULT)
+
+    with agent_client(tmp_path) as agent:
+        names = {row["file"] for row in agent.ask("list_files")["files"]}
+        assert names == {r"caf\xe9.rrd", FAULT}
+        assert "UTF-8" in agent.refusal("describe", file=r"caf\xe9.rrd")
+        assert agent.ask("describe", file=FAULT)["file"] == FAULT
+
+
+def test_half_a_surrogate_pair_and_a_line_that_is_no_message_are_answered() -> None:
+    program = [sys.executable, "-m", "ltvn_core.cli", "mcp", str(DEMO_FAULT)]
+    hello = {"protocolVersion": "2025-06-18", "capabilities": {}, "clientInfo": {"name": "a", "version": "1"}}
+    asked = {"name": "describe", "arguments": {"file": "\ud800"}}
+    lines = [
+        {"jsonrpc": "2.0", "id": 1, "method": "initialize", "params": hello},
+        {"jsonrpc": "2.0", "method": "notifications/initialized"},
+        {"jsonrpc": "2.0", "id": 2, "method": "tools/call", "params": asked},
+    ]
+    with subprocess.Popen(program, stdin=subprocess.PIPE, stdout=subprocess.PIPE, cwd=ROOT, text=True) as agent:
+        assert agent.stdin is not None
+        assert agent.stdout is not None
+        agent.stdin.write("".join(json.dumps(line) + "\n" for line in lines) + "{no message\n")
+        agent.stdin.flush()
+        answers = {answer["id"]: answer for answer in (json.loads(agent.stdout.readline()) for _ in range(3))}
+        agent.stdin.close()
+        assert agent.wait(PATIENCE_S) == 0
+    assert answers[2]["result"]["isError"]
+    assert FAULT in answers[2]["result"]["content"][0]["text"]
+    assert "error" in answers[None]

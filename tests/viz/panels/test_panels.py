@@ -343,9 +343,18 @@ def test_a_part_that_fails_does_not_keep_the_others_from_drawing(
         def show(self, snapshot: Snapshot) -> None:
             raise ValueError("no ink")
 
+    class Told:
+        def show(self, snapshot: Snapshot) -> None:
+            told.append(snapshot.message)
+
+    told: list[Message | None] = []
     status = StatusPanel(server.gui)
-    Painter([Broken(), status], server.atomic).paint(snapshot)
+    painter = Painter([Broken(), status, Told()], server.atomic)
+    painter.paint(snapshot)
+    painter.paint(snapshot)
     assert "manual" in status.line.content
+    assert told[1] is not None
+    assert "Broken" in told[1].text
     assert "Broken could not be drawn" in caplog.text
 
 

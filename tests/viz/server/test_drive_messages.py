@@ -76,3 +76,8 @@ def test_a_drive_message_with_a_wrong_field_is_refused(changed: dict[str, object
 def test_text_that_is_no_message_is_refused(text: str) -> None:
     with pytest.raises(MessageError):
         parse_message(text)
+
+
+def test_half_a_surrogate_pair_in_a_message_is_replaced() -> None:
+    opened = parse_message('{"type": "action", "action": "open", "value": "\\ud800.rrd"}')
+    assert opened == ActionMessage(Action.OPEN, "\ufffd.rrd")

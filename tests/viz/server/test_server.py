@@ -8,10 +8,12 @@ import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 from urllib.parse import urlsplit
 
 import msgspec
 import pytest
+import zstandard
 from viser import _messages
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.frames import CloseCode
@@ -271,3 +273,26 @@ def test_pictures_reach_pages_that_are_there_and_the_newest_one_those_that_come(
 def test_a_page_of_another_viser_is_refused_rather_than_served_unmended() -> None:
     with pytest.raises(RuntimeError, match="another page"):
         mended("<html><body>a viser to come</body></html>")
+
+
+@pytest.mark.parametrize("broken", ["half a pair \ud800", b"bytes \xe4".decode("utf-8", "surrogateescape"), object()])
+def test_what_cannot_be_sent_does_not_end_the_panels_of_any_page(server: GuardedServer, broken: Any) -> None:
+    element = server.gui.add_html("at first")
+    element.content = broken
+    sound = server.gui.add_html("a sound panel")
+    try:
+        for _ in range(2):
+            with open_socket(server, "/") as panels:
+                panels.send(msgspec.msgpack.encode(CAMERA))
+                received = b""
+                while b"a sound panel" not in received:
+                    received = unpacked(panels.recv(timeout=PATIENCE_S))
+    finally:
+        element.remove()
+        sound.remove()
+
+
+def unpacked(message: str | bytes) -> bytes:
+    """Return the MessagePack of a message of viser: two lengths, then the packed text."""
+    assert isinstance(message, bytes)
+    return zstandard.ZstdDecompressor().decompress(message[16 : 16 + int.from_bytes(message[8:16], "little")])

@@ -1,5 +1,6 @@
 """Replays of real files, also where neither simulator nor network fits them."""
 
+import os
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
@@ -23,6 +24,7 @@ from ltvn_viz.session.snapshot import Snapshot
 from ltvn_viz.wishes import commands as c
 from ltvn_viz.wishes.commands import Mode
 from tests.core.flat_world import tour
+from tests.platforms import needs_posix
 from tests.repository import DEMO_MAP, GOLDEN_RECORDING
 from tests.viz.session_harness import FakeDriver, SessionHarness
 
@@ -168,3 +170,17 @@ def test_a_recording_can_be_opened_at_a_moment(recording: Path, open_state: Call
     assert shown[-1].replay is not None
     assert shown[-1].replay.time_s == 1.5
     session.close()
+
+
+@needs_posix
+def test_files_whose_names_are_not_utf_8_are_listed_apart_and_refused_with_advice(tmp_path: Path) -> None:
+    for name in (b"caf\xe9.rrd", b"caf\xe8.rrd"):
+        (tmp_path / os.fsdecode(name)).write_bytes(b"")
+    (tmp_path / os.fsdecode(b"drive\xe9")).mkdir()
+    (tmp_path / os.fsdecode(b"drive\xe9") / "map.db3").write_bytes(b"SQLite format 3\0")
+    library = RecordingLibrary(tmp_path)
+    assert set(library.names()) == {r"caf\xe9.rrd", r"caf\xe8.rrd"}
+    assert os.fsencode(library.path(r"caf\xe9.rrd").name) == b"caf\xe9.rrd"
+    assert [os.fsencode(library.source(name).name) for name in library.sources()] == [b"drive\xe9"]
+    with pytest.raises(RecordingError, match="UTF-8"):
+        open_replay(library, r"caf\xe9.rrd")

@@ -38,6 +38,14 @@ def test_pictures_come_in_natural_order_with_stamps_by_the_rate(tmp_path: Path) 
     assert open_drive(folder).facts.format == "folder"
 
 
+@needs_posix
+def test_a_folder_of_a_name_that_is_not_utf_8_becomes_a_recording(tmp_path: Path) -> None:
+    pictures = write_pictures(tmp_path / "pictures", [f"{number}.png" for number in range(3)])
+    folder = pictures.rename(tmp_path / os.fsdecode(b"caf\xe9"))
+    import_drive(open_drive(folder), tmp_path / "drive.rrd")
+    assert r"caf\xe9" in Recording.open(tmp_path / "drive.rrd").meta.scene
+
+
 def test_names_that_are_seconds_are_stamps(tmp_path: Path) -> None:
     folder = write_pictures(tmp_path / "rgb", ["1305031452.79.jpg", "1305031453.10.jpg"]).parent
     assert [frame.stamp for frame in read(folder)] == [1305031452.79, 1305031453.10]

@@ -1,5 +1,6 @@
 """What goes into a recording comes out again."""
 
+import os
 import tempfile
 from collections.abc import Iterator
 from dataclasses import replace
@@ -42,7 +43,7 @@ from ltvn_core.graph.deltas import (
     PresenceObserved,
 )
 from ltvn_core.graph.topological_graph import TopologicalGraph
-from ltvn_core.navigation.events import ChangedBy, Event, GraphChanged, Note, WorldChanged
+from ltvn_core.navigation.events import ChangedBy, Event, GraphChanged, Note, StampedEvent, WorldChanged
 from tests.core.data.recording import example_recording
 from tests.repository import DEMO_FAULT
 
@@ -118,6 +119,15 @@ def test_a_change_of_a_map_that_no_longer_exists_is_read_as_a_note() -> None:
         note = decode_event(f'{{"delta":{delta},"query":3,"attempt":null,"kind":"GraphChanged"}}')
         assert isinstance(note, Note)
         assert "view" in note.text
+
+
+def test_texts_that_are_not_utf_8_are_recorded_and_come_back_readable(tmp_path: Path) -> None:
+    name = os.fsdecode(b"caf\xe9")
+    with RecordingWriter(tmp_path / "a.rrd", scene=name, config={"place": name}, fingerprint="") as writer:
+        writer.write_event(StampedEvent(0, 0.0, Note(f"{name} \ud800")))
+    recording = Recording.open(tmp_path / "a.rrd")
+    assert recording.meta.scene == recording.meta.config["place"] == r"caf\xe9"
+    assert [stamped.event for stamped in recording.events] == [Note("caf\\xe9 \ufffd")]
 
 
 def test_events_and_poses_return_exactly_and_images_nearly(path: Path) -> None:

@@ -46,6 +46,13 @@ NOTHING_ALLOWED = "default-src 'none'; frame-ancestors 'none'; base-uri 'none'; 
 TEXT = "text/plain; charset=utf-8"
 HTML = "text/html; charset=utf-8"
 
+OTHER_HOST = (
+    "This server answers to localhost and 127.0.0.1 only, so that no other site can reach it. To open its page on "
+    "another machine, run there: ssh -L PORT:127.0.0.1:PORT THIS_MACHINE, with the port of the link in the app's "
+    "terminal; then open that link."
+)
+OTHER_SITE = "This request comes from another site, and only the page of this server may ask. Open the app's own link."
+
 
 def reply(
     status: HTTPStatus,
@@ -76,9 +83,9 @@ def refusal(request: Request) -> Response | None:
     """Return the refusal of a request from another machine or site; None for a request to accept."""
     headers = request.headers
     if not _names_this_machine(headers):
-        return refuse(HTTPStatus.FORBIDDEN, "This server answers to localhost and 127.0.0.1 only.")
+        return refuse(HTTPStatus.FORBIDDEN, OTHER_HOST)
     if not _comes_from_this_page(headers):
-        return refuse(HTTPStatus.FORBIDDEN, "This request comes from another site.")
+        return refuse(HTTPStatus.FORBIDDEN, OTHER_SITE)
     return None
 
 
@@ -222,7 +229,8 @@ class Proof:
 
     def file_address(self, address: str) -> str:
         """Return the address of a file with the key that a picture in a panel needs."""
-        return f"{address}?key={self._file_key}"
+        # Relative to the page, which may stand below a path.
+        return f"{address.removeprefix('/')}?key={self._file_key}"
 
     def is_in(self, request: Request, *, is_for_picture: bool) -> bool:
         """Tell whether a request has the token in its header or, for a picture, the picture key in its address."""

@@ -4,13 +4,17 @@
 const PAGE_KEY = Array.from(crypto.getRandomValues(new Uint8Array(16)), (byte) => byte.toString(16).padStart(2, "0")).join("");
 
 function socketAddress(path) {
-  return `${location.origin.replace(/^http/, "ws")}${path}?page=${PAGE_KEY}`;
+  return `${addressOf(path).replace(/^http/, "ws")}?page=${PAGE_KEY}`;
 }
 
 const ASK_WHETHER_THERE_MS = 200;
 const ASK_IN_VAIN = 25;
 const FETCHES = "The app is running. This page is loading the scene; without a graphics card that takes about ten seconds…";
 const UNAUTHORIZED = 401;
+const FORBIDDEN = 403;
+const SOCKETS_IN_VAIN = 4;
+const BEHIND_PROXY =
+  "If a proxy is in between, go without it: ssh -L PORT:127.0.0.1:PORT THAT_MACHINE, with the port of the link in the app's terminal; then open that link.";
 const TOKEN_REFUSED = "token refused"; // As in `requests.py`.
 const VISER_MESSAGES = ["zstd_wasm", "set_server"]; // The first that viser's page says to the worker of its socket.
 
@@ -24,7 +28,8 @@ async function askWhetherThere(resolve, tries) {
   try {
     const answer = await fetchWithToken("/ready/0.json");
     if (answer.status === UNAUTHORIZED) return askForToken();
-    step = await answer.json();
+    if (answer.ok) step = await answer.json();
+    else sayWhileLoading(`${answer.status === FORBIDDEN ? await answer.text() : `The answer is ${answer.status} ${answer.statusText}.`} ${BEHIND_PROXY}`);
     tries = ASK_IN_VAIN;
   } catch {
     tries -= 1;
@@ -33,6 +38,11 @@ async function askWhetherThere(resolve, tries) {
   if (step !== null) sayWhileLoading(step || FETCHES);
   if (step === "") resolve();
   else setTimeout(askWhetherThere, ASK_WHETHER_THERE_MS, resolve, tries);
+}
+
+// The page came, but none of its sockets was accepted.
+function sayInVain() {
+  sayWhileLoading(`The app is running, but it refuses the connection of this page, or a proxy lets none through. ${BEHIND_PROXY}`);
 }
 
 function sayWhileLoading(text) {
@@ -52,7 +62,10 @@ function letViserIn() {
       this.addEventListener("message", ({ data }) => {
         if (["connected", "closed"].includes(data?.type)) isViserOpen = data.type === "connected";
         if (data?.type === "connected") post.call(this, { type: "send", message: proof() });
-        else if (data?.type === "closed" && data.closeReason === TOKEN_REFUSED) askForToken();
+        else if (data?.type === "closed" && data.closeReason === TOKEN_REFUSED) {
+          this.terminate(); // It would knock again and again.
+          askForToken();
+        }
       });
     }
     if (message?.type !== "set_server") return post.call(this, message, ...rest);

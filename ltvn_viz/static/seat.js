@@ -30,7 +30,7 @@ function connect() {
   socket.onmessage = ({ data }) => {
     if (data.type === "picture") drawPictures(data.jpeg);
     else if (data.type === "heard") hear(JSON.parse(data.text));
-    else if (data.type === "lost") lose();
+    else if (data.type === "lost") lose(data.inVain);
     else if (data.type === "silence") hearSilence(data.isSilent);
     else if (data.type === "refused") askForToken();
     else if (data.type === "unheard") sayUnheard(`“${KEYMAP.labels[data.action]}”`);
@@ -44,7 +44,8 @@ function connect() {
   });
 }
 
-function lose() {
+function lose(inVain) {
+  if (inVain === SOCKETS_IN_VAIN) sayInVain();
   Object.assign(seat, { isOpen: false, you: null, driver: null, armed: false });
   changed();
 }

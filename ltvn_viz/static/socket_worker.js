@@ -9,7 +9,8 @@
 // page says instead that the press was not heard: an old press must not start a robot. Held keys are never kept.
 
 const HERE_MS = 50;
-const RECONNECT_MS = 500;
+const RECONNECT_MS = 500; // At first; longer each time, so that many pages do not storm an app that was away for long.
+const RECONNECT_MOST_MS = 3000;
 const KEPT_MS = 2000;
 const ASK_MS = 1000;
 const HUNG_MS = 10000;
@@ -22,6 +23,7 @@ let isFrozen = false;
 let heardAt = null; // When the server last said something; null before it first did.
 let isAccepted = false; // Whether the server has said something on this connection.
 const kept = new Map(); // Action -> its message and until when it may be sent; a later press replaces an earlier one.
+let inVain = 0; // How many connections were closed since the server last said something.
 let isSilent = false;
 let answered = performance.now();
 let held = null; // What the page holds, as it last said, and when it did.
@@ -34,6 +36,7 @@ function connect(address, proof) {
   socket.onopen = () => send(proof);
   socket.onmessage = ({ data }) => {
     heardAt = performance.now();
+    inVain = 0;
     if (!isAccepted) sendKept();
     if (data === BEAT) return;
     if (data instanceof ArrayBuffer) postMessage({ type: "picture", jpeg: data }, [data]);
@@ -42,9 +45,10 @@ function connect(address, proof) {
   socket.onclose = ({ code }) => {
     held = null;
     isAccepted = false;
-    postMessage({ type: "lost" });
+    inVain += 1;
+    postMessage({ type: "lost", inVain: heardAt === null ? inVain : 0 });
     if (code === TOKEN_REFUSED) postMessage({ type: "refused" });
-    else setTimeout(connect, RECONNECT_MS, address, proof);
+    else setTimeout(connect, Math.min(RECONNECT_MS * 1.3 ** (inVain - 1), RECONNECT_MOST_MS), address, proof);
   };
 }
 

@@ -15,7 +15,7 @@ function listenToTakeAlong() {
 async function copyText(button) {
   const given = button.dataset.ltvnCopyText;
   // An address within this page is of use elsewhere as a whole, without the token.
-  const text = given.startsWith("/") ? location.origin + given : given;
+  const text = given.startsWith("/") ? addressOf(given) : given;
   try {
     await navigator.clipboard.writeText(text);
     sayOn(button, "copied");

@@ -2,6 +2,11 @@
 // fragment of the link, which no browser sends anywhere, and stays in the store of this tab, which only pages of this
 // very address can read. A new tab begins without it: it is opened by the printed link, or asks for that.
 
+// The page may stand below a path, behind a proxy. An address of the server, such as "/drive", begins where the page does.
+function addressOf(path) {
+  return new URL(path.slice(1), new URL(".", location.href)).href;
+}
+
 const TOKEN_STORE = "ltvn-token";
 
 let token = takeToken() ?? storedToken();
@@ -41,8 +46,12 @@ function proof() {
 }
 
 function fetchWithToken(address) {
-  return fetch(address, { headers: { Authorization: `Bearer ${token ?? ""}` } });
+  return fetch(addressOf(address), { headers: { Authorization: `Bearer ${token ?? ""}` } });
 }
+
+const NO_TOKEN = "This page needs the token of the app that is running. Paste the address that its terminal printed:";
+const OLD_TOKEN =
+  "The app was started again, so the token of this page is worthless. Open the new link in the app's terminal, or paste the address here:";
 
 function askForToken() {
   if (document.body === null) return addEventListener("DOMContentLoaded", askForToken, { once: true });
@@ -50,10 +59,10 @@ function askForToken() {
   const form = document.createElement("form");
   form.id = "ltvn-ask";
   const label = document.createElement("label");
-  label.textContent = "This page needs the token of the app that is running. Paste the address that its terminal printed:";
+  label.textContent = token === null ? NO_TOKEN : OLD_TOKEN;
   const field = document.createElement("input");
   field.autocomplete = "off";
-  field.placeholder = `${location.origin}/#token=…`;
+  field.placeholder = `${addressOf("/")}#token=…`;
   label.append(field);
   form.append(label);
   form.addEventListener("submit", (event) => event.preventDefault());

@@ -96,6 +96,9 @@ def test_a_page_of_an_earlier_start_says_that_its_token_is_old(door: DrivePage) 
         again.gui.add_text("Name", initial_value="here")
         page.bring_to_front()
         name.wait_for()
+        expect(page.get_by_text("started again")).to_be_visible()
+        # viser's worker is gone, because it would knock again and again.
+        until(lambda: len(page.workers) == 1, meanwhile=lambda: page.wait_for_timeout(100))
         _open_in_place(page, again.url)
         page.locator(FIELD).wait_for()
 

@@ -114,7 +114,9 @@ def test_no_file_is_served_without_the_token(server: GuardedServer, path: str) -
 @pytest.mark.parametrize("path", ["/", "/thumb/17.jpg"])
 def test_another_host_name_is_refused_even_with_the_token(server: GuardedServer, path: str) -> None:
     for host in ("evil.example", f"evil.example:{server.port}", "127.0.0.1.evil.example"):
-        assert get(server, path, Host=host, **shown(server)).status == 403
+        answer = get(server, path, Host=host, **shown(server))
+        assert answer.status == 403
+        assert b"ssh -L" in answer.body  # type: ignore[attr-defined]
 
 
 def test_another_origin_is_refused_even_with_the_token(server: GuardedServer) -> None:
@@ -177,7 +179,7 @@ def test_the_page_asks_for_nothing_from_outside_and_may_not_be_framed(server: Gu
 
 def test_a_numbered_image_is_served(server: GuardedServer) -> None:
     answer = get(server, "/thumb/17.jpg", **shown(server))
-    in_a_panel = get(server, server.file_address("/thumb/17.jpg"))
+    in_a_panel = get(server, "/" + server.file_address("/thumb/17.jpg"))
     for each in (answer, in_a_panel):
         assert (each.status, each.body) == (200, THUMB)  # type: ignore[attr-defined]
     assert server.token not in server.file_address("/thumb/17.jpg")
@@ -194,7 +196,7 @@ def test_a_saved_file_is_handed_out_for_the_token_alone_and_by_its_number_alone(
     answer = get(server, address, **shown(server))
     assert (answer.status, answer.body) == (200, b"a moment")  # type: ignore[attr-defined]
     assert get(server, address).status == 401
-    assert get(server, server.file_address(address)).status == 401
+    assert get(server, "/" + server.file_address(address)).status == 401
     assert address != again
     assert get(server, f"{SAVED_PREFIX}0.{SAVED_ENDING}", **shown(server)).status == 404
     assert get(server, f"{SAVED_PREFIX}moment.rrd", **shown(server)).status == 404

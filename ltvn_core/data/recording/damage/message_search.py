@@ -1,16 +1,16 @@
 """Finds the messages of a damaged file: by its closing records if any is left, otherwise by patterns of message
 headers.
 
-Owns the search. Only the first byte of a message's content is examined, so a message that was found by a pattern may be
-damaged.
+Owns the search. Of a message's content only the name of its store is examined, so a message that was found by a pattern
+may be damaged.
 """
 
 import bisect
 import itertools
 import re
 import zlib
-from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import NamedTuple
 
@@ -33,6 +33,11 @@ _TRIED = 8
 _HEADER_LIKE = re.compile(rb"[\x01-\x03]\x00{7}.{5}\x00{3}\n", re.DOTALL)
 """Pattern of a header: a known kind, a length below a terabyte, and the byte with which the content of our messages
 begins."""
+_RECORDING_STORE = b"\x08\x01"
+"""Beginning of the key of a recording's store; that of the viewer's layout differs."""
+_STORE_KIND = 1
+_SHORT = 0x7F
+"""Largest length that takes one byte."""
 
 
 class FoundMessage(NamedTuple):
@@ -56,12 +61,26 @@ class FoundMessage(NamedTuple):
         """Position of its end in the file."""
         return self.position + len(self.data)
 
+    @property
+    def store(self) -> bytes | None:
+        """The store of the message's rows, as Rerun encodes it; None for other messages such as the viewer's layout."""
+        kind, _ = MESSAGE_HEADER.unpack_from(self.data)
+        payload = self.data[MESSAGE_HEADER.size :]
+        if kind != CHUNK_KIND or len(payload) < 2 or payload[0] != 10 or payload[1] > _SHORT:
+            return None
+        store = payload[2 : 2 + payload[1]]
+        # The name may be cut off at the end of the file, and would then look like that of another recording.
+        is_whole = len(store) == payload[1]
+        return store if is_whole and store.startswith(_RECORDING_STORE) else None
+
 
 class LostBytes(NamedTuple):
     """An unusable stretch of the file."""
 
     position: int
     size: int
+    record: int | None = None
+    """Number of the closing record that lists what is lost; None without one."""
 
 
 class FoundMessages(NamedTuple):
@@ -77,6 +96,22 @@ class FoundMessages(NamedTuple):
     """Whether there is a closing record without any of its messages in the file."""
 
 
+def certain_stores(messages: Iterable[FoundMessage]) -> Sequence[bytes]:
+    """Return the recordings in a file, sorted by their number of messages, the largest first.
+
+    Damage may have changed a name that only a single message has, without a checksum or a description of its store.
+    """
+    messages = list(messages)
+    count = Counter(store for message in messages if (store := message.store) is not None)
+    described = [each.data for each in messages if MESSAGE_HEADER.unpack_from(each.data)[0] == _STORE_KIND]
+    sure = {each.store for each in messages if each.sure}
+    return [
+        store
+        for store, number in count.most_common()
+        if number > 1 or store in sure or any(store in each for each in described)
+    ]
+
+
 def find_messages(data: bytes) -> FoundMessages:
     """Find the messages in a file, in which messages may be damaged, missing, moved or from another file."""
     looks = list(_looking_like_messages(data))
@@ -86,6 +121,10 @@ def find_messages(data: bytes) -> FoundMessages:
     known = {number: each.record for number, each in enumerate(placed) if number in _at_home(placed, sure, walked)}
     starts = [HEADER_BYTES, *(each.end + TAIL_BYTES + HEADER_BYTES for each in placed)]
     taken = _Stretches([message for found in sure.values() for message in found.values()])
+    # What names another recording is no damaged message of this one.
+    foreign = {*certain_stores(walked)} - {message.store for message in taken.messages}
+    others = [message for message in walked if message.store in foreign and not taken.overlap(message)]
+    taken = _Stretches([*taken.messages, *others])
     damaged = [
         part
         for number, record in known.items()
@@ -176,7 +215,7 @@ def _not_as_recorded(
         elif end > position + MESSAGE_HEADER.size:
             yield FoundMessage(position, message, number, damaged=True)
         else:
-            yield LostBytes(position, written.size)
+            yield LostBytes(position, written.size, number)
         position += written.size
 
 

@@ -16,7 +16,7 @@ import rerun as rr
 
 from ltvn_core.data.recording import schema
 from ltvn_core.data.recording.damage.mended_message import readable_again
-from ltvn_core.data.recording.damage.message_search import FoundMessage, FoundMessages, find_messages
+from ltvn_core.data.recording.damage.message_search import FoundMessage, FoundMessages, certain_stores, find_messages
 from ltvn_core.data.recording.metadata import RecordingMetadata, package_versions, read_schema_version
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.data.recording.reading_trial import reading_failure, unreadable_messages
@@ -43,7 +43,6 @@ _ROW_ID = b"\n\x12\t" + bytes(8) + b"\x11" + bytes(8)
 _STORE_SOURCE = b"*\x0c\x08\x02\x12\x08\n\x06\x08\x03\x10\x0b\x18\x07"
 """Source in a store's description: Python 3.11. Rerun requires some source, but this program does not use it."""
 _EVENTS = f"/{schema.EVENTS}"
-_RECORDING_STORE = b"\x08\x01"
 
 
 class Salvage(NamedTuple):
@@ -72,7 +71,7 @@ def open_salvage(path: Path, recording_id: str | None = None) -> Salvage:
     except OSError as error:
         raise unreadable(path, error) from error
     found = find_messages(data)
-    stores = _stores([each.data for each in found.messages])
+    stores = certain_stores(found.messages) or [each.store for each in found.messages if each.store is not None][:1]
     if not stores:
         raise RecordingError(f"{path} has no undamaged message of a recording; nothing can be recovered.")
     store = _chosen_store(path, stores, recording_id)
@@ -86,22 +85,24 @@ def open_salvage(path: Path, recording_id: str | None = None) -> Salvage:
     contents = _contents(path, rows, record)
     lost = [(each.position, len(each.data)) for each in bad]
     lost += [(each.position, len(each.data)) for each in found.messages if each.damaged and each.record == number]
+    nameless = [each for each in found.messages if not each.damaged and each.store not in (None, *stores)]
+    lost += [(each.position, len(each.data)) for each in nameless]
     if found.cut is not None:
         lost = [place for place in lost if place[0] != found.cut.position]
-    lost += [(each.position, each.size) for each in found.lost]
+    lost += [(each.position, each.size) for each in found.lost if each.record == number]
     return Salvage(
         recording=Recording(path, contents.contents),
         record=record,
         described=contents.described,
         lost_bytes=sum(size for _, size in lost) + (0 if found.cut is None else found.cut.size),
         lost_places=sorted(lost),
-        ended=record is not None or (_has_table(data) and not found.has_foreign_ending),
+        ended=record is not None or (_has_table(data) and not found.records and not found.has_foreign_ending),
     )
 
 
 def _record_of(found: FoundMessages, store: bytes) -> int | None:
     """Return the number of the closing record that lists a store's messages; None if there is none."""
-    speaking = Counter(each.record for each in found.messages if each.sure and _store(each.data) == store)
+    speaking = Counter(each.record for each in found.messages if each.sure and each.store == store)
     if speaking:
         return speaking.most_common(1)[0][0]
     # All messages of the recording may be damaged.
@@ -113,12 +114,12 @@ def _record_of(found: FoundMessages, store: bytes) -> int | None:
 
 
 def _belongs(message: FoundMessage, store: bytes, others: Set[bytes], number: int | None) -> bool:
-    """Tell whether a message may hold rows of a store."""
+    """Tell whether a message may hold rows of a store: it names the store, or damage may have changed the name."""
     if MESSAGE_HEADER.unpack_from(message.data)[0] != CHUNK_KIND:
         return False
-    if message.damaged:
-        return message.record == number and _store(message.data) not in others
-    return _store(message.data) is not None and _store(message.data) not in others
+    if not message.damaged or number is None:
+        return message.store == store or (message.damaged and message.record is None and message.store is None)
+    return message.record == number and message.store not in others
 
 
 def _read_apart(
@@ -227,30 +228,6 @@ def _write(path: Path, store: bytes, messages: Iterable[bytes]) -> None:
     with path.open("wb") as file:
         file.write(_FILE_HEADER + described)
         file.writelines(messages)
-
-
-def _store(message: bytes) -> bytes | None:
-    """Return the store of a message's rows, as Rerun encodes it; None for other messages such as the viewer's
-    layout."""
-    kind, _ = MESSAGE_HEADER.unpack_from(message)
-    payload = message[MESSAGE_HEADER.size :]
-    if kind != CHUNK_KIND or len(payload) < 2 or payload[0] != 10 or payload[1] > 127:
-        return None
-    store = payload[2 : 2 + payload[1]]
-    # The name may be cut off at the end of the file, and would then look like that of another recording.
-    is_whole = len(store) == payload[1]
-    return store if is_whole and store.startswith(_RECORDING_STORE) else None
-
-
-def _stores(messages: Sequence[bytes]) -> Sequence[bytes]:
-    """Return the recordings in a file, sorted by their number of messages, the largest first.
-
-    If damage may have changed names, only recordings with a description in the file count.
-    """
-    stores = Counter(store for message in messages if (store := _store(message)) is not None)
-    described = [message for message in messages if MESSAGE_HEADER.unpack_from(message)[0] == _STORE_KIND]
-    ordered = [store for store, _ in stores.most_common()]
-    return [store for store in ordered if any(store in each for each in described)] or ordered[:1]
 
 
 def _chosen_store(path: Path, stores: Sequence[bytes], recording_id: str | None) -> bytes:

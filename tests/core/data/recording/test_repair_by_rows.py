@@ -118,6 +118,25 @@ def test_two_recordings_one_behind_the_other_both_come_back(drive: Path, other_d
         assert (saved.frames, saved.events, saved.left_out) == (frames, len(example_recording.events()), ())
 
 
+def test_the_end_of_another_recording_is_never_saved_under_the_id_of_the_first(
+    drive: Path, other_drive: Path, tmp_path: Path
+) -> None:
+    found, other_found = spans(drive), spans(other_drive)
+    begin = drive.read_bytes()[: found[2 * len(found) // 3][0]]
+    data = begin + other_drive.read_bytes()[other_found[len(other_found) // 3][0] :]
+    both = [Recording.open(path) for path in (drive, other_drive)]
+    with pytest.raises(RecordingError, match=f"{both[0].meta.recording_id}.*--recording-id"):
+        repaired(tmp_path, data)
+    for each in both:
+        saved, recording = repaired(tmp_path, data, each.meta.recording_id)
+        assert saved.frames
+        assert recording.meta == each.meta
+        for frame in recording.frames:
+            assert recording.stored_frame(frame).rgb_checksum == each.stored_frame(frame).rgb_checksum
+        assert {stored.event for stored in recording.stored_events} <= {stored.event for stored in each.stored_events}
+    assert not any("description" in line for line in saved.left_out)
+
+
 def test_the_same_recording_twice_in_a_file_is_saved_once(drive: Path, tmp_path: Path) -> None:
     data, place = drive.read_bytes(), inside_largest(drive)
     saved, _ = repaired(tmp_path, patched(data, place, bytes(60)) + data)

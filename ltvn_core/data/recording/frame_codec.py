@@ -4,16 +4,20 @@ Owns compression (RGB as JPEG, depth as 16-bit PNG in millimetres), decompressio
 frames are stored.
 """
 
+import io
 import json
+import math
 import zlib
 from dataclasses import dataclass
 from functools import lru_cache
 
 import cv2
 import numpy as np
+from PIL import Image
 
 from ltvn_core import image_validity
 from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.cameras.encoded_images import MAX_PIXELS
 from ltvn_core.errors import RecordingError
 from ltvn_core.types import Depth, FrameId, Observation, OriginalImage, Pose, Rgb, Tilt
 
@@ -54,7 +58,12 @@ def _encoded(suffix: str, image: np.ndarray, options: tuple[int, int]) -> bytes:
 
 
 def _decoded(blob: bytes, mode: int) -> np.ndarray:
-    image = cv2.imdecode(np.frombuffer(blob, np.uint8), mode)
+    try:
+        with Image.open(io.BytesIO(blob), formats=("JPEG", "PNG")) as header:
+            is_possible = math.prod(header.size) <= MAX_PIXELS
+        image = cv2.imdecode(np.frombuffer(blob, np.uint8), mode) if is_possible else None
+    except (Image.DecompressionBombError, OSError, SyntaxError, ValueError, cv2.error):
+        image = None
     if image is None:
         raise RecordingError(f"A stored image of {len(blob)} bytes is damaged; run `ltvn verify` on the recording.")
     return image

@@ -1,7 +1,7 @@
 """Reads the rows of a recording with an index, one message at a time, and only when they are asked for.
 
 Owns the file that stays open for this, and the layout of a message with a chunk of rows. Each message is compared with
-its checksum, because the file may have changed since it was opened.
+its checksum, because the file may have changed since it was opened, and with what the index promises of it.
 """
 
 import os
@@ -16,15 +16,19 @@ from typing import overload
 import numpy as np
 import pyarrow as pa
 
+from ltvn_core.data.recording import schema
+from ltvn_core.data.recording.rrf2.arrow_tables import read_table, unpacked_lz4
 from ltvn_core.data.recording.rrf2.closing_record import ClosingRecord
 from ltvn_core.data.recording.rrf2.framing import HEADER_BYTES, MESSAGE_HEADER, MessageSum
 from ltvn_core.data.recording.rrf2.row_index import IndexedChunks, RowIndex
 from ltvn_core.errors import RecordingError
-from ltvn_core.protobuf_fields import read_fields
+from ltvn_core.protobuf_fields import bytes_fields, read_fields
 
-_COMPRESSION, _SIZE, _TABLE = 2, 3, 5
+_STORE, _COMPRESSION, _SIZE, _TABLE = 1, 2, 3, 5
 _LZ4 = 2
-_CODEC = pa.Codec("lz4_raw")
+_RECORDING_ID = 2
+"""Field of a store that holds the id of the recording."""
+_ENTITY = b"rerun:entity_path"
 _KEPT = 8
 """Number of messages of an entity that stay in memory, for neighbouring rows."""
 _IN_MEMORY_BYTES = 2**26
@@ -34,8 +38,9 @@ _IN_MEMORY_BYTES = 2**26
 class IndexedBatches(Sequence[pa.RecordBatch]):
     """The batches of one entity, each read when it is asked for."""
 
-    def __init__(self, messages: "_Messages", chunks: IndexedChunks) -> None:
+    def __init__(self, messages: "_Messages", entity: str, chunks: IndexedChunks) -> None:
         """Take the file's messages, and the chunks of the entity."""
+        self._entity = entity
         self._numbers = list(zip(chunks.messages.tolist(), chunks.rows.tolist(), strict=True))
         self._read = lru_cache(_KEPT)(messages.batch)
 
@@ -50,21 +55,22 @@ class IndexedBatches(Sequence[pa.RecordBatch]):
     def __getitem__(self, place: int | slice) -> pa.RecordBatch | Sequence[pa.RecordBatch]:
         """Read a batch, or several. Raises RecordingError if the file has changed."""
         if isinstance(place, slice):
-            return [self._read(*number) for number in self._numbers[place]]
-        return self._read(*self._numbers[place])
+            return [self._read(self._entity, *number) for number in self._numbers[place]]
+        return self._read(self._entity, *self._numbers[place])
 
 
 def indexed_batches(path: Path, record: ClosingRecord, index: RowIndex) -> Mapping[str, IndexedBatches]:
     """Return the batches of a checked file, by entity path. Raises OSError if it cannot be opened."""
-    messages = _Messages(path, record.messages)
-    return {entity: IndexedBatches(messages, chunks) for entity, chunks in index.chunks.items()}
+    messages = _Messages(path, record.messages, index.recording_id)
+    return {entity: IndexedBatches(messages, entity, chunks) for entity, chunks in index.chunks.items()}
 
 
 class _Messages:
     """The messages of a file, which stays open if it is large."""
 
-    def __init__(self, path: Path, sums: Sequence[MessageSum]) -> None:
+    def __init__(self, path: Path, sums: Sequence[MessageSum], recording_id: str) -> None:
         self._path = path
+        self._recording_id = recording_id
         self._sums = sums
         self._places = HEADER_BYTES + np.cumsum([0, *(each.size for each in sums)])
         self._bytes = path.read_bytes() if path.stat().st_size <= _IN_MEMORY_BYTES else None
@@ -73,16 +79,21 @@ class _Messages:
             self._file = os.open(path, os.O_RDONLY | getattr(os, "O_BINARY", 0))
             weakref.finalize(self, os.close, self._file)
 
-    def batch(self, number: int, rows: int) -> pa.RecordBatch:
-        """Decode the message of this number, which has so many rows. Raises RecordingError."""
+    def batch(self, entity: str, number: int, rows: int) -> pa.RecordBatch:
+        """Decode the message of this number, which has so many rows of the entity. Raises RecordingError."""
         try:
-            batch = _decoded(self._checked(number)[MESSAGE_HEADER.size :])
-            if batch.num_rows != rows:
-                raise ValueError(f"it has {batch.num_rows} rows instead of {rows}")
+            fields = bytes_fields(payload := self._checked(number)[MESSAGE_HEADER.size :])
+            batch = _decoded(payload)
+            found = bytes_fields(fields[_STORE])[_RECORDING_ID].decode(), _entity(batch), batch.num_rows
+            if found != (self._recording_id, entity, rows):
+                raise ValueError(f"it has {found[2]} rows of {found[1]} in recording {found[0]}")
+            if not schema.has_expected_columns(entity, batch):
+                raise ValueError(f"a column of {entity} is missing or has another type")
             return batch
         except (OSError, ValueError, LookupError, TypeError, pa.ArrowException) as error:
             raise RecordingError(
-                f"{self._path} changed after it was opened: message {number} cannot be read ({error}). Open it again."
+                f"{self._path} changed after it was opened, or has a wrong index: message {number} cannot be read "
+                f"({error}). Open it again, or run `ltvn repair {self._path} --output NEW.rrd`."
             ) from error
 
     def _checked(self, number: int) -> bytes:
@@ -103,5 +114,9 @@ def _decoded(payload: bytes) -> pa.RecordBatch:
     fields = {each.number: each.value for each in read_fields(payload)}
     table = fields[_TABLE]
     if fields.get(_COMPRESSION) == _LZ4:
-        table = _CODEC.decompress(table, fields[_SIZE])
-    return pa.ipc.open_stream(table).read_next_batch()
+        table = unpacked_lz4(table, fields[_SIZE])
+    return read_table(table, len(table))
+
+
+def _entity(batch: pa.RecordBatch) -> str:
+    return (batch.schema.metadata or {}).get(_ENTITY, b"").decode()

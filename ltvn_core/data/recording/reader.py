@@ -22,9 +22,8 @@ from ltvn_core.data.recording.frame_codec import EncodedFrame, decode_frame
 from ltvn_core.data.recording.metadata import RecordingMetadata
 from ltvn_core.data.recording.rrd_contents import RrdContents, open_contents
 from ltvn_core.data.recording.rrf2.row_index import FrameTable
-from ltvn_core.data.recording.schema import read_cell
-from ltvn_core.data.recording.step_rows import StepRows
-from ltvn_core.data.recording.stored_rows import StoredEvent, frame_of, stored_events
+from ltvn_core.data.recording.step_rows import StepRows, wrong_index
+from ltvn_core.data.recording.stored_rows import BatchRow, StoredEvent, frame_of, stored_events
 from ltvn_core.errors import CameraError, RecordingError
 from ltvn_core.garbage_collection import garbage_collection_paused
 from ltvn_core.graph.topological_graph import TopologicalGraph
@@ -36,6 +35,10 @@ if TYPE_CHECKING:
 
 _PART = 1_000
 """Number of batches of events that are decoded together."""
+WITHOUT_FIRST_EVENTS = (
+    "its first event is number {}, so the map that its events change is in another file, as `rerun rrd split` leaves "
+    "it. Cut it from the original by `ltvn export FILE --from S --to S --output NEW.rrd`, which keeps the map."
+)
 
 
 class FramePoses(NamedTuple):
@@ -82,13 +85,13 @@ class Recording:
         self._steps = np.intersect1d(self._rgb.steps, self._depth.steps, assume_unique=True)
 
     @classmethod
-    def open(cls, path: Path | str) -> Self:
-        """Open a complete and finished recording.
+    def open(cls, path: Path | str, *, whole: bool = False) -> Self:
+        """Open a complete and finished recording; with `whole`, read all of its rows instead of its index.
 
         Raises RecordingError for anything else, with advice on what to do.
         """
         path = recording_path(path)
-        return cls(path, open_contents(path))
+        return cls(path, open_contents(path, whole=whole))
 
     @cached_property
     def frames(self) -> Sequence[FrameId]:
@@ -112,25 +115,31 @@ class Recording:
             held = f"{len(self.frames)} frames from {self.frames[0]} to {self.frames[-1]}" if self.frames else "none"
             raise RecordingError(f"{self.path} has no frame {frame}; it holds {held}.")
         original = self._originals.row(frame)
+        encoded = frame_of(rgb, depth, original)
+        if self._contents.row_index is not None:
+            self._require_indexed_pose(encoded)
         return StoredFrame(
-            frame_of(rgb, depth, original),
+            encoded,
             rgb.checksum(schema.FRAME_ROW),
             depth.checksum(schema.DEPTH_ROW),
             0 if original is None else original.checksum(schema.ORIGINAL_ROW),
         )
 
     def is_intact(self, frame: FrameId) -> bool:
-        """Tell whether a frame can be read and is unchanged, and has the pose of the index."""
+        """Tell whether a frame can be read and is unchanged."""
         try:
-            stored = self.stored_frame(frame)
+            return self.stored_frame(frame).intact
         except (LookupError, ValueError, TypeError, CameraError):
             return False
+
+    def _require_indexed_pose(self, own: EncodedFrame) -> None:
+        """Raise RecordingError if the index has another pose of a frame."""
         poses = self.poses
-        row = int(np.searchsorted(poses.steps, frame))
+        row = int(np.searchsorted(poses.steps, own.step))
         known = (poses.stamps[row], *poses.odometry[row], *(() if poses.exact is None else poses.exact[row]))
-        own = stored.frame
         exact = () if poses.exact is None or own.exact_pose is None else own.exact_pose
-        return stored.intact and known == (own.stamp, *own.odometry, *exact)
+        if known != (own.stamp, *own.odometry, *exact):
+            raise wrong_index(f"it has another pose or time of frame {own.step}")
 
     @cached_property
     def poses(self) -> FramePoses:
@@ -156,11 +165,16 @@ class Recording:
 
     @cached_property
     def events(self) -> list[StampedEvent]:
-        """All events in the order in which they were written. Raises RecordingError if an event is damaged."""
+        """All events in the order in which they were written.
+
+        Raises RecordingError if an event is damaged, and for a part of a recording without its first events.
+        """
         with garbage_collection_paused():
             batches = self._contents.batches_of(schema.EVENTS)
             parts = [_event_rows(batches[k : k + _PART]) for k in range(0, len(batches), _PART)]
             rows = sorted(itertools.chain.from_iterable(parts))
+            if rows and rows[0][0] > 0:
+                raise RecordingError(f"{self.path}: {WITHOUT_FIRST_EVENTS.format(rows[0][0])}")
             return [StampedEvent(step, stamp, decode_event(text)) for _, step, stamp, text in rows]
 
     @cached_property
@@ -191,7 +205,8 @@ class Recording:
     def scene_glb(self) -> bytes | None:
         """Return the scene as binary glTF; None if the file has none."""
         for batch in self._contents.batches_of(schema.SCENE):
-            return read_cell(batch.column("Asset3D:blob"), 0).tobytes()
+            if (blob := BatchRow(batch, 0).blob("Asset3D:blob")) is not None:
+                return blob
         return None
 
 

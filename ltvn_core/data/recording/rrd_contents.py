@@ -3,16 +3,18 @@
 Owns the checks that the file is a finished recording of this application and schema, with a clear error otherwise.
 Rerun's reader opens a file only if its checksums are correct, or if a separate process has read it before. Rerun's
 tools may split the columns of a row into several chunks; such rows are joined again by their row ids, because several
-events may have the same step. Independent of frames and events.
+events may have the same step, or where `rerun rrd split` gave each column of a copied row an id of its own, by the
+place on the timeline. Independent of frames and events.
 """
 
 import warnings
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence, Set
+from collections.abc import Hashable, Iterator, Mapping, Sequence, Set
 from pathlib import Path
 from typing import NamedTuple
 
 import pyarrow as pa
+import pyarrow.compute as pc
 from rerun.chunk import RrdReader
 
 from ltvn_core.atomic_files import require_usable_name
@@ -32,20 +34,20 @@ DESCRIPTION = f"/__properties/{schema.PROPERTIES}"
 _LONG = frozenset(f"/{entity}" for entity in (schema.RGB, schema.DEPTH, schema.ORIGINAL, schema.EVENTS))
 
 
-def joined_rows(batches: Sequence[pa.RecordBatch], needed: Set[str]) -> Sequence[pa.RecordBatch]:
-    """Return batches in which every row has all of its columns and occurs once.
+def joined_rows(batches: Sequence[pa.RecordBatch], needed: Set[str], key: str = ROW_ID) -> Sequence[pa.RecordBatch]:
+    """Return batches in which every row has all of its columns and occurs once; rows with the same `key` are one.
 
     Rows without a needed column are left out. Batches that need no joining stay unchanged.
     """
-    if not all(ROW_ID in batch.schema.names for batch in batches):
-        return batches
-    ids = [batch.column(ROW_ID).to_pylist() for batch in batches]
+    if not all(key in batch.schema.names for batch in batches):
+        return batches if key == ROW_ID else ()
+    ids = [batch.column(key).to_pylist() for batch in batches]
     every = list(dict.fromkeys(row_id for part in ids for row_id in part))
     if len(every) == sum(map(len, ids)) and all(_is_whole(batch, needed) for batch in batches):
         return batches
     fields = {field.name: field for batch in batches for field in batch.schema}
-    columns = {ROW_ID: pa.array(every, pa.binary(16))}
-    for name in fields.keys() - {ROW_ID}:
+    columns = {key: pa.array(every, fields[key].type)}
+    for name in fields.keys() - {key}:
         columns[name] = _column(name, batches, ids, every)
     if not needed <= columns.keys():
         return ()
@@ -59,11 +61,11 @@ def _is_whole(batch: pa.RecordBatch, needed: Set[str]) -> bool:
 
 
 def _column(
-    name: str, batches: Sequence[pa.RecordBatch], ids: Sequence[Sequence[bytes]], every: Sequence[bytes]
+    name: str, batches: Sequence[pa.RecordBatch], ids: Sequence[Sequence[Hashable]], every: Sequence[Hashable]
 ) -> pa.Array:
     """Return a column for the rows `every`; empty if no batch has the column."""
     pieces = list[pa.Array]()
-    places = dict[bytes, int]()
+    places = dict[Hashable, int]()
     start = 0
     for batch, row_ids in zip(batches, ids, strict=True):
         if name not in batch.schema.names:
@@ -180,14 +182,19 @@ def open_contents(path: Path, *, whole: bool = False) -> RrdContents:
     meta = read_description(path, store)
     for entity, batches in store.rows.items():
         for batch in batches:
-            if not has_expected_columns(entity, batch):
+            if not schema.has_expected_columns(entity, batch):
                 raise _damaged_inside(path, f"a column of {entity} is missing or has another type")
-        if entity in store.without_steps:
-            raise RecordingError(
-                f"{path} lacks the timeline `{schema.STEP}` of {entity}, which gives the step of each row. Use the "
-                "original recording, which has it."
-            )
+    require_steps(path, store.without_steps)
     return RrdContents(meta, store.rows, found.record)
+
+
+def require_steps(path: Path, without_steps: Set[str]) -> None:
+    """Raise RecordingError if an entity lacks the timeline of steps."""
+    for entity in sorted(without_steps):
+        raise RecordingError(
+            f"{path} lacks the timeline `{schema.STEP}` of {entity}, which gives the step of each row. Use the "
+            "original recording, which has it."
+        )
 
 
 def _indexed_contents(path: Path, record: ClosingRecord, index: RowIndex) -> RrdContents:
@@ -276,13 +283,44 @@ def _read_batches(path: Path, named: Path) -> _StoreBatches:
 
 
 def _joined(entity: str, batches: Sequence[pa.RecordBatch]) -> Sequence[pa.RecordBatch]:
-    """Join rows whose columns are in several batches; rows without a time stay unchanged."""
-    needed = schema.COLUMNS.get(entity.removeprefix("/"))
+    """Join rows whose columns are in several batches; rows without a time stay unchanged, except for the description
+    and the scene."""
+    name = entity.removeprefix("/")
+    needed = schema.COLUMNS.get(name)
     if needed is None:
-        return batches
+        return _last_values(batches) if entity in (DESCRIPTION, f"/{schema.SCENE}") else batches
     timed = [batch for batch in batches if schema.STEP in batch.schema.names]
     untimed = [batch for batch in batches if schema.STEP not in batch.schema.names]
-    return [*untimed, *joined_rows(timed, needed.keys())]
+    held = {column for batch in timed for column in batch.schema.names}
+    whole = joined_rows(timed, needed.keys() | (held & {schema.DEPTH_PICTURE}))
+    if whole is timed:
+        return batches
+    key = schema.EVENT if name == schema.EVENTS else schema.STEP
+    places = _places(whole, key)
+    rest = [part for batch in timed if key in held and (part := _without(batch, key, places)).num_rows]
+    return [*untimed, *whole, *joined_rows(rest, needed.keys(), key)]
+
+
+def _places(batches: Sequence[pa.RecordBatch], key: str) -> pa.Array:
+    parts = [batch.column(key) for batch in batches if key in batch.schema.names]
+    return pa.concat_arrays(parts) if parts else pa.array([], pa.int64())
+
+
+def _without(batch: pa.RecordBatch, key: str, places: pa.Array) -> pa.RecordBatch:
+    """Return the rows that are not at any of these places; none of a batch without the timeline."""
+    if key not in batch.schema.names:
+        return batch.slice(0, 0)
+    return batch.filter(pc.call_function("invert", [pc.is_in(batch.column(key), places)]))
+
+
+def _last_values(batches: Sequence[pa.RecordBatch]) -> Sequence[pa.RecordBatch]:
+    """Return batches unchanged if one has all columns; otherwise a row with the last value of each column."""
+    columns = dict[str, pa.Array]()
+    for batch in batches:
+        columns |= {name: part for name in batch.schema.names if len(part := batch.column(name).drop_null()[-1:])}
+    if any(columns.keys() <= {*batch.schema.names} for batch in batches):
+        return batches
+    return [pa.RecordBatch.from_arrays(list(columns.values()), names=list(columns))]
 
 
 def _has_no_step(entity: str, batch: pa.RecordBatch) -> bool:
@@ -308,15 +346,6 @@ def read_description(path: Path, store: StoreRows) -> RecordingMetadata:
         return read_metadata(row, store.recording_id)
     except (LookupError, ValueError, TypeError) as error:
         raise _damaged_inside(path, f"its description cannot be read ({error})") from error
-
-
-def has_expected_columns(entity: str, batch: pa.RecordBatch) -> bool:
-    """Tell whether the rows of an entity have the columns that this program writes; rows without a time are not
-    checked."""
-    if schema.STEP not in batch.schema.names:
-        return True
-    found = {column.name: str(column.type) for column in batch.schema}
-    return all(found.get(name) == kind for name, kind in schema.COLUMNS.get(entity.removeprefix("/"), {}).items())
 
 
 def _damaged_inside(path: Path, why: str) -> RecordingError:

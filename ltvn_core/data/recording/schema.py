@@ -129,6 +129,8 @@ ORIGINAL_ROW = "ltvn.Original"
 """Columns beside the original image: camera (JSON), crc32."""
 EVENT_ROW = "ltvn.Event"
 """Columns of an event: sequence, stamp, kind, json, crc32."""
+DEPTH_PICTURE = "EncodedDepthImage:blob"
+"""Column of the depth image, which a robot without a depth camera has not."""
 NODE_ROW = "ltvn.Nodes"
 """Columns beside the drawn nodes: node_id."""
 EDGE_ROW = "ltvn.Edges"
@@ -160,6 +162,15 @@ COLUMNS = {
     },
 }
 """Arrow type of each column that is read back with a time, by entity."""
+
+
+def has_expected_columns(entity: str, batch: pa.RecordBatch) -> bool:
+    """Tell whether the rows of an entity have the columns that this program writes; rows without a time are not
+    checked."""
+    if STEP not in batch.schema.names:
+        return True  # The reader tells of them.
+    found = {column.name: str(column.type) for column in batch.schema}
+    return all(found.get(name) == kind for name, kind in COLUMNS.get(entity.removeprefix("/"), {}).items())
 
 
 class _Column:

@@ -10,7 +10,15 @@ from numpy.typing import NDArray
 
 from ltvn_core.data.recording import schema
 from ltvn_core.data.recording.stored_rows import BatchRow
+from ltvn_core.errors import RecordingError
 from ltvn_core.types import FrameId
+
+
+def wrong_index(what: str) -> RecordingError:
+    """Return the error for an index that differs from the rows of its file."""
+    return RecordingError(
+        f"The recording's index is wrong: {what}. Run `ltvn repair FILE --output NEW.rrd`, which reads without it."
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,13 +49,16 @@ class StepRows:
         return cls(batches, ascending, len(steps) - 1 - from_end, np.cumsum([0, *rows]))
 
     def row(self, step: FrameId) -> BatchRow | None:
-        """Return the row of a step; None if it has none."""
+        """Return the row of a step; None if it has none. Raises RecordingError if the index names another's."""
         place = int(np.searchsorted(self.steps, step))
         if place == len(self.steps) or self.steps[place] != step:
             return None
         number = int(self.numbers[place])
         batch = int(np.searchsorted(self.starts, number, "right")) - 1
-        return BatchRow(self.batches[batch], number - int(self.starts[batch]))
+        row = BatchRow(self.batches[batch], number - int(self.starts[batch]))
+        if row.step != step:
+            raise wrong_index(f"at the place of frame {step} is frame {row.step}")
+        return row
 
     def numbers_of(self, steps: NDArray[np.int64]) -> NDArray[np.int64]:
         """Return the row numbers (N,) of steps (N,) that all have a row."""

@@ -20,8 +20,6 @@ from ltvn_core.errors import CameraError
 from ltvn_core.structured_text import parse_json
 from ltvn_core.types import OriginalImage, Tilt
 
-_DEPTH_PICTURE = "EncodedDepthImage:blob"
-
 
 class StoredEvent(NamedTuple):
     """An event as JSON, with the checksum that was stored with it."""
@@ -81,7 +79,7 @@ def frame_of(rgb: BatchRow, depth: BatchRow | None, original: BatchRow | None) -
         odometry=rgb.numbers(f"{schema.FRAME_ROW}:odometry").copy(),
         exact_pose=exact.copy() if exact.size else None,
         rgb=rgb.numbers("EncodedImage:blob").tobytes(),
-        depth=None if depth is None else depth.blob(_DEPTH_PICTURE),
+        depth=None if depth is None else depth.blob(schema.DEPTH_PICTURE),
         original=None if original is None else _original_image(original),
         tilt=_tilt(rgb),
     )
@@ -117,7 +115,7 @@ def believable(path: str, batches: Sequence[pa.RecordBatch], *, parts_too: bool)
         intact = _intact_rows(entity, batch)
         names = set(batch.schema.names)
         # Robots without a depth camera have depth rows without an image.
-        is_part = not len(intact) or (entity == schema.DEPTH and _DEPTH_PICTURE not in names)
+        is_part = not len(intact) or (entity == schema.DEPTH and schema.DEPTH_PICTURE not in names)
         if parts_too and is_part and schema.STEP in names:
             taken.append(batch)
         elif len(intact):
@@ -151,7 +149,7 @@ def _is_intact(entity: str, row: BatchRow) -> bool:
 
 def depth_checksum(row: BatchRow) -> int:
     """Return the checksum that a depth row should have."""
-    return replace(_NOTHING, step=row.step, depth=row.blob(_DEPTH_PICTURE)).depth_checksum
+    return replace(_NOTHING, step=row.step, depth=row.blob(schema.DEPTH_PICTURE)).depth_checksum
 
 
 def original_checksum(row: BatchRow) -> int:

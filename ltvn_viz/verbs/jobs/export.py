@@ -97,7 +97,7 @@ def _check_format(options: ExportVerb, to_format: ExportFormat) -> None:
 
 
 def _export(options: ExportVerb, to_format: ExportFormat, to_s: float | None) -> Summary:
-    recording = Recording.open(options.recording)
+    recording = Recording.open(options.recording, whole=True)
     output = options.output or Path()
     laid = lay_floor_plan(options, options.recording)
     frame = None if laid is None else laid.frame
@@ -139,7 +139,7 @@ def _summary(
 
 
 def _cut(options: ExportVerb, until_s: float | None) -> Excerpt:
-    recording = Recording.open(options.recording)
+    recording = Recording.open(options.recording, whole=True)
     begin, end = time_span(recording)
     from_s = begin if options.from_s is None else options.from_s
     to_s = end if until_s is None else until_s
@@ -153,4 +153,4 @@ def _cut(options: ExportVerb, until_s: float | None) -> Excerpt:
 def _draw(options: ExportVerb, to_s: float | None) -> None:
     laid = lay_floor_plan(options, options.recording)
     plan = None if laid is None else laid.plan
-    draw_map(Recording.open(options.recording), to_s, html=options.html, svg=options.svg, floor_plan=plan)
+    draw_map(Recording.open(options.recording, whole=True), to_s, html=options.html, svg=options.svg, floor_plan=plan)

@@ -12,7 +12,7 @@ from typing import NamedTuple
 from ltvn_core.atomic_files import atomic_output
 from ltvn_core.data.recording import schema
 from ltvn_core.data.recording.damage.salvage import Salvage, open_salvage
-from ltvn_core.data.recording.reader import Recording
+from ltvn_core.data.recording.reader import WITHOUT_FIRST_EVENTS, Recording
 from ltvn_core.data.recording.rewriting import rewrite
 from ltvn_core.data.recording.rrd_contents import open_contents, require_file
 from ltvn_core.data.recording.rrf2.closing_record import ClosingRecord
@@ -94,6 +94,8 @@ def _lines(salvage: Salvage, frames: Sequence[FrameId], more: int | None) -> Ite
         yield f"{len(frames)} frames: {_listed(frames)}"
     if more:
         yield f"{more} frames{' more' if frames else ''}, which are lost completely"
+    if first := _first_event(recording):
+        yield f"the first {first} events, without which later changes of the map do not fit"
     if not salvage.described:
         yield "the description (scene, settings, camera); the default robot's camera is used instead of its own"
     if record is not None:
@@ -104,6 +106,11 @@ def _lines(salvage: Salvage, frames: Sequence[FrameId], more: int | None) -> Ite
     if salvage.lost_places:
         places = [f"{position:,} to {position + size:,}" for position, size in salvage.lost_places]
         yield f"damaged bytes {_listed(places)}"
+
+
+def _first_event(recording: Recording) -> int:
+    """Return the number of the first event, which is 0 unless the first events are missing."""
+    return next((stored.event.sequence for stored in recording.stored_events), 0)
 
 
 def _listed(things: Sequence[object]) -> str:
@@ -164,20 +171,24 @@ def verify(path: Path | str) -> VerifiedRecording:
     recording = Recording(path, contents)
     if contents.record is not None:
         _check_rows(recording, contents.record)
+    if contents.row_index is not None:
+        _check_index(recording, Recording.open(path, whole=True))
     if recording.half_frames:
         raise _changed(path, f"of frame {recording.half_frames[0]} only the colours or only the depth is there")
     damaged = [frame for frame in recording.frames if not recording.is_intact(frame)]
     if damaged:
         changed = f"{len(damaged)} of {len(recording.frames)} frames changed since they were written, the first is"
         raise _changed(path, f"{changed} {damaged[0]}")
-    _check_events(recording)
+    # `rerun rrd split` leaves the first events in another file.
+    first = _first_event(recording) if contents.record is None else 0
+    _check_events(recording, first)
     return VerifiedRecording(
         recording=path,
         frames=len(recording.frames),
-        events=len(recording.events),
+        events=len(recording.stored_events),
         size_bytes=path.stat().st_size,
         checksummed=contents.record is not None,
-        note=None if contents.record is not None else _NO_RECORD,
+        note=None if contents.record is not None else _NO_RECORD if first == 0 else WITHOUT_FIRST_EVENTS.format(first),
     )
 
 
@@ -196,6 +207,8 @@ def repair(path: Path | str, output: Path | str, *, recording_id: str | None = N
     frames = [frame for frame in recording.frames if recording.is_intact(frame)]
     losses = find_losses(salvage, frames)
     events = list(_consistent_events(recording, losses.without_image(recording, frames)))
+    if not frames and not events and (first := _first_event(recording)):
+        raise RecordingError(f"{path}: {WITHOUT_FIRST_EVENTS.format(first)}")
     # A recording that was cut off before its first frame contains only the description and the scene.
     if not frames and not events and (salvage.ended or salvage.lost_places or losses.frame_count):
         parts = f" It ends before the first of {losses.frame_count} frames is complete." if losses.frame_count else ""
@@ -237,11 +250,29 @@ def _check_rows(recording: Recording, record: ClosingRecord) -> None:
             raise _changed(recording.path, f"{written} rows of {entity} were written and {found} are there")
 
 
-def _check_events(recording: Recording) -> None:
-    for place, stored in enumerate(recording.stored_events):
+def _check_index(indexed: Recording, whole: Recording) -> None:
+    """Raise RecordingError if a recording read by its index differs from one whose rows were all read.
+
+    That each row is the one that the index promised is checked when it is read.
+    """
+    shown = {
+        "frames": (indexed.frames, indexed.half_frames) == (whole.frames, whole.half_frames),
+        "description": indexed.meta == whole.meta,
+        "scene": indexed.scene_glb() == whole.scene_glb(),
+        "events": indexed.stored_events == whole.stored_events,
+        "original images": indexed.row_count(schema.ORIGINAL) == whole.row_count(schema.ORIGINAL),
+    }
+    wrong = [name for name, is_same in shown.items() if not is_same]
+    if wrong:
+        raise _changed(indexed.path, f"its index differs from its rows in the {wrong[0]}")
+
+
+def _check_events(recording: Recording, first: int) -> None:
+    for place, stored in enumerate(recording.stored_events, first):
         if not stored.intact or stored.event.sequence != place:
             raise _changed(recording.path, f"event {place} is missing or changed since it was written")
-    recording.final_graph()  # Raises MapError when the deltas do not fit together.
+    if first == 0:
+        recording.final_graph()  # Raises MapError when the deltas do not fit together.
 
 
 def _changed(path: Path, what: str) -> RecordingError:

@@ -24,9 +24,9 @@ from ltvn_core.data.recording.rrd_contents import (
     DESCRIPTION,
     RrdContents,
     StoreRows,
-    has_expected_columns,
     read_description,
     read_store,
+    require_steps,
     several_recordings,
     unreadable,
 )
@@ -179,6 +179,8 @@ class _Described(NamedTuple):
 
 
 def _contents(path: Path, store: StoreRows, record: ClosingRecord | None) -> _Described:
+    # Damage may have taken the steps of a few rows, a tool of Rerun those of all.
+    require_steps(path, {entity for entity in store.without_steps if not _has_steps(store.rows[entity])})
     rows = {entity: [batch for batch in batches if _is_usable(entity, batch)] for entity, batches in store.rows.items()}
     for place in range(len(rows.get(DESCRIPTION, ())), 0, -1):
         # The last copy is used; a recording has two of them.
@@ -193,8 +195,12 @@ def _contents(path: Path, store: StoreRows, record: ClosingRecord | None) -> _De
     return _Described(RrdContents(_stand_in(store.recording_id), rows, record), described=False)
 
 
+def _has_steps(batches: Sequence[pa.RecordBatch]) -> bool:
+    return any(schema.STEP in batch.schema.names for batch in batches)
+
+
 def _is_usable(entity: str, batch: pa.RecordBatch) -> bool:
-    if not has_expected_columns(entity, batch):
+    if not schema.has_expected_columns(entity, batch) or (entity == _EVENTS and not _has_steps([batch])):
         return False
     # Each column of an event has one value.
     single = [name for name in schema.COLUMNS[schema.EVENTS] if name != schema.STEP] if entity == _EVENTS else []

@@ -16,6 +16,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from ltvn_core.data.recording import schema
+from ltvn_core.data.recording.rrf2.arrow_tables import read_table, unpacked_lz4
 from ltvn_core.data.recording.rrf2.sorbet_schema import SorbetSchema, as_rerun_merges
 from ltvn_core.protobuf_fields import bytes_field, bytes_fields, number_field, read_fields
 
@@ -37,8 +38,6 @@ _TEXTS = (_ENTITY, _CHUNK_ID)
 _LISTED = ("chunk_num_rows", f"{schema.STEP}:start", f"{schema.STEP}:end", "chunk_is_static")
 _RECORDING = b"\x08\x01"
 """Beginning of the key of a recording's store; that of the viewer's layout differs."""
-_MOST_RATIO = 255
-"""Largest compression ratio of LZ4."""
 
 
 class ChunkPlace(NamedTuple):
@@ -248,7 +247,6 @@ def listed_chunks(footer: bytes) -> Set[ChunkPlace] | None:
         for number, manifest in read_fields(footer):
             if number == _MANIFESTS and isinstance(manifest, bytes):
                 batch = _read_batch(bytes_fields(manifest)[_ROWS])
-                batch.validate(full=True)
                 places = (batch.column(name).to_pylist() for name in (_OFFSET, _LENGTH))
                 listed |= {ChunkPlace(*place) for place in zip(*places, strict=True)}
     except (pa.ArrowException, ValueError, LookupError, TypeError, MemoryError):
@@ -334,11 +332,8 @@ def _read_batch(rows: bytes) -> pa.RecordBatch:
     size = values.get(_SIZE, 0)
     if not isinstance(payload, bytes) or not isinstance(size, int):
         raise TypeError("the table has another layout")
-    if size > _MOST_RATIO * len(payload):
-        raise ValueError("the table is larger than LZ4 can compress")
-    stream = pa.Codec("lz4_raw").decompress(payload, size) if values.get(_COMPRESSION) == _LZ4 else payload
-    (batch,) = pa.ipc.open_stream(stream)
-    return batch
+    stream = unpacked_lz4(payload, size) if values.get(_COMPRESSION) == _LZ4 else payload
+    return read_table(stream, len(stream))
 
 
 def _stream_bytes(batch: pa.RecordBatch) -> pa.Buffer:

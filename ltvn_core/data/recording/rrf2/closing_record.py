@@ -195,9 +195,8 @@ def _parsed(data: bytes) -> ClosingRecord | None:
     table_end = text_at + text_bytes + count * _SUM.size
     try:
         counts = parse_json(data[text_at : text_at + text_bytes])
-        rows = dict(counts["rows"])
-        static_rows = dict(counts["static_rows"])
-    except (ValueError, LookupError, TypeError):
+        rows, static_rows = (_counts(counts[name]) for name in ("rows", "static_rows"))
+    except (ValueError, LookupError, TypeError, AttributeError):
         return None  # Its checksum is correct, so it was written like this.
     return ClosingRecord(
         header_crc32=_CRC.unpack_from(data, table_end)[0],
@@ -205,6 +204,14 @@ def _parsed(data: bytes) -> ClosingRecord | None:
         rows=rows,
         static_rows=static_rows,
     )
+
+
+def _counts(counts: Mapping[str, object]) -> Mapping[str, int]:
+    """Return the numbers of rows by entity. Raises ValueError if one is no number."""
+    numbers = {entity: count for entity, count in counts.items() if type(count) is int and count >= 0}
+    if len(numbers) < len(counts):
+        raise ValueError("a number of rows that is none")
+    return numbers
 
 
 def _messages(table: bytes | bytearray) -> Sequence[MessageSum]:
@@ -262,7 +269,7 @@ def _check_at_once(file: BinaryIO, size: int) -> FileCheck | None:
     """Check the bytes of an undamaged file with an index by a single checksum; None for any other file."""
     end = find_end(file, size)
     record = None if end is None else read_closing_record(end)
-    index = None if end is None or record is None else read_index(end.appended)
+    index = None if end is None or record is None else read_index(end.appended, end.position)
     if end is None or record is None or index is None or record.messages_end != end.position:
         return None
     file.seek(0)

@@ -14,6 +14,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from ltvn_core.data.recording import schema
+from ltvn_core.data.recording.rrf2.arrow_tables import read_table
 from ltvn_core.data.recording.rrf2.chunk_table import ListedChunk
 from ltvn_core.data.recording.rrf2.framing import CHUNK_KIND, MessageSum
 from ltvn_core.protobuf_fields import bytes_field, number_field, read_fields
@@ -144,13 +145,16 @@ def index_field(
     return bytes_field(_FIELD, body)
 
 
-def read_index(appended: bytes) -> RowIndex | None:
-    """Return the index among the fields of an undamaged end message; None if it has none, or one of a later layout."""
+def read_index(appended: bytes, file_bytes: int) -> RowIndex | None:
+    """Return the index among the fields of an undamaged end message, for the `file_bytes` before it.
+
+    None if it has none, or one that cannot be right or has another layout: the file is then read as a whole.
+    """
     try:
         for number, body in read_fields(appended):
             if number == _FIELD and isinstance(body, bytes):
-                return _parsed(body)
-    except (pa.ArrowException, LookupError, TypeError, ValueError):
+                return _parsed(body, file_bytes)
+    except (pa.ArrowException, LookupError, TypeError, ValueError, AttributeError):
         pass
     return None
 
@@ -173,15 +177,33 @@ def _encoded(batch: pa.RecordBatch) -> bytes:
     return sink.getvalue().to_pybytes()
 
 
-def _parsed(body: bytes) -> RowIndex:
+_CHUNK_TYPES = {
+    "entity": pa.dictionary(pa.int32(), pa.utf8()),
+    "message": pa.int64(),
+    "rows": pa.int64(),
+    "in_order": pa.bool_(),
+}
+_FRAME_TYPES = {
+    "step": pa.int64(),
+    "stamp": pa.float64(),
+    **{f"{pose}_{axis}": pa.float64() for pose in ("odometry", "exact") for axis in _AXES},
+    "has_original": pa.bool_(),
+}
+
+
+def _parsed(body: bytes, file_bytes: int) -> RowIndex:
     parts = {each.number: each.value for each in read_fields(body)}
-    chunks, frames = (pa.ipc.open_stream(parts[number]).read_next_batch() for number in (_CHUNKS, _FRAMES))
+    # No index is larger than what it tells of.
+    chunks, frames = (read_table(parts[number], file_bytes) for number in (_CHUNKS, _FRAMES))
+    for table, types in ((chunks, _CHUNK_TYPES), (frames, _FRAME_TYPES)):
+        if {field.name: field.type for field in table.schema} != types or any(each.null_count for each in table):
+            raise ValueError("an index with other columns")
     numbers = chunks.column("entity").indices.to_numpy()
     messages = chunks.column("message").to_numpy()
     rows = chunks.column("rows").to_numpy()
     in_order = chunks.column("in_order").to_numpy(zero_copy_only=False)
     columns = {name: frames.column(name).to_numpy(zero_copy_only=False) for name in frames.schema.names}
-    return RowIndex(
+    index = RowIndex(
         bytes(parts[_RECORDING_ID]).decode(),
         int(parts[_BODY_CRC32]),
         {
@@ -196,4 +218,17 @@ def _parsed(body: bytes) -> RowIndex:
             np.stack([columns[f"exact_{axis}"] for axis in _AXES], axis=1),
             columns["has_original"],
         ),
+    )
+    if (messages < 0).any() or (rows < 0).any() or (rows > file_bytes).any() or not _is_complete(index):
+        raise ValueError("an index that contradicts itself")
+    return index
+
+
+def _is_complete(index: RowIndex) -> bool:
+    """Tell whether each frame has its images."""
+    steps = {schema.RGB: len(index.frames.steps), schema.DEPTH: len(index.frames.steps)}
+    steps[schema.ORIGINAL] = int(index.frames.has_original.sum())
+    chunks = {entity: index.chunks.get(f"/{entity}") for entity in steps}
+    return all(
+        (0 if (each := chunks[entity]) is None else int(each.rows.sum())) == count for entity, count in steps.items()
     )

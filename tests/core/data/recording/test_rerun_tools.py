@@ -4,6 +4,7 @@ import subprocess
 import sys
 import warnings
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,9 @@ from ltvn_core.data.recording.rrd_contents import joined_rows, read_store
 from ltvn_core.data.recording.rrf2 import chunk_table
 from ltvn_core.data.recording.rrf2.closing_record import check_file
 from ltvn_core.data.recording.rrf2.framing import CHUNK_KIND, HEADER_BYTES, MESSAGE_HEADER, TAIL_BYTES, Tail
+from ltvn_core.data.recording.writer import RecordingWriter
 from ltvn_core.errors import RecordingError
+from ltvn_core.navigation.events import Note, StampedEvent
 from ltvn_core.protobuf_fields import bytes_fields, read_fields
 from tests.core.data.recording import example_recording
 
@@ -163,8 +166,55 @@ def test_two_recordings_in_one_file_are_not_mixed(whole: Path, tmp_path: Path) -
 
 def test_a_recording_without_its_steps_is_refused(whole: Path, tmp_path: Path) -> None:
     rerun("filter", "--drop-timeline", "step", str(whole), "-o", str(tmp_path / "no-steps.rrd"))
-    with pytest.raises(RecordingError, match="timeline"):
-        verify(tmp_path / "no-steps.rrd")
+    for refused in (Recording.open, verify, read_info, lambda path: repair(path, tmp_path / "none.rrd")):
+        with pytest.raises(RecordingError, match="timeline"):
+            refused(tmp_path / "no-steps.rrd")
+
+
+def split(path: Path, timeline: str, folder: Path) -> list[Path]:
+    """Split a recording into two parts, the first one first."""
+    folder.mkdir()
+    rerun("split", str(path), "--timeline", timeline, "--num-parts", "2", "--output-dir", str(folder))
+    return sorted(folder.iterdir(), key=lambda part: int(part.stem.split("_")[1]))
+
+
+def test_each_part_of_a_split_recording_has_its_frames_scene_and_settings(tmp_path: Path) -> None:
+    with RecordingWriter(tmp_path / "drive.rrd", scene="demo", config={}, fingerprint="", scene_glb=b"glTF") as writer:
+        for step in range(6):
+            seen = example_recording.observation(step)
+            writer.write_frame(seen)
+            writer.write_event(StampedEvent(step, seen.stamp, Note(f"at {step}")))
+    original = Recording.open(tmp_path / "drive.rrd")
+    parts = split(original.path, "step", tmp_path / "parts")
+    frames = set[int]()
+    for part in parts:
+        verify(part)
+        saved = repair(part, tmp_path / f"repaired-{part.name}")
+        for recording in (Recording.open(part), Recording.open(tmp_path / f"repaired-{part.name}")):
+            assert replace(recording.meta, recording_id=original.meta.recording_id) == original.meta
+            assert recording.scene_glb() == b"glTF"
+            assert len(recording.frames) == saved.frames
+            frames |= set(recording.frames)
+            for frame in recording.frames:
+                assert recording.stored_frame(frame)[1:] == original.stored_frame(frame)[1:]
+    assert frames == set(original.frames)
+
+
+def test_a_part_without_the_first_events_says_that_its_map_is_elsewhere(whole: Path, tmp_path: Path) -> None:
+    first, second = split(whole, "event", tmp_path / "parts")
+    assert verify(first).events + verify(second).events == len(example_recording.events())
+    assert Recording.open(first).final_graph().nodes
+    assert "ltvn export" in str(verify(second).note)
+    with pytest.raises(RecordingError, match="ltvn export"):
+        Recording.open(second).final_graph()
+
+
+@pytest.mark.parametrize("timeline", ["sim_time", "event", "log_time"])
+def test_a_recording_without_any_other_timeline_reads_as_before(whole: Path, tmp_path: Path, timeline: str) -> None:
+    rerun("filter", "--drop-timeline", timeline, str(whole), "-o", str(tmp_path / "less.rrd"))
+    assert same_contents(whole, tmp_path / "less.rrd")
+    repair(tmp_path / "less.rrd", tmp_path / "repaired.rrd")
+    assert same_contents(whole, tmp_path / "repaired.rrd")
 
 
 def test_what_is_whole_of_a_damaged_rewritten_recording_comes_back(whole: Path, tmp_path: Path) -> None:

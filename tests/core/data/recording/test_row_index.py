@@ -1,12 +1,14 @@
 """A recording with an index shows the same as one that is read as a whole, without reading its images first."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 import pytest
 import rerun as rr
+from numpy.typing import NDArray
 
 from ltvn_core.data.recording import indexed_rows
 from ltvn_core.data.recording.damage.integrity import repair, verify
@@ -15,9 +17,17 @@ from ltvn_core.data.recording.rrd_contents import open_contents
 from ltvn_core.data.recording.rrf2.chunk_table import ListedChunk
 from ltvn_core.data.recording.rrf2.closing_record import check_file, closing_bytes
 from ltvn_core.data.recording.rrf2.framing import CHUNK_KIND
-from ltvn_core.data.recording.rrf2.row_index import FrameList, index_field, read_index
+from ltvn_core.data.recording.rrf2.row_index import (
+    FrameList,
+    FrameTable,
+    IndexedChunks,
+    RowIndex,
+    index_field,
+    read_index,
+)
 from ltvn_core.data.recording.writer import RecordingWriter
 from ltvn_core.errors import RecordingError
+from ltvn_core.protobuf_fields import bytes_field, number_field
 from ltvn_core.types import OriginalImage, Tilt
 from tests.core.data.recording import example_recording
 from tests.repository import DEMO_DRIVE, DEMO_FAULT, DEMO_MAP
@@ -91,11 +101,114 @@ def test_verify_compares_the_poses_of_the_index_with_those_of_the_images(whole: 
     }
     frames = found.row_index.frames
     moved = frames._replace(odometry=frames.odometry + 0.01)
-    index = index_field("id", found.row_index.body_crc32, listed, found.record.messages, moved)
+    index = index_field(found.row_index.recording_id, found.row_index.body_crc32, listed, found.record.messages, moved)
     data = whole.read_bytes()[: found.record.messages_end]
     (tmp_path / "moved.rrd").write_bytes(data + closing_bytes(found.record, index=index))
-    with pytest.raises(RecordingError, match="10 of 10 frames changed"):
+    with pytest.raises(RecordingError, match="another pose"):
         verify(tmp_path / "moved.rrd")
+
+
+def forged(whole: Path, path: Path, change: Callable[[RowIndex], RowIndex]) -> Path:
+    """Write a recording whose index was changed, with all checksums right."""
+    found = check_file(whole)
+    assert found.record is not None
+    assert found.row_index is not None
+    changed = change(found.row_index)
+    names = list(changed.chunks)
+    rows = [(name, *row) for name in names for row in zip(*changed.chunks[name][:2], strict=True)]
+    chunks = {
+        "entity": pa.array([row[0] for row in rows]).dictionary_encode(),
+        "message": pa.array([row[1] for row in rows], pa.int64()),
+        "rows": pa.array([row[2] for row in rows], pa.int64()),
+        "in_order": pa.array([True] * len(rows)),
+    }
+    columns = {
+        "step": changed.frames.steps,
+        "stamp": changed.frames.stamps,
+        "has_original": changed.frames.has_original,
+    }
+    for name, poses in (("odometry", changed.frames.odometry), ("exact", changed.frames.exact)):
+        columns |= {f"{name}_{axis}": poses[:, k] for k, axis in enumerate(("x", "y", "yaw"))}
+    body = bytes_field(1, changed.recording_id.encode()) + number_field(2, changed.body_crc32)
+    for number, table in ((3, chunks), (4, columns)):
+        sink = pa.BufferOutputStream()
+        batch = pa.record_batch(table)
+        with pa.ipc.new_stream(sink, batch.schema, options=pa.ipc.IpcWriteOptions(compression="zstd")) as writer:
+            writer.write_batch(batch)
+        body += bytes_field(number, sink.getvalue().to_pybytes())
+    data = whole.read_bytes()[: found.record.messages_end]
+    path.write_bytes(data + closing_bytes(found.record, index=bytes_field(7001, body)))
+    return path
+
+
+def with_frames(**arrays: Callable[[NDArray], NDArray]) -> Callable[[RowIndex], RowIndex]:
+    """Change arrays of the frames."""
+
+    def change(index: RowIndex) -> RowIndex:
+        changed = {name: make(getattr(index.frames, name)) for name, make in arrays.items()}
+        return replace(index, frames=index.frames._replace(**changed))
+
+    return change
+
+
+def with_chunks(make: Callable[[dict[str, IndexedChunks]], dict[str, IndexedChunks]]) -> Callable[[RowIndex], RowIndex]:
+    """Change the chunks."""
+    return lambda index: replace(index, chunks=make(dict(index.chunks)))
+
+
+RGB, DEPTH, EVENTS = "/world/robot/camera/rgb", "/world/robot/camera/depth", "/events"
+HALF = dict.fromkeys(FrameTable._fields, lambda array: array[::2])
+FORGED = {
+    "as written": with_frames(),
+    "half of the frames": with_frames(**HALF),
+    "no frame": with_frames(**dict.fromkeys(FrameTable._fields, lambda array: array[:0])),
+    "steps of others": with_frames(steps=lambda steps: steps[::-1].copy()),
+    "unknown steps": with_frames(steps=lambda steps: steps + 100),
+    "equal steps": with_frames(steps=lambda steps: steps * 0),
+    "other times": with_frames(stamps=lambda stamps: stamps + 1),
+    "no times": with_frames(stamps=lambda stamps: stamps * np.nan),
+    "texts for steps": with_frames(steps=lambda steps: steps.astype(str)),
+    "many frames": with_frames(**dict.fromkeys(FrameTable._fields, lambda array: np.repeat(array, 10**6, axis=0))),
+    "no events": with_chunks(lambda chunks: {name: each for name, each in chunks.items() if name != EVENTS}),
+    "depth for colours": with_chunks(lambda chunks: chunks | {RGB: chunks[DEPTH], DEPTH: chunks[RGB]}),
+    "messages before the first": with_chunks(
+        lambda chunks: chunks | {RGB: chunks[RGB]._replace(messages=chunks[RGB].messages - 10**6)}
+    ),
+    "messages behind the last": with_chunks(
+        lambda chunks: chunks | {RGB: chunks[RGB]._replace(messages=chunks[RGB].messages + 10**6)}
+    ),
+    "more rows than there can be": with_chunks(
+        lambda chunks: chunks | {EVENTS: chunks[EVENTS]._replace(rows=chunks[EVENTS].rows + 2**40)}
+    ),
+}
+
+
+@pytest.mark.parametrize("name", FORGED)
+def test_an_index_that_differs_from_the_file_is_refused_or_not_used(whole: Path, tmp_path: Path, name: str) -> None:
+    path = forged(whole, tmp_path / "forged.rrd", FORGED[name])
+    if name != "as written" and is_indexed(path):
+        with pytest.raises(RecordingError, match="ltvn repair"):
+            verify(path)
+    else:
+        verify(path)
+        right = Recording.open(whole)
+        shown = Recording.open(path)
+        assert shown.frames == right.frames
+        assert shown.events == right.events
+        assert all(shown.stored_frame(each)[1:] == right.stored_frame(each)[1:] for each in right.frames)
+    saved = repair(path, tmp_path / "new.rrd")
+    assert (saved.frames, saved.left_out) == (10, ())
+    assert verify(tmp_path / "new.rrd").events == saved.events
+
+
+def test_a_closing_record_without_numbers_of_rows_is_refused(whole: Path, tmp_path: Path) -> None:
+    record = check_file(whole).record
+    assert record is not None
+    changed = closing_bytes(replace(record, rows={entity: "many" for entity in record.rows}))  # pyright: ignore[reportArgumentType]
+    (tmp_path / "many.rrd").write_bytes(whole.read_bytes()[: record.messages_end] + changed)
+    with pytest.raises(RecordingError, match="ltvn repair"):
+        verify(tmp_path / "many.rrd")
+    assert repair(tmp_path / "many.rrd", tmp_path / "new.rrd").frames == 10
 
 
 def test_a_recording_without_images_has_an_index(tmp_path: Path) -> None:
@@ -149,5 +262,5 @@ def test_the_order_of_images_is_believed_only_where_it_is_sure(
     frames = FrameList()
     for step in (4, 5, 6):
         frames.append(step, step / 5, np.zeros(3), None, has_original=False)
-    index = read_index(index_field("id", 1, listed, record.messages, frames.table()))
+    index = read_index(index_field("id", 1, listed, record.messages, frames.table()), 10_000)
     assert (None if index is None else index.chunks[rgb].in_order) == in_order

@@ -112,9 +112,11 @@ class _Messages:
 
 def _decoded(payload: bytes) -> pa.RecordBatch:
     fields = {each.number: each.value for each in read_fields(payload)}
-    table = fields[_TABLE]
+    table, size = fields[_TABLE], fields.get(_SIZE, 0)
+    if not isinstance(table, bytes) or not isinstance(size, int):
+        raise TypeError("its layout is unknown")
     if fields.get(_COMPRESSION) == _LZ4:
-        table = unpacked_lz4(table, fields[_SIZE])
+        table = unpacked_lz4(table, size)
     return read_table(table, len(table))
 
 

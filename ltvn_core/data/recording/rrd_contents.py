@@ -13,8 +13,9 @@ from collections.abc import Hashable, Iterator, Mapping, Sequence, Set
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
+from numpy.typing import NDArray
 from rerun.chunk import RrdReader
 
 from ltvn_core.atomic_files import require_usable_name
@@ -301,16 +302,16 @@ def _joined(entity: str, batches: Sequence[pa.RecordBatch]) -> Sequence[pa.Recor
     return [*untimed, *whole, *joined_rows(rest, needed.keys(), key)]
 
 
-def _places(batches: Sequence[pa.RecordBatch], key: str) -> pa.Array:
-    parts = [batch.column(key) for batch in batches if key in batch.schema.names]
-    return pa.concat_arrays(parts) if parts else pa.array([], pa.int64())
+def _places(batches: Sequence[pa.RecordBatch], key: str) -> NDArray[np.int64]:
+    columns = [batch.column(key).to_numpy(zero_copy_only=False) for batch in batches if key in batch.schema.names]
+    return np.concatenate([np.empty(0, np.int64), *columns])
 
 
-def _without(batch: pa.RecordBatch, key: str, places: pa.Array) -> pa.RecordBatch:
+def _without(batch: pa.RecordBatch, key: str, places: NDArray[np.int64]) -> pa.RecordBatch:
     """Return the rows that are not at any of these places; none of a batch without the timeline."""
     if key not in batch.schema.names:
         return batch.slice(0, 0)
-    return batch.filter(pc.call_function("invert", [pc.is_in(batch.column(key), places)]))
+    return batch.filter(pa.array(~np.isin(batch.column(key).to_numpy(zero_copy_only=False), places)))
 
 
 def _last_values(batches: Sequence[pa.RecordBatch]) -> Sequence[pa.RecordBatch]:

@@ -17,7 +17,7 @@ from ltvn_core.data.recording import schema
 from ltvn_core.data.recording.rrf2.arrow_tables import read_table
 from ltvn_core.data.recording.rrf2.chunk_table import ListedChunk
 from ltvn_core.data.recording.rrf2.framing import CHUNK_KIND, MessageSum
-from ltvn_core.protobuf_fields import bytes_field, number_field, read_fields
+from ltvn_core.protobuf_fields import bytes_field, bytes_fields, number_field, read_fields
 from ltvn_core.types import FrameId, Pose
 
 _FIELD = 7001
@@ -194,7 +194,7 @@ _FRAME_TYPES = {
 def _parsed(body: bytes, file_bytes: int) -> RowIndex:
     parts = {each.number: each.value for each in read_fields(body)}
     # No index is larger than what it tells of.
-    chunks, frames = (read_table(parts[number], file_bytes) for number in (_CHUNKS, _FRAMES))
+    chunks, frames = (read_table(bytes_fields(body)[number], file_bytes) for number in (_CHUNKS, _FRAMES))
     for table, types in ((chunks, _CHUNK_TYPES), (frames, _FRAME_TYPES)):
         if {field.name: field.type for field in table.schema} != types or any(each.null_count for each in table):
             raise ValueError("an index with other columns")

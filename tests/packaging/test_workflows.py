@@ -1,5 +1,8 @@
-"""The workflows can be read, and test the Pythons and the versions of Rerun that pyproject.toml allows."""
+"""The workflows can be read and test the Pythons and versions of Rerun that pyproject.toml allows; tests run anywhere."""
 
+import os
+import subprocess
+import sys
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -47,3 +50,23 @@ def test_a_release_is_tried_as_the_plain_wheel() -> None:
     commands = [step.get("run", "") for step in _jobs("release.yml")["smoke"]["steps"]]
 
     assert any("pip install dist/*.whl" in each for each in commands)
+
+
+@pytest.mark.slow
+def test_the_tests_run_where_plug_ins_of_others_cannot_be_loaded(tmp_path: Path) -> None:
+    """As after `source /opt/ros/...`, whose plug-ins of pytest need libraries that are not here."""
+    about = tmp_path / "foreign-1.0.dist-info"
+    about.mkdir()
+    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: foreign\nVersion: 1.0\n", encoding="utf-8")
+    (about / "entry_points.txt").write_text("[pytest11]\nforeign = foreign_plugin\n", encoding="utf-8")
+    (tmp_path / "foreign_plugin.py").write_text("import a_library_that_nobody_has\n", encoding="utf-8")
+
+    run = subprocess.run(
+        [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "-n", "1", "-q", "tests/core/test_palette.py"],
+        cwd=ROOT,
+        env={**os.environ, "PYTHONPATH": str(tmp_path)},
+        capture_output=True,
+        text=True,
+    )
+
+    assert run.returncode == 0, run.stdout + run.stderr

@@ -6,7 +6,6 @@ entry-point group `ltvn.verbs` (`ltvn_core.verbs.discovery`). Imports almost not
 during the imports is handled as well.
 """
 
-import errno
 import os
 import select
 import signal
@@ -16,7 +15,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, NoReturn
 
-from ltvn_core.errors import LtvnError, OptionError
+from ltvn_core.errors import LtvnError, OptionError, remedy
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -33,24 +32,15 @@ CLOSED_PIPE = 141
 """Exit code of shells after SIGPIPE: the reader of the output, such as `head`, closed it early."""
 TERMINATED = 143
 """Exit code of shells after SIGTERM: 128 plus the number of the signal."""
-
-_ADVICE = {
-    errno.ENOSPC: "free some space, or name another place (TMPDIR names the folder of temporary files)",
-    errno.EDQUOT: "free some space, or name another place (TMPDIR names the folder of temporary files)",
-    errno.EROFS: "name a place that can be written to",
-    errno.EACCES: "name a place that you may use, or change its permissions",
-    errno.EPERM: "name a place that you may use, or change its permissions",
-    errno.ENAMETOOLONG: "give it a shorter name",
-    errno.EMFILE: "close other programs, or raise the limit of open files (ulimit -n)",
-}
-"""Advice for each error number of the operating system."""
+HUNG_UP = 129
+"""Exit code of shells after SIGHUP: the terminal or the connection to it was closed."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one verb and return the exit code.
 
-    The code is 0 for success, 1 for an error, 2 for wrong usage, 130 after an interruption, 141 if the output was
-    closed, and 143 after SIGTERM.
+    The code is 0 for success, 1 for an error, 2 for wrong usage, 129 after SIGHUP, 130 after an interruption, 141 if
+    the output was closed, and 143 after SIGTERM.
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
     return _exit_code(lambda: _main(given), debug="--debug" in given)
@@ -70,14 +60,17 @@ def run_verb(program: str, verb: "type[Verb]", arguments: Sequence[str] | None =
 
 def report(verb: "Verb") -> int:
     """Run the verb, print its summary or write it as JSON where the user asked for that, and return the exit code."""
+    from ltvn_core.atomic_files import is_standard_output
     from ltvn_core.terminal_text import shown_plainly
+    from ltvn_core.verbs.outputs import outputs_of
     from ltvn_core.verbs.verb import to_json, to_text
 
     verb.check_options()
     summary = verb.run()
     if verb.json is None:
         if text := to_text(summary):
-            print(shown_plainly(text))
+            is_taken = any(is_standard_output(path) for path, _ in outputs_of(verb))
+            print(shown_plainly(text), file=sys.stderr if is_taken else sys.stdout)
     elif str(verb.json) == "-":
         print(to_json(summary))
     else:
@@ -151,7 +144,7 @@ def _run(program: str, verb: "type[Verb]", given: Sequence[str]) -> int:
     _show_log()
     refuse_renamed(verb, given)
     chosen = tyro.cli(verb, prog=program, args=given)
-    with naming_the_extra(), _unwinding_at_sigterm(), owner_only():
+    with naming_the_extra(), _unwinding_at_signals(), owner_only():
         return report(chosen)
 
 
@@ -169,30 +162,55 @@ class _Terminated(KeyboardInterrupt):
     """The program received SIGTERM."""
 
 
+class _HungUp(KeyboardInterrupt):
+    """The program received SIGHUP."""
+
+
 @contextmanager
-def _unwinding_at_sigterm() -> Iterator[None]:
-    """Make SIGTERM end the block as Ctrl-C does, so that files are finished; a second SIGTERM ends the process at
-    once."""
+def _unwinding_at_signals() -> Iterator[None]:
+    """Make SIGTERM and SIGHUP end the block as Ctrl-C does, so that files are finished.
+
+    A second SIGTERM ends the process at once. A second SIGHUP is ignored, because shells repeat that of the terminal.
+    A program that was started by nohup ignores every SIGHUP.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield  # Python allows only the main thread to set a handler.
         return
     process = os.getpid()
+    raised: dict[int, type[KeyboardInterrupt]] = {signal.SIGTERM: _Terminated}
+    if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
+        raised[signal.SIGHUP] = _HungUp
 
     def end(number: int, _frame: "FrameType | None") -> None:
         signal.signal(number, signal.SIG_DFL)
         if os.getpid() != process:
             os.kill(os.getpid(), number)  # A forked child process ends as it would have without this handler.
-        raise _Terminated
+        if raised[number] is _HungUp:
+            signal.signal(number, signal.SIG_IGN)
+            _leave_closed_terminal()
+        raise raised[number]
 
-    before = signal.signal(signal.SIGTERM, end)
+    before = {number: signal.signal(number, end) for number in raised}
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _leave_closed_terminal() -> None:
+    """Discard what is printed from now on to a terminal that is gone, where printing would fail."""
+    for number in (1, 2):
+        with suppress(OSError):
+            watched = select.poll()
+            watched.register(number, 0)
+            if any(what & (select.POLLHUP | select.POLLERR) for _, what in watched.poll(0)):
+                os.dup2(os.open(os.devnull, os.O_WRONLY), number)
 
 
 def _exit_code(job: Callable[[], int], *, debug: bool) -> int:
     """Do a job and return its exit code; the failures of all verbs are handled here."""
+    _open_closed_streams()
     _allow_any_file_name()
     _honour_no_color()
     try:
@@ -203,6 +221,8 @@ def _exit_code(job: Callable[[], int], *, debug: bool) -> int:
         return code
     except _Terminated as terminated:
         return _say("terminated", terminated, TERMINATED, debug=debug)
+    except _HungUp as hung_up:
+        return _say("the terminal was closed", hung_up, HUNG_UP, debug=debug)
     except KeyboardInterrupt as interrupted:
         return _say("interrupted", interrupted, INTERRUPTED, debug=debug)
     except BrokenPipeError as error:
@@ -230,7 +250,7 @@ def _system_failure(error: OSError) -> str:
     """Return which operation the system refused, for which file, and what to do next."""
     names = " and ".join(str(name) for name in (error.filename, error.filename2) if name is not None)
     what = error.strerror or str(error) or type(error).__name__
-    advice = _ADVICE.get(error.errno or 0, "check that it is there and that you may use it")
+    advice = remedy(error)
     if "temporary directory" in what:
         advice = "set TMPDIR to a folder with free space"
     return f"{names}: {what}; {advice}." if names else f"{what}; {advice}."
@@ -247,6 +267,22 @@ def _say(text: str, error: BaseException, code: int, *, debug: bool) -> int:
     line = " ".join(part.strip() for part in text.splitlines() if part.strip())
     print(f"ltvn: {shown_plainly(line)}", file=sys.stderr)
     return code
+
+
+def _open_closed_streams() -> None:
+    """Discard what is printed to standard streams that were closed at the start, as by cron and `2>&-`.
+
+    Their numbers are taken first, so that no file of ours gets them, into which a library could then print.
+    """
+    names = ("stdin", "stdout", "stderr")
+    if all(getattr(sys, name) is not None for name in names):
+        return
+    while (number := os.open(os.devnull, os.O_RDWR)) < len(names):
+        pass
+    os.close(number)
+    for name in names:
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "r" if name == "stdin" else "w", encoding="utf-8"))  # noqa: SIM115
 
 
 def _allow_any_file_name() -> None:
@@ -274,23 +310,18 @@ def _is_output_closed() -> bool:
     return False
 
 
-def _holds_json(path: "Path") -> bool:
-    with path.open("rb") as file:
-        return file.read(1) in (b"", b"{")
-
-
 def _write_summary(path: "Path", summary: "Summary") -> None:
-    """Write a summary to a new file, or over JSON or an empty file: no recording is ever lost by it.
-
-    If the file cannot be written, print the summary, so that the result of a long run is not lost.
-    """
+    """Write a summary to a file; if that fails, print it, so that the result of a long run is not lost."""
+    from ltvn_core.atomic_files import is_stream
+    from ltvn_core.verbs.outputs import require_summary
     from ltvn_core.verbs.verb import to_json
 
     try:
-        if path.is_file() and not _holds_json(path):
-            raise FileExistsError("the file exists and is no summary, so it is kept; name another one")
+        if not is_stream(path):
+            require_summary(path)
+            path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(to_json(summary) + "\n", encoding="utf-8")
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, LtvnError) as error:
         print(to_json(summary))
         raise OptionError(f"{path}: the summary could not be written ({error}); it is printed instead.") from error
 

@@ -2,7 +2,27 @@
 
 Every message says what was wrong, where, what would be valid, and what to do next. The command line prints the message
 and exits with a non-zero code; the page shows it as a notification. Programming mistakes stay ordinary exceptions.
+`remedy` says what to do where the operating system refuses something.
 """
+
+import errno
+
+_REMEDIES = {
+    errno.ENOSPC: "free some space, or name another place (TMPDIR names the folder of temporary files)",
+    errno.EDQUOT: "free some space, or name another place (TMPDIR names the folder of temporary files)",
+    errno.EFBIG: "raise the limit of the size of files (ulimit -f), or name a place that takes large ones",
+    errno.EROFS: "name a place that can be written to",
+    errno.EACCES: "name a place that you may use, or change its permissions",
+    errno.EPERM: "name a place that you may use, or change its permissions",
+    errno.ENAMETOOLONG: "give it a shorter name",
+    errno.EMFILE: "close other programs, or raise the limit of open files (ulimit -n)",
+}
+"""Advice for each error number of the operating system."""
+
+
+def remedy(error: OSError) -> str:
+    """Return what to do next after the operating system refused an operation."""
+    return _REMEDIES.get(error.errno or 0, "check that it is there and that you may use it")
 
 
 class LtvnError(Exception):
@@ -19,6 +39,19 @@ class CameraError(LtvnError):
 
 class RecordingError(LtvnError):
     """A recording is missing, foreign, truncated, of another schema, or cannot be written."""
+
+
+class RecordingStoppedError(RecordingError):
+    """The disk stopped accepting a recording, of which the beginning is in the file.
+
+    `cause` and `remedy` say why and what to do without naming the file, which may be a temporary one.
+    """
+
+    def __init__(self, message: str, *, cause: str, remedy: str) -> None:
+        """Take the whole message, and its parts."""
+        super().__init__(message)
+        self.cause = cause
+        self.remedy = remedy
 
 
 class DriveError(LtvnError):

@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from platformdirs import user_cache_path
 
+from ltvn_core.cache_folder import cache_folder
 from ltvn_core.errors import LtvnError, PluginError, SceneError
 from ltvn_core.plugins import SCENES, Plugin, find_plugins
 from ltvn_core.simulation.apartments.generation import Building, generate_apartment
@@ -144,7 +144,7 @@ def _foreign_scene(plugin: Plugin) -> Scene:
 
 def _mesh_path(name: str) -> Path:
     """Return the absolute path of a mesh, or its path in the current folder if it was moved there."""
-    path = Path(name).expanduser().absolute()
+    path = Path(os.path.expanduser(name)).absolute()
     if path.exists():
         return path
     if not path.suffix and len(Path(name).parts) == 1:
@@ -166,7 +166,7 @@ def _cache_path(name: str) -> Path:
     """Return a file name with all parameters of a scene, so that a changed recipe never reads an old file."""
     recipe = _RECIPES[name]
     file = f"{name}-seed{recipe.seed}-{recipe.area_m2:g}m2-v{GENERATOR_VERSION}.{CACHE_VERSION}.npz"
-    return user_cache_path("ltvn") / "scenes" / file
+    return cache_folder() / "scenes" / file
 
 
 def _generate(name: str) -> Scene:

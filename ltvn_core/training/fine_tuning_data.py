@@ -10,6 +10,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, TypeAlias
 
+from ltvn_core.cache_folder import cache_folder
 from ltvn_core.data.recording.drive_part import WHOLE_DRIVE, DrivePart
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.types import Observation
@@ -183,9 +184,7 @@ class LabelledWalks:
 
     @property
     def _walks(self) -> Path:
-        from platformdirs import user_cache_path
-
-        return (self.folder or user_cache_path("ltvn")) / "walks"
+        return (self.folder or cache_folder()) / "walks"
 
 
 @cache
@@ -198,15 +197,13 @@ def _simulated_drive(name: str) -> "LabelledDrive":
 def _render_scenes(on_progress: ProgressReporter) -> tuple[list[Path], list[Path]]:
     """Return training and validation shards of a few scenes in the user's cache; they are rendered at the first
     call."""
-    from platformdirs import user_cache_path
-
     from ltvn_core.network.training_data.shards import DatasetRecipe, generate_shards
     from ltvn_core.training.simulated_scenes import open_dataset_scene
 
     paths = generate_shards(
         (*REHEARSAL_SCENES, *CALIBRATION_SCENES),
         open_dataset_scene,
-        user_cache_path("ltvn") / "finetuning",
+        cache_folder() / "finetuning",
         DatasetRecipe(clusters=100),
         on_progress=_count_scenes(on_progress),
     )

@@ -10,6 +10,7 @@ from pathlib import Path
 from tyro.conf import Positional
 
 from ltvn_core.verbs.option_types import SystemName
+from ltvn_core.verbs.outputs import FilledFolder, NewWeights
 from ltvn_core.verbs.verb import Verb
 
 
@@ -23,11 +24,11 @@ class BaselineVerb(Verb):
     baseline: Positional[SystemName]
     """The rival. SPTM: whether two images are close in time. ViNG: the time from one image to the other. SoRB: the
     same, by an ensemble of three. HTM: which of many images comes soon after."""
-    output: Path
+    output: NewWeights
     """The weights to write, with a card beside them; must not exist yet."""
-    data: Path = Path("data/walks")
+    data: FilledFolder = Path("data/walks")
     """Folder of the walks, one file per scene; missing files are made, and all rivals use the same ones."""
-    work: Path | None = None
+    work: FilledFolder | None = None
     """Folder for checkpoints and curves; by default a folder below the walks."""
     minutes: float = 8.0
     """Time for training in one process, in minutes."""

@@ -8,6 +8,7 @@ from tyro.conf import Positional
 
 from ltvn_core.systems.registry import DEFAULT_SYSTEM
 from ltvn_core.verbs.option_types import AUTO, PredictorName, SystemName
+from ltvn_core.verbs.outputs import NewRecording
 from ltvn_core.verbs.verb import Verb
 
 
@@ -20,7 +21,7 @@ class BuildVerb(Verb):
     recordings: Positional[tuple[Path, ...]]
     """The recordings to build from: one, or several drives of one place on other days or from other starts. Name the
     parts of one run in the order in which they were driven."""
-    output: Path
+    output: NewRecording
     """The map to write; must not exist yet."""
     preset: Literal["robust", "paper"] = "robust"
     """The method's settings: robust is ours, paper is the literal method."""

@@ -1,9 +1,9 @@
 """`ltvn collect`: records a mapping drive."""
 
 from dataclasses import dataclass
-from pathlib import Path
 
 from ltvn_core.verbs.body_option import BodyOption
+from ltvn_core.verbs.outputs import NewRecording
 from ltvn_core.verbs.verb import Summary, Verb, do_job
 
 
@@ -13,7 +13,7 @@ class CollectVerb(Verb):
 
     job = "ltvn_core.verbs.jobs.collect:collect"
 
-    output: Path
+    output: NewRecording
     """The recording to write; must not exist yet."""
     scene: str = "demo"
     """A scene by name (a wrong one lists the right ones), or the path of a mesh or of a Gibson folder."""

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+from ltvn_core.verbs.outputs import FilledFolder
 from ltvn_core.verbs.verb import Verb
 
 
@@ -12,7 +13,7 @@ class DatasetVerb(Verb):
 
     job = "ltvn_core.verbs.jobs.dataset:make_dataset"
 
-    folder: Path = Path("data")
+    folder: FilledFolder = Path("data")
     """Folder of the shards, one file per scene."""
     scenes: tuple[str, ...] = ()
     """Scenes by name or by the path of a mesh; by default those of training and validation."""

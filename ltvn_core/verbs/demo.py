@@ -6,6 +6,7 @@ from typing import Literal
 
 from ltvn_core.verbs.body_option import BodyOption
 from ltvn_core.verbs.option_types import AUTO, PredictorName
+from ltvn_core.verbs.outputs import NewRecording
 from ltvn_core.verbs.verb import Verb
 
 
@@ -30,9 +31,9 @@ class HeadlessDemoVerb(Verb):
     preset: Literal["robust", "paper"] = "robust"
     """The method's settings: robust is ours, paper is the literal method."""
     body: BodyOption = "auto"
-    recording: Path | None = None
+    recording: NewRecording | None = None
     """The recording to write; by default runs/demo-SCENE-SEED-TIME.rrd."""
-    map: Path | None = None
+    map: NewRecording | None = None
     """Also save the final map here."""
     stream: int | None = None
     """Port on 127.0.0.1 for a Rerun viewer to watch the recording while it is written; open it with `ltvn view` and the

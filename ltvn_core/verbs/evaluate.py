@@ -9,6 +9,7 @@ from ltvn_core.evaluation.condition_names import ConditionName
 from ltvn_core.systems.registry import DEFAULT_SYSTEM
 from ltvn_core.verbs.body_option import BodyOption
 from ltvn_core.verbs.option_types import AUTO, PredictorName, SystemName
+from ltvn_core.verbs.outputs import FilledFolder
 from ltvn_core.verbs.verb import Verb
 
 
@@ -47,7 +48,7 @@ class ProtocolOptions(Verb):
     one-loop: the mapping drive is one round. half-light: the map is made in full light, and the episodes have half of
     it."""
     body: BodyOption = "auto"
-    folder: Path = Path("runs/evaluation")
+    folder: FilledFolder = Path("runs/evaluation")
     """Folder of drives, weights, maps and results; the next call continues from them."""
     processes: int | None = None
     """Number of processes; by default one per core."""

@@ -7,6 +7,7 @@ from typing import Literal
 from tyro.conf import Positional
 
 from ltvn_core.verbs.option_types import AUTO, PredictorName
+from ltvn_core.verbs.outputs import FilledFolder
 from ltvn_core.verbs.verb import Verb
 
 
@@ -33,5 +34,5 @@ class EvaluateRobotVerb(Verb):
     """Weights to use instead of those that come with the map's system; must be those that built the map."""
     seed: int = 0
     """Seed of the goals."""
-    folder: Path = Path("runs/evaluation/robot")
+    folder: FilledFolder = Path("runs/evaluation/robot")
     """Folder of episodes, recordings and maps; the next call continues from them."""

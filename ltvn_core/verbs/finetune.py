@@ -6,6 +6,7 @@ from typing import Literal
 
 from tyro.conf import Positional
 
+from ltvn_core.verbs.outputs import NewWeights
 from ltvn_core.verbs.verb import Summary, Verb, do_job
 
 
@@ -18,7 +19,7 @@ class FinetuneVerb(Verb):
 
     recording: Positional[Path]
     """The recording of the drive, with odometry."""
-    output: Path
+    output: NewWeights
     """The weights to write, with a card beside them; must not exist yet. For the geometric predictor, a .json file with
     the calibration and its card."""
     predictor: Literal["network", "geometric"] = "network"

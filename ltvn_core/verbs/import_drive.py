@@ -6,6 +6,7 @@ from typing import Literal
 
 from tyro.conf import Positional
 
+from ltvn_core.verbs.outputs import NewRecording
 from ltvn_core.verbs.verb import Verb
 
 
@@ -17,7 +18,7 @@ class ImportVerb(Verb):
 
     source: Positional[Path]
     """The file or folder."""
-    output: Path
+    output: NewRecording
     """The recording to write; must not exist yet."""
     format: str = "auto"
     """The reader to use; auto detects the format, and a wrong name lists all readers."""

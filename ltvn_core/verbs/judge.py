@@ -7,6 +7,7 @@ from typing import Literal
 from tyro.conf import Positional
 
 from ltvn_core.verbs.option_types import AUTO, PredictorName
+from ltvn_core.verbs.outputs import ReplacedFile
 from ltvn_core.verbs.verb import Verb
 
 
@@ -44,7 +45,7 @@ class JudgeVerb(Verb):
     revisits: Path | None = None
     """A matrix of loop closures with a row and a column per image, as text or as an image file, to measure how well
     places are recognised again. True poses are not needed then."""
-    report: Path | None = None
+    report: ReplacedFile | None = None
     """HTML page to write, with images of the worst pairs."""
     worst: int = 12
     """Greatest number of pairs of each kind on that page."""

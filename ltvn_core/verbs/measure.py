@@ -7,6 +7,7 @@ from typing import Literal
 from ltvn_core.training.held_out_scenes import TEST_SCENES
 from ltvn_core.verbs.body_option import BodyOption
 from ltvn_core.verbs.option_types import PredictorName
+from ltvn_core.verbs.outputs import FilledFolder
 from ltvn_core.verbs.verb import Verb
 
 IMAGES_PER_SCENE = 150
@@ -35,7 +36,7 @@ class MeasureVerb(Verb):
     scenes: tuple[str, ...] = TEST_SCENES
     """Scenes to drive in; by default scenes that were not used to train or choose any weights."""
     body: BodyOption = "auto"
-    folder: Path | None = None
+    folder: FilledFolder | None = None
     """Folder for the measurement of each scene, so that a stopped measurement can continue and parts can be
     combined.
     """

@@ -11,6 +11,7 @@ from ltvn_core.errors import MapError
 from ltvn_core.systems.maintenance_names import MaintenanceName
 from ltvn_core.verbs.body_option import BodyOption
 from ltvn_core.verbs.option_types import AUTO, PredictorName
+from ltvn_core.verbs.outputs import NewRecording
 from ltvn_core.verbs.verb import Verb
 
 if TYPE_CHECKING:
@@ -45,9 +46,9 @@ class NavigateOptions(Verb):
 
     map: Positional[Path]
     """The map to drive by; the file is never changed."""
-    recording: Path
+    recording: NewRecording
     """The recording to write; it contains the map, so that it is complete on its own. Must not exist yet."""
-    output: Path | None = None
+    output: NewRecording | None = None
     """File for the map after all queries; must not exist yet."""
     goal: int | None = None
     """The node to go to, by its number; a random one if not given."""
@@ -108,14 +109,10 @@ class NavigateOptions(Verb):
         )
 
     def _check(self, graph: "TopologicalGraph") -> None:
-        """Raise MapError if the map lacks the goal, and RecordingError if the output exists, before the drive."""
-        from ltvn_core.atomic_files import require_new_path
-
+        """Raise MapError if the map lacks the goal, before the drive."""
         if self.goal is not None and self.goal not in graph.nodes and self.goal not in graph.reserve:
             nodes = sorted(graph.nodes)
             raise MapError(f"{self.map} has no node {self.goal}; its {len(nodes)} nodes are {nodes[0]} to {nodes[-1]}.")
-        if self.output is not None:
-            require_new_path(self.output)
         if len(graph.nodes) == 1:
             _LOG.warning("%s has one node, so the robot goes nowhere; build a map of a longer drive.", self.map)
 

@@ -11,6 +11,7 @@ from tyro.conf import Positional
 from ltvn_core.systems.maintenance_names import MaintenanceName
 from ltvn_core.verbs.body_option import BodyOption
 from ltvn_core.verbs.option_types import AUTO, PredictorName
+from ltvn_core.verbs.outputs import NewRecording
 from ltvn_core.verbs.verb import Verb
 
 FaultName = Literal["spurious-edge", "look-alike", "missing-edge"]
@@ -27,7 +28,7 @@ class PlantVerb(Verb):
 
     map: Positional[Path]
     """A map of a simulated scene; it is read, never changed."""
-    recording: Path
+    recording: NewRecording
     """The recording to write; it begins with the faulty map. Must not exist yet."""
     fault: tyro.conf.UseAppendAction[tuple[FaultName, ...]] = ()
     """Fault to insert; may be given several times. There is one query for each fault in the same order, so that a

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from tyro.conf import Positional
 
+from ltvn_core.verbs.outputs import NewRecording
 from ltvn_core.verbs.verb import Verb
 
 
@@ -36,7 +37,7 @@ class RepairVerb(Verb):
 
     recording: Positional[Path]
     """The damaged .rrd file; it is not changed."""
-    output: Path
+    output: NewRecording
     """File for the repaired recording; must not exist yet."""
     recording_id: str = ""
     """Id of the recording to extract from a file with several, as written by `rerun rrd merge`."""

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from tyro.conf import Positional
 
+from ltvn_core.verbs.outputs import ReplacedFile
 from ltvn_core.verbs.verb import Verb
 
 
@@ -16,12 +17,12 @@ class ReportVerb(Verb):
 
     folder: Positional[Path]
     """Folder of `ltvn evaluate` and `ltvn lifelong`; results in its subfolders are also used."""
-    output: Path = Path("report.html")
+    output: ReplacedFile = Path("report.html")
     """The page to write, a single file; a JSON file with the same results is written beside it. An older report is
     replaced."""
     failures: int = 12
     """Greatest number of failed episodes to show for each scene, method and stage."""
-    page: Path | None = None
+    page: ReplacedFile | None = None
     """A Markdown page in which tables and images are updated, such as docs/results.md."""
     images: Path = Path("docs/images/results")
     """Folder for the figures of that page."""

@@ -9,6 +9,7 @@ from ltvn_core.training.held_out_scenes import (
     IMAGES_PER_DRIVE,
     TEST_SCENES,
 )
+from ltvn_core.verbs.outputs import FilledFolder, NewWeights
 from ltvn_core.verbs.verb import Verb
 
 
@@ -22,9 +23,9 @@ class TrainVerb(Verb):
     """The folder of `ltvn dataset`; labelled pairs of the test scenes are stored in its subfolder `unseen`."""
     architecture: Literal["aligned-pairs", "stacked"] = "aligned-pairs"
     """The network: matches and aligns tokens of the two images, or the paper's plain network on both images stacked."""
-    output: Path | None = None
+    output: NewWeights | None = None
     """The weights to write; a card is written beside them."""
-    work: Path = Path("data/training")
+    work: FilledFolder = Path("data/training")
     """Folder for checkpoints, curves and validation figures."""
     minutes: float = 45.0
     """Time for training, in minutes."""

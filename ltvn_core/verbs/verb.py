@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, ClassVar, Protocol
 
 from ltvn_core.errors import OptionError
+from ltvn_core.verbs.outputs import SummaryFile, require_outputs
 
 _SENTENCE = 60
 """Length above which the texts of a list are sentences, each on a line of its own."""
@@ -52,19 +53,20 @@ class Verb:
     renamed: ClassVar[Mapping[str, str]] = {}
     """Removed options, such as `--method`, and what to write instead."""
 
-    json: Path | None = None
+    json: SummaryFile | None = None
     """Write a machine-readable summary to this file; - is standard output."""
     debug: bool = False
     """Show the traceback of an error before its message; the environment variable LTVN_DEBUG does the same for every
     verb."""
 
     def check_options(self) -> None:
-        """Raise OptionError for numbers that are invalid for every verb; the command line calls this before `run`."""
+        """Raise LtvnError for impossible numbers and outputs; the command line calls this before `run`."""
         for field in fields(self):
             value = getattr(self, field.name)
             for number in value if isinstance(value, tuple) else (value,):
                 if isinstance(number, int) and not isinstance(number, bool):
                     _check_number(field.name, number)
+        require_outputs(self)
 
     def run(self) -> Summary:
         """Run the job and return its summary. Raises LtvnError."""

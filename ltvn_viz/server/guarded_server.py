@@ -305,14 +305,25 @@ def _silence() -> contextlib.redirect_stdout[io.StringIO]:
 
 @contextmanager
 def stop_on_signals(stop: Callable[[], None]) -> Iterator[None]:
-    """Call `stop` at SIGINT and SIGTERM, so that open files can be finished."""
+    """Call `stop` at SIGINT, SIGTERM and SIGHUP, so that open files can be finished.
 
-    def handle(_number: int, _frame: FrameType | None) -> None:
+    After a SIGHUP, which nohup makes a program ignore, the previous handler is called at the end.
+    """
+    came: list[int] = []
+
+    def handle(number: int, _frame: FrameType | None) -> None:
+        came.append(number)
         stop()
 
-    before = {number: signal.signal(number, handle) for number in (signal.SIGINT, signal.SIGTERM)}
+    numbers = [signal.SIGINT, signal.SIGTERM]
+    hang_up = getattr(signal, "SIGHUP", None)  # Windows has none.
+    if hang_up is not None and signal.getsignal(hang_up) is not signal.SIG_IGN:
+        numbers.append(hang_up)
+    before = {number: signal.signal(number, handle) for number in numbers}
     try:
         yield
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+    if hang_up in came and callable(end := before[hang_up]):
+        end(hang_up, None)

@@ -11,6 +11,7 @@ from datetime import datetime
 from itertools import count
 from pathlib import Path
 
+from ltvn_core.atomic_files import MIN_FREE_DISK_BYTES, require_new_path
 from ltvn_core.data.importing.reader_registry import is_drive
 from ltvn_core.errors import RecordingError, ServerError
 from ltvn_core.readable_text import readable
@@ -22,7 +23,7 @@ OTHER_SUFFIXES = (".safetensors", ".json")
 
 
 class RecordingLibrary:
-    """Recordings in one folder."""
+    """Recordings in one folder. Paths for new files are returned only if they can be written."""
 
     def __init__(self, folder: Path) -> None:
         """Use `folder`, which is created for the first recording."""
@@ -118,6 +119,7 @@ def _free(folder: Path, stem: str, suffix: str = SUFFIX) -> Path:
     for number in count(1):
         place = folder / (f"{readable(stem)}{suffix}" if number == 1 else f"{readable(stem)}-{number}{suffix}")
         if not os.path.lexists(place):
+            require_new_path(place, free_bytes=MIN_FREE_DISK_BYTES if suffix == SUFFIX else 0)
             return place
     raise AssertionError("count() never ends")
 

@@ -7,6 +7,7 @@ from typing import Annotated
 import tyro
 from tyro.conf import Positional
 
+from ltvn_core.verbs.outputs import NewOutput, NewText
 from ltvn_core.verbs.verb import Verb
 from ltvn_viz.verbs.floor_plan_options import FloorPlanOptions
 
@@ -30,13 +31,13 @@ class ExportVerb(FloorPlanOptions, Verb):
     the end of the excerpt, at which the map is drawn; by default the end of the recording."""
     until: float | None = None
     """End of the excerpt, in seconds on the robot's clock; needed only if --to names a format."""
-    output: Path | None = None
+    output: NewOutput | None = None
     """File for the excerpt, as a complete recording; with --to FORMAT, the file or folder of that format."""
     named_only: bool = False
     """Keep only the images that events of the excerpt name: a much smaller file, but unfit for navigation."""
-    test: Path | None = None
+    test: NewText | None = None
     """File for a pytest test that opens the excerpt of --output and asserts its events."""
-    html: Path | None = None
+    html: NewText | None = None
     """File for the map in its scene, in 3D, as one HTML page that needs no network."""
-    svg: Path | None = None
+    svg: NewText | None = None
     """File for the map as an SVG figure, which shows the numbers of a node or an edge on hover."""

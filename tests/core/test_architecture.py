@@ -44,6 +44,7 @@ FOUNDATION = (
     "garbage_collection",
     "image_validity",
     "atomic_files",
+    "cache_folder",
     "palette",
     "plugins",
     "preprocessing",

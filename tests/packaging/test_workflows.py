@@ -1,4 +1,4 @@
-"""The workflows can be read and test the Pythons and versions of Rerun that pyproject.toml allows; tests run anywhere."""
+"""The workflows can be read, and test the Pythons and versions of Rerun that we allow; the tests run in any shell."""
 
 import os
 import subprocess

@@ -11,11 +11,12 @@ import shutil
 import threading
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
 from ltvn_core.atomic_files import open_new_file
-from ltvn_core.errors import RecordingError
+from ltvn_core.errors import RecordingStoppedError, remedy
 
 _LOG = logging.getLogger(__name__)
 WAITING_BYTES = 64 << 20
@@ -32,6 +33,22 @@ _ENDING_S = 600.0
 machine with thirty busy programs; this does not wait for the disk."""
 
 
+@dataclass(frozen=True)
+class WritingFailure:
+    """Reason why writing stopped."""
+
+    cause: str
+    """What happened, without the name of the file."""
+    remedy: str
+    """What to do, as a command without a full stop."""
+    text: str
+    """The message for a file that stays under its name, with what is kept of it."""
+
+    def error(self, text: str = "") -> RecordingStoppedError:
+        """Return the exception, with another text if one is given."""
+        return RecordingStoppedError(text or self.text, cause=self.cause, remedy=self.remedy)
+
+
 class FilePlace:
     """Checks that an open file is still at its path. All methods raise OSError when the disk does not answer."""
 
@@ -43,8 +60,8 @@ class FilePlace:
         # If they differ from the start, as in some network folders, only the existence of the path can be checked.
         self._is_name_telling = _same_file(os.stat(path), os.fstat(file))
 
-    def misplacement(self) -> str | None:
-        """Return a message if the file is no longer at its path, else None."""
+    def misplacement(self) -> WritingFailure | None:
+        """Return a failure if the file is no longer at its path, else None."""
         opened = os.fstat(self._file)
         try:
             named = os.stat(self._path)
@@ -53,21 +70,25 @@ class FilePlace:
         if named is not None and (not self._is_name_telling or _same_file(named, opened)):
             return None
         if opened.st_nlink == 0:
-            return f"{self._path} was deleted while it was being recorded, and its content is lost. Record again."
-        return (
+            text = f"{self._path} was deleted while it was being recorded, and its content is lost. Record again."
+            return WritingFailure("it was deleted while it was being written", "leave it in its place", text)
+        text = (
             f"{self._path} is no longer in its place: the file or one of its folders was renamed or replaced, or the "
             f"disk was unmounted. What was recorded before is in the file{self._new_place()}. Record again."
         )
+        return WritingFailure("it was moved while it was being written", "leave it in its place", text)
 
-    def lack_of_room(self) -> str | None:
-        """Return a message if the disk has too little room left, else None."""
+    def lack_of_room(self) -> WritingFailure | None:
+        """Return a failure if the disk has too little room left, else None."""
         free = self._free_bytes()
         if free >= self._min_free_bytes:
             return None
-        return (
-            f"The disk under {self._path.parent} is full: {free >> 20} MiB are left, recording needs "
-            f"{self._min_free_bytes >> 20} MiB. Everything up to here is kept. Free some space, then record again."
+        left = f"{free >> 20} MiB are left, recording needs {self._min_free_bytes >> 20} MiB"
+        text = (
+            f"The disk under {self._path.parent} is full: {left}. Everything up to here is kept. Free some space, then "
+            "record again."
         )
+        return WritingFailure(f"the disk is full: {left}", "free some space, or name another place", text)
 
     def _free_bytes(self) -> int:
         if not hasattr(os, "fstatvfs"):  # Windows.
@@ -112,7 +133,7 @@ class AppendedFile:
     def __init__(self, path: Path, *, min_free_bytes: int, ending: FileEnding) -> None:
         """Create the file; it fails if its disk has less than `min_free_bytes` left."""
         self.path = path
-        self.failure: str | None = None
+        self.failure: WritingFailure | None = None
         """Reason why writing stopped, or None."""
         self._ending = ending
         self._size_bytes = 0
@@ -125,7 +146,7 @@ class AppendedFile:
         if (full := self._place.lack_of_room()) is not None:
             os.close(self._file)
             path.unlink(missing_ok=True)
-            raise RecordingError(full)
+            raise full.error(f"{path} cannot be written ({full.cause}); {full.remedy}.")
         self._thread = threading.Thread(target=self._run, name="recording-disk", daemon=True)
         self._thread.start()
 
@@ -142,10 +163,12 @@ class AppendedFile:
         if not blocks or self.failure is not None:
             return
         if self.waiting_bytes > WAITING_BYTES:
-            self._fail(
-                f"The disk under {self.path} is too slow: {self.waiting_bytes >> 20} MiB wait to be written. What "
-                "was written before is kept in the file. Record onto a faster disk."
+            waiting = f"{self.waiting_bytes >> 20} MiB wait to be written"
+            text = (
+                f"The disk under {self.path} is too slow: {waiting}. What was written before is kept in the file. "
+                "Record onto a faster disk."
             )
+            self._fail(WritingFailure(f"the disk is too slow: {waiting}", "name a place on a faster disk", text))
             return
         self._handed_in += sum(map(len, blocks))
         self._queue.put(blocks)
@@ -177,10 +200,11 @@ class AppendedFile:
             self._ending_is_known.wait(_ENDING_S)
         self._thread.join(_STALL_S if in_time else 0)
         if self._thread.is_alive():
-            self._fail(
+            text = (
                 f"The disk under {self.path} does not answer, and what was recorded last may be missing. Check the "
                 f"disk, then run `ltvn verify {self.path}`."
             )
+            self._fail(WritingFailure("the disk does not answer", "check the disk", text))
 
     def _run(self) -> None:
         try:
@@ -190,7 +214,7 @@ class AppendedFile:
             self._bring_to_disk()
         except Exception as error:  # The failure is reported, so that nobody waits for a dead thread.
             _LOG.exception("%s was given up", self.path)
-            self._fail(_broken(self.path, f"{type(error).__name__}: {error}"))
+            self._fail(_broken(self.path, f"{type(error).__name__}: {error}", "check that the disk works"))
         finally:
             self._ending_is_known.set()
             self._attempt(lambda: os.close(self._file))
@@ -232,7 +256,7 @@ class AppendedFile:
             self._fail(problem)
         return problem is None
 
-    def _put(self, data: bytes) -> str | None:
+    def _put(self, data: bytes) -> WritingFailure | None:
         """Write either all of the bytes or none; return the error, if any."""
         left = memoryview(data)
         try:
@@ -240,7 +264,7 @@ class AppendedFile:
                 left = left[os.write(self._file, left) :]
         except OSError as error:
             self._attempt(lambda: os.ftruncate(self._file, self._size_bytes))
-            return _broken(self.path, error.strerror or str(error))
+            return _refused(self.path, error)
         self._size_bytes += len(data)
         return None
 
@@ -255,15 +279,15 @@ class AppendedFile:
         if self.failure is None:
             self._attempt(lambda: _to_disk(self._file))
 
-    def _attempt(self, job: Callable[[], str | None]) -> str | None:
+    def _attempt(self, job: Callable[[], WritingFailure | None]) -> WritingFailure | None:
         """Return the result of a job on the file; an OSError is recorded as the failure."""
         try:
             return job()
         except OSError as error:
-            self._fail(_broken(self.path, error.strerror or str(error)))
+            self._fail(_refused(self.path, error))
             return None
 
-    def _fail(self, why: str) -> None:
+    def _fail(self, why: WritingFailure) -> None:
         with self._progress:
             self.failure = self.failure or why
             self._progress.notify_all()
@@ -274,8 +298,13 @@ def _to_disk(file: int) -> None:
     getattr(os, "fdatasync", os.fsync)(file)
 
 
-def _broken(path: Path, why: str) -> str:
-    return (
-        f"{path} could not be written to the end ({why}); is the disk full? What was recorded before is in the file: "
-        f"run `ltvn verify {path}`, and `ltvn repair {path} --output NEW.rrd` if it reports damage."
+def _refused(path: Path, error: OSError) -> WritingFailure:
+    return _broken(path, error.strerror or str(error), remedy(error))
+
+
+def _broken(path: Path, cause: str, remedy: str) -> WritingFailure:
+    text = (
+        f"{path} could not be written to the end ({cause}). What was recorded before is in the file: run `ltvn verify "
+        f"{path}`, and `ltvn repair {path} --output NEW.rrd` if it reports damage. To record more, {remedy}."
     )
+    return WritingFailure(cause, remedy, text)

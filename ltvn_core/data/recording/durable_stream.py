@@ -29,7 +29,11 @@ from ltvn_core.data.recording.rrf2.framing import CHUNK_KIND, END_KIND, HEADER_B
 from ltvn_core.data.recording.schema import RowTime
 from ltvn_core.errors import RecordingError
 
-_INTERRUPTS = (signal.SIGINT, signal.SIGTERM)
+_INTERRUPTS = tuple(
+    getattr(signal, name)
+    for name in ("SIGINT", "SIGTERM", "SIGHUP")
+    if hasattr(signal, name)  # Windows has no SIGHUP.
+)
 _STORE_KIND = 1
 _ENCODING_S = 10.0
 """Longest time in seconds for encoding rows; Rerun needs milliseconds, but may need longer if memory is short."""
@@ -41,8 +45,6 @@ _BY_TICK_ALONE = rr.ChunkBatcherConfig(flush_tick=3600, flush_num_bytes=1 << 40,
 _FLUSH_S = 60.0
 PATIENCE_S = 60.0
 """Longest time for which the disk may delay a run before the recording is given up, in seconds."""
-MIN_FREE_DISK_BYTES = 16 << 20
-"""Recording stops, with a complete file, when the disk has less than this left."""
 
 
 class _Times(threading.local):
@@ -57,7 +59,7 @@ _TIMES = _Times()
 
 @contextmanager
 def interrupts_deferred() -> Iterator[None]:
-    """Postpone Ctrl-C and SIGTERM until after the block.
+    """Postpone Ctrl-C, SIGTERM and SIGHUP until after the block.
 
     Python runs their handlers in the main thread, between any two bytecode steps; other threads are not interrupted.
     """
@@ -182,7 +184,7 @@ class DurableStream:
     @property
     def failure(self) -> str | None:
         """Reason why the recording stopped after a failure, or None."""
-        return self._failure or self._file.failure
+        return self._failure or (None if (broken := self._file.failure) is None else broken.text)
 
     @property
     def closed(self) -> bool:
@@ -310,6 +312,8 @@ class DurableStream:
     def _raise_once(self) -> None:
         if self.failure and not self._failure_told:
             self._failure_told = True
+            if self._failure is None and (broken := self._file.failure) is not None:
+                raise broken.error()
             raise RecordingError(self.failure)
 
     def _close_quietly(self) -> None:

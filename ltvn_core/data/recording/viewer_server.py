@@ -33,9 +33,9 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
 
-import platformdirs
 import rerun as rr
 
+from ltvn_core.cache_folder import cache_folder
 from ltvn_core.data.recording.live_server import is_own_host, port_of
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.data.recording.rrd_contents import require_rrd
@@ -146,7 +146,7 @@ def viewer_assets() -> ViewerAssets:
 
     Raises ServerError if the installed Rerun does not contain them.
     """
-    folder = Path(platformdirs.user_cache_dir("ltvn")) / f"rerun-viewer-{rr.__version__}"
+    folder = cache_folder() / f"rerun-viewer-{rr.__version__}"
     assets = ViewerAssets(folder / f"{_SCRIPT}.gz", folder / f"{_MODULE}.gz")
     if not all(path.exists() for path in assets):
         _LOG.info("Unpacking the Rerun viewer (only once); this takes some seconds.")

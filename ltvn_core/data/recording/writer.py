@@ -14,11 +14,12 @@ from uuid import uuid4
 import pyarrow as pa
 import rerun as rr
 
+from ltvn_core.atomic_files import MIN_FREE_DISK_BYTES
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.data.recording import event_drawing, map_drawing, schema
 from ltvn_core.data.recording.blueprint import Layout
 from ltvn_core.data.recording.drawn_poses import DrawnPoses, FloorExtent
-from ltvn_core.data.recording.durable_stream import MIN_FREE_DISK_BYTES, PATIENCE_S, DurableStream
+from ltvn_core.data.recording.durable_stream import PATIENCE_S, DurableStream
 from ltvn_core.data.recording.event_codec import EncodedEvent
 from ltvn_core.data.recording.event_drawing import BeliefDrawing
 from ltvn_core.data.recording.frame_codec import EncodedFrame, camera_text, encode_frame

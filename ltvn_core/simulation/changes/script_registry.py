@@ -5,6 +5,7 @@ same time, so that most of a scene stays reachable. Furniture and things are in 
 """
 
 import math
+import os
 from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -271,7 +272,7 @@ def _check_together(names: Sequence[str]) -> None:
 
 
 def _from_file(name: str, scene: Scene) -> WorldScript:
-    path = Path(name).expanduser()
+    path = Path(os.path.expanduser(name))
     if not path.suffix and not path.exists():
         raise WorldError(
             f"There is no world {name!r}. {which_name(name, SCRIPT_NAMES)}; or several of them, as in "

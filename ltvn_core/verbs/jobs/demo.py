@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from ltvn_core.atomic_files import require_new_path
 from ltvn_core.data.recording.demo_files import DEMO_MAP, demo_file
 from ltvn_core.data.recording.map_file import LoadedMap, load_map
 from ltvn_core.data.recording.recorded_run import RunDescription
@@ -109,8 +108,6 @@ def _dated_path(name: str) -> Path:
 
 
 def _run_headless(options: HeadlessDemoVerb) -> DemoSummary:
-    if options.map is not None:
-        require_new_path(options.map)
     started = time.monotonic()
     rng = np.random.default_rng(options.seed)
     choice = ImageSource(camera=LOCOBOT.camera).choose(options.predictor)

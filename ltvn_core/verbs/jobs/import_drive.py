@@ -2,7 +2,6 @@
 
 from tqdm import tqdm
 
-from ltvn_core.atomic_files import require_new_path
 from ltvn_core.data.importing.drive_import import import_drive
 from ltvn_core.data.importing.import_options import ImportOptions, OdometrySource
 from ltvn_core.data.importing.raw_frame import ReadOptions
@@ -14,7 +13,6 @@ from ltvn_core.verbs.verb import Summary
 
 def import_recording(options: ImportVerb) -> Summary:
     """Import the drive; raises DriveError, OptionError and RecordingError."""
-    require_new_path(options.output)
     wanted = ImportOptions(
         odometry=OdometrySource(options.odometry_from),
         every_m=options.every_m,

@@ -8,6 +8,7 @@ from typing import NoReturn
 import numpy as np
 from tqdm import tqdm
 
+from ltvn_core.atomic_files import require_writable
 from ltvn_core.config import preset
 from ltvn_core.errors import OptionError, WeightsError
 from ltvn_core.evaluation.likelihood_measurement import SceneFigures, measure_scene, summarise_measurements
@@ -15,9 +16,9 @@ from ltvn_core.evaluation.trial_plans import claim_settings
 from ltvn_core.evaluation.workers import Part
 from ltvn_core.network.driving_calibration import DRIVING_SECTION, DrivingMeasurements, likelihoods
 from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
-from ltvn_core.network.weights_file import add_to_card, weights_fingerprint
+from ltvn_core.network.weights_file import add_to_card, card_path, weights_fingerprint
 from ltvn_core.predictors.choice import ImageSource
-from ltvn_core.predictors.geometric import write_driving
+from ltvn_core.predictors.geometric import DRIVING_FILE, write_driving
 from ltvn_core.predictors.opening import open_predictor, simulated_robot
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.simulation.body_selection import choose_body
@@ -79,6 +80,9 @@ def _check(options: MeasureVerb) -> None:
         raise OptionError(
             f"--write works only with network and geometric; {options.predictor} has its measurements in its own card."
         )
+    if options.write:
+        is_geometric = options.predictor == "geometric"
+        require_writable(DRIVING_FILE if is_geometric else card_path(options.weights or SHIPPED_WEIGHTS))
     if options.attempts < 2 * len(options.scenes):
         raise OptionError(f"--attempts must be two or more per scene, so {2 * len(options.scenes)} or more.")
     if options.images < _FEWEST_IMAGES:

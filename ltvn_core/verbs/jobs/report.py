@@ -1,11 +1,11 @@
 """`ltvn report`: the results of an evaluation, as one HTML page, as JSON, and as the tables of `docs/results.md`."""
 
-import os
 from dataclasses import dataclass
 from pathlib import Path
 
 from tqdm import tqdm
 
+from ltvn_core.atomic_files import atomic_replacement
 from ltvn_core.errors import OptionError
 from ltvn_core.evaluation.reports.evaluation_files import FoundResults, find_results, with_images
 from ltvn_core.evaluation.reports.evaluation_page import fill_results_page, render_page
@@ -80,15 +80,11 @@ def _write(options: ReportVerb, found: FoundResults) -> int:
     """Write page and JSON, and return the number of failures on the page."""
     rows = with_images(tqdm(select_failures(found.failures, options.failures), desc="failures", unit="episode"))
     html = render_page(found.drawn, rows, FIGURE_PALETTE, folder=options.output.parent, worlds=found.worlds)
-    parts = [path.with_name(f".{path.name}.part") for path in (options.output, _json(options))]
     try:
-        options.output.parent.mkdir(parents=True, exist_ok=True)
-        parts[1].unlink(missing_ok=True)
-        parts[0].write_text(html, encoding="utf-8")
-        save_results(parts[1], found.results)
         # An older report is replaced only when the new files are complete.
-        os.replace(parts[0], options.output)
-        os.replace(parts[1], _json(options))
+        with atomic_replacement(options.output) as page, atomic_replacement(_json(options)) as results:
+            page.write_text(html, encoding="utf-8")
+            save_results(results, found.results)
     except OSError as error:
         raise OptionError(f"{options.output} cannot be written ({error.strerror}); name another --output.") from error
     return len(rows)

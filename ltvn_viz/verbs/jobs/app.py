@@ -7,7 +7,7 @@ from pathlib import Path
 
 import viser  # noqa: F401  (first, so that an error names the extra of the page)
 
-from ltvn_core.atomic_files import atomic_output
+from ltvn_core.atomic_files import atomic_output, require_writable
 from ltvn_core.data.importing.floor_plan_alignment import LaidFloorPlan
 from ltvn_core.data.recording.demo_files import demo_file
 from ltvn_core.data.recording.info import read_info
@@ -33,6 +33,10 @@ class AppSummary:
 
 def open_page(options: AppVerb) -> Summary:
     """Serve the page until interrupted; raises LtvnError."""
+    try:
+        require_writable(options.recordings / "part")
+    except RecordingError as error:
+        _LOG.warning("Recordings can be replayed, but nothing can be recorded: %s", error)
     return _serve(options, lay_floor_plan(options, options.map), replay=None)
 
 

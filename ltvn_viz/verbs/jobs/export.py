@@ -77,9 +77,6 @@ def _check(options: ExportVerb, to_format: ExportFormat | None) -> None:
         raise OptionError("Nothing to write: give --output for a recording, or --html or --svg for the map.")
     if options.test is not None and options.output is None:
         raise OptionError("--test needs --output, the recording that the test opens.")
-    for path in (options.test, options.html, options.svg):
-        if path is not None and path.exists():
-            raise OptionError(f"{path} exists already and is never overwritten; name another file.")
 
 
 def _check_format(options: ExportVerb, to_format: ExportFormat) -> None:

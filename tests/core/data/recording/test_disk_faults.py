@@ -124,7 +124,7 @@ resource.setrlimit(resource.RLIMIT_FSIZE, (10, 10))
 file = appended(Path(sys.argv[1]), [b"12345"])
 file.append([b"67", b"89", b"too much"])
 file.close()
-print(file.failure)
+print(file.failure and file.failure.text)
 """
     run = subprocess.run(
         [sys.executable, "-c", program, str(tmp_path / "a")], capture_output=True, text=True, check=True, cwd=ROOT
@@ -142,7 +142,7 @@ signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (10, 10))
 file = appended(Path(sys.argv[1]), [b"12345"], long_ending=b"a table")
 file.close()
-print(file.failure)
+print(file.failure and file.failure.text)
 """
     run = subprocess.run(
         [sys.executable, "-c", program, str(tmp_path / "a")], capture_output=True, text=True, check=True, cwd=ROOT
@@ -170,7 +170,7 @@ def test_a_disk_that_is_far_behind_ends_the_recording_instead_of_filling_memory(
     block = bytes(1 << 20)
     for _ in range(1000):
         file.append([block])  # Never waits.
-    assert "is too slow" in (file.failure or "")
+    assert "is too slow" in (file.failure.text if file.failure else "")
     assert file.waiting_bytes < 80 << 20
     free.set()
     file.close()

@@ -41,6 +41,26 @@ class OwnWords(ABC):
         """Return the JSON object for a program."""
 
 
+@dataclass(frozen=True)
+class Unreadable:
+    """A file about which there is nothing but an error."""
+
+    recording: Path
+    failure: str
+
+
+@dataclass(frozen=True)
+class Summaries:
+    """Summaries of several files: a block of text each, and in JSON a list."""
+
+    parts: tuple[Summary, ...]
+
+    @property
+    def failed(self) -> bool:
+        """Whether one of the files cannot be read."""
+        return any(isinstance(part, Unreadable) for part in self.parts)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Verb:
     """Base class of all verbs, with the common options.
@@ -104,15 +124,23 @@ def _check_number(name: str, number: int) -> None:
 def to_json(summary: Summary) -> str:
     """Return a summary as JSON; paths and enums become text, and findings also appear as complete sentences in
     `doubts`."""
+    return json.dumps(_json_value(summary), default=_plain, indent=2)
+
+
+def _json_value(summary: Summary) -> object:
+    if isinstance(summary, Summaries):
+        return [_json_value(part) for part in summary.parts]
     if isinstance(summary, OwnWords):
-        return json.dumps(summary.as_json(), default=_plain, indent=2)
+        return summary.as_json()
     doubts = getattr(summary, "doubts", None)
     told = {} if doubts is None else {"doubts": doubts}
-    return json.dumps(asdict(summary) | told, default=_plain, indent=2)
+    return asdict(summary) | told
 
 
 def to_text(summary: Summary) -> str:
     """Return a summary as aligned lines of text."""
+    if isinstance(summary, Summaries):
+        return "\n\n".join(map(to_text, summary.parts))
     if isinstance(summary, OwnWords):
         return summary.as_text()
     rows = {_LABELS.get(field.name, field.name): getattr(summary, field.name) for field in fields(summary)}

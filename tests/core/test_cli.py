@@ -14,6 +14,7 @@ from ltvn_core.data.recording.map_file import load_map
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.verbs.verb import to_text
 from tests.core.data.recording import example_recording
+from tests.platforms import needs_posix
 from tests.program import ltvn_here, skip_without_library
 from tests.repository import DEMO_MAP
 
@@ -109,6 +110,41 @@ def test_a_summary_never_replaces_a_file_of_another_kind(
     assert (tmp_path / name).read_bytes() == before
     for _ in range(2):
         assert ltvn_here(capsys, "info", drive, "--json", tmp_path / "info.json").code == 0
+
+
+def test_several_recordings_are_verified_each_by_itself(
+    drive: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cut = tmp_path / "cut.rrd"
+    cut.write_bytes(drive.read_bytes()[:-100])
+
+    assert ltvn_here(capsys, "verify", drive, drive).code == 0
+    ran = ltvn_here(capsys, "verify", drive, cut, drive)
+    told = json.loads(ltvn_here(capsys, "verify", drive, cut, drive, "--json", "-").stdout)
+
+    assert ran.code == 1
+    assert ran.stdout.count("frames ") == 2
+    assert "ltvn repair" in ran.stdout
+    assert [each.get("frames") for each in told] == [10, None, 10]
+    assert [each["frames"] for each in json.loads(ltvn_here(capsys, "info", drive, drive, "--json", "-").stdout)] == [
+        10,
+        10,
+    ]
+    assert ltvn_here(capsys, "verify").code == 1
+
+
+@needs_posix
+def test_a_figure_goes_whole_and_alone_to_the_standard_output(tmp_path: Path) -> None:
+    figure = tmp_path / "map.svg"
+    with figure.open("w") as file:
+        subprocess.run(
+            [sys.executable, "-m", "ltvn_core.cli", "export", str(DEMO_MAP), "--svg", "/dev/stdout"],
+            stdout=file,
+            check=True,
+        )
+    text = figure.read_text(encoding="utf-8")
+    assert text.startswith("<svg")
+    assert text.rstrip().endswith("</svg>")
 
 
 def test_rows_of_a_summary_get_a_line_each() -> None:

@@ -22,6 +22,7 @@ from ltvn_core.network.weights_file import read_card
 from ltvn_core.preprocessing import preprocess_observation
 from ltvn_core.verbs.verb import Summary, Verb
 from tests.platforms import needs_posix
+from tests.repository import DEMO_MAP
 
 FAILURES: dict[str, tuple[BaseException, int, str]] = {
     "full": (OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "/disk/a.rrd"), FAILED, "free some space"),
@@ -221,3 +222,44 @@ def test_numbers_that_no_verb_can_use_are_refused_before_anything_begins(
 def test_weights_without_a_name_are_refused() -> None:
     with pytest.raises(WeightsError, match="there are no weights"):
         read_card(Path("/"))
+
+
+@needs_posix
+@pytest.mark.slow
+@pytest.mark.parametrize("closed", [">&-", "<&- 2>&-"])
+def test_a_command_works_where_standard_streams_are_closed(tmp_path: Path, closed: str) -> None:
+    program = f"{sys.executable} -m ltvn_core.cli export {DEMO_MAP} --to graphml --output map.graphml {closed}"
+    run = subprocess.run(["bash", "-c", program], cwd=tmp_path, capture_output=True, text=True)
+    assert (run.returncode, "Traceback" in run.stderr) == (0, False)
+    assert (tmp_path / "map.graphml").read_text(encoding="utf-8").startswith("<?xml")
+
+
+@needs_posix
+def test_a_name_in_utf8_is_not_called_something_else_where_python_does_not_read_utf8(tmp_path: Path) -> None:
+    path = tmp_path / "Büro.rrd"
+    path.touch()
+    run = subprocess.run(
+        [sys.executable, "-m", "ltvn_core.cli", "info", str(path)],
+        env=os.environ | {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"},
+        capture_output=True,
+    )
+    assert run.returncode == FAILED
+    assert b"PYTHONUTF8" in run.stderr
+    assert b"not UTF-8" not in run.stderr
+
+
+@needs_posix
+@pytest.mark.skipif(not hasattr(os, "getuid") or os.getuid() != 0, reason="only root can become an unknown user")
+def test_a_user_without_a_home_gets_a_cache_among_the_temporary_files(tmp_path: Path) -> None:
+    tmp_path.chmod(0o777)
+    program = (
+        "import os, ltvn_core.cache_folder as c; os.setuid(23456); "
+        f"c.tempfile.tempdir = {str(tmp_path)!r}; c._temporary_folder(); print(c.cache_folder(), c.cache_folder())"
+    )
+    without = {name: text for name, text in os.environ.items() if name not in ("HOME", "XDG_CACHE_HOME")}
+    for parent in tmp_path.parents[:2]:
+        parent.chmod(parent.stat().st_mode | 0o711)
+    run = subprocess.run([sys.executable, "-c", program], env=without, capture_output=True, text=True, check=True)
+    first, second = run.stdout.split()
+    assert first == second == str(tmp_path / "ltvn-cache-23456")
+    assert run.stderr.count("no home folder") == 1

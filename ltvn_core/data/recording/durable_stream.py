@@ -7,10 +7,12 @@ writer defines entities and events; `appended_file` writes to the disk.
 
 import atexit
 import logging
+import os
 import signal
 import threading
+import weakref
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import FrameType
 
@@ -157,6 +159,8 @@ class DurableStream:
         self._failure: str | None = None
         self._failure_told = False
         self._closed = False
+        self._is_of_parent = False
+        """Whether this process was forked from the one that writes the file, and has none of its threads."""
         self._recording_id = recording_id
         _TIMES.of.pop(recording_id, None)
         self._layout: Layout | None = None
@@ -171,7 +175,8 @@ class DurableStream:
             self._close_live()
             raise
         # Rerun keeps the threads and buffers of a finished recording until they are released explicitly.
-        rerun_bindings.flush_and_cleanup_orphaned_recordings()
+        with suppress(RuntimeError):  # In a forked process, those of its parent cannot be released.
+            rerun_bindings.flush_and_cleanup_orphaned_recordings()
         self._rerun = rr.RecordingStream(
             schema.APPLICATION_ID, recording_id=recording_id, batcher_config=_BY_TICK_ALONE
         )
@@ -180,6 +185,7 @@ class DurableStream:
         self._thread = threading.Thread(target=self._run, name="recording-rows", daemon=True)
         self._thread.start()
         atexit.register(self._close_quietly)
+        _OPEN.add(self)
 
     @property
     def failure(self) -> str | None:
@@ -206,7 +212,7 @@ class DurableStream:
     @contextmanager
     def together(self) -> Iterator[None]:
         """Write all rows that are logged in the block, or none of them; first waits for a slow disk."""
-        if self._patience_s and self._file.waiting_bytes > WAITING_BYTES // 2:
+        if self._patience_s and not self._is_of_parent and self._file.waiting_bytes > WAITING_BYTES // 2:
             self._file.wait_until_written(at_most_s=self._patience_s, waiting_bytes=WAITING_BYTES // 2)
         with interrupts_deferred(), self._lock:
             yield
@@ -247,6 +253,8 @@ class DurableStream:
 
     def flush(self) -> None:
         """Write everything to the file now; blocks, so do not call it while driving."""
+        if self._is_of_parent:
+            return
         self._pass_on()
         if not self._file.wait_until_written(at_most_s=_FLUSH_S):
             _LOG.warning("The disk is slow: %s still waits for its data.", self.path)
@@ -255,8 +263,11 @@ class DurableStream:
     def close(self) -> None:
         """Finish the file. Raises RecordingError if that fails; a second call does nothing.
 
-        Waits for the disk at most half a minute, and only seconds for a disk that accepts nothing.
+        Waits for the disk at most half a minute, and only seconds for a disk that accepts nothing. In a forked process
+        it does nothing, because the file belongs to the parent.
         """
+        if self._is_of_parent:
+            return
         with self._lock:
             self._closed = True
         self._stop.set()
@@ -278,6 +289,20 @@ class DurableStream:
         self._rerun.disconnect()
         self._file.close()
         self._close_live()
+
+    def pause(self) -> None:
+        """Keep other threads from logging until `go_on`."""
+        self._lock.acquire()
+
+    def go_on(self) -> None:
+        """Let other threads log again."""
+        self._lock.release()
+
+    def leave_to_parent(self) -> None:
+        """Never touch the file again; called in a process that was forked, where locks may be held for ever."""
+        self._is_of_parent = self._closed = True
+        self._lock = threading.RLock()
+        atexit.unregister(self._close_quietly)
 
     def _close_live(self) -> None:
         if self._live is not None:
@@ -305,6 +330,10 @@ class DurableStream:
 
     def _taking(self) -> bool:
         self._raise_once()
+        if self._is_of_parent:
+            raise RecordingError(
+                f"{self.path} is recorded by the process that this one was forked from; record into a file of your own."
+            )
         if self._closed and not self.failure:
             raise RecordingError(f"The recording {self.path} is closed; open a new one to record more.")
         return self.failure is None
@@ -321,3 +350,29 @@ class DurableStream:
             self.close()
         except RecordingError as error:
             _LOG.error("%s", error)
+
+
+_OPEN: "weakref.WeakSet[DurableStream]" = weakref.WeakSet()
+_AT_FORK: "list[DurableStream]" = []
+
+
+def _before_fork() -> None:
+    """Let no thread be within Rerun, whose locks would stay held in the new process."""
+    _AT_FORK[:] = list(_OPEN)
+    for stream in _AT_FORK:
+        stream.pause()
+
+
+def _after_fork_in_parent() -> None:
+    for stream in _AT_FORK:
+        stream.go_on()
+
+
+def _after_fork_in_child() -> None:
+    rerun_bindings.cleanup_if_forked_child()
+    for stream in _AT_FORK:
+        stream.leave_to_parent()
+
+
+if hasattr(os, "register_at_fork"):  # Windows has no fork.
+    os.register_at_fork(before=_before_fork, after_in_parent=_after_fork_in_parent, after_in_child=_after_fork_in_child)

@@ -1,24 +1,43 @@
 """`ltvn info | verify | repair | view`: describe, check and repair recordings, and open one in the Rerun viewer."""
 
 import logging
+from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 from ltvn_core.data.recording.damage.integrity import repair, verify
 from ltvn_core.data.recording.info import read_info
 from ltvn_core.data.recording.viewer_server import serve_viewer
-from ltvn_core.verbs.recording_files import InfoVerb, RepairVerb, VerifyVerb
-from ltvn_core.verbs.verb import Summary
+from ltvn_core.errors import LtvnError, OptionError
+from ltvn_core.verbs.recording_files import InfoVerb, RecordingsVerb, RepairVerb, VerifyVerb
+from ltvn_core.verbs.verb import Summaries, Summary, Unreadable
 from ltvn_core.verbs.view import ViewVerb
 
 
 def tell_info(options: InfoVerb) -> Summary:
-    """Return the summary of the file; raises RecordingError."""
-    return read_info(options.recording)
+    """Return the summary of the files; of a single one, raises RecordingError."""
+    return _of_each(options, read_info)
 
 
 def verify_recording(options: VerifyVerb) -> Summary:
-    """Check the file; for a cut or damaged one, raises RecordingError with a reference to `ltvn repair`."""
-    return verify(options.recording)
+    """Check the files; for a single cut or damaged one, raises RecordingError with a reference to `ltvn repair`."""
+    return _of_each(options, verify)
+
+
+def _of_each(options: RecordingsVerb, read: Callable[[Path], Summary]) -> Summary:
+    """Return the summary of the one file, or those of all of them, in which errors have their place."""
+    if not options.recordings:
+        raise OptionError("Name at least one recording, such as drive.rrd.")
+    if len(options.recordings) == 1:
+        return read(options.recordings[0])
+    return Summaries(tuple(_summary_or_failure(path, read) for path in options.recordings))
+
+
+def _summary_or_failure(path: Path, read: Callable[[Path], Summary]) -> Summary:
+    try:
+        return read(path)
+    except (LtvnError, OSError) as error:
+        return Unreadable(path, str(error))
 
 
 def repair_recording(options: RepairVerb) -> Summary:

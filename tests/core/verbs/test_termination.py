@@ -1,4 +1,4 @@
-"""A verb that is asked to end: SIGTERM finishes the recording under way, as Ctrl-C does."""
+"""A verb that is asked to end: SIGTERM and SIGHUP finish the recording under way, as Ctrl-C does."""
 
 import signal
 import subprocess
@@ -23,7 +23,7 @@ def size_bytes(path: Path) -> int:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("asked", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize("asked", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
 def test_a_tour_that_is_asked_to_end_leaves_a_finished_recording(tmp_path: Path, asked: signal.Signals) -> None:
     pytest.importorskip("embreex")
     path = tmp_path / "tour.rrd"

@@ -6,12 +6,14 @@ from pathlib import Path
 import pytest
 
 from ltvn_core.data.recording.damage.integrity import verify
-from ltvn_core.data.recording.durable_stream import interrupts_deferred
+from ltvn_core.data.recording.durable_stream import _INTERRUPTS, interrupts_deferred
 from ltvn_core.data.recording.writer import RecordingWriter
 from tests.core.data.recording import example_recording
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(
+    "number", [signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else [])]
+)
 def test_it_is_raised_behind_the_block_and_the_handler_stands_again(number: signal.Signals) -> None:
     reached = []
 

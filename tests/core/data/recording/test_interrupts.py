@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from ltvn_core.data.recording.damage.integrity import verify
-from ltvn_core.data.recording.durable_stream import _INTERRUPTS, interrupts_deferred
+from ltvn_core.data.recording.durable_stream import interrupts_deferred
 from ltvn_core.data.recording.writer import RecordingWriter
 from tests.core.data.recording import example_recording
 

@@ -75,7 +75,8 @@ def build_recorded_map(
     entry = system_entry(options.system)
     weights = entry.weights_for(choice.name, options.weights)
     predictor = open_predictor(choice.name, meta.scene, weights, camera=meta.camera)
-    with nullcontext(predictor) if answers is None else RememberedPredictor(predictor, answers) as asked:
+    named = choice.name, meta.scene
+    with nullcontext(predictor) if answers is None else RememberedPredictor(predictor, answers, named=named) as asked:
         built = build_map(
             joined.observations,
             predictor=asked,

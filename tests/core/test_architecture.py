@@ -49,6 +49,7 @@ FOUNDATION = (
     "plugins",
     "preprocessing",
     "protobuf_fields",
+    "sole_writer",
     "structured_text",
     "readable_text",
     "terminal_text",

@@ -16,6 +16,7 @@ from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
 from ltvn_core.network.training_data.shards import Shard, split_shards
 from ltvn_core.network.weights_file import load_weights, read_card, save_weights, weights_fingerprint
 from ltvn_core.simulation.scene_registry import scene_names
+from ltvn_core.sole_writer import sole_user
 from ltvn_core.systems.entry import TemporalLearning
 from ltvn_core.systems.registry import baseline_systems, system_entry
 from ltvn_core.training.held_out_scenes import VALIDATION_SCENES, training_data_summary
@@ -49,7 +50,8 @@ def train_baseline(options: BaselineVerb) -> Summary:
     data = _data(options)
     plan = _plan(options)
     work = options.work or options.data / options.baseline
-    result = train(data, plan, work, start=_start(options, work))
+    with sole_user(work):
+        result = train(data, plan, work, start=_start(options, work))
     learned = _learned(options, result.weights)
     card = _card(options, data, plan, result, learned)
     fingerprint = save_weights(load_weights(learned), options.output, asdict(card), added_to=_below(options))

@@ -1,22 +1,20 @@
 """`ltvn build`: makes a map from one recording, or from several of the same place."""
 
-import logging
 from dataclasses import dataclass
 from pathlib import Path
 
 from tqdm import tqdm
 
-from ltvn_core.atomic_files import require_new_path
 from ltvn_core.errors import OptionError
 from ltvn_core.findings import Finding, WithDoubts
 from ltvn_core.graph.connectivity import count_strongly_connected_components
 from ltvn_core.maps.joined_map import DriveReport
 from ltvn_core.maps.map_coverage import GoalReport
 from ltvn_core.maps.recorded_map import BuildOptions, build_recorded_map, save_recorded_map
+from ltvn_core.sole_writer import sole_writer
 from ltvn_core.verbs.build import BuildVerb
 from ltvn_core.verbs.verb import Summary
 
-log = logging.getLogger(__name__)
 _ANSWERS = ".unfinished"
 """Ending of the file beside the map that keeps the predictor's answers while the map is being built."""
 
@@ -55,7 +53,11 @@ def build_map(options: BuildVerb) -> Summary:
     """Build and save the map; raises RecordingError, MapError and WeightsError."""
     if not options.recordings:
         raise OptionError("Name at least one recording, such as: ltvn build drive.rrd --output map.rrd")
-    require_new_path(options.output)
+    with sole_writer(options.output):
+        return _built(options)
+
+
+def _built(options: BuildVerb) -> Summary:
     wanted = BuildOptions(
         preset=options.preset,
         system=options.system,
@@ -65,8 +67,6 @@ def build_map(options: BuildVerb) -> Summary:
         seed=options.seed,
     )
     answers = options.output.with_name(options.output.name + _ANSWERS)
-    if answers.exists():
-        log.warning("Going on with the interrupted build of %s. To begin anew, delete %s.", options.output, answers)
     with tqdm(desc="build", unit="image") as bar:
 
         def show(done: int, total: int) -> None:

@@ -7,6 +7,7 @@ from tqdm import tqdm
 from ltvn_core.data.recording.drive_part import parse_part
 from ltvn_core.network.optimization.fine_tuning_loop import FineTuningPlan, FineTuningProgress
 from ltvn_core.network.training_data.trajectory_pairs import OdometryLabelRule
+from ltvn_core.sole_writer import sole_user
 from ltvn_core.systems.registry import DEFAULT_SYSTEM, system_entry
 from ltvn_core.training.fine_tuning import FineTuningProvenance, fine_tune
 from ltvn_core.training.fine_tuning_data import SimulatedPairs, read_labelled_drive
@@ -22,7 +23,7 @@ def finetune_network(options: FinetuneVerb) -> Summary:
     """Fine-tune, evaluate and save; raises OptionError, RecordingError, DatasetError and WeightsError."""
     check_options(options)
     rule = OdometryLabelRule(horizon=options.horizon, gated=not options.literal)
-    with _ProgressBar() as bar:
+    with sole_user(options.output), _ProgressBar() as bar:
         found = fine_tune(
             read_labelled_drive(options.recording, rule, parse_part(options.part)),
             SimulatedPairs(options.data),

@@ -7,12 +7,18 @@ from ltvn_core.data.importing.import_options import ImportOptions, OdometrySourc
 from ltvn_core.data.importing.raw_frame import ReadOptions
 from ltvn_core.data.importing.reader_registry import open_drive
 from ltvn_core.data.importing.source_camera import read_camera_option
+from ltvn_core.sole_writer import sole_writer
 from ltvn_core.verbs.import_drive import ImportVerb
 from ltvn_core.verbs.verb import Summary
 
 
 def import_recording(options: ImportVerb) -> Summary:
     """Import the drive; raises DriveError, OptionError and RecordingError."""
+    with sole_writer(options.output):
+        return _imported(options)
+
+
+def _imported(options: ImportVerb) -> Summary:
     wanted = ImportOptions(
         odometry=OdometrySource(options.odometry_from),
         every_m=options.every_m,

@@ -17,6 +17,7 @@ from ltvn_core.network.optimization.training_loop import TrainingData, TrainingP
 from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS
 from ltvn_core.network.training_data.shards import Shard, dataset_shards, read_shard, split_shards
 from ltvn_core.network.weights_file import load_weights, save_weights
+from ltvn_core.sole_writer import sole_user
 from ltvn_core.training.held_out_scenes import (
     TEST_SCENES,
     VALIDATION_SCENES,
@@ -66,6 +67,11 @@ def train_network(options: TrainVerb) -> Summary:
     if options.evaluate:
         return _evaluate(options)
     output = _checked_output(options)
+    with sole_user(output), sole_user(options.work):
+        return _trained(options, output)
+
+
+def _trained(options: TrainVerb, output: Path) -> TrainSummary:
     plan = _plan(options)
     load = LoadTrainingData(options.data, images=_SHORT_DRIVE if _is_short(options) else _VALIDATION_DRIVE)
     result = train_distributed(load, plan, options.work, processes=_processes(options))

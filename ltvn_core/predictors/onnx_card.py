@@ -32,6 +32,7 @@ from pathlib import Path
 from typing import Any
 
 from ltvn_core.errors import WeightsError
+from ltvn_core.predictors.onnx_files import read_card_text
 from ltvn_core.structured_text import parse_toml
 
 _SECTIONS = {
@@ -99,11 +100,7 @@ class OnnxCard:
 def read_onnx_card(path: Path) -> OnnxCard:
     """Read and check a card. Raises WeightsError for an invalid one."""
     try:
-        tables = parse_toml(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise WeightsError(
-            f"{path}: cannot be read ({error.strerror}); name the .toml card of an ONNX model."
-        ) from error
+        tables = parse_toml(read_card_text(path))
     except ValueError as error:
         raise WeightsError(f"{path}: is not TOML ({error}); name an ONNX model by its .toml card.") from error
     try:
@@ -124,7 +121,7 @@ def _checked(tables: Mapping[str, Any], folder: Path) -> OnnxCard:
     if unknown:
         raise ValueError(f"unknown: {', '.join(unknown)}")
     name = tables.get("model")
-    if not isinstance(name, str) or Path(name).name != name:
+    if not isinstance(name, str) or Path(name).name != name or "\0" in name:
         raise ValueError("`model` must name an .onnx file beside the card")
     for text in _SECTIONS["inputs"] | _SECTIONS["outputs"]:
         if text != "context" and not isinstance(given.get(text, ""), str):

@@ -8,6 +8,7 @@ descriptor proposes pairs, which `geometric` verifies. The model's card describe
 import hashlib
 import math
 from collections.abc import Sequence
+from threading import Event, Timer
 
 import cv2
 import numpy as np
@@ -19,11 +20,16 @@ from ltvn_core.errors import WeightsError
 from ltvn_core.predictors.composed import ComposedPredictor
 from ltvn_core.predictors.geometric import GeometricPredictor
 from ltvn_core.predictors.onnx_card import OnnxCard, read_onnx_card
+from ltvn_core.predictors.onnx_files import model_contents
 from ltvn_core.predictors.request import PredictorRequest
 from ltvn_core.types import Features, Observation, Prediction, Predictor
 
 _AT_ONCE = 64
 """Number of pairs or images per call of the model."""
+_TRIAL_S = 60.0
+"""Time in which a model must answer one row when it is opened, in seconds."""
+_MOST_S = 600.0
+"""Time in which it must answer any call, in seconds."""
 _SHARPNESS = 5.0
 """Slope of the logistic function by which r falls from nearly 1 at distance 0 to 0.5 at `reachable_below`."""
 _SAME_PLACE_SLOPE = 20.0
@@ -47,8 +53,9 @@ def open_onnx(request: PredictorRequest) -> Predictor:
 class OnnxModel:
     """A model on the CPU, with the inputs and outputs of its card."""
 
-    def __init__(self, card: OnnxCard) -> None:
-        """Load the model. Raises WeightsError if it is missing, damaged, or has other inputs or outputs."""
+    def __init__(self, card: OnnxCard, *, most_s: float = _TRIAL_S) -> None:
+        """Load the model and try it. Raises WeightsError if it is missing, damaged, has other inputs or outputs, or
+        answers for no image within `most_s` seconds."""
         self.fingerprint = f"onnx-{_digest(card)}"
         options = onnxruntime.SessionOptions()
         options.log_severity_level = 4  # Errors are raised, so they need not be logged as well.
@@ -68,15 +75,37 @@ class OnnxModel:
                 f"{', '.join(inputs)} and {', '.join(self._outputs)}."
             )
         self._path = card.model
+        width, height = card.size
+        depth = {card.source: 3 * (card.context + 1)}
+        self.run({name: np.zeros((1, depth.get(name, 3), height, width), np.float32) for name in inputs}, most_s=most_s)
 
-    def run(self, inputs: dict[str, Array]) -> dict[str, Array]:
-        """Return the card's outputs for inputs of N rows each. Raises WeightsError if shapes do not fit."""
+    def run(self, inputs: dict[str, Array], *, most_s: float = _MOST_S) -> dict[str, Array]:
+        """Return the card's outputs for inputs of N rows each. Raises WeightsError if shapes do not fit, or if it takes
+        longer than `most_s` seconds."""
         count = len(next(iter(inputs.values())))
+        options = onnxruntime.RunOptions()
+        options.log_severity_level = 4
+        is_late = Event()
+
+        def end() -> None:
+            is_late.set()
+            options.terminate = True
+
+        timer = Timer(most_s, end)
+        timer.daemon = True
+        timer.start()
         try:
-            found = self._session.run(self._outputs, inputs)
+            found = self._session.run(self._outputs, inputs, options)
         except Exception as error:  # See above.
+            if is_late.is_set():
+                raise WeightsError(
+                    f"{self._path}: gives no answer for {count} rows within {most_s:g} s; if it has an endless loop, "
+                    "export it anew, otherwise use a smaller model."
+                ) from error
             shapes = ", ".join(f"{name} {each.shape}" for name, each in inputs.items())
             raise WeightsError(f"{self._path}: refuses {shapes} ({_first_line(error)}).") from error
+        finally:
+            timer.cancel()
         outputs = {name: np.asarray(each, np.float32) for name, each in zip(self._outputs, found, strict=True)}
         for name, each in outputs.items():
             if each.ndim == 0 or len(each) != count or not np.isfinite(each).all():
@@ -189,15 +218,13 @@ def _logistic(x: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _digest(card: OnnxCard) -> str:
-    """Return a hash of the model file and the other fields of its card."""
-    try:
-        model = card.model.read_bytes()
-    except OSError as error:
-        raise WeightsError(
-            f"{card.model}: cannot be read ({error.strerror}); the card names it as its model."
-        ) from error
+    """Return a hash of the model, the data beside it, and the other fields of its card."""
     said = repr({name: getattr(card, name) for name in card.__slots__ if name != "model"})
-    return hashlib.sha256(model + said.encode()).hexdigest()[:12]
+    model, *data = model_contents(card.model)
+    digest = hashlib.sha256(model)
+    for part in (said.encode(), *data):
+        digest.update(part)
+    return digest.hexdigest()[:12]
 
 
 def _first_line(error: Exception) -> str:

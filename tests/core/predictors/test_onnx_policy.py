@@ -1,24 +1,29 @@
 """Other people's models, from an ONNX file and a card."""
 
-from collections.abc import Callable
+import os
+import sys
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import onnx
 import pytest
+from onnx import TensorProto, helper, numpy_helper
 
 from ltvn_core.data.recording.reader import Recording
 from ltvn_core.errors import OptionError, WeightsError
 from ltvn_core.maps.topological_map import build_map
 from ltvn_core.predictors.composed import ComposedPredictor
-from ltvn_core.predictors.onnx_policy import OnnxPolicy
+from ltvn_core.predictors.onnx_card import read_onnx_card
+from ltvn_core.predictors.onnx_policy import OnnxModel, OnnxPolicy
 from ltvn_core.predictors.opening import open_predictor
 from ltvn_core.robots.robot_spec import LOCOBOT
 from ltvn_core.types import Observation
 from ltvn_core.verbs.jobs.plugins import list_or_test
 from ltvn_core.verbs.plugins import PluginsVerb
-from tests.core.predictors.onnx_models import CARD, STEPS_PER_COLOUR, descriptor_card, policy_card
+from tests.core.predictors.onnx_models import CARD, DESCRIPTOR_CARD, STEPS_PER_COLOUR, descriptor_card, policy_card
 
 pytest.importorskip("onnxruntime")
 
@@ -148,3 +153,104 @@ def test_weights_belong_to_predictors_alone(tmp_path: Path) -> None:
 
     with pytest.raises(OptionError, match="--weights belongs to a predictor"):
         list_or_test(options)
+
+
+def descriptor_with(folder: Path, nodes: Sequence[onnx.NodeProto], weights: onnx.TensorProto, card: str = "") -> Path:
+    """Write a place descriptor that makes its embedding of `mean`, the mean colours, and `weights`; return the card."""
+    mean = helper.make_node("ReduceMean", ["image"], ["mean"], axes=[2, 3], keepdims=0)
+    image = helper.make_tensor_value_info("image", TensorProto.FLOAT, ["N", 3, 6, 8])
+    code = helper.make_tensor_value_info("code", TensorProto.FLOAT, ["N", 3])
+    graph = helper.make_graph([mean, *nodes], "graph", [image], [code], [weights])
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
+    (folder / "descriptor.onnx").write_bytes(model.SerializeToString())
+    path = folder / "card.toml"
+    path.write_text(card or DESCRIPTOR_CARD, encoding="utf-8")
+    return path
+
+
+def weights_beside(location: str) -> onnx.TensorProto:
+    """Return weights of three numbers in a file beside the model."""
+    weights = TensorProto(name="weights", data_type=TensorProto.FLOAT, dims=[3], data_location=TensorProto.EXTERNAL)
+    for key, value in (("location", location), ("offset", "0"), ("length", "12")):
+        weights.external_data.add(key=key, value=value)
+    return weights
+
+
+def test_other_weights_beside_a_model_are_another_predictor(tmp_path: Path) -> None:
+    card = descriptor_with(
+        tmp_path, [helper.make_node("Mul", ["mean", "weights"], ["code"])], weights_beside("weights.bin")
+    )
+
+    def fingerprint(value: float) -> str:
+        (tmp_path / "weights.bin").write_bytes(np.full(3, value, np.float32).tobytes())
+        return open_predictor("onnx", weights=card).fingerprint
+
+    assert fingerprint(1.0) == fingerprint(1.0) != fingerprint(2.0)
+
+
+def test_weights_beside_a_model_count_inside_of_branches_too(tmp_path: Path) -> None:
+    code = helper.make_tensor_value_info("inner", TensorProto.FLOAT, ["N", 3])
+    node = helper.make_node("Mul", ["mean", "weights"], ["inner"])
+    branch = helper.make_graph([node], "branch", [], [code], [weights_beside("weights.bin")])
+    chosen = helper.make_node("If", ["is_so"], ["code"], then_branch=branch, else_branch=branch)
+    card = descriptor_with(tmp_path, [chosen], numpy_helper.from_array(np.array(True), "is_so"))
+    fingerprints = set[str]()
+    for value in (1.0, 2.0):
+        (tmp_path / "weights.bin").write_bytes(np.full(3, value, np.float32).tobytes())
+        fingerprints.add(open_predictor("onnx", weights=card).fingerprint)
+    assert len(fingerprints) == 2
+
+
+@pytest.mark.parametrize(
+    "location", ["../weights.bin", "/dev/zero", "folder/weights.bin", "..\\weights.bin", "", "a\0b"]
+)
+def test_weights_elsewhere_than_beside_the_model_are_refused(tmp_path: Path, location: str) -> None:
+    folder = tmp_path / "model"
+    folder.mkdir()
+    (tmp_path / "weights.bin").write_bytes(bytes(12))
+    card = descriptor_with(folder, [helper.make_node("Mul", ["mean", "weights"], ["code"])], weights_beside(location))
+
+    with pytest.raises(WeightsError, match="beside it"):
+        open_predictor("onnx", weights=card)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such files")
+@pytest.mark.parametrize("name", ["card.toml", "descriptor.onnx", "weights.bin"])
+@pytest.mark.parametrize("make", [os.mkfifo, lambda path: path.symlink_to("/dev/zero")], ids=["pipe", "device"])
+def test_pipes_and_devices_are_not_read(tmp_path: Path, name: str, make: Callable[[Path], None]) -> None:
+    card = descriptor_with(
+        tmp_path, [helper.make_node("Mul", ["mean", "weights"], ["code"])], weights_beside("weights.bin")
+    )
+    (tmp_path / "weights.bin").write_bytes(bytes(12))
+    (tmp_path / name).unlink()
+    make(tmp_path / name)
+
+    with pytest.raises(WeightsError, match="pipe or a device"):
+        open_predictor("onnx", weights=card)
+
+
+@pytest.mark.parametrize("name", ["a\\u0000.onnx", "x" * 300, "..", ""])
+def test_a_model_of_an_impossible_name_is_refused(tmp_path: Path, name: str) -> None:
+    card = descriptor_card(tmp_path)
+    card.write_text(DESCRIPTOR_CARD.replace("descriptor.onnx", name), encoding="utf-8")
+    with pytest.raises(WeightsError):
+        open_predictor("onnx", weights=card)
+
+
+def test_an_endless_loop_is_ended(tmp_path: Path) -> None:
+    kept = helper.make_tensor_value_info("kept", TensorProto.FLOAT, ["N", 3])
+    goes_on = helper.make_tensor_value_info("goes_on", TensorProto.BOOL, [])
+    round_ = helper.make_graph(
+        [helper.make_node("Identity", ["goes_on"], ["on"]), helper.make_node("Identity", ["kept"], ["next"])],
+        "round",
+        [helper.make_tensor_value_info("number", TensorProto.INT64, []), goes_on, kept],
+        [
+            helper.make_tensor_value_info("on", TensorProto.BOOL, []),
+            helper.make_tensor_value_info("next", TensorProto.FLOAT, ["N", 3]),
+        ],
+    )
+    loop = helper.make_node("Loop", ["trips", "", "mean"], ["code"], body=round_)
+    card = descriptor_with(tmp_path, [loop], numpy_helper.from_array(np.array(2**62, np.int64), "trips"))
+
+    with pytest.raises(WeightsError, match="endless"):
+        OnnxModel(read_onnx_card(card), most_s=0.2)

@@ -136,8 +136,11 @@ class BridgeSearch:
 
     def _recognised(self, frame: FrameId, others: Sequence[FrameId]) -> Bridge | None:
         asked = self._asked.setdefault(frame, set())
-        fresh = self._odometry_gate.may_be_near(frame, [other for other in others if other not in asked])
-        asked.update(fresh)
+        unasked = [other for other in others if other not in asked]
+        if not unasked:
+            return None
+        asked.update(unasked)  # Those that are too far away now will be as well in the next pass.
+        fresh = self._odometry_gate.may_be_near(frame, unasked)
         found = self._matcher.match(self._matcher.keyframes.features([frame]), fresh)
         found = found.take(self._odometry_gate.plausible(frame, found))
         found = self._loop_closures.connections(frame, found, self._thresholds)

@@ -7,7 +7,7 @@ a few votes (ours). Owns that vote; the matches come from the network.
 
 import math
 from bisect import bisect_right
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -25,8 +25,15 @@ _APART = 0.35
 """Least d between two images of a drive that are both compared."""
 _MOST_ASKED, _MOST_MET = 60, 300
 """Largest number of images of the later drive, and of the earlier one, that are compared, evenly spread."""
+_ASKED_EVERY, _MET_EVERY = 5, 3
+"""Number of images of which one is compared in a short drive, so that joining drives costs less than mapping them."""
+_LEAST_ASKED, _LEAST_MET = 20, 60
 _BEST = 3
-_MOST_MATCHES = 60
+_VOTE_EVERY = 4
+"""Number of images of the later drive after which the links found so far are counted."""
+_SURE = 6
+"""Number of images that must agree before the others are compared only with images that are near by their links."""
+_ENOUGH = 30
 _LEAST_AGREEING = 3
 """Least number of matches that must agree; fewer count as perceptual aliases."""
 
@@ -49,35 +56,91 @@ class DriveLinkSearch:
         return tuple(link for pair in combinations(drives.values(), 2) for link in self._between(*pair))
 
     def _between(self, earlier: Sequence[Observation], later: Sequence[Observation]) -> list[DriveLink]:
-        met = _spread(earlier, _MOST_MET)
-        asked = _spread(later, _MOST_ASKED)
+        """Return the links between two drives that agree.
+
+        The images of the later drive are compared in an order that covers it ever more densely. When many agree on the
+        transform, the others are compared only with the images that are near by it.
+        """
+        gate = OdometryGate([*earlier, *later], self.config, drive_starts=self.drive_starts)
+        met = _spread(earlier, min(_MOST_MET, max(len(earlier) // _MET_EVERY, _LEAST_MET)))
+        asked = _spread(later, min(_MOST_ASKED, max(len(later) // _ASKED_EVERY, _LEAST_ASKED)))
         search = self.matcher, self.loop_closures, self.config
-        found = [link for frame in asked for link in surest_links(frame, met, *search)]
-        rows = np.unique(np.linspace(0, len(found) - 1, min(len(found), _MOST_MATCHES)).astype(int)).tolist()
-        left = [found[row] for row in rows]
-        agreed = list[DriveLink]()
+        links = _Votes(gate)
+        for number, frame in enumerate(_ever_denser(asked)):
+            if number and number % _VOTE_EVERY == 0:
+                links.vote(least=_SURE)
+            if links.gate.knows(frame, met[0]):
+                if links.are_enough:
+                    continue
+                links.add(surest_links(frame, links.gate.may_be_near(frame, met), *search, best=1))
+            else:
+                links.add(surest_links(frame, met, *search))
+        links.vote(least=min(_LEAST_AGREEING, len(asked)))
+        return links.agreed
+
+
+class _Votes:
+    """The links between two drives that were found so far, and those of them that agree."""
+
+    def __init__(self, gate: OdometryGate) -> None:
+        """Judge by the odometry of both drives."""
+        self.agreed: list[DriveLink] = []
+        self.gate = gate
+        self._found: list[DriveLink] = []
+        self._alone: list[OdometryGate] = []
+        """For each link the gate with this link only."""
+        self._supporters: list[set[int]] = []
+        """For each link the numbers of the links that agree with it, itself included."""
+
+    @property
+    def are_enough(self) -> bool:
+        """Whether more links would hardly tell more."""
+        return len(self.agreed) >= _ENOUGH
+
+    def add(self, links: Sequence[DriveLink]) -> None:
+        """Add links that were found."""
+        for link in links:
+            number = len(self._found)
+            self._found.append(link)
+            self._alone.append(self.gate.linked([link]))
+            self._supporters.append({k for k, other in enumerate(self._found) if _allows(self._alone[-1], other)})
+            for k in range(number):
+                if _allows(self._alone[k], link):
+                    self._supporters[k].add(number)
+
+    def vote(self, *, least: int) -> None:
+        """Find the links that agree: again and again the most of those left, if they are of `least` images."""
+        agreed = list[int]()
+        left = set(range(len(self._found)))
+        along = sorted(left, key=lambda number: self._found[number].frame)
         while left:
-            supporters = [self._agreeing(link, left) for link in left]
-            best = max(supporters, key=len)
-            if len({link.frame for link in best}) < min(_LEAST_AGREEING, len(asked)):
+            best = max((self._supporters[number] & left for number in along if number in left), key=len)
+            if len({self._found[number].frame for number in best}) < least:
                 break
-            agreed += best
+            agreed += [number for number in along if number in best]
             # Where odometry jumps within a drive, the images after the jump may be linked as well.
-            gate = self._gate(agreed)
-            left = [link for link in left if link not in best and not gate.knows(link.frame, link.other)]
-        return agreed
+            gate = self.gate.linked([self._found[number] for number in agreed])
+            left -= best
+            left = {n for n in left if not gate.knows(self._found[n].frame, self._found[n].other)}
+        self.agreed = [self._found[number] for number in agreed]
+        self.gate = self.gate.linked(self.agreed)
 
-    def _agreeing(self, link: DriveLink, others: Sequence[DriveLink]) -> list[DriveLink]:
-        """Return the links that agree with this one, itself included."""
-        gate = self._gate([link])
-        return [
-            other
-            for other in others
-            if gate.plausible(other.frame, Matches.of_one(other.other, 1.0, other.waypoint)).all()
-        ]
 
-    def _gate(self, links: Sequence[DriveLink]) -> OdometryGate:
-        return OdometryGate(self.observations, self.config, drive_starts=self.drive_starts, links=links)
+def _allows(gate: OdometryGate, link: DriveLink) -> bool:
+    return bool(gate.plausible(link.frame, Matches.of_one(link.other, 1.0, link.waypoint)).all())
+
+
+def _ever_denser(frames: Sequence[FrameId]) -> Iterator[FrameId]:
+    """Yield all frames, first few that are evenly spread, then those between them."""
+    yielded = set[FrameId]()
+    step = len(frames)
+    while step:
+        for frame in frames[step // 2 :: step]:
+            if frame not in yielded:
+                yielded.add(frame)
+                yield frame
+        step //= 2
+    yield from (frame for frame in frames if frame not in yielded)
 
 
 def surest_links(
@@ -88,6 +151,7 @@ def surest_links(
     config: BuildingConfig,
     *,
     gate: OdometryGate | None = None,
+    best: int = _BEST,
 ) -> list[DriveLink]:
     """Return the best matches of an image that may become edges, verified along both stretches of driving.
 
@@ -98,7 +162,7 @@ def surest_links(
     found = found.take(connectable(found, thresholds))
     if gate is not None:
         found = found.take(gate.plausible(frame, found))
-    found = found.take(np.argsort(-found.reachability, kind="stable")[:_BEST])
+    found = found.take(np.argsort(-found.reachability, kind="stable")[:best])
     found = loop_closures.connections(frame, found, thresholds)
     return [DriveLink(frame, other, waypoint) for other, waypoint in zip(found.nodes, found.waypoints, strict=True)]
 

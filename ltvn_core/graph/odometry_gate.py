@@ -6,8 +6,10 @@ after a restart, and between two drives, relative poses are known only through l
 odometry of the other (`maps.joined_drives`). A drive whose odometry never moves counts as a drive without odometry.
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,12 +78,19 @@ class OdometryGate:
         self._segment = np.concatenate([[0], np.cumsum(breaks)])
         self._ways = _ShortestWays(self._path_m, [(self._row[each.frame], self._row[each.other]) for each in closures])
         self._separates = links is not None
-        self._links = [(self._row[each.frame], self._row[each.other], each.waypoint) for each in links or ()]
+        self._links = _Links.of(links or (), self._row)
         stamps_s = np.array([seen.stamp for seen in ordered])
         self._pauses = np.abs(np.diff(stamps_s)) > PAUSE_S
         begun = np.searchsorted(frames, sorted(resumed))
         self._pauses[begun[(begun > 0) & (begun < len(frames))] - 1] = False
         self._config = config
+
+    def linked(self, links: Sequence[DriveLink]) -> Self:
+        """Return the gate of the same images with other links."""
+        gate = copy(self)
+        gate._links = _Links.of(links, self._row)
+        gate._separates = True
+        return gate
 
     def may_be_near(self, frame: FrameId, nodes: Sequence[NodeId]) -> tuple[NodeId, ...]:
         """Return the nodes that could be within D_c or D_m of a frame, all of them if odometry is not used."""
@@ -158,16 +167,21 @@ class OdometryGate:
         same = self._segment[there] == self._segment[here]
         apart = self._separates & (self._drive[there] != self._drive[here]) & self._moves[there] & self._moves[here]
         path_m = np.where(same, self._ways.between(here, there), np.where(apart, -np.inf, np.inf))
-        for first, second, waypoint in self._links:
-            for near, far, step in ((first, second, waypoint), (second, first, invert(waypoint))):
-                if self._segment[near] != self._segment[here]:
-                    continue
-                length = self._ways.between(here, np.array([near])) + self._ways.between(far, there)
-                linked = ~same & (self._segment[there] == self._segment[far])
-                linked &= (length < path_m) | np.isneginf(path_m)
-                onward = relative(self._poses[far], self._poses[there[linked]])
-                to_far = compose(relative(self._poses[here], self._poses[near]), step)
-                driven[linked], path_m[linked] = compose(to_far, onward), length[linked]
+        from_here = np.flatnonzero(self._segment[self._links.near] == self._segment[here])
+        if not len(from_here) or same.all():
+            return driven, path_m
+        near = self._links.near[from_here]
+        far = self._links.far[from_here]
+        other = np.flatnonzero(~same)
+        lengths = self._ways.between(here, near)[:, None] + self._ways.between_all(far, there[other])
+        lengths[self._segment[far][:, None] != self._segment[there[other]]] = np.inf
+        best = lengths.argmin(axis=0)
+        linked = np.isfinite(lengths[best, np.arange(len(other))])
+        best = best[linked]
+        other = other[linked]
+        to_far = compose(relative(self._poses[here], self._poses[near]), self._links.steps[from_here])
+        driven[other] = compose(to_far[best], relative(self._poses[far[best]], self._poses[there[other]]))
+        path_m[other] = lengths[best, np.flatnonzero(linked)]
         return driven, path_m
 
     def _allowance_m(self, path_m: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -176,6 +190,28 @@ class OdometryGate:
     @staticmethod
     def _allowance_rad(path_m: NDArray[np.float64]) -> NDArray[np.float64]:
         return _SLACK_RAD + _DRIFT_RAD_PER_M * path_m
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Links:
+    """Links in both directions, L of them."""
+
+    near: NDArray[np.intp]
+    """(L,) rows of the images at which links begin."""
+    far: NDArray[np.intp]
+    """(L,) rows of the images at which they end."""
+    steps: Waypoint
+    """(L, 3) poses of the second images in the frames of the first."""
+
+    @classmethod
+    def of(cls, links: Sequence[DriveLink], rows: Mapping[FrameId, int]) -> Self:
+        ends = np.array([(rows[link.frame], rows[link.other]) for link in links], np.intp).reshape(-1, 2)
+        steps = np.array([link.waypoint for link in links], np.float64).reshape(-1, 3)
+        return cls(
+            np.concatenate([ends[:, 0], ends[:, 1]]),
+            np.concatenate([ends[:, 1], ends[:, 0]]),
+            np.concatenate([steps, invert(steps)]),
+        )
 
 
 class _ShortestWays:
@@ -198,13 +234,17 @@ class _ShortestWays:
 
     def between(self, here: int, there: NDArray[np.intp]) -> NDArray[np.float64]:
         """Return the lengths (M,) of the shortest paths from one row to others, in metres."""
-        shortest = np.abs(self._path_m[there] - self._path_m[here])
+        return self.between_all(np.array([here]), there)[0]
+
+    def between_all(self, here: NDArray[np.intp], there: NDArray[np.intp]) -> NDArray[np.float64]:
+        """Return the lengths (L, M) of the shortest paths from rows (L,) to others (M,), in metres."""
+        shortest = np.abs(self._path_m[there] - self._path_m[here][:, None])
         if not len(self._ends):
             return shortest
-        for own, to_m in self._beside(np.array([here])):
-            onward = self._ways_from(int(own[0]))
+        for own, to_m in self._beside(here):
+            onward = np.stack([self._ways_from(int(end)) for end in own])
             for far, from_m in self._beside(there):
-                shortest = np.minimum(shortest, to_m[0] + onward[far] + from_m)
+                shortest = np.minimum(shortest, to_m[:, None] + onward[:, far] + from_m)
         return shortest
 
     def _ways_from(self, end: int) -> NDArray[np.float32]:

@@ -19,18 +19,19 @@ from scipy.spatial import KDTree
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.cameras.depth_points import obstacle_points, transform_points
 from ltvn_core.findings import Finding
-from ltvn_core.geometry import compose, distance, invert, relative
+from ltvn_core.geometry import agree, compose, distance, invert, relative
 from ltvn_core.graph.deltas import Cause, DriveBegun, PresenceObserved
 from ltvn_core.graph.keyframes import KeyframeStore
 from ltvn_core.graph.loop_closures import LoopClosureVerifier
 from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.navigation_system import NavigationSystem
-from ltvn_core.graph.operators import OperatorThresholds
+from ltvn_core.graph.operators import OperatorThresholds, connectable
 from ltvn_core.graph.presence.obstruction import Obstruction, distances_to_way, edges_obstructed, nearby_poses
 from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.maps.drive_alignment import drive_movements, moved_graph, moved_keyframes
 from ltvn_core.maps.joined_drives import JoinedDrive
-from ltvn_core.types import NodeId, Observation, Pose, Predictor, Waypoint
+from ltvn_core.maps.map_coverage import evenly
+from ltvn_core.types import Features, NodeId, Observation, Pose, Predictor, Waypoint
 
 _FEW_RECOGNISED = 0.1
 """Share of recognised images below which a drive is joined to the map by too little."""
@@ -48,6 +49,12 @@ _ASK_EVERY = 0.35
 """Least d between two images of a drive that are both compared with the map."""
 _DRIVEN_ON = 2.5
 """Greatest d over which odometry locates an image after another that was recognised."""
+_MOST_LOOKS = 40
+"""Largest number of images of a drive that are compared with all nodes while its place is not known."""
+_NEAR_NODES = 6
+"""Number of nodes that an image of a known place is compared with, the nearest ones."""
+_DRIFT = (0.8, 0.6)
+"""Largest error of odometry over `_DRIVEN_ON` together with that of a waypoint, in m and rad."""
 _LEAST_LOOKS = 2
 """Least number of images that must agree that an edge is blocked."""
 _ON_WAY_M = 0.25
@@ -194,27 +201,37 @@ class _Contradictions:
     system: NavigationSystem
 
     def compare(self, observations: Sequence[Observation], drive: JoinedDrive) -> _Comparison:
-        """Compare the images of a drive, in order, with the nodes of those before; linear in both."""
+        """Compare the images of a drive, in order, with the nodes of those before.
+
+        After a recognised image, the next ones are compared only with the nodes near it. Where the place is not known,
+        a limited number of images is compared with all nodes.
+        """
         earlier = [node for node in self.graph.nodes if node < drive.first]
-        asked = _spread(observations) if earlier else []
+        images = _spread(observations) if earlier else []
+        looks = {seen.step for seen in evenly(images, _MOST_LOOKS)}
+        asked = 0
         blocked = Counter[EdgeKey]()
         passed = set[EdgeKey]()
         stamp = 0.0
         recognised = 0
         last: tuple[_Place, Observation] | None = None
-        for seen in asked:
-            place = self._place(seen, earlier)
+        for seen in images:
+            driven = None if last is None else _driven_on(*last, seen)
+            if driven is None and seen.step not in looks:
+                continue
+            asked += 1
+            place = self._place(seen, earlier) if driven is None else self._near_place(seen, driven, drive.first)
             if place is not None:
                 recognised += 1
                 last = place, seen
-            elif last is not None:
-                place = _driven_on(*last, seen)
-            if place is None:
+            elif driven is not None:
+                place = driven
+            else:
                 continue
             stamp = seen.stamp + drive.world_offset_s
             blocked.update(self._blocked(seen, place, drive.first))
             passed |= self._passed(place, drive.first)
-        return _Comparison(len(asked), recognised, tuple(self._observed(blocked, passed, stamp)))
+        return _Comparison(asked, recognised, tuple(self._observed(blocked, passed, stamp)))
 
     def _observed(self, blocked: Counter[EdgeKey], passed: set[EdgeKey], stamp: float) -> Iterator[PresenceObserved]:
         for key, looks in blocked.items():
@@ -227,8 +244,8 @@ class _Contradictions:
     def _place(self, seen: Observation, earlier: Sequence[NodeId]) -> _Place | None:
         """Return where an image was taken, judged by the image and those near it in time; None if unsure."""
         held = seen.step in self.keyframes
-        features = self.keyframes.features([seen.step]) if held else self.predictor.encode([seen])
-        matcher = Matcher(self.predictor, self.keyframes, self.system.method.matching)
+        features = self._features(seen)
+        matcher = self._matcher
         found = matcher.match(features, earlier)
         thresholds = OperatorThresholds.building(self.system.method.building)
         found = found.take(np.argsort(-found.reachability, kind="stable")[:3])
@@ -241,6 +258,27 @@ class _Contradictions:
             return None
         best = int(found.distances.argmin())
         return _Place(found.nodes[best], invert(found.waypoints[best]))
+
+    def _near_place(self, seen: Observation, driven: _Place, first: int) -> _Place | None:
+        """Return where an image was taken by the images near the place to which odometry leads since the last
+        recognised one; None if none of them confirms it."""
+        poses = {node: pose for node, pose in nearby_poses(self.graph, driven.node).items() if node < first}
+        nodes = sorted(poses, key=lambda node: float(distance(relative(driven.pose, poses[node]))))[:_NEAR_NODES]
+        found = self._matcher.match(self._features(seen), nodes)
+        found = found.take(connectable(found, OperatorThresholds.building(self.system.method.building)))
+        expected = relative(driven.pose, np.array([poses[node] for node in found.nodes]).reshape(-1, 3))
+        found = found.take(agree(expected, found.waypoints, _DRIFT))
+        if not len(found):
+            return None
+        best = int(found.distances.argmin())
+        return _Place(found.nodes[best], invert(found.waypoints[best]))
+
+    def _features(self, seen: Observation) -> Features:
+        return self.keyframes.features([seen.step]) if seen.step in self.keyframes else self.predictor.encode([seen])
+
+    @property
+    def _matcher(self) -> Matcher:
+        return Matcher(self.predictor, self.keyframes, self.system.method.matching)
 
     def _blocked(self, seen: Observation, place: _Place, first: int) -> list[EdgeKey]:
         camera = self.predictor.camera

@@ -7,7 +7,7 @@ localised as a robot localises them, so that problems are known before a robot f
 from collections.abc import Callable, Mapping, Sequence
 from enum import StrEnum
 from itertools import groupby
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 import rustworkx
@@ -21,6 +21,8 @@ from ltvn_core.graph.matching import Matcher
 from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.graph.topological_graph import TopologicalGraph
 from ltvn_core.types import FrameId, NodeId, Observation, Predictor, is_usable
+
+Item = TypeVar("Item")
 
 ASKED = 40
 """Largest number of images without a node that are localised, evenly spaced."""
@@ -80,10 +82,10 @@ def map_coverage(
     )
 
 
-def evenly(frames: Sequence[FrameId], most: int) -> list[FrameId]:
-    """Return an evenly spread selection of some frames in order, limited in number."""
-    places = np.unique(np.linspace(0, len(frames) - 1, min(len(frames), most)).astype(int))
-    return [frames[place] for place in places.tolist()]
+def evenly(items: Sequence[Item], most: int) -> list[Item]:
+    """Return an evenly spread selection of some items in order, limited in number."""
+    places = np.unique(np.linspace(0, len(items) - 1, min(len(items), most)).astype(int))
+    return [items[place] for place in places.tolist()]
 
 
 def _known(

@@ -208,3 +208,23 @@ def test_images_of_another_drive_are_no_neighbours_in_time_though_odometry_agree
     assert max(keyframes.temporal_window(seen[9].step, 4)) < seen[10].step
     assert min(keyframes.temporal_window(seen[10].step, 4)) > seen[10].step
     assert keyframes.temporal_neighbours(seen[9].step, 1.0) == (seen[8].step,)
+
+
+def moved_far(seen: Iterable[Observation]) -> Iterable[Observation]:
+    """Return the same drive at another place, where nothing is recognised."""
+    return (replace(each, exact_pose=compose(np.array([50.0, 0, 0]), each.odometry)) for each in seen)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("second", [lambda: tour(BACK), lambda: moved_far(tour(BACK))], ids=["meet", "never meet"])
+def test_joining_drives_asks_at_most_half_as_much_again_as_mapping_them(
+    tmp_path: Path, second: Callable[[], Iterable[Observation]]
+) -> None:
+    drives = [recorded(tmp_path / "monday.rrd", tour(ROUND)), recorded(tmp_path / "tuesday.rrd", second(), elsewhere)]
+
+    def questions(*recordings: Recording) -> int:
+        predictor = FlatPredictor(one_room())
+        mapped(join_drives(recordings), predictor)
+        return predictor.compared
+
+    assert questions(*drives) <= 1.5 * sum(questions(drive) for drive in drives)

@@ -9,7 +9,7 @@ drives shows a solid point there; `graph.presence.obstruction` finds the edges t
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -31,7 +31,7 @@ from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.maps.drive_alignment import drive_movements, moved_graph, moved_keyframes
 from ltvn_core.maps.joined_drives import JoinedDrive
 from ltvn_core.maps.map_coverage import evenly
-from ltvn_core.types import Features, NodeId, Observation, Pose, Predictor, Waypoint
+from ltvn_core.types import Features, FrameId, NodeId, Observation, Pose, Predictor, Waypoint
 
 _FEW_RECOGNISED = 0.1
 """Share of recognised images below which a drive is joined to the map by too little."""
@@ -199,6 +199,8 @@ class _Contradictions:
     keyframes: KeyframeStore
     predictor: Predictor
     system: NavigationSystem
+    points: dict[FrameId, NDArray[np.float64]] = field(default_factory=dict[FrameId, NDArray[np.float64]])
+    """Solid points of images of earlier drives."""
 
     def compare(self, observations: Sequence[Observation], drive: JoinedDrive) -> _Comparison:
         """Compare the images of a drive, in order, with the nodes of those before.
@@ -298,11 +300,17 @@ class _Contradictions:
         poses = {node: pose for node, pose in nearby_poses(self.graph, place.node).items() if node < first}
         nearest = sorted(poses, key=lambda node: float(np.hypot(*(poses[node] - place.pose)[:2])))[:_NODES]
         points = [
-            transform_points(obstacle_points(image.depth, camera, 2 * _RANGE_M), compose(poses[node], pose))
+            transform_points(self._solid(image, camera), compose(poses[node], pose))
             for node in nearest
             for image, pose in self._around(node)
         ]
         return _thinned(np.concatenate(points)) if points else np.empty((0, 2))
+
+    def _solid(self, image: Observation, camera: CameraModel) -> NDArray[np.float64]:
+        """Return the solid points (M, 2) of an image of an earlier drive, which many images of later ones ask for."""
+        if image.step not in self.points:
+            self.points[image.step] = obstacle_points(image.depth, camera, 2 * _RANGE_M)
+        return self.points[image.step]
 
     def _around(self, node: NodeId) -> Iterator[tuple[Observation, Pose]]:
         here = self.keyframes.observation(node).odometry

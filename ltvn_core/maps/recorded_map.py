@@ -53,11 +53,11 @@ class RecordedMap(NamedTuple):
 
 
 def build_recorded_map(
-    paths: Path | Sequence[Path],
+    paths: Path | str | Sequence[Path | str],
     options: BuildOptions,
     progress: ProgressCallback = lambda _done, _total: None,
     *,
-    answers: Path | None = None,
+    answers: Path | str | None = None,
 ) -> RecordedMap:
     """Build a map from the images of one recording, or of several drives of one place.
 
@@ -66,7 +66,7 @@ def build_recorded_map(
 
     Raises RecordingError, MapError, OptionError and WeightsError.
     """
-    recordings = [Recording.open(path) for path in ([paths] if isinstance(paths, Path) else paths)]
+    recordings = [Recording.open(path) for path in ([paths] if isinstance(paths, Path | str) else paths)]
     meta = recordings[0].meta
     choice = ImageSource.of(meta).choose_anew(options.predictor)
     joined = join_drives(recordings)
@@ -76,7 +76,11 @@ def build_recorded_map(
     weights = entry.weights_for(choice.name, options.weights)
     predictor = open_predictor(choice.name, meta.scene, weights, camera=meta.camera)
     named = choice.name, meta.scene
-    with nullcontext(predictor) if answers is None else RememberedPredictor(predictor, answers, named=named) as asked:
+    with (
+        nullcontext(predictor)
+        if answers is None
+        else RememberedPredictor(predictor, Path(answers), named=named) as asked
+    ):
         built = build_map(
             joined.observations,
             predictor=asked,
@@ -94,6 +98,6 @@ def build_recorded_map(
     return RecordedMap(built, choice, joined.observations)
 
 
-def save_recorded_map(built: TopologicalMap, output: Path, options: BuildOptions) -> None:
+def save_recorded_map(built: TopologicalMap, output: Path | str, options: BuildOptions) -> None:
     """Write a map to a new file, with how it was built. Raises MapError and RecordingError."""
     built.save(output, config={"verb": "build", "preset": options.preset, "seed": options.seed})

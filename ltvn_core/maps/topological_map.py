@@ -33,7 +33,7 @@ from ltvn_core.navigation.action_performer import ActionPerformer
 from ltvn_core.navigation.bystanders import Bystanders
 from ltvn_core.navigation.navigator import Navigator
 from ltvn_core.predictors.choice import AUTO, ImageSource
-from ltvn_core.predictors.opening import NETWORK, open_method, open_predictor
+from ltvn_core.predictors.opening import NETWORK, open_method, open_predictor, opened_name
 from ltvn_core.predictors.request import predictor_card
 from ltvn_core.preprocessing import recorded_observation
 from ltvn_core.robots.robot import Robot
@@ -137,7 +137,7 @@ class TopologicalMap(WithDoubts):
         *,
         preset: str = "robust",
         predictor: str = AUTO,
-        weights: Path | None = None,
+        weights: Path | str | None = None,
         with_reserve: bool = True,
     ) -> Self:
         """Return a map of a file, with the predictor that made it and the system that built it.
@@ -160,7 +160,9 @@ class TopologicalMap(WithDoubts):
         meta = loaded.meta
         entry = recorded_system(meta.config)
         name = ImageSource.of(meta).choose(predictor).name
-        opened = open_predictor(name, meta.scene, entry.weights_for(name, weights), camera=meta.camera)
+        opened = open_predictor(
+            name, meta.scene, entry.weights_for(name, None if weights is None else Path(weights)), camera=meta.camera
+        )
         known = cls.take(loaded, opened, entry.factory(open_method(preset, opened)), with_reserve=with_reserve)
         return replace(known, predictor_name=name)
 
@@ -247,7 +249,9 @@ class TopologicalMap(WithDoubts):
         """Return a report on each goal: whether paths lead there from most of the map."""
         return goal_reports(self.graph, goals, self.keyframes, self.predictor, self.system)
 
-    def save(self, path: Path | str, *, config: Mapping[str, Any] | None = None, origin: Path | None = None) -> None:
+    def save(
+        self, path: Path | str, *, config: Mapping[str, Any] | None = None, origin: Path | str | None = None
+    ) -> None:
         """Write the map to a new file, which appears only when it is complete.
 
         Args:
@@ -270,11 +274,11 @@ class TopologicalMap(WithDoubts):
             config={
                 "system": self.system.name,
                 "method": asdict(self.system.method),
-                **({"predictor": self.predictor_name} if self.predictor_name else {}),
+                **({"predictor": named} if (named := self.predictor_name or opened_name(self.predictor)) else {}),
                 **({"drives": [asdict(each) for each in self.drives]} if self.drives else {}),
                 **(config or {}),
             },
-            origin=origin,
+            origin=None if origin is None else Path(origin),
         )
 
     def navigator(
@@ -329,7 +333,8 @@ def build_map(
         observations: RGB-D images with odometry, in any order; each has its own `step`, which names its node.
             Odometry does not relate images of different drives, unless one drive continues another, see `drives`.
         predictor: The predictor that compares images; None loads the shipped network.
-        predictor_name: Name by which the predictor can be opened again, to be saved with the map.
+        predictor_name: Name by which the predictor can be opened again, to be saved with the map; empty for the one by
+            which `open_predictor` opened it.
         system: Strategies and thresholds; None is the paper's system with the `robust` preset.
         scene: Name of the place where the images were taken, to be saved with the map.
         camera: The camera of the images, `Recording.meta.camera`; the images are rectified to the predictor's camera.

@@ -233,7 +233,7 @@ class NetworkPredictor:
             raise ValueError(f"{len(sources)} sources cannot be paired with {len(targets)} targets one to one.")
 
 
-def load_predictor(path: Path | None = None, *, prefilter_from: int | None = PREFILTER_FROM) -> NetworkPredictor:
+def load_predictor(path: Path | str | None = None, *, prefilter_from: int | None = PREFILTER_FROM) -> NetworkPredictor:
     """Open a trained network as a predictor.
 
     Args:
@@ -244,7 +244,7 @@ def load_predictor(path: Path | None = None, *, prefilter_from: int | None = PRE
     Raises:
         WeightsError: The file is missing, damaged or not ours.
     """
-    path = path or SHIPPED_WEIGHTS
+    path = Path(path or SHIPPED_WEIGHTS)
     network = load_weights(path)
     retain_freed_memory()
     limit_threads()

@@ -6,9 +6,12 @@ default predictor is in `ltvn_core.predictors.choice`.
 """
 
 import logging
+from contextlib import suppress
 from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
 from typing import cast
+from weakref import ref
 
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.config import PAPER, Likelihoods, Method, preset
@@ -26,6 +29,9 @@ NETWORK = "network"
 GEOMETRIC = "geometric"
 COMPOSED = "composed"
 ORACLE = "oracle"
+
+_names: dict[int, tuple["ref[Predictor]", str]] = {}
+"""The names by which the predictors that are in memory were opened, by their identity."""
 
 OWN_PREDICTORS = (NETWORK, GEOMETRIC, ORACLE)
 """Predictors of this package, which come first in lists."""
@@ -71,6 +77,8 @@ def open_plugin(plugin: Plugin, request: PredictorRequest) -> Predictor:
             f"{plugin.title} could not be opened ({type(error).__name__}: {error}); {plugin.remedy}."
         ) from error
     check_predictor(made, plugin)
+    with suppress(TypeError):  # An object without weak references keeps no name.
+        _names[id(made)] = ref(made, partial(_forget, id(made))), plugin.name
     return made
 
 
@@ -97,7 +105,11 @@ def simulated_robot(predictor: str) -> RobotSpec:
 
 
 def open_predictor(
-    name: str = NETWORK, scene_name: str = "", weights: Path | None = None, *, camera: CameraModel = LOCOBOT.camera
+    name: str = NETWORK,
+    scene_name: str = "",
+    weights: Path | str | None = None,
+    *,
+    camera: CameraModel = LOCOBOT.camera,
 ) -> Predictor:
     """Return the predictor with a name.
 
@@ -115,7 +127,18 @@ def open_predictor(
         MissingLibraryError: A library that it needs is not installed.
         SceneError: The oracle is asked about a scene that is not simulated.
     """
-    return open_plugin(require_predictor(name), PredictorRequest(scene_name, weights, _at_most_original_size(camera)))
+    path = None if weights is None else Path(weights)
+    return open_plugin(require_predictor(name), PredictorRequest(scene_name, path, _at_most_original_size(camera)))
+
+
+def _forget(key: int, _: "ref[Predictor]") -> None:
+    _names.pop(key, None)
+
+
+def opened_name(predictor: Predictor) -> str:
+    """Return the name by which a predictor was opened; empty if it was made in another way."""
+    known, name = _names.get(id(predictor), (None, ""))
+    return name if known is not None and known() is predictor else ""
 
 
 def _at_most_original_size(camera: CameraModel) -> CameraModel:

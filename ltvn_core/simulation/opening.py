@@ -4,6 +4,7 @@ Owns the choice of the robot's start. Runs no loop.
 """
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -47,7 +48,7 @@ def open_script(name: str, scene_name: str, *, seed: int) -> "WorldScript":
 
 
 def open_simulation(
-    scene_name: str,
+    scene_name: str | Path,
     *,
     seed: int,
     first_step: FrameId = 0,
@@ -81,7 +82,7 @@ def open_simulation(
     from ltvn_core.simulation.rendering.renderer_selection import open_renderer
     from ltvn_core.simulation.scene_registry import load_scene
 
-    scene = load_scene(scene_name)
+    scene = load_scene(str(scene_name))
     world = World(scene, script or STATIC)
     rng = np.random.default_rng(seed)
     place = world.scene.clearance.sample_poses(rng, 1, min_clearance_m=START_CLEARANCE_M)[0] if start is None else start

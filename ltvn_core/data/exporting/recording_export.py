@@ -106,7 +106,7 @@ _MAPS: dict[ExportFormat, Callable[[PlacedMap, Path], None]] = {
 
 def export_recording(
     recording: Recording,
-    output: Path,
+    output: Path | str,
     to: ExportFormat,
     *,
     from_s: float | None = None,
@@ -120,6 +120,7 @@ def export_recording(
     Raises RecordingError where `output` exists or cannot be written, MapError if there is no map, and
     MissingLibraryError where a library is missing.
     """
+    output = Path(output)
     if to.is_map:
         placed = placed_map(recording)
         if frame is not None:

@@ -142,7 +142,7 @@ def _has_moved(before: NDArray[np.uint8], now: NDArray[np.uint8]) -> bool:
 
 def import_drive(
     reader: DriveReader,
-    output: Path,
+    output: Path | str,
     options: ImportOptions = ImportOptions(),  # noqa: B008
     progress: Progress = lambda _done, _total: None,
 ) -> ImportSummary:
@@ -150,6 +150,7 @@ def import_drive(
 
     Raises DriveError where nothing of the drive can be used, RecordingError where `output` exists or cannot be written.
     """
+    output = Path(output)
     with atomic_output(output) as part:
         return _DriveImport(reader, options, progress).write(part, output)
 

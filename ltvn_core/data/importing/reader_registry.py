@@ -31,12 +31,13 @@ def reader_names() -> tuple[str, ...]:
     return tuple(_readers())
 
 
-def open_drive(path: Path, name: str = AUTO, options: ReadOptions | None = None) -> DriveReader:
+def open_drive(path: Path | str, name: str = AUTO, options: ReadOptions | None = None) -> DriveReader:
     """Open a drive with the reader of that name, or the first one that recognises it.
 
     Raises DriveError if there is no such file or no reader recognises it, PluginError and MissingLibraryError where the
     reader cannot be loaded.
     """
+    path = Path(path)
     if not path.exists():
         raise DriveError(f"There is no file or folder {path}.")
     reader = _recognised(path) if name == AUTO else _named(name)

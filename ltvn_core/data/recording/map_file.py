@@ -88,7 +88,7 @@ def check_fingerprint(meta: RecordingMetadata, fingerprint: str) -> None:
         named = meta.config.get("predictor")
         by = "" if named is None else f" by the predictor {named}"
         remedy = (
-            "Use the old weights"
+            "Open it with the predictor and the weights that made it, TopologicalMap.load(path, predictor)"
             if named is None
             else f"Name it with --predictor {named} and its weights; if it is already in use, its version differs"
         )

@@ -28,7 +28,7 @@ from ltvn_core.data.importing.drive_statistics import (
 )
 from ltvn_core.data.importing.frame_preparation import FramePreparation
 from ltvn_core.data.importing.import_options import ImportOptions, OdometrySource, chosen_odometry
-from ltvn_core.data.importing.import_summary import ImportSummary, import_summary
+from ltvn_core.data.importing.import_summary import ImportSummary, import_summary, unread_text
 from ltvn_core.data.importing.odometry_comparison import OdometryComparison
 from ltvn_core.data.importing.pose_outages import PoseOutages
 from ltvn_core.data.importing.raw_frame import DriveReader, FrameMoment, RawFrame, SelectiveReader
@@ -233,7 +233,8 @@ class _DriveImport:
             self._dropped[TOO_LITTLE_MOTION] += 1
             return None
         if self._preparation is None:
-            self._preparation = FramePreparation(raw, fov_deg=self._options.fov_deg)
+            unread, _ = unread_text(self._reader.facts, "camera_info", "")
+            self._preparation = FramePreparation(raw, fov_deg=self._options.fov_deg, unread=unread)
         observation = self._preparation.observation(raw, step=len(self._kept), odometry=pose)
         if is_compared:
             self._comparison.add(observation, self._preparation.camera)

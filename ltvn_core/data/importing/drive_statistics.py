@@ -107,8 +107,7 @@ class DriveStatistics:
     """Median depth of the drive, in metres; None if no image has depth."""
     used_streams: Sequence[str]
     """Names of the image and pose streams in use, each with its role."""
-    possible_depths: Sequence[str]
-    """Unused streams that could be depth."""
+    facts: DriveFacts
     is_lens_known: bool
     is_depth_registered: bool
     odometry: OdometrySource
@@ -147,7 +146,7 @@ def drive_statistics(
         with_depth=sum(frame.has_depth for frame in frames),
         depth_median_m=_depth_median_m(frames),
         used_streams=[f"{stream.role} {stream.name}" for stream in facts.streams if stream.role in _MEASURED],
-        possible_depths=[stream.name for stream in facts.streams if stream.could_be == "depth"],
+        facts=facts,
         is_lens_known=preparation.is_lens_known,
         is_depth_registered=preparation.is_depth_registered,
         odometry=odometry,

@@ -110,6 +110,19 @@ def most_pictures(path: Path) -> int:
     return max(_count(path / name) for name in IMAGE_FOLDERS)
 
 
+def shows_colours(folder: Path) -> bool:
+    """Tell whether the first picture of a folder, or of one of its image folders, has colours: depth, confidence and
+    masks have one channel."""
+    first = next((each for name in IMAGE_FOLDERS for each in _listed(folder / name, IMAGE_SUFFIXES)), None)
+    if first is None or not first.is_file():
+        return False
+    try:
+        with first.open("rb") as file, Image.open(file) as header:
+            return header.mode in ("RGB", "RGBA", "P", "CMYK", "YCbCr")
+    except Exception:  # As in `_is_deep`.
+        return False
+
+
 def depth_partners(folder: Path, wanted: str | None, pictures: FolderPictures) -> Mapping[Path, Path]:
     """Return the depth image of each picture that has one: with the same name, or otherwise with the same numbers.
 

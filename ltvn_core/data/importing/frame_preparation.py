@@ -75,15 +75,15 @@ def _turned(distortion: tuple[float, ...], quarter_turns: int) -> tuple[float, .
 class FramePreparation:
     """Prepares the frames of one drive; its first frame decides on the camera."""
 
-    def __init__(self, first: RawFrame, *, fov_deg: float | None = None) -> None:
-        """Choose the camera. Raises DriveError for images with depth from an unknown lens."""
+    def __init__(self, first: RawFrame, *, fov_deg: float | None = None, unread: str = "") -> None:
+        """Choose the camera; `unread` says what could describe it. Raises DriveError for depth of an unknown lens."""
         height, width = first.rgb.shape[:2]
         self.is_lens_known = first.camera is not None or fov_deg is not None
         """Whether the source or the user described the lens."""
         if not self.is_lens_known and first.depth_m is not None:
             raise DriveError(
                 f"The lens is unknown that took {first.name or 'these images'} ({width} x {height}), and depth needs "
-                f"it: {HOW_TO}."
+                f"it{unread}: {HOW_TO}."
             )
         self._source = first.camera or camera_of_fov(width, height, fov_deg or ASSUMED_FOV_DEG)
         self.camera = recorded_camera(self._source)

@@ -182,11 +182,32 @@ def _drive_findings(drive: DriveStatistics) -> Iterator[Finding]:
         yield from check(drive)
 
 
+def unread_text(facts: DriveFacts, role: str, otherwise: str) -> tuple[str, str]:
+    """Return what lies in the source and was not read, though it could have a role, and how to use it.
+
+    Args:
+        facts: The facts of the drive.
+        role: The missing role, as in `SourceFact`.
+        otherwise: The remedy where nothing lies there.
+
+    Returns:
+        The end of a sentence, empty where nothing lies there, and the remedy in whole sentences.
+    """
+    unread = facts.unread(role)
+    if not unread:
+        return "", otherwise
+    by_option = f"Name the right one with --{role.replace('_', '-')}."
+    names = ", ".join(stream.described for stream in unread[:_MOST_NAMES])
+    return f"; not read: {names}", " ".join(dict.fromkeys(stream.remedy or by_option for stream in unread))
+
+
 def _camera(drive: DriveStatistics) -> Iterator[Finding]:
     if not drive.is_lens_known:
+        unread, remedy = unread_text(drive.facts, "camera_info", "")
         yield Finding(
-            f"The lens is unknown; a field of view of {ASSUMED_FOV_DEG:.0f} degrees was assumed, and distances will "
-            f"be wrong if it differs: {HOW_TO}."
+            f"The lens is unknown{unread}. A field of view of {ASSUMED_FOV_DEG:.0f} degrees was assumed, and "
+            f"distances will be wrong if it differs: {HOW_TO}.",
+            remedy=remedy,
         )
     if drive.width_px < NARROW_PX:
         yield Finding(
@@ -219,12 +240,13 @@ def _depth(drive: DriveStatistics) -> Iterator[Finding]:
 
 def _no_depth(drive: DriveStatistics) -> Finding:
     less = "predictors that need it cannot use this drive, and the others estimate distances less well."
-    if drive.possible_depths:
-        names = ", ".join(drive.possible_depths[:_MOST_NAMES])
-        return Finding(f"No depth was used: {less}", remedy=f"It could be in {names}; name the right one with --depth.")
-    used = ", ".join(drive.used_streams[:_MOST_NAMES]) or "images alone"
-    remedy = "Record the depth camera too, if the robot has one."
-    return Finding(f"There is no depth among {used}: {less}", remedy=remedy)
+    unread, remedy = unread_text(drive.facts, "depth", "Record the depth camera too, if the robot has one.")
+    found = "No depth was used" if unread else f"There is no depth among {_used(drive)}"
+    return Finding(f"{found}{unread}: {less}", remedy=remedy)
+
+
+def _used(drive: DriveStatistics) -> str:
+    return ", ".join(drive.used_streams[:_MOST_NAMES]) or "images alone"
 
 
 def _tilt(drive: DriveStatistics) -> Iterator[Finding]:
@@ -247,10 +269,12 @@ def _tilt(drive: DriveStatistics) -> Iterator[Finding]:
 
 def _odometry(drive: DriveStatistics) -> Iterator[Finding]:
     if drive.odometry is OdometrySource.NONE:
+        by_option = "Name the odometry with --odometry, if the robot has it."
+        unread, remedy = unread_text(drive.facts, "odometry", by_option)
         yield Finding(
-            "There is no odometry, so all images have the same pose. Only the predictor estimates distances between "
-            "them, and its errors cannot be detected.",
-            remedy="Name the odometry with --odometry, if the robot has it.",
+            f"There is no odometry among {_used(drive)}{unread}. All images have the same pose: only the predictor "
+            "estimates distances between them, and its errors cannot be detected.",
+            remedy=remedy,
         )
     if drive.is_spacing_ignored:
         yield Finding(

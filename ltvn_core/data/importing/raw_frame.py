@@ -73,7 +73,7 @@ FrameFilter: TypeAlias = Callable[[FrameMoment], bool]
 
 @dataclass(frozen=True, slots=True)
 class SourceFact:
-    """One stream that a reader found: a topic, a list of files, a column."""
+    """One stream that a reader found: a topic, a track, a list of files, a column."""
 
     role: str
     """Role: `rgb`, `depth`, `odometry`, `truth`, `camera_info`, `tilt`, or "" for an unused stream."""
@@ -84,7 +84,16 @@ class SourceFact:
     rate_hz: float | None = None
     """Number of messages per second, if they have stamps."""
     could_be: str = ""
-    """Role that an unused stream could have; the option of that name selects it."""
+    """Role that an unused stream could have; the option of that name selects it, unless `remedy` says otherwise."""
+    kind: str = ""
+    """What it is, such as a message type; empty if the name says it."""
+    remedy: str = ""
+    """How an unused stream can be used, in a whole sentence, if not by an option."""
+
+    @property
+    def described(self) -> str:
+        """The name, with its kind in brackets."""
+        return f"{self.name} ({self.kind})" if self.kind else self.name
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -101,6 +110,10 @@ class DriveFacts:
     """Default name of the drive: the name of its file or folder."""
     odometry_frame: str = ""
     """Name of the odometry frame in the source, such as `odom`; empty if it is unknown."""
+
+    def unread(self, role: str) -> Sequence[SourceFact]:
+        """Return what lies in the source and is not read, though it could have a role."""
+        return [stream for stream in self.streams if not stream.role and stream.could_be == role]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

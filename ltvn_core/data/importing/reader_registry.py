@@ -20,6 +20,7 @@ log = logging.getLogger(__name__)
 AUTO = "auto"
 _MOST_ENTRIES = 100
 """Largest number of entries that are checked in a folder that no reader recognises."""
+_MOST_NAMED = 10
 _SCENES = (".glb", ".gltf", ".obj", ".ply")
 """Endings of scene files, as in `simulation.meshes.mesh_file.FORMATS`, which readers must not import."""
 LAST = "folder"
@@ -54,13 +55,18 @@ def _require_own_files(path: Path) -> None:
 
 def is_drive(path: Path) -> bool:
     """Tell whether any reader recognises a file or folder; a reader that fails or cannot be loaded is skipped."""
+    return recognised_format(path) is not None
+
+
+def recognised_format(path: Path) -> str | None:
+    """Return the name of the first reader that recognises a file or folder; None if none does."""
     for plugin in _readers().values():
         try:
             if _load(plugin).recognises(path):
-                return True
+                return plugin.name
         except Exception as error:  # A reader of another package may raise anything; the list must appear nevertheless.
             log.debug("the reader %s cannot look at %s: %s", plugin.name, path, error)
-    return False
+    return None
 
 
 def _recognised(path: Path) -> ReaderClass:
@@ -76,8 +82,10 @@ def _recognised(path: Path) -> ReaderClass:
     if broken:
         raise broken[0]
     if inside := _drives_in(path):
+        more = f", and {len(inside) - _MOST_NAMED} more" if len(inside) > _MOST_NAMED else ""
         raise DriveError(
-            f"{path} is not a drive, but contains {len(inside)}; import each by its own path: {inside[0]}."
+            f"{path} is not a drive, but contains {len(inside)}; import each by its own path: "
+            f"{', '.join(map(str, inside[:_MOST_NAMED]))}{more}."
         )
     if path.suffix.lower() in _SCENES:
         raise DriveError(f"{path} is a scene, not a drive: `ltvn app --scene {path}` opens it, to drive in.")
@@ -101,10 +109,15 @@ def _has_lone_picture(path: Path) -> bool:
 
 
 def _drives_in(path: Path) -> list[Path]:
-    """Return those of the first entries of a folder that are drives."""
+    """Return those of the first entries of a folder that are drives: folders of pictures last, and among them those
+    that hold no colours, such as depth or masks, after the others."""
     if not path.is_dir():
         return []
-    return [each for each in sorted(islice(path.iterdir(), _MOST_ENTRIES)) if is_drive(each)]
+    from ltvn_core.data.importing.folder_reader import shows_colours  # As above.
+
+    found = {each: recognised_format(each) for each in sorted(islice(path.iterdir(), _MOST_ENTRIES))}
+    drives = [each for each, name in found.items() if name is not None]
+    return sorted(drives, key=lambda each: (found[each] == LAST and 1 + (not shows_colours(each)), each))
 
 
 def _named(name: str) -> ReaderClass:

@@ -21,7 +21,7 @@ _MOST_IMAGES = 2_000_000
 """Largest number of images: eighteen hours at 30 images per second."""
 _PART_HEADER = struct.Struct(">I4s")
 """Length of a part of an MP4 file, including this header, and its kind."""
-_DEEP = {"gray12le", "gray16le", "gray10le", "yuv420p12le", "yuv422p12le", "yuv444p12le"}
+_DEEP = {"gray12le", "gray16le", "gray16be", "gray10le", "yuv420p12le", "yuv422p12le", "yuv444p12le"}
 
 
 class VideoPart(NamedTuple):
@@ -30,6 +30,8 @@ class VideoPart(NamedTuple):
     path: Path
     begin_s: float
     end_s: float
+    track: int = 0
+    """Index among the video tracks of the file."""
 
 
 class VideoImage(NamedTuple):
@@ -41,21 +43,43 @@ class VideoImage(NamedTuple):
     """Frame of PyAV, for `colours` and `codes`."""
 
 
-class VideoFacts(NamedTuple):
-    """Facts about a video, known before decoding; None for missing ones."""
+class VideoTrack(NamedTuple):
+    """Facts about a track of images, known before decoding; None for missing ones."""
 
+    name: str
+    """Title of the track; `track N` without one."""
+    width: int
+    height: int
+    pixels: str
+    """FFmpeg's name of the pixel format."""
     images: int | None
     rate_hz: float | None
 
+    @property
+    def is_deep(self) -> bool:
+        """Whether it has one channel of more than 8 bits."""
+        return self.pixels.startswith("gray") and self.pixels in _DEEP
 
-def video_facts(path: Path, container_format: str) -> VideoFacts:
-    """Return the facts about a video. Raises DriveError like `video_images`."""
+    @classmethod
+    def of(cls, stream: Any, place: int) -> "VideoTrack":
+        """Describe a stream of PyAV."""
+        return cls(
+            name=str(stream.metadata.get("title") or f"track {place}"),
+            width=stream.codec_context.width,
+            height=stream.codec_context.height,
+            pixels=str(stream.codec_context.pix_fmt or "unknown pixels"),
+            images=stream.frames or None,
+            rate_hz=float(stream.average_rate) if stream.average_rate else None,
+        )
+
+
+def video_tracks(path: Path, container_format: str) -> list[VideoTrack]:
+    """Return the tracks of images of a video, at least one. Raises DriveError like `video_images`."""
     try:
         with path.open("rb") as file, av.open(file, mode="r", format=container_format) as container:
             if not container.streams.video:
                 raise DriveError(f"{path} contains no images, but {len(container.streams)} other streams.")
-            stream = container.streams.video[0]
-            return VideoFacts(stream.frames or None, float(stream.average_rate) if stream.average_rate else None)
+            return [VideoTrack.of(stream, place) for place, stream in enumerate(container.streams.video)]
     except DriveError:
         raise
     except Exception as error:  # As below.
@@ -91,7 +115,7 @@ def video_images(part: VideoPart, period_s: float, *, container_format: str = "m
     try:
         # With a file object and a named format, PyAV opens nothing else, whatever the file refers to.
         with part.path.open("rb") as file, av.open(file, mode="r", format=container_format) as container:
-            stream = container.streams.video[0]
+            stream = container.streams.video[part.track]
             _check_size(stream.codec_context.width, stream.codec_context.height, part.path)
             stream.codec_context.options = {"max_pixels": str(MAX_PIXELS)}
             if part.begin_s > 0 and stream.time_base:
@@ -132,7 +156,7 @@ def codes(frame: Any, path: Path) -> NDArray[np.uint16]:
     plane = frame.planes[0]
     # A conversion by PyAV would stretch the values.
     lines = np.frombuffer(plane, np.uint8).reshape(-1, plane.line_size)[: frame.height, : 2 * frame.width]
-    return np.ascontiguousarray(lines).view("<u2").astype(np.uint16)
+    return np.ascontiguousarray(lines).view(">u2" if frame.format.name.endswith("be") else "<u2").astype(np.uint16)
 
 
 def _check_size(width: int, height: int, path: Path) -> None:

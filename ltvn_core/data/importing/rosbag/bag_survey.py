@@ -25,6 +25,8 @@ POSES = (
     "geometry_msgs/msg/TransformStamped",
 )
 """Message types that hold the robot's pose."""
+PATH = "nav_msgs/msg/Path"
+"""Message type with many poses; it is odometry if each has a stamp of its own, as SLAM programs write it."""
 TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 _STATIC = re.compile(r"static[^/]*$", re.IGNORECASE)
 _SURVEY_S = (1.0, 20.0)
@@ -73,7 +75,7 @@ class BagSurvey:
 def survey(files: BagFiles) -> BagSurvey:
     """Read the beginning of a bag, until there is a message of each relevant topic. Raises DriveError."""
     found = BagSurvey()
-    kinds = (IMAGE, COMPRESSED_IMAGE, CAMERA_INFO, *POSES, *TRANSFORMS)
+    kinds = (IMAGE, COMPRESSED_IMAGE, CAMERA_INFO, PATH, *POSES, *TRANSFORMS)
     topics = {topic.name for topic in files.topics.values() if topic.count and topic.msgtype in kinds}
     begin: float | None = None
     for raw in files.messages(topics):

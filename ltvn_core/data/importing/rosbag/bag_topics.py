@@ -10,8 +10,9 @@ from itertools import takewhile
 
 from ltvn_core.data.importing.raw_frame import NOTHING, ReadOptions
 from ltvn_core.data.importing.rosbag.bag_files import BagFiles
-from ltvn_core.data.importing.rosbag.bag_survey import ODOMETRY, POSES, BagSurvey
+from ltvn_core.data.importing.rosbag.bag_survey import ODOMETRY, PATH, POSES, BagSurvey
 from ltvn_core.data.importing.rosbag.message_forms import POSE_IN_FRAME
+from ltvn_core.data.importing.rosbag.path_poses import has_own_stamps
 from ltvn_core.data.importing.rosbag.video_stream import is_depth_video, is_video
 from ltvn_core.errors import DriveError
 from ltvn_core.robots.ros2.ros_cameras import CAMERA_INFO
@@ -48,6 +49,9 @@ class ChosenTopics:
     """Topics that are called depth but do not hold it; only given if no other depth topic exists."""
     depth_videos: tuple[str, ...] = ()
     """Topics with depth as video, which is not supported; only given if no other depth topic exists."""
+
+    unused_poses: tuple[str, ...] = ()
+    """Topics that could be odometry, but are not used."""
 
     def roles(self) -> dict[str, str]:
         """Return the role of each topic in use."""
@@ -92,6 +96,11 @@ def choose_topics(files: BagFiles, found: BagSurvey, options: ReadOptions) -> Ch
         depth_info=None if depth is None else _info_beside(depth, infos, images),
         unused_depths=possible,
         lost_depths=() if possible or options.depth == NOTHING else lost,
+        unused_poses=tuple(
+            name
+            for name in [*_named(files, *POSES), *_named(files, PATH)]
+            if name not in (odometry, truth) and has_own_stamps(found.samples.get(name))
+        ),
         depth_videos=() if depth is not None or options.depth == NOTHING else depth_videos,
     )
 
@@ -140,7 +149,9 @@ def _asked(files: BagFiles, name: str | None, option: str, candidates: Sequence[
     for candidate in (name, "/" + name):
         if candidate in candidates:
             return candidate
-    raise DriveError(f"{files.path} has no topic {name} for {option}; it may be {_listed(candidates)}.")
+    other = files.topics.get(name) or files.topics.get("/" + name)
+    found = f"has no topic {name}" if other is None else f"has {name} as {other.written.schema}, which does not do"
+    raise DriveError(f"{files.path} {found} for {option}; it may be {_listed(candidates)}.")
 
 
 def _colour(images: Sequence[str], depths: Collection[str | None], found: BagSurvey, files: BagFiles) -> str:
@@ -214,11 +225,12 @@ def _around(info: str, images: Collection[str]) -> str | None:
 def _poses(files: BagFiles, found: BagSurvey, options: ReadOptions) -> tuple[str | None, str | None]:
     """Return the topics of odometry and of ground truth."""
     poses = _named(files, *POSES)
+    paths = _named(files, PATH)
     truths = [name for name in poses if _TRUTH.search(name) and name != options.odometry]
     truth = truths[0] if truths else None
     if options.odometry in (FROM_TREE, NOTHING):
         return None, truth
-    if (asked := _asked(files, options.odometry, "--odometry", [*poses, FROM_TREE, NOTHING])) is not None:
+    if (asked := _asked(files, options.odometry, "--odometry", [*poses, *paths, FROM_TREE, NOTHING])) is not None:
         return asked, truth
     candidates = [name for name in _named(files, ODOMETRY) if name not in truths]
     if not candidates and not found.tree.motions:  # Foxglove has no odometry type, only poses.

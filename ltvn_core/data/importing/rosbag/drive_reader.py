@@ -4,7 +4,7 @@ Owns the conversion of messages to raw frames. After a survey of its beginning, 
 size.
 """
 
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -26,6 +26,7 @@ from ltvn_core.data.importing.raw_frame import (
 )
 from ltvn_core.data.importing.rosbag.bag_files import BagFiles, RawMessage
 from ltvn_core.data.importing.rosbag.bag_survey import (
+    PATH,
     TRANSFORMS,
     BagSurvey,
     add_transforms,
@@ -49,10 +50,12 @@ from ltvn_core.data.importing.rosbag.camera_rig import (
 )
 from ltvn_core.data.importing.rosbag.frame_decoder import FrameDecoder
 from ltvn_core.data.importing.rosbag.image_matching import MatchedImages, PendingImage, StampMatcher
+from ltvn_core.data.importing.rosbag.path_poses import path_poses
 from ltvn_core.data.importing.rosbag.transform_tree import MovingFrame
 from ltvn_core.data.importing.rosbag.video_stream import DAMAGED, VideoStream, is_video
-from ltvn_core.data.importing.spatial_pose import SpatialPose, spatial_pose, transform
+from ltvn_core.data.importing.spatial_pose import SpatialPose, Transform, spatial_pose, transform
 from ltvn_core.errors import DriveError
+from ltvn_core.robots.ros2.ros_cameras import CAMERA_INFO
 from ltvn_core.types import Pose
 
 _CLOCKS_APART_S = 5.0
@@ -68,6 +71,8 @@ _CLOCK_BEGINS_S = 60.0
 _TOLERANCES_S = (0.01, 0.1)
 """Smallest and largest tolerance in seconds for matching colours and depth; within these limits it is half a frame."""
 _MOST_DOUBTS = 10
+_PATH_AHEAD_S = 5.0
+"""Time in seconds by which the poses of a path are taken ahead of the images; the tree keeps only the last ones."""
 
 
 class BagDrive:
@@ -80,11 +85,15 @@ class BagDrive:
         self._samples = found.samples
         self._tree = found.tree
         self._truth = MovingFrame()
+        self._path: deque[tuple[float, Transform]] = deque()
+        self._path_lag_s = 0.0
         self.dropped: Counter[str] = Counter()
         """Number of images that were left out, by reason."""
         self.doubts: list[str] = []
         """Doubts about the bag, as sentences."""
         self._by_log = self._lacks_stamps(found) or self._has_clocks_apart(found)
+        if self._by_log:
+            self._path_lag_s = found.lead_s(topics.odometry or "") or 0.0
         self._is_zero_a_time = any(stamp < _CLOCK_BEGINS_S for stamp in found.earliest_s.values())
         self._body = np.eye(4)
         """Rotation from the robot's frame to the frame that odometry names; a turn if that is base_link_frd."""
@@ -125,7 +134,8 @@ class BagDrive:
                 name=topic.name,
                 count=topic.count,
                 rate_hz=topic.count / seconds if seconds > 0 else None,
-                could_be="depth" if topic.name in self._topics.unused_depths else "",
+                could_be=self._possible_role(topic.name, topic.msgtype),
+                kind="" if topic.name in roles else topic.written.schema,
             )
             for topic in self._files.topics.values()
         ]
@@ -138,6 +148,12 @@ class BagDrive:
             odometry_frame=upright_name(self._rig.world) or self._rig.world,
         )
 
+    def _possible_role(self, name: str, msgtype: str | None) -> str:
+        """Return the role that an unused topic could have, or ""."""
+        if name in self._topics.unused_depths:
+            return "depth"
+        return "odometry" if name in self._topics.unused_poses else "camera_info" if msgtype == CAMERA_INFO else ""
+
     def frames(self) -> Iterator[RawFrame]:
         """Yield the frames in the order of their stamps. Raises DriveError if the bag is damaged or no image can be
         used."""
@@ -147,6 +163,7 @@ class BagDrive:
         """Yield the frames of wanted moments; images of other moments are not decoded."""
         # The messages of the survey are read again, perhaps with another clock or from another topic.
         self._tree.forget_motion()
+        self._path = deque(self._path_poses())
         for matched in self._matches():
             frame = self._frame(matched, wanted)
             if frame is not None:
@@ -180,10 +197,13 @@ class BagDrive:
             add_transforms(self._tree, message, raw, by_log=self._by_log, skip=skip)
             return
         image = PendingImage(self._stamp(message, raw), raw.log_s, message, len(raw.data))
+        self._follow_path(image.stamp)
         if raw.topic == self._topics.rgb:
             self._take_colours(image, matcher)
         elif raw.topic == self._topics.depth:
             matcher.add_depth(image)
+        elif raw.msgtype == PATH:
+            return
         elif raw.topic in (self._topics.odometry, self._topics.truth):
             self._take_pose(raw.topic, message, image.stamp)
         else:
@@ -229,6 +249,20 @@ class BagDrive:
         self._outages.add_pose(stamp, fault)
         if not fault and pose is not None and self._edge is not None:
             self._tree.add_moving(self._edge.parent, self._edge.child, stamp, pose @ self._body)
+
+    def _path_poses(self) -> Sequence[tuple[float, Transform]]:
+        """Return the poses of the odometry if it is a path; nothing otherwise. Raises DriveError."""
+        topic = self._files.topics.get(self._topics.odometry or "")
+        if topic is None or topic.msgtype != PATH:
+            return ()
+        return [(stamp - self._path_lag_s, pose) for stamp, pose in path_poses(self._files, topic.name)]
+
+    def _follow_path(self, stamp: float) -> None:
+        """Take the poses of the path until some time after a stamp."""
+        while self._edge is not None and self._path and self._path[0][0] <= stamp + _PATH_AHEAD_S:
+            posed_s, pose = self._path.popleft()
+            self._outages.add_pose(posed_s)
+            self._tree.add_moving(self._edge.parent, self._edge.child, posed_s, pose @ self._body)
 
     def _known_s(self) -> float:
         return self._tree.newest_s(self._rig.world, self._rig.carrier) if self._rig.world else float("inf")

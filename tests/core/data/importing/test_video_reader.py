@@ -99,3 +99,54 @@ def test_other_files_and_other_contents_under_the_ending_are_not_taken_for_video
     assert not VideoReader.recognises(tmp_path / "notes.mp4")
     assert not VideoReader.recognises(tmp_path / "folder.mp4")
     assert not VideoReader.recognises(tmp_path / "missing.mp4")
+
+
+def write_tracks(path: Path, tracks: list[tuple[str, tuple[int, int]]], images: int = 6) -> Path:
+    """Write a Matroska file as k4arecorder does: colours, and 16-bit grey tracks of these titles and sizes."""
+    with av.open(str(path), "w", format="matroska") as container:
+        streams: list[Any] = []
+        for title, (width, height) in [("COLOR", (64, 48)), *tracks]:
+            stream: Any = container.add_stream("mjpeg" if title == "COLOR" else "ffv1", rate=5)
+            stream.width, stream.height = width, height
+            stream.pix_fmt = "yuvj420p" if title == "COLOR" else "gray16le"
+            stream.metadata["title"] = title
+            streams.append(stream)
+        for k in range(images):
+            for stream in streams:
+                pixels = np.full((stream.height, stream.width), 1000 + 100 * k, np.uint16)
+                frame = av.VideoFrame.from_ndarray(pixels, "gray16le")
+                if stream is streams[0]:
+                    frame = av.VideoFrame.from_ndarray(np.full((48, 64, 3), 20 * k, np.uint8), "rgb24")
+                frame = frame.reformat(format=stream.pix_fmt)
+                frame.pts = k
+                for packet in stream.encode(frame):
+                    container.mux(packet)
+        for stream in streams:
+            for packet in stream.encode():
+                container.mux(packet)
+    return path
+
+
+def test_the_depth_track_of_a_recording_is_read_in_step_with_the_colours(tmp_path: Path) -> None:
+    path = write_tracks(tmp_path / "k.mkv", [("DEPTH", (32, 24)), ("IR", (32, 24))])
+    reader = VideoReader.open(path, ReadOptions())
+    depths = [frame.depth_m for frame in reader.frames()]
+    assert [float(np.median(depth)) for depth in depths if depth is not None] == pytest.approx(
+        [1 + 0.1 * k for k in range(6)]
+    )
+    assert [stream.name for stream in reader.facts.streams if not stream.role] == ["IR"]
+
+
+def test_a_depth_track_of_another_view_is_named_and_not_read(tmp_path: Path) -> None:
+    path = write_tracks(tmp_path / "k.mkv", [("DEPTH", (32, 32))])
+    summary = import_drive(open_drive(path), tmp_path / "tour.rrd")
+    assert summary.without_depth == summary.frames
+    assert any("DEPTH" in doubt and "aligned" in doubt for doubt in summary.doubts)
+
+
+def test_a_track_with_another_title_is_depth_if_it_is_named(tmp_path: Path) -> None:
+    path = write_tracks(tmp_path / "k.mkv", [("z", (64, 48))])
+    assert [stream.name for stream in open_drive(path).facts.unread("depth")] == ["z"]
+    frames = list(open_drive(path, options=ReadOptions(depth="z", depth_unit_m=0.0002)).frames())
+    assert frames[0].depth_m is not None
+    assert float(frames[0].depth_m[5, 5]) == pytest.approx(0.2)

@@ -145,3 +145,59 @@ def test_the_lens_of_images_beside_is_not_taken(tmp_path: Path) -> None:
         builder.image("/camera/color/image_raw", colours(0), "rgb8", BEGIN_S)
 
     assert read(tmp_path / "drive", ReadOptions(rgb=COLOURS))[0][0].camera is None
+
+
+def posed(path: Path, kind: str, *, own_stamps: bool = True) -> Path:
+    """Write a bag with poses 0.2 m apart, in a path that grows and is corrected at last, or as AMCL publishes them."""
+    with bag(path) as builder:
+        builder.camera_info("/camera/color/camera_info", BEGIN_S)
+        poses: list[object] = []
+        for number in range(6):
+            stamp = BEGIN_S + 0.1 * number
+            builder.image(COLOURS, colours(number), "rgb8", stamp)
+            head = builder.header(stamp, "map")
+            shift = 1.0 if number < 5 else 0.0
+            point = builder.make("geometry_msgs/msg/Point", x=0.2 * number + shift, y=0.0, z=0.0)
+            turn = builder.make("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=0.0, w=1.0)
+            pose = builder.make("geometry_msgs/msg/Pose", position=point, orientation=turn)
+            if kind == "amcl":
+                sure = builder.make("geometry_msgs/msg/PoseWithCovariance", pose=pose, covariance=np.zeros(36))
+                builder.write(
+                    "/amcl_pose",
+                    builder.make("geometry_msgs/msg/PoseWithCovarianceStamped", header=head, pose=sure),
+                    stamp,
+                )
+                continue
+            own = head if own_stamps else builder.header(BEGIN_S, "map")
+            poses.append(builder.make("geometry_msgs/msg/PoseStamped", header=own, pose=pose))
+            if number == 5:
+                for each in poses[:-1]:
+                    each.pose.position.x -= 1.0  # type: ignore[attr-defined]
+            builder.write("/slam/path", builder.make("nav_msgs/msg/Path", header=head, poses=list(poses)), stamp)
+    return path
+
+
+@pytest.mark.parametrize(("kind", "topic"), [("amcl", "/amcl_pose"), ("path", "/slam/path")])
+def test_poses_that_are_not_read_are_named_with_their_type(tmp_path: Path, kind: str, topic: str) -> None:
+    path = posed(tmp_path / "b", kind)
+    said = doubts_of_import(path)
+    assert topic in said
+    assert "--odometry" in said
+
+
+def test_a_path_is_odometry_as_it_was_corrected_at_last(tmp_path: Path) -> None:
+    path = posed(tmp_path / "b", "path")
+    frames, _ = read(path, ReadOptions(odometry="/slam/path"))
+    places = [frame.odometry[0] for frame in frames if frame.odometry is not None]
+    assert places == pytest.approx([0.2 * number for number in range(6)], abs=1e-6)
+
+
+def test_a_path_whose_poses_have_no_stamps_of_their_own_is_no_odometry(tmp_path: Path) -> None:
+    path = posed(tmp_path / "b", "path", own_stamps=False)
+    with pytest.raises(DriveError, match="plan"):
+        read(path, ReadOptions(odometry="/slam/path"))
+
+
+def test_a_topic_of_another_type_is_refused_by_its_type(tmp_path: Path) -> None:
+    with pytest.raises(DriveError, match="sensor_msgs/msg/Image"):
+        read(posed(tmp_path / "b", "path"), ReadOptions(odometry=COLOURS))

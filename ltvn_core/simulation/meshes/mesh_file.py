@@ -12,6 +12,7 @@ import struct
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple
 from urllib.parse import unquote
@@ -42,6 +43,8 @@ _MAGIC = b"glTF"
 _JSON = b"JSON"
 _KTX2 = b"\xabKTX 20\xbb"
 FORMATS = (".glb", ".gltf", ".obj", ".ply")
+_SEARCHED_LINES = 10_000
+"""Number of lines of an OBJ file in which its first vertex is searched."""
 _NAMED = 5
 """Maximum number of missing files in a message."""
 
@@ -225,7 +228,7 @@ def read_mesh(path: Path) -> MeshContent:
         overhead=np.zeros(len(triangles), bool),
         textures=colours.textures(),
     )
-    doubts = (*_corner_doubts(path, parts), *_doubts(path, finder, gltf))
+    doubts = (*_corner_doubts(path, parts), *_doubts(path, finder, gltf), *_vertex_colour_doubts(path, colours))
     return MeshContent(surfaces, doubts)
 
 
@@ -250,6 +253,23 @@ def _doubts(path: Path, finder: AssetFinder, gltf: GltfFile | None) -> Iterator[
         )
     if gltf is not None:
         yield from gltf.texture_doubts()
+
+
+def _vertex_colour_doubts(path: Path, colours: TextureCollector) -> Iterator[str]:
+    """Yield a sentence if the colours of vertices are lost."""
+    beside = colours.without_vertex_colours > 0
+    if beside or (path.suffix.lower() == ".obj" and not colours.has_palette and _has_coloured_vertices(path)):
+        yield (
+            f"{path.name} has colours at its vertices beside materials, and they are not shown. To see them, bake them "
+            "into the textures, or export the mesh without materials."
+        )
+
+
+def _has_coloured_vertices(path: Path) -> bool:
+    """Tell by its first vertex whether an OBJ file has colours at its vertices: x y z r g b."""
+    with path.open("rb") as file:
+        first = next((line for line in islice(file, _SEARCHED_LINES) if line.startswith(b"v ")), b"")
+    return len(first.split()) == 7
 
 
 def _placed_meshes(

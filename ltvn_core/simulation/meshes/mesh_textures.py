@@ -49,6 +49,8 @@ class TextureCollector:
             linear_factors: Whether colours of materials are linear light, as in glTF, and not sRGB.
         """
         self._linear = linear_factors
+        self.without_vertex_colours = 0
+        """Number of meshes whose vertex colours are not used, because they have a texture."""
         self._images: list[Rgb] = []
         self._known: dict[Any, int] = {}
         self._alive: list[Image.Image] = []  # Images are identified by id(), so none may be freed meanwhile.
@@ -57,12 +59,21 @@ class TextureCollector:
         """Add the textures of a mesh and return its triangles with them."""
         visual: Any = mesh.visual
         if visual.kind in ("vertex", "face"):
-            return self._texture_from_palette(mesh)
+            return self._texture_from_palette(*_divided(mesh))
         uv = _usable_uv(mesh) if visual.kind == "texture" else None
         material = getattr(visual, "material", None)
+        if (colours := _vertex_colours(mesh)) is not None:
+            if uv is None or _image_of(material) is None:
+                return self._texture_from_palette(*_divided(mesh, colours))
+            self.without_vertex_colours += 1
         corner_uv = np.zeros((len(mesh.faces), 3, 2), np.float32) if uv is None else uv[mesh.faces].astype(np.float32)
         texture = self._texture_of(material, with_image=uv is not None)
         return TexturedTriangles(mesh.vertices[mesh.faces], corner_uv, np.full(len(mesh.faces), texture, np.int32))
+
+    @property
+    def has_palette(self) -> bool:
+        """Whether a mesh got the colours of its vertices or faces."""
+        return "palette" in self._known
 
     def textures(self) -> tuple[Rgb, ...]:
         """Return all textures, with sides that are powers of two."""
@@ -100,12 +111,11 @@ class TextureCollector:
             table = np.stack([np.rint(255 * levels * share).astype(np.uint8) for share in factor / 255], axis=-1)
         return np.asarray(cv2.LUT(texels, table[None]), np.uint8)
 
-    def _texture_from_palette(self, mesh: trimesh.Trimesh) -> TexturedTriangles:
-        """Map each face to one texel of a palette.
+    def _texture_from_palette(self, triangles: NDArray[np.float64], colours: NDArray[np.float64]) -> TexturedTriangles:
+        """Map each face (F, 3, 3) to one texel of a palette, by the colours (F, 3, 3) of its corners.
 
         Neighbouring texels do not bleed in, because the mip-map level of a face without texture extent is 0.
         """
-        triangles, colours = _divided(mesh)
         red, green, blue = np.clip((colours.mean(1) / 255 * _STEPS).round().astype(int), 0, _STEPS).T
         column = red % 8 * 32 + blue
         row = red // 8 * 64 + green
@@ -128,15 +138,32 @@ def _palette() -> Rgb:
     return np.rint(np.stack([red, green, blue], -1) * 255 / _STEPS).astype(np.uint8)
 
 
-def _divided(mesh: trimesh.Trimesh) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return triangles (F, 3, 3) and corner colours (F, 3, 3), subdivided where the colour varies within a face."""
+def _vertex_colours(mesh: trimesh.Trimesh) -> NDArray[np.float64] | None:
+    """Return the colours (N, 3) from 0 to 255 of the vertices of a mesh that has a material too; None if there are none
+    or all are white."""
+    found = getattr(mesh.visual, "vertex_attributes", {}).get("color")
+    if found is None or len(found) != len(mesh.vertices):
+        return None
+    colours = np.asarray(found)[:, :3]
+    largest = {"f": 1.0, "u": 255.0 if colours.dtype.itemsize == 1 else 65_535.0}.get(colours.dtype.kind, 255.0)
+    scaled = np.clip(np.nan_to_num(colours.astype(float)) * (255 / largest), 0, 255)
+    return None if (scaled >= 254.5).all() else scaled
+
+
+def _divided(
+    mesh: trimesh.Trimesh, own: NDArray[np.float64] | None = None
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return triangles (F, 3, 3) and corner colours (F, 3, 3), subdivided where the colour varies within a face.
+
+    `own` are the colours (N, 3) of the vertices if the mesh itself does not know them.
+    """
     visual: Any = mesh.visual
-    if visual.kind == "face":
+    if own is None and visual.kind == "face":
         colours = np.asarray(visual.face_colors)[:, :3].astype(float)
         return mesh.vertices[mesh.faces], np.repeat(colours[:, None], 3, axis=1)
     vertices = np.asarray(mesh.vertices)
     faces = np.asarray(mesh.faces)
-    colours = np.asarray(visual.vertex_colors)[:, :3].astype(float)
+    colours = np.asarray(visual.vertex_colors)[:, :3].astype(float) if own is None else own
     for _ in range(_DIVISIONS):
         coarse = np.flatnonzero(np.ptp(colours[faces], axis=1).max(axis=1) > _SMOOTH_STEP)
         if len(coarse) == 0 or len(coarse) > 200_000:

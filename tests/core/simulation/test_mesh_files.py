@@ -8,6 +8,8 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+import trimesh
+from PIL import Image
 from trimesh.exchange.gltf import export_glb
 
 from ltvn_core.errors import SceneError
@@ -149,3 +151,41 @@ def test_a_lost_picture_or_material_library_is_named(tmp_path: Path, lost: str) 
     (path.parent / lost).unlink()
     (doubt,) = read_mesh(path).doubts
     assert lost in doubt
+
+
+def coloured_box(*, textured: bool) -> trimesh.Scene:
+    """A red box whose colour is at its vertices, beside a white material."""
+    box = trimesh.creation.box()
+    image = Image.new("RGB", (4, 4), (0, 0, 255)) if textured else None
+    material = trimesh.visual.material.PBRMaterial(baseColorFactor=[255, 255, 255, 255], baseColorTexture=image)
+    uv = np.zeros((len(box.vertices), 2)) if textured else None
+    box.visual = trimesh.visual.TextureVisuals(uv=uv, material=material)
+    box.visual.vertex_attributes["color"] = np.tile(np.array([255, 0, 0, 255], np.uint8), (len(box.vertices), 1))
+    return trimesh.Scene(box)
+
+
+def with_colours(path: Path, *, textured: bool) -> Path:
+    """Write the box as glTF with COLOR_0, whatever trimesh exports of it."""
+    path.write_bytes(coloured_box(textured=textured).export(file_type="glb"))
+    return path
+
+
+def test_vertex_colours_beside_a_material_are_shown(tmp_path: Path) -> None:
+    content = read_mesh(with_colours(tmp_path / "box.glb", textured=False))
+    assert any((texture.reshape(-1, 3) == (255, 0, 0)).all(-1).any() for texture in content.surfaces.textures)
+    assert not content.doubts
+
+
+def test_vertex_colours_that_a_texture_hides_are_doubted(tmp_path: Path) -> None:
+    assert any("vertices" in doubt for doubt in read_mesh(with_colours(tmp_path / "box.glb", textured=True)).doubts)
+
+
+def test_vertex_colours_of_an_obj_file_with_a_material_are_shown_or_doubted(tmp_path: Path) -> None:
+    path = tmp_path / "box.obj"
+    path.write_text(
+        "mtllib box.mtl\nv 0 0 0 1 0 0\nv 1 0 0 1 0 0\nv 0 1 0 1 0 0\nusemtl white\nf 1 2 3\n", encoding="utf-8"
+    )
+    (tmp_path / "box.mtl").write_text("newmtl white\nKd 1 1 1\n", encoding="utf-8")
+    content = read_mesh(path)
+    shown = any((texture.reshape(-1, 3) == (255, 0, 0)).all(-1).any() for texture in content.surfaces.textures)
+    assert shown or any("vertices" in doubt for doubt in content.doubts)

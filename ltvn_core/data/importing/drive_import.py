@@ -249,6 +249,7 @@ class _DriveImport:
                 truth=raw.truth,
                 tilt=raw.tilt,
                 depth_median_m=_median_m(observation.depth),
+                depth_range_m=_range_m(raw.depth_m),
             )
         )
         return observation
@@ -328,6 +329,14 @@ def _median_m(depth: Depth | None) -> float | None:
         return None
     sparse = depth[::_EVERY_PIXEL, ::_EVERY_PIXEL]
     return float(np.median(sparse[sparse > 0])) if (sparse > 0).any() else float("nan")
+
+
+def _range_m(depth: Depth | None) -> tuple[float, float] | None:
+    """Return the smallest and largest number of a depth image; numbers that are not finite count as 0."""
+    if depth is None:
+        return None
+    sparse = np.nan_to_num(depth[::_EVERY_PIXEL, ::_EVERY_PIXEL], nan=0.0, posinf=0.0, neginf=0.0)
+    return float(sparse.min()), float(sparse.max())
 
 
 def _selection(options: ImportOptions, odometry: OdometrySource) -> FrameSelection:

@@ -84,6 +84,8 @@ class KeptFrame:
     tilt: Tilt | None
     depth_median_m: float | None
     """Median over the pixels with depth, in metres; None without a depth image, NaN if the image has no depth."""
+    depth_range_m: tuple[float, float] | None = None
+    """Smallest and largest number of the source's depth image, in metres; the smallest is 0 if a pixel has no depth."""
 
     @property
     def has_depth(self) -> bool:
@@ -105,6 +107,8 @@ class DriveStatistics:
     with_depth: int
     depth_median_m: float | None
     """Median depth of the drive, in metres; None if no image has depth."""
+    depth_range_m: tuple[float, float] | None
+    """Smallest and largest number of all depth images, as in `KeptFrame`."""
     used_streams: Sequence[str]
     """Names of the image and pose streams in use, each with its role."""
     facts: DriveFacts
@@ -145,6 +149,7 @@ def drive_statistics(
         is_spacing_ignored=is_spacing_ignored,
         with_depth=sum(frame.has_depth for frame in frames),
         depth_median_m=_depth_median_m(frames),
+        depth_range_m=_depth_range_m(frames),
         used_streams=[f"{stream.role} {stream.name}" for stream in facts.streams if stream.role in _MEASURED],
         facts=facts,
         is_lens_known=preparation.is_lens_known,
@@ -164,6 +169,11 @@ def _depth_median_m(frames: Sequence[KeptFrame]) -> float | None:
     medians = [each.depth_median_m for each in frames if each.depth_median_m is not None]
     known = [median for median in medians if not math.isnan(median)]
     return float(np.median(known)) if known else None
+
+
+def _depth_range_m(frames: Sequence[KeptFrame]) -> tuple[float, float] | None:
+    ranges = [frame.depth_range_m for frame in frames if frame.depth_range_m is not None]
+    return (min(low for low, _ in ranges), max(high for _, high in ranges)) if ranges else None
 
 
 def _drift(frames: Sequence[KeptFrame]) -> Drift | None:

@@ -14,17 +14,20 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
+from typing import NamedTuple
 
 from PIL import Image
 
 from ltvn_core.cameras.camera_model import MILLIMETRES, CameraModel
 from ltvn_core.cameras.encoded_images import MAX_PIXELS, decode_colour, heif_exif, is_heif
+from ltvn_core.data.importing.file_lens import lens_beside
 from ltvn_core.data.importing.foreign_files import read_bytes_within
-from ltvn_core.data.importing.image_files import ImageFilesReader, without_low_confidence
+from ltvn_core.data.importing.image_files import ImageFilesReader
 from ltvn_core.data.importing.pose_track import poses_beside
 from ltvn_core.data.importing.raw_frame import NOTHING, DriveFacts, FrameMoment, RawFrame, ReadOptions, SourceFact
 from ltvn_core.data.importing.source_camera import camera_beside
-from ltvn_core.data.importing.stamped_lists import OdometryTable, rate_hz
+from ltvn_core.data.importing.stamped_lists import RATE_HZ, OdometryTable, natural_order, nearest, rate_hz
+from ltvn_core.data.importing.unread_files import require_file, unread_beside
 from ltvn_core.errors import DriveError
 from ltvn_core.types import Depth
 
@@ -37,6 +40,9 @@ IMAGE_FOLDERS = ("", "rgb", "images", "color", "colour", "image", "img", "mono",
 """Folders that may hold the pictures, in order of preference; the empty name is the folder itself."""
 DEPTH_FOLDER = "depth"
 FEWEST = 2
+_LONE_SHARE = 0.05
+_DEPTH_SLACK_S = 0.02
+"""Least tolerance in seconds for matching colours and depth by stamps; it is half a frame if that is longer."""
 _DEPTH_NAME = re.compile(r"(?:^|[^a-z])depth(?![a-z])", re.IGNORECASE)
 _DEEP_SUFFIXES = (".png", ".tif", ".tiff")
 _DEEP_MODES = ("I", "F", "I;16", "I;16B", "I;16L")
@@ -44,8 +50,6 @@ _DEEP_MODES = ("I", "F", "I;16", "I;16B", "I;16L")
 ODOMETRY_FILES = ("odometry.csv", "poses.csv")
 CONFIDENCE_FOLDER = "confidence"
 """Folder beside the depth of phones, with confidence images of the same names; see `importing.image_files`."""
-RATE_HZ = 10.0
-"""Assumed number of pictures per second if there are no stamps."""
 _FOCAL_35MM_TAG = 0xA405
 _EXIF_FOLDER_TAG = 0x8769
 _DIAGONAL_35MM = 43.267
@@ -123,8 +127,29 @@ def shows_colours(folder: Path) -> bool:
         return False
 
 
-def depth_partners(folder: Path, wanted: str | None, pictures: FolderPictures) -> Mapping[Path, Path]:
-    """Return the depth image of each picture that has one: with the same name, or otherwise with the same numbers.
+class DepthPairs(NamedTuple):
+    """The depth images of a folder, and which picture each belongs to."""
+
+    files: Sequence[Path]
+    partners: Mapping[Path, Path]
+    """Picture -> its depth image."""
+
+    def doubts(self, pictures: Sequence[Path]) -> Iterator[str]:
+        """Yield a sentence if many pictures and depth images have no partner: they may be counted separately."""
+        used = set(self.partners.values())
+        lone = [path for path in self.files if path not in used]
+        bare = [path for path in pictures if path not in self.partners]
+        if lone and bare and min(len(lone), len(bare)) > _LONE_SHARE * len(pictures):
+            yield (
+                f"{len(lone)} depth images such as {lone[0].name} and {len(bare)} images such as {bare[0].name} do not "
+                "belong together by name, number or time. If their counters began at different numbers, the depth of "
+                "the others is of another moment: give images and depth of one moment the same name."
+            )
+
+
+def depth_pairs(folder: Path, wanted: str | None, pictures: FolderPictures) -> DepthPairs:
+    """Return the depth image of each picture that has one: by stamps where all names are stamps, otherwise with the
+    same name, or the same numbers.
 
     Raises DriveError where the folder that the user named holds none.
     """
@@ -134,12 +159,25 @@ def depth_partners(folder: Path, wanted: str | None, pictures: FolderPictures) -
     if wanted is not None and not listed:
         raise DriveError(f"{folder / wanted} holds no depth images; give the name of their folder, or none.")
     found = listed or pictures.deep
+    times = _stamps_of(pictures.colours)
+    depth_times = _stamps_of(found)
+    if times and depth_times:
+        places = nearest(times, depth_times, slack_s=_DEPTH_SLACK_S)
+        pairs = zip(pictures.colours, places, strict=True)
+        return DepthPairs(found, {path: found[place] for path, place in pairs if place is not None})
     by_stem = {path.stem: path for path in found}
     by_numbers = _unique({path: _numbers(path) for path in found})
     asking = _unique({path: _numbers(path) for path in pictures.colours})
     numbered = {path: by_numbers[key] for key, path in asking.items() if key in by_numbers}
     named = {path: by_stem[path.stem] for path in pictures.colours if path.stem in by_stem}
-    return numbered | named
+    return DepthPairs(found, numbered | named)
+
+
+def _stamps_of(pictures: Sequence[Path]) -> list[float]:
+    """Return the stamps in the names of all pictures, if they increase; otherwise nothing."""
+    named = [_stamp_in(path.stem) for path in pictures]
+    stamps = [stamp for stamp in named if stamp is not None]
+    return stamps if len(stamps) == len(named) and all(a < b for a, b in pairwise(stamps)) else []
 
 
 def kinds_of(paths: Iterable[Path]) -> str:
@@ -171,7 +209,7 @@ def _listed(folder: Path, suffixes: Iterable[str]) -> list[Path]:
     if not folder.is_dir():
         return []
     found = (path for path in folder.iterdir() if path.suffix.lower() in suffixes and not path.name.startswith("."))
-    return sorted(found, key=lambda path: [int(p) if p.isdigit() else p for p in re.split(r"([0-9]+)", path.name)])
+    return sorted(found, key=lambda path: natural_order(path.name))
 
 
 def _count(folder: Path) -> int:
@@ -223,12 +261,17 @@ class FolderReader(ImageFilesReader):
         self._pictures = pictures.colours
         self._depth: Mapping[Path, Path] = {}
         if options.depth != NOTHING:
-            self._depth = depth_partners(folder, options.depth, pictures)
+            pairs = depth_pairs(folder, options.depth, pictures)
+            self._depth = pairs.partners
+            if pairs.files is not pictures.deep:  # For those among the pictures, `pictures.doubts` has a sentence.
+                self.doubts += pairs.doubts(self._pictures)
         self._table = _table(folder, options.odometry)
         self.doubts += [] if self._table is None else self._table.doubts
+        self._assumed_hz: float | None = None
         self._stamps = self._known_stamps()
         self._truth = poses_beside(folder, self._pictures)
         self._described = camera_beside(folder)
+        self._lens = None if options.camera or self._described.camera else lens_beside(folder)
         if pictures.unreadable:
             self.dropped[_UNREADABLE] = len(pictures.unreadable)
         self.doubts += pictures.doubts(frozenset(self._depth.values() if options.depth is None else pictures.deep))
@@ -240,7 +283,11 @@ class FolderReader(ImageFilesReader):
         if self._truth is not None and self._truth.missing:
             self.doubts.append(f"{self._truth.missing} images have no valid pose in {self._truth.name}.")
         self.facts = DriveFacts(
-            format="folder", frames=len(self._pictures), streams=self._streams(), place=folder.resolve().name
+            format="folder",
+            frames=len(self._pictures),
+            streams=self._streams(),
+            place=folder.resolve().name,
+            assumed_rate_hz=self._assumed_hz,
         )
 
     @classmethod
@@ -266,7 +313,9 @@ class FolderReader(ImageFilesReader):
         blob = read_bytes_within(self._folder, name)
         rgb = decode_colour(blob, name)
         height, width = rgb.shape[:2]
-        camera = self._options.camera or self._described.camera or _exif_camera(blob, width, height)
+        camera = self._options.camera or self._described.camera
+        if camera is None:
+            camera = self._lens.camera(width, height) if self._lens else _exif_camera(blob, width, height)
         depth_m = self._if_readable(lambda: self._read_depth(image))
         return self._raw_frame(moment, name, rgb, camera=camera, depth_m=depth_m)
 
@@ -276,30 +325,18 @@ class FolderReader(ImageFilesReader):
             return None
         name = str(path.relative_to(self._folder))
         unit = self._options.depth_unit_m or self._described.metres_per_unit or MILLIMETRES
-        return self._without_unsure(self._depth_m(name, unit), path)
-
-    def _without_unsure(self, depth_m: Depth, path: Path) -> Depth:
-        """Return depth (H, W) without the pixels of low confidence."""
+        depth_m = self._depth_m(name, unit)
         beside = Path(CONFIDENCE_FOLDER) / path.name
-        if not (self._folder / beside).is_file():
-            return depth_m
-        confidence = self._colours(str(beside))[..., 0]
-        if confidence.shape != depth_m.shape:
-            raise DriveError(
-                f"{beside} has {confidence.shape[1]} x {confidence.shape[0]} pixels and its depth image "
-                f"{depth_m.shape[1]} x {depth_m.shape[0]}; save both in one size, or move {CONFIDENCE_FOLDER}/ away."
-            )
-        return without_low_confidence(depth_m, confidence)
+        return self._without_unsure(depth_m, str(beside)) if (self._folder / beside).is_file() else depth_m
 
     def _known_stamps(self) -> Sequence[float]:
         """Return stamps from the names of the pictures, from the table, or by the rate."""
         if self._options.rate_hz is None:
-            named = [_stamp_in(path.stem) for path in self._pictures]
-            stamps = [stamp for stamp in named if stamp is not None]
-            if len(stamps) == len(named) and all(a < b for a, b in pairwise(stamps)):
+            if stamps := _stamps_of(self._pictures):
                 return stamps
             if self._table is not None and self._table.stamps_by_place(len(self._pictures)) is not None:
                 return self._table.stamps_by_place(len(self._pictures)) or ()
+            self._assumed_hz = RATE_HZ
         return [place / (self._options.rate_hz or RATE_HZ) for place in range(len(self._pictures))]
 
     def _streams(self) -> Sequence[SourceFact]:
@@ -312,14 +349,25 @@ class FolderReader(ImageFilesReader):
             found.append(SourceFact("odometry", self._table.name, len(self._table), None))
         if self._truth is not None:
             found.append(SourceFact("truth", self._truth.name, len(self._truth), None))
-        return found
+        used = [fact.name for fact in found]
+        return [*found, *unread_beside(self._folder, used), *self._unread_around()]
+
+    def _unread_around(self) -> list[SourceFact]:
+        """Return what lies around a folder that has the name of one of a drive's, such as `rgb`."""
+        around = self._folder.resolve().parent
+        if self._folder.resolve().name not in IMAGE_FOLDERS:
+            return []
+        return unread_beside(around, remedy=f"Import the folder {around}, if they belong to these images.")
 
 
 def _table(folder: Path, wanted: str | None) -> OdometryTable | None:
+    if wanted == NOTHING:
+        return None
     names = ODOMETRY_FILES if wanted is None else (wanted,)
     path = next((folder / name for name in names if (folder / name).is_file()), None)
     if path is None and wanted is not None:
         path = Path(wanted)
+        require_file(path if path.parent.parts else folder / path, "--odometry", "odometry")
     return None if path is None else OdometryTable.read(path)
 
 

@@ -112,12 +112,26 @@ class ImageFilesReader(ABC):
 
     def _colours(self, name: str) -> Rgb:
         """Return the colours (H, W, 3) of a file in the folder. Raises DriveError."""
-        return decode_colour(read_bytes_within(self._folder, name), name)
+        return decode_colour(self._bytes(name), name)
 
     def _depth_m(self, name: str, unit_m: float) -> Depth:
         """Return the depth (H, W) in metres of a file in the folder; `unit_m` is the size of its unit. Raises
         DriveError."""
-        return decode_depth(read_bytes_within(self._folder, name), unit_m, name)
+        return decode_depth(self._bytes(name), unit_m, name)
+
+    def _bytes(self, name: str) -> bytes:
+        """Return the bytes of a file of the drive. Raises DriveError."""
+        return read_bytes_within(self._folder, name)
+
+    def _without_unsure(self, depth_m: Depth, confidence: str) -> Depth:
+        """Return depth (H, W) without the pixels of low confidence, by the image of that name. Raises DriveError."""
+        levels = self._colours(confidence)[..., 0]
+        if levels.shape != depth_m.shape:
+            raise DriveError(
+                f"{confidence} has {levels.shape[1]} x {levels.shape[0]} pixels and its depth image "
+                f"{depth_m.shape[1]} x {depth_m.shape[0]}; save both in one size, or move the confidence images away."
+            )
+        return without_low_confidence(depth_m, levels)
 
     def _raw_frame(
         self,

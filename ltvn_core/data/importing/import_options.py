@@ -36,12 +36,14 @@ class OdometrySource(StrEnum):
 
 def chosen_odometry(reader: DriveReader, wanted: OdometrySource = OdometrySource.AUTO) -> OdometrySource:
     """Return the source of odometry. Raises DriveError where the drive has none of the wanted kind."""
-    roles = {stream.role for stream in reader.facts.streams}
+    roles = {stream.role for stream in reader.facts.streams if stream.role}
     offered = {OdometrySource.SOURCE: "odometry", OdometrySource.TRUTH: "truth"}
     if wanted is OdometrySource.AUTO:
         return next((source for source, role in offered.items() if role in roles), OdometrySource.NONE)
     if wanted in offered and offered[wanted] not in roles:
         found = ", ".join(sorted(roles)) or "nothing"
+        if unread := [stream.described for stream in reader.facts.unread("odometry")]:
+            found += f"; not read: {', '.join(unread)}"
         raise DriveError(
             f"--odometry-from {wanted}: the drive has no {offered[wanted]}; found {found}. Omit the option to use "
             "what the drive has."

@@ -37,6 +37,8 @@ NARROW_PX = 160
 NEAREST_MEDIAN_M = 0.1
 FARTHEST_MEDIAN_M = 10.0
 """The median depth of a robot's camera plausibly lies between `NEAREST_MEDIAN_M` and this, in metres."""
+Z_BUFFER_ABOVE = 0.9
+"""Largest number of a z-buffer, whose numbers end at 1 and crowd there; a drive sees something beyond a metre."""
 MUCH_DRIFT = 0.15
 FEW_FRAMES = 20
 MANY_GAPS = 3
@@ -229,12 +231,24 @@ def _depth(drive: DriveStatistics) -> Iterator[Finding]:
     elif drive.with_depth < drive.frames:
         missing = drive.frames - drive.with_depth
         yield Finding(f"{missing} of {drive.frames} images have no depth; they are not used where depth is needed.")
+    yield from _z_buffer(drive)
     median_m = drive.depth_median_m
     if median_m is not None and not NEAREST_MEDIAN_M <= median_m <= FARTHEST_MEDIAN_M:
         side = "nearer" if median_m < NEAREST_MEDIAN_M else "farther"
         yield Finding(
             f"Half of the depth is {side} than {median_m:.3g} m, where {NEAREST_MEDIAN_M:g} to {FARTHEST_MEDIAN_M:g} m "
             f"are usual, so the assumed unit is probably wrong: {HOW_TO_SCALE}."
+        )
+
+
+def _z_buffer(drive: DriveStatistics) -> Iterator[Finding]:
+    low, high = drive.depth_range_m or (0.0, 0.0)
+    if 0 < low < high <= 1 and high > Z_BUFFER_ABOVE:
+        yield Finding(
+            f"All depth lies between {low:.3g} and {high:.3g}, and no pixel is without: such numbers are usually not "
+            "metres but the z-buffer of a renderer.",
+            remedy="If they are, write metres: near * far / (far - z * (far - near)), with the near and far planes of "
+            "the renderer.",
         )
 
 
@@ -295,6 +309,12 @@ def _odometry(drive: DriveStatistics) -> Iterator[Finding]:
 
 
 def _frames(drive: DriveStatistics) -> Iterator[Finding]:
+    if drive.facts.assumed_rate_hz is not None:
+        yield Finding(
+            f"The images have no stamps; {drive.facts.assumed_rate_hz:g} per second were assumed, so times and speeds "
+            "are wrong if they were taken at another rate.",
+            remedy="Give it with --rate.",
+        )
     if drive.frames < FEW_FRAMES:
         text = f"Only {drive.frames} images are left; a map needs a drive of some metres."
         yield Finding(text, remedy=_thinned(drive))

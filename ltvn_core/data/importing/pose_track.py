@@ -152,9 +152,9 @@ def _up_axis(rotations: Rotation) -> str:
 class PicturePoses:
     """Poses of pictures by their index in the drive; z is up, whatever the up axis of the source's world is."""
 
-    def __init__(self, matrices: NDArray[np.float64], name: str) -> None:
+    def __init__(self, matrices: NDArray[np.float64], name: str, *, up_axis: str | None = None) -> None:
         """Take camera-to-world matrices (N, 4, 4), one for each picture; a matrix with an invalid rotation counts as
-        missing."""
+        missing. `up_axis` is as in `PoseTrack`."""
         self.name = name
         """Name of the file or folder with the poses."""
         known = _are_rigid(matrices)
@@ -165,7 +165,8 @@ class PicturePoses:
         self._places = set(places.tolist())
         self._track = None
         if len(good):
-            self._track = PoseTrack(places.astype(np.float64), good[:, :3, 3], Rotation.from_matrix(good[:, :3, :3]))
+            turns = Rotation.from_matrix(good[:, :3, :3])
+            self._track = PoseTrack(places.astype(np.float64), good[:, :3, 3], turns, up_axis=up_axis)
 
     def at(self, place: int) -> SpatialPose | None:
         """Return the pose of a picture by its index; None if it has none."""

@@ -111,6 +111,10 @@ class DriveFacts:
     odometry_frame: str = ""
     """Name of the odometry frame in the source, such as `odom`; empty if it is unknown."""
 
+    assumed_rate_hz: float | None = None
+    """Number of images per second that was assumed, because they have no stamps; None if they have, or the user gave
+    it."""
+
     def unread(self, role: str) -> Sequence[SourceFact]:
         """Return what lies in the source and is not read, though it could have a role."""
         return [stream for stream in self.streams if not stream.role and stream.could_be == role]

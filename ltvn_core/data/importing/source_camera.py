@@ -123,15 +123,6 @@ def _replica_camera(path: Path) -> CameraFile:
         ) from error
 
 
-def read_calibration(path: Path, width: int, height: int) -> CameraModel:
-    """Read a `calibration.txt` of ETH3D's SLAM benchmark: fx fy cx cy in pixels. Raises DriveError."""
-    try:
-        fx, fy, cx, cy = map(float, _text(path).replace(",", " ").split()[:4])
-        return CameraModel(width=width, height=height, fx=fx, fy=fy, cx=cx, cy=cy)
-    except (OSError, ValueError, OverflowError, CameraError) as error:
-        raise DriveError(f"{path} describes no camera ({error!s:.120}); it needs fx fy cx cy in pixels.") from error
-
-
 def camera_of_fov(width: int, height: int, horizontal_fov_deg: float) -> CameraModel:
     """Return a camera with a centred, undistorted lens. Raises DriveError for an impossible angle."""
     try:
@@ -150,10 +141,6 @@ def fitted(camera: CameraModel, width: int, height: int, source: str) -> CameraM
             f"with another aspect ratio, so it is not the camera of these images; {HOW_TO}."
         )
     return camera.scaled(width, height)
-
-
-def _text(path: Path) -> str:
-    return read_foreign(path, most_bytes=_MOST_BYTES, what="calibration").decode()
 
 
 def _file_camera(fields: dict[str, Any]) -> CameraModel | None:

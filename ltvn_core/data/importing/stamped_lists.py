@@ -8,6 +8,7 @@ header; the row of a picture is found by its file name or its stamp.
 import codecs
 import csv
 import io
+import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -21,6 +22,8 @@ from ltvn_core.types import Pose
 
 MOST_LINES = 1_000_000
 """Largest number of lines: nine hours at 30 images per second. Longer drives must be imported in parts."""
+RATE_HZ = 10.0
+"""Assumed number of images per second if there are no stamps."""
 _MOST_BYTES = 100_000_000
 _UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 """Byte order marks of UTF-16, which PowerShell on Windows writes."""
@@ -106,6 +109,11 @@ def _in_seconds(rows: list[tuple[float, list[str]]], path: Path) -> StampedLines
     name, unit_s = next((each for each in _UNITS if middle * each[1] < _SECONDS_BELOW), _UNITS[-1])
     doubt = f"The stamps of {path.name} are too large for seconds ({middle:.0f}), and were read as {name}."
     return StampedLines([(stamp * unit_s, words) for stamp, words in rows], doubt)
+
+
+def natural_order(name: str) -> list[int | str]:
+    """Return the key that sorts names in natural order: 2 before 10."""
+    return [int(part) if part.isdigit() else part for part in re.split(r"([0-9]+)", name)]
 
 
 def period_s(stamps: ArrayLike) -> float | None:

@@ -9,11 +9,13 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from ltvn_core.cameras.camera_model import CameraModel
+from ltvn_core.data.importing.file_lens import lens_beside, read_lens
 from ltvn_core.data.importing.image_files import ImageFilesReader
 from ltvn_core.data.importing.pose_track import PoseTrack
 from ltvn_core.data.importing.raw_frame import NOTHING, DriveFacts, FrameMoment, RawFrame, ReadOptions, SourceFact
-from ltvn_core.data.importing.source_camera import camera_beside, read_calibration
+from ltvn_core.data.importing.source_camera import camera_beside
 from ltvn_core.data.importing.stamped_lists import nearest, rate_hz, stamped_lines
+from ltvn_core.data.importing.unread_files import require_file, unread_beside
 from ltvn_core.errors import DriveError
 from ltvn_core.types import Depth, Rgb
 
@@ -52,6 +54,7 @@ class TumReader(ImageFilesReader):
         self._described = camera_beside(folder)
         self._depth_unit_m = options.depth_unit_m or self._described.metres_per_unit or 1 / UNITS_PER_METRE
         self._camera = options.camera or self._described.camera or _benchmark_camera(folder)
+        self._lens = lens_beside(folder) if self._camera is None else None
         self.doubts[:0] = self._time_doubts()  # First, because it may be why no image can be used.
         self.doubts += _axis_doubts(self._truth, self._odometry)
         self.facts = DriveFacts(
@@ -84,7 +87,10 @@ class TumReader(ImageFilesReader):
 
     def _odometry_track(self, wanted: str | None) -> PoseTrack | None:
         """Return the odometry that the user named, or else the one in the folder, if it can be read."""
+        if wanted == NOTHING:
+            return None
         if wanted is not None:
+            require_file(self._folder / wanted, "--odometry", "odometry")
             return PoseTrack.read(self._folder / wanted)
         try:
             return _track(self._folder / ODOMETRY_FILE)
@@ -135,7 +141,9 @@ class TumReader(ImageFilesReader):
     def _known_camera(self, rgb: Rgb) -> CameraModel | None:
         calibration = self._folder / CALIBRATION_FILE
         if self._camera is None and calibration.is_file():
-            self._camera = read_calibration(calibration, rgb.shape[1], rgb.shape[0])
+            self._camera = read_lens(calibration).camera(rgb.shape[1], rgb.shape[0])
+        elif self._camera is None and self._lens is not None:
+            self._camera = self._lens.camera(rgb.shape[1], rgb.shape[0])
         return self._camera
 
     def _depth_camera(self, depth: Depth) -> CameraModel | None:
@@ -160,6 +168,7 @@ class TumReader(ImageFilesReader):
         return (
             *found,
             *(SourceFact(role, name, len(t.stamps), rate_hz(t.stamps)) for role, name, t in tracks if t is not None),
+            *unread_beside(self._folder, [fact.name for fact in found]),
         )
 
 

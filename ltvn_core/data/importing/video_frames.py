@@ -4,6 +4,7 @@ Owns the limits: a file has only the named format, refers to no other file, and 
 a camera.
 """
 
+import math
 import struct
 from collections.abc import Iterator
 from pathlib import Path
@@ -131,6 +132,11 @@ def video_images(part: VideoPart, period_s: float, *, container_format: str = "m
         raise
     except Exception as error:  # FFmpeg has a separate error for each kind of damage.
         raise _unreadable(part.path, error) from error
+
+
+def whole_video(path: Path) -> Iterator[VideoImage]:
+    """Yield all images of an MP4 file. Raises DriveError like `video_images`."""
+    return video_images(VideoPart(path, 0.0, math.inf), 1e-6)
 
 
 def _unreadable(path: Path, error: Exception) -> DriveError:

@@ -130,3 +130,17 @@ def test_metres_are_advised_only_where_images_were_left_out_for_them(tmp_path: P
     drive = sorted([*far, *still], key=lambda raw: raw.stamp)
     summary = import_drive(ListedDrive(drive, ("rgb", "odometry")), tmp_path / "thin.rrd", ImportOptions())
     assert "lower --every-m" in said(summary)
+
+
+def test_depth_that_looks_like_a_z_buffer_is_doubted(tmp_path: Path) -> None:
+    def seen(k: int, first: float, last: float) -> RawFrame:
+        raw = noisy(frame(k, x=0.1 * k))
+        height, width = raw.rgb.shape[:2]
+        return replace(raw, depth_m=np.linspace(first, last, height * width, dtype=np.float32).reshape(height, width))
+
+    roles = ("rgb", "depth", "odometry")
+    buffer = [seen(k, 0.78, 0.9995) for k in range(5)]
+    near = [seen(k, 0.0, 0.9995) for k in range(5)]
+    (tmp_path / "near").mkdir()
+    assert "z-buffer" in said(imported(tmp_path, buffer, roles))
+    assert "z-buffer" not in said(imported(tmp_path / "near", near, roles))

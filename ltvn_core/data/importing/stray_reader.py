@@ -21,6 +21,7 @@ POSES = "odometry.csv"
 VIDEO = "rgb.mp4"
 _HEADER = re.compile(rb"\s*timestamp\s*,\s*frame\s*,\s*x\s*,\s*y\s*,\s*z\s*,\s*qx\s*,\s*qy\s*,\s*qz\s*,\s*qw")
 _COLUMNS = ("timestamp", "frame", "x", "y", "z", "qx", "qy", "qz", "qw")
+_MOST_FRAMES = 10_000_000
 _LENS_COLUMNS = ("fx", "fy", "cx", "cy")
 
 
@@ -87,7 +88,8 @@ def _rows(path: Path) -> list[dict[str, float]]:
     for number, line, words in lines:
         try:
             row = dict(zip(names, map(float, words), strict=False))
-            int(row["frame"])
+            if not 0 <= int(row["frame"]) < _MOST_FRAMES:
+                raise ValueError("no number of a frame")
             rows.append({name: row[name] for name in (*_COLUMNS, *(each for each in _LENS_COLUMNS if each in row))})
         except (ValueError, KeyError, OverflowError) as error:
             raise DriveError(f"{path}, line {number} is {line!s:.60}; it needs {', '.join(_COLUMNS)}.") from error

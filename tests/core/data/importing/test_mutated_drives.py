@@ -12,6 +12,7 @@ from tests.core.data.importing.mutations import Fate, judge_mutations
 from tests.core.data.importing.rosbag import bag_examples
 from tests.core.data.importing.rtabmap import database_examples
 from tests.core.data.importing.test_euroc_reader import write_sequence
+from tests.core.data.importing.test_file_drives import write_colmap, write_nerfstudio, write_record3d, write_stray
 from tests.core.data.importing.test_opennavmap_reader import write_map
 from tests.core.data.importing.test_video_reader import write_video
 from tests.core.data.importing.test_vint_reader import write_folder
@@ -31,6 +32,10 @@ def write_drives(folder: Path) -> Path:
     write_map(folder / "opennavmap")
     write_video(folder / "phone.mp4")
     write_folder(folder / "vint")
+    write_stray(folder / "stray")
+    write_nerfstudio(folder / "nerfstudio")
+    write_record3d(folder / "walk.r3d")
+    write_colmap(folder / "colmap")
     return folder
 
 

@@ -45,9 +45,7 @@ class ColmapReader(FileDriveReader):
         frames = [
             ListedFrame(colour=found, lens=lenses.get(camera))
             for name, camera in _images(model / _LISTS[1])
-            for found in [f"{each}/{name}".lstrip("/") for each in _IMAGES if (self._folder / each / name).is_file()][
-                :1
-            ]
+            for found in [f"{each}/{name}".lstrip("/") for each in _IMAGES if _is_file(self._folder / each / name)][:1]
         ]
         return FileDrive(
             frames=sorted(frames, key=lambda frame: natural_order(frame.colour)),
@@ -61,6 +59,13 @@ class ColmapReader(FileDriveReader):
 
 def _model(path: Path) -> Path | None:
     return next((path / each for each in _MODELS if all((path / each / name).is_file() for name in _LISTS)), None)
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except (OSError, ValueError):  # A name that is too long, or has a zero byte.
+        return False
 
 
 def _lenses(path: Path) -> Mapping[str, FileLens]:

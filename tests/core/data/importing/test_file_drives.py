@@ -305,3 +305,11 @@ def test_a_folder_of_several_drives_names_all_and_those_without_colours_last(tmp
         open_drive(tmp_path)
     places = [str(caught.value).index(name) for name in ("walk", "a_confidence", "depths")]
     assert places == sorted(places)
+
+
+@pytest.mark.parametrize("row", ["1, nan, 0, 0, 0, 0, 0, 0, 1", "1, 1e300, 0, 0, 0, 0, 0, 0, 1", "1, 0, 0"])
+def test_a_row_that_is_no_pose_of_an_image_is_refused_by_its_line(tmp_path: Path, row: str) -> None:
+    folder = write_stray(tmp_path / "scan")
+    (folder / "odometry.csv").write_text(f"timestamp, frame, x, y, z, qx, qy, qz, qw\n{row}\n", encoding="utf-8")
+    with pytest.raises(DriveError, match="line 2"):
+        open_drive(folder)

@@ -63,10 +63,10 @@ def report(verb: "Verb") -> int:
     from ltvn_core.atomic_files import is_standard_output
     from ltvn_core.terminal_text import shown_plainly
     from ltvn_core.verbs.outputs import outputs_of
-    from ltvn_core.verbs.verb import to_json, to_text
+    from ltvn_core.verbs.verb import require_summary, to_json, to_text
 
     verb.check_options()
-    summary = verb.run()
+    summary = require_summary(verb, verb.run())
     if verb.json is None:
         if text := to_text(summary):
             is_taken = any(is_standard_output(path) for path, _ in outputs_of(verb))
@@ -82,7 +82,7 @@ def _main(given: Sequence[str]) -> int:
     from importlib.metadata import version
 
     from ltvn_core.plugins import VERBS
-    from ltvn_core.verbs.discovery import BEGINNING, find_verbs, load_verb
+    from ltvn_core.verbs.discovery import BEGINNING, find_verbs, load_parsed_verb
 
     if given == ["--version"]:
         print(f"ltvn {version('ltvn')}")
@@ -92,7 +92,7 @@ def _main(given: Sequence[str]) -> int:
         raise OptionError(f"no package offers {VERBS.name}; install the toolkit: pip install ltvn (or -e .)")
     if given and given[0] in verbs:
         name, *options = given
-        return _run(f"ltvn {name}", load_verb(verbs[name]), options)
+        return _run(f"ltvn {name}", load_parsed_verb(verbs[name]), options)
     if not given:
         print(BEGINNING)
         return 0
@@ -127,9 +127,9 @@ def _print_completion(verbs: "Mapping[str, Plugin]", given: Sequence[str]) -> No
     import tyro
 
     from ltvn_core.plugins import load_plugins
-    from ltvn_core.verbs.discovery import load_verb
+    from ltvn_core.verbs.discovery import load_parsed_verb
 
-    by_name = dict(load_plugins(verbs, load_verb).by_name)
+    by_name = dict(load_plugins(verbs, load_parsed_verb).by_name)
     tyro.extras.subcommand_cli_from_dict(by_name, prog="ltvn", args=given, sort_subcommands=False)
     raise AssertionError("tyro exits once it has printed")
 
@@ -244,6 +244,13 @@ def _exit_code(job: Callable[[], int], *, debug: bool) -> int:
         return _say(text, error, FAILED, debug=debug)
     except OverflowError as error:
         return _say(f"a number is too large ({error}); give a smaller one.", error, FAILED, debug=debug)
+    except Exception as error:
+        from ltvn_core.plugins import plugin_at_fault
+
+        if (plugin := plugin_at_fault(error)) is None:
+            raise  # A programming error of ours: the traceback is for its report.
+        text = f"{plugin.title} failed ({type(error).__name__}: {error}); {plugin.remedy}. --debug shows where."
+        return _say(text, error, FAILED, debug=debug)
 
 
 def _system_failure(error: OSError) -> str:

@@ -1,18 +1,20 @@
 """Plug-ins: additions to the toolkit by entry points in the `pyproject.toml` of packages, including our own.
 
 Owns the groups, the package that wins if two offer the same name, and the import of a plug-in: it is imported only when
-it is requested, and a failure names its package. The code that uses a plug-in checks it.
+it is requested, and a failure, also a later one of its code, names its package. The code that uses a plug-in checks it.
 """
 
 import logging
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib.metadata import EntryPoint, distributions, entry_points
+from traceback import walk_tb
 from typing import Generic, NamedTuple, TypeVar
 
-from ltvn_core.errors import LtvnError, MissingLibraryError, PluginError
+from ltvn_core.errors import LtvnError, PluginError
 from ltvn_core.extras import naming_the_extra
 
 log = logging.getLogger(__name__)
@@ -82,15 +84,22 @@ class Plugin:
             PluginError: It cannot be imported, for whatever reason.
             MissingLibraryError: It needs a library that an extra installs.
         """
+        with self.running("cannot be loaded"):
+            return self.entry.load()
+
+    @contextmanager
+    def running(self, failure: str) -> Iterator[None]:
+        """Run code of the plug-in: whatever it raises becomes a PluginError with its title, `failure` and a remedy.
+
+        Errors of the toolkit itself, which are written for the user, pass.
+        """
         try:
             with naming_the_extra():
-                return self.entry.load()
-        except MissingLibraryError:
+                yield
+        except LtvnError:
             raise
-        except (Exception, SystemExit) as error:  # A module of another package may raise anything during its import.
-            raise PluginError(
-                f"{self.title} cannot be loaded ({type(error).__name__}: {error}); {self.remedy}."
-            ) from error
+        except (Exception, SystemExit) as error:  # Code of another package may raise anything.
+            raise PluginError(f"{self.title} {failure} ({type(error).__name__}: {error}); {self.remedy}.") from error
 
     def refusal(self, reason: str) -> PluginError:
         """Return the error for an object that was loaded but cannot be used; `reason` completes the sentence after its
@@ -134,6 +143,29 @@ def find_plugins(
             found.setdefault(entry.name, Plugin(group, entry))
     places = {name: place for place, name in enumerate(first)}
     return {name: found[name] for name in sorted(found, key=lambda name: (places.get(name, len(places)), name))}
+
+
+def left_out_plugins(group: PluginGroup) -> Iterator[tuple[Plugin, Plugin]]:
+    """Yield each plug-in whose name another package has already, with the plug-in that is used."""
+    used = find_plugins(group)
+    for entry in _installed(tuple(sys.path)):
+        if entry.group == group.name and entry != used[entry.name].entry:
+            yield Plugin(group, entry), used[entry.name]
+
+
+def plugin_at_fault(error: BaseException) -> Plugin | None:
+    """Return the plug-in of another package in whose code an error arose; None if it arose in none.
+
+    A package with several plug-ins in one module is named by its first one.
+    """
+    foreign = {
+        entry.module.partition(".")[0]: Plugin(group, entry)
+        for group in reversed(GROUPS)
+        for entry in _installed(tuple(sys.path))
+        if entry.group == group.name and _package_of(entry) != OWN_PACKAGE
+    }
+    modules = [str(frame.f_globals.get("__name__")).partition(".")[0] for frame, _ in walk_tb(error.__traceback__)]
+    return next((foreign[module] for module in reversed(modules) if module in foreign), None)
 
 
 def require_own(group: PluginGroup, name: str, own: Sequence[str]) -> None:

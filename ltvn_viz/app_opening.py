@@ -140,7 +140,7 @@ def open_app_state(
         predictor_for=lambda weights: _reopen_with(options, weights, camera),
         patient_worker=patient_worker,
         new_own_debugger=lambda page: watching_inspector(page, live.breakpoint_monitor, patient_worker),
-        debugger=Inspector([*all_questions(live.breakpoint_monitor), *(make() for make in options.questions)], worker),
+        debugger=Inspector(all_questions(live.breakpoint_monitor, options.questions), worker),
         rerun=RerunViewers(stack).address,
         world=world,
         alignment=None if options.floor_plan is None else FloorPlanClicks(options.floor_plan),

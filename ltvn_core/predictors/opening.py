@@ -15,8 +15,7 @@ from weakref import ref
 
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.config import PAPER, Likelihoods, Method, preset
-from ltvn_core.errors import LtvnError, OptionError, PluginError
-from ltvn_core.extras import naming_the_extra
+from ltvn_core.errors import OptionError
 from ltvn_core.plugins import PREDICTORS, Plugin, find_plugins, require_own
 from ltvn_core.predictors.request import PredictorFactory, PredictorRequest, predictor_card
 from ltvn_core.preprocessing import ORIGINAL_SIZE
@@ -67,16 +66,9 @@ def open_plugin(plugin: Plugin, request: PredictorRequest) -> Predictor:
     factory = plugin.load()
     if not callable(factory):
         raise plugin.refusal("is not a function from a PredictorRequest to a Predictor")
-    try:
-        with naming_the_extra():
-            made = cast(PredictorFactory, factory)(request)
-    except LtvnError:
-        raise
-    except Exception as error:  # Another package's code may raise anything.
-        raise PluginError(
-            f"{plugin.title} could not be opened ({type(error).__name__}: {error}); {plugin.remedy}."
-        ) from error
-    check_predictor(made, plugin)
+    with plugin.running("could not be opened"):
+        made = cast(PredictorFactory, factory)(request)
+        check_predictor(made, plugin)
     with suppress(TypeError):  # An object without weak references keeps no name.
         _names[id(made)] = ref(made, partial(_forget, id(made))), plugin.name
     return made

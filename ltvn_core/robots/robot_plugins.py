@@ -11,7 +11,7 @@ import sys
 from collections.abc import Callable, Mapping
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
-from typing import TypeVar, cast
+from typing import Any, TypeVar, cast
 
 from ltvn_core.errors import ImageError, LtvnError, PluginError
 from ltvn_core.extras import naming_the_extra
@@ -59,19 +59,27 @@ def check_robot(robot: object, name: str) -> None:
             f"The function of the robot {name} returned {robot!r:.60} ({type(robot).__name__}), which is no robot; "
             f"return an object with spec, clock, {', '.join(METHODS)}, see examples/05_drive_your_own_robot.py."
         )
-    spec = getattr(robot, "spec", None)
-    clock = getattr(robot, "clock", None)
+    parts = {part: _part(robot, part, name) for part in ("spec", "clock", *METHODS)}
+    spec = parts["spec"]
+    clock = parts["clock"]
     if not isinstance(spec, RobotSpec):
         raise PluginError(f"The robot {name} has no `spec`; give it a ltvn_core.RobotSpec, got {spec!r}.")
     if not (isinstance(getattr(clock, "is_simulated", None), bool) and callable(getattr(clock, "now", None))):
         raise PluginError(f"The robot {name} has no `clock`; give it a ltvn_core.WallClock(), got {clock!r}.")
-    missing = [method for method in METHODS if not callable(getattr(robot, method, None))]
+    missing = [method for method in METHODS if not callable(parts[method])]
     if missing:
         raise PluginError(
             f"The robot {name} lacks {', '.join(missing)}; a robot has spec, clock, {', '.join(METHODS)}, see "
             "ltvn_core.Robot and examples/05_drive_your_own_robot.py."
         )
     _check_first_image(robot, spec, name)  # type: ignore[arg-type]  # Its methods were checked above.
+
+
+def _part(robot: object, part: str, name: str) -> Any:
+    try:
+        return getattr(robot, part, None)
+    except Exception as error:  # A property of another person may raise anything.
+        raise PluginError(f"The robot {name} failed in its {part} ({type(error).__name__}: {error}).") from error
 
 
 def _check_first_image(robot: Robot, spec: RobotSpec, name: str) -> None:

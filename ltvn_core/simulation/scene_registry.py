@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from ltvn_core.cache_folder import cache_folder
-from ltvn_core.errors import LtvnError, PluginError, SceneError
+from ltvn_core.errors import SceneError
 from ltvn_core.plugins import SCENES, Plugin, find_plugins
 from ltvn_core.simulation.apartments.generation import Building, generate_apartment
 from ltvn_core.simulation.apartments.hall import generate_hall
@@ -123,20 +123,22 @@ def check_scene(name: str) -> None:
         _mesh_path(name)
 
 
-def _foreign_scene(plugin: Plugin) -> Scene:
-    """Return the scene of another package, whose function without arguments returns a Scene or the path of a mesh."""
+def load_scene_factory(plugin: Plugin) -> Callable[[], object]:
+    """Import the function of a scene. Raises PluginError if it is none, or if its name is one of our own scenes."""
     make = plugin.load()
     if not callable(make):
         raise plugin.refusal("is not a function that returns a Scene or the path of a mesh")
-    try:
+    if plugin.name in _RECIPES:
+        raise plugin.refusal("has the name of a scene of the toolkit, which is used instead")
+    return make
+
+
+def _foreign_scene(plugin: Plugin) -> Scene:
+    """Return the scene of another package, whose function without arguments returns a Scene or the path of a mesh."""
+    make = load_scene_factory(plugin)
+    with plugin.running("cannot be made"):
         made = make()
         scene = load_mesh_scene(Path(made)) if isinstance(made, str | Path) else made
-    except LtvnError:
-        raise
-    except Exception as error:  # Another package's code may raise anything.
-        raise PluginError(
-            f"{plugin.title} cannot be made ({type(error).__name__}: {error}); {plugin.remedy}."
-        ) from error
     if not isinstance(scene, Scene):
         raise plugin.refusal(f"returns {type(scene).__name__}, not a Scene or the path of a mesh")
     return replace(scene, name=plugin.name, source=None)  # So that recordings find it by its name.

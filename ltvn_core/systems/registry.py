@@ -6,11 +6,12 @@ line in pyproject.toml and one in `OWN_SYSTEMS`. Entries are imported lazily, so
 """
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, cast
 
 from ltvn_core.errors import OptionError
 from ltvn_core.network.shipped_weights import SHIPPED_WEIGHTS, shipped_weights
-from ltvn_core.plugins import SYSTEMS, Plugin, find_plugins, require_own
+from ltvn_core.plugins import OWN_PACKAGE, SYSTEMS, Plugin, find_plugins, require_own
 from ltvn_core.systems.entry import SystemEntry, SystemFactory
 from ltvn_core.terminal_text import which_name
 
@@ -95,8 +96,28 @@ def _systems() -> dict[str, Plugin]:
 def load_system(plugin: Plugin) -> SystemEntry:
     """Import a system's entry. Raises PluginError if it cannot be loaded or is not an entry."""
     found = plugin.load()
-    if isinstance(found, SystemEntry) and found.name == plugin.name:
-        return found
+    if isinstance(found, SystemEntry) and found.name == plugin.name and callable(found.factory):
+        return (
+            found if plugin.package == OWN_PACKAGE else replace(found, factory=_CheckedFactory(plugin, found.factory))
+        )
     if callable(found):
-        return SystemEntry(name=plugin.name, label=plugin.name, factory=cast(SystemFactory, found))
+        factory = _CheckedFactory(plugin, cast(SystemFactory, found))
+        return SystemEntry(name=plugin.name, label=plugin.name, factory=factory)
     raise plugin.refusal("is neither a SystemEntry with that name nor a function from a Method to a NavigationSystem")
+
+
+@dataclass(frozen=True, slots=True)
+class _CheckedFactory:
+    """The factory of another package, which raises PluginError where that one fails or makes something else."""
+
+    plugin: Plugin
+    factory: SystemFactory
+
+    def __call__(self, method: "Method") -> "NavigationSystem":
+        from ltvn_core.graph.navigation_system import NavigationSystem
+
+        with self.plugin.running("cannot be made"):
+            made: object = self.factory(method)
+        if not isinstance(made, NavigationSystem):
+            raise self.plugin.refusal(f"makes {type(made).__name__}, not a ltvn_core.NavigationSystem")
+        return made

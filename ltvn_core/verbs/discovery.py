@@ -9,7 +9,7 @@ import shutil
 import textwrap
 from collections.abc import Mapping
 
-from ltvn_core.plugins import VERBS, Plugin, find_plugins
+from ltvn_core.plugins import OWN_PACKAGE, VERBS, Plugin, find_plugins
 from ltvn_core.verbs.verb import Verb
 
 GROUPS: Mapping[str, tuple[str, ...]] = {
@@ -49,6 +49,22 @@ def load_verb(plugin: Plugin) -> type[Verb]:
     verb = plugin.load()
     if not (isinstance(verb, type) and issubclass(verb, Verb)):
         raise plugin.refusal("is no subclass of ltvn_core.verbs.verb.Verb")
+    with plugin.running("cannot be used"):
+        if not isinstance(verb.__doc__ or "", str) or not isinstance(verb.job, str):
+            raise plugin.refusal("has a `job` or a docstring that is no text")
+        if not verb.job and verb.run is Verb.run:
+            raise plugin.refusal('has neither `job = "package.module:function"` nor a method `run`')
+    return verb
+
+
+def load_parsed_verb(plugin: Plugin) -> type[Verb]:
+    """Import a verb's class, and let tyro read its options. Raises PluginError and MissingLibraryError."""
+    verb = load_verb(plugin)
+    if plugin.package != OWN_PACKAGE:
+        import tyro
+
+        with plugin.running("has options that no command line can have"):
+            tyro.extras.get_parser(verb)
     return verb
 
 

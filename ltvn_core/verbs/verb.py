@@ -9,7 +9,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, ClassVar, Protocol
 
-from ltvn_core.errors import OptionError
+from ltvn_core.errors import OptionError, PluginError
 from ltvn_core.verbs.outputs import SummaryFile, require_outputs
 
 _SENTENCE = 60
@@ -121,6 +121,17 @@ def _check_number(name: str, number: int) -> None:
         raise OptionError(f"{option} must be at most {most:,}, got {number!s:.40}.")
 
 
+def require_summary(verb: Verb, found: object) -> Summary:
+    """Return what a verb returned. Raises PluginError if it is neither a dataclass object nor has its own words."""
+    if isinstance(found, OwnWords) or (is_dataclass(found) and not isinstance(found, type)):
+        return found  # type: ignore[return-value]
+    source = verb.job or f"{type(verb).__module__}:{type(verb).__qualname__}.run"
+    raise PluginError(
+        f"{source} returned {found!r:.60} ({type(found).__name__}); a verb returns an object of a dataclass, whose "
+        "fields are its result, or of a class below ltvn_core.verbs.verb.OwnWords."
+    )
+
+
 def to_json(summary: Summary) -> str:
     """Return a summary as JSON; paths and enums become text, and findings also appear as complete sentences in
     `doubts`."""
@@ -153,7 +164,10 @@ def _plain(value: object) -> object:
         return str(value)
     if hasattr(value, "tolist"):  # numpy scalars and arrays
         return value.tolist()  # type: ignore[attr-defined]
-    raise TypeError(f"a summary cannot hold {type(value).__name__}")
+    raise PluginError(
+        f"A verb's result holds {value!r:.60} ({type(value).__name__}), which JSON cannot; hold texts, numbers, lists "
+        "and dataclasses instead."
+    )
 
 
 def _shown(value: object) -> str:

@@ -4,7 +4,7 @@ Owns the interface. Each question is one module and is independent of the page a
 """
 
 from abc import ABC, abstractmethod
-from typing import ClassVar, Generic, TypeVar
+from typing import Generic, TypeVar
 
 from ltvn_core import palette
 from ltvn_core.analysis import answer
@@ -81,17 +81,17 @@ class Question(ABC, Generic[RequestT]):
     To add a question, write a subclass and add it to `question_registry`.
     """
 
-    name: ClassVar[str]
+    name: str
     """Unique name of the question in the page."""
-    word: ClassVar[str]
+    word: str
     """Word for the question in an address, such as what-if."""
-    earlier_words: ClassVar[tuple[str, ...]] = ()
+    earlier_words: tuple[str, ...] = ()
     """Former words for the question in addresses, so that old links still work."""
-    about: ClassVar[str]
+    about: str
     """Description of the answer, in one line."""
-    verb: ClassVar[str] = "Ask"
+    verb: str = "Ask"
     """Label of the button that submits the typed text."""
-    is_for_watchers: ClassVar[bool] = False
+    is_for_watchers: bool = False
     """Whether a page without the seat may ask the question, because it has no effect elsewhere and opens no file."""
 
     def is_offered(self, context: DebugContext) -> bool:

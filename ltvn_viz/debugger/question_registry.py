@@ -4,17 +4,19 @@ Other packages add questions by the entry-point group `ltvn.questions`, `name = 
 """
 
 import logging
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from importlib.metadata import EntryPoint
 from typing import Any
 
-from ltvn_core.errors import PluginError
-from ltvn_core.plugins import QUESTIONS, Plugin, find_plugins, load_plugins
+from ltvn_core.errors import LtvnError
+from ltvn_core.plugins import QUESTIONS, Plugin, find_plugins
 from ltvn_viz.debugger.breakpoint_question import BreakpointQuestion
 from ltvn_viz.debugger.comparison_question import ComparisonQuestion
 from ltvn_viz.debugger.decision_question import DecisionQuestion
 from ltvn_viz.debugger.edge_question import EdgeQuestion
 from ltvn_viz.debugger.failure_question import FailureQuestion
 from ltvn_viz.debugger.ground_truth_question import GroundTruthQuestion
+from ltvn_viz.debugger.guarded_question import GuardedQuestion
 from ltvn_viz.debugger.history_question import HistoryQuestion
 from ltvn_viz.debugger.inspector import Inspector
 from ltvn_viz.debugger.localisation_question import LocalisationQuestion
@@ -32,12 +34,15 @@ _SERIALS = 2**24
 _LOG = logging.getLogger(__name__)
 
 
-def all_questions(breakpoint_monitor: BreakpointMonitor) -> tuple[Question[Any], ...]:
-    """Return a fresh set of questions in the order of the list, then the installed ones of other packages.
+def all_questions(
+    breakpoint_monitor: BreakpointMonitor, added: Sequence[Callable[[], Any]] = ()
+) -> tuple[Question[Any], ...]:
+    """Return a fresh set of questions in the order of the list, then the installed ones of other packages, then those
+    of the classes `added`.
 
-    Breakpoints are kept in `breakpoint_monitor`.
+    Breakpoints are kept in `breakpoint_monitor`. A question of others that cannot be used is logged and left out.
     """
-    return (
+    own = (
         EdgeQuestion(),
         HistoryQuestion(),
         DecisionQuestion(),
@@ -50,8 +55,8 @@ def all_questions(breakpoint_monitor: BreakpointMonitor) -> tuple[Question[Any],
         NextDriveQuestion(),
         ManualEditQuestion(),
         ShareQuestion(),
-        *installed_questions(find_plugins(QUESTIONS)),
     )
+    return (*own, *installed_questions(find_plugins(QUESTIONS), own, added))
 
 
 def watching_inspector(page: int, breakpoint_monitor: BreakpointMonitor, worker: JobQueue) -> Inspector:
@@ -60,22 +65,41 @@ def watching_inspector(page: int, breakpoint_monitor: BreakpointMonitor, worker:
     return Inspector(questions, worker, first_serial=page * _SERIALS)
 
 
-def installed_questions(plugins: Mapping[str, Plugin]) -> Iterator[Question[Any]]:
-    """Yield the questions of other packages; one that cannot be created is logged and skipped."""
-    loaded = load_plugins(plugins, load_question)
-    for line in loaded.broken:
-        _LOG.warning(line)
-    yield from loaded.by_name.values()
+def installed_questions(
+    plugins: Mapping[str, Plugin], own: Sequence[Question[Any]] = (), added: Sequence[Callable[[], Any]] = ()
+) -> Iterator[Question[Any]]:
+    """Yield the questions of other packages and of the classes `added`.
+
+    One that cannot be made, or whose name or word one before it has, is logged and left out.
+    """
+    taken = {text for question in own for text in _named(question)}
+    makers = [*((plugin, plugin.load) for plugin in plugins.values()), *map(_unpackaged, added)]
+    for plugin, load in makers:
+        try:
+            question = make_question(plugin, load())
+            if clash := taken.intersection(_named(question)):
+                raise plugin.refusal(f"has the name or word {min(clash)!r} of another question")
+        except LtvnError as error:
+            _LOG.warning(str(error))
+            continue
+        taken.update(_named(question))
+        yield question
 
 
-def load_question(plugin: Plugin) -> Question[Any]:
-    """Create a question of another package. Raises PluginError, and MissingLibraryError if an extra is missing."""
-    make = plugin.load()
+def make_question(plugin: Plugin, make: object) -> GuardedQuestion:
+    """Create the question that a plug-in holds. Raises PluginError, and MissingLibraryError if an extra is missing."""
     if not (isinstance(make, type) and issubclass(make, Question)):
         raise plugin.refusal("is not a class below ltvn_viz.debugger.question.Question")
-    try:
-        return make()
-    except Exception as error:  # Code of other packages may raise any exception.
-        raise PluginError(
-            f"{plugin.title} cannot be made ({type(error).__name__}: {error}); {plugin.remedy}."
-        ) from error
+    with plugin.running("cannot be made"):
+        question: Question[Any] = make()
+    return GuardedQuestion(plugin, question)
+
+
+def _unpackaged(make: Callable[[], Any]) -> tuple[Plugin, Callable[[], object]]:
+    """Return a class that no package names as if one did, for its messages."""
+    name = getattr(make, "__qualname__", repr(make))
+    return Plugin(QUESTIONS, EntryPoint(name, f"{make.__module__}:{name}", QUESTIONS.name)), lambda: make
+
+
+def _named(question: Question[Any]) -> set[str]:
+    return {question.name, question.word, *question.earlier_words}

@@ -5,15 +5,17 @@ and a reader's module is imported only when it is needed.
 """
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import nullcontext
 from itertools import islice
 from pathlib import Path
 from typing import cast
 
 from ltvn_core.data.importing.foreign_files import require_own_files, require_plain
+from ltvn_core.data.importing.guarded_reader import guarded_reader
 from ltvn_core.data.importing.raw_frame import DriveReader, ReaderClass, ReadOptions
-from ltvn_core.errors import DriveError, LtvnError
-from ltvn_core.plugins import READERS, Plugin, find_plugins
+from ltvn_core.errors import DriveError, LtvnError, PluginError
+from ltvn_core.plugins import OWN_PACKAGE, READERS, Plugin, find_plugins
 
 log = logging.getLogger(__name__)
 
@@ -41,9 +43,25 @@ def open_drive(path: Path | str, name: str = AUTO, options: ReadOptions | None =
     path = Path(path)
     if not path.exists():
         raise DriveError(f"There is no file or folder {path}.")
-    reader = _recognised(path) if name == AUTO else _named(name)
-    _require_own_files(path)
-    return reader.open(path, options or ReadOptions())
+    plugins = _recognising(path) if name == AUTO else iter([_named(name)])
+    for plugin in plugins:
+        _require_own_files(path)
+        try:
+            return open_with(plugin, path, options or ReadOptions())
+        except PluginError as error:
+            if name != AUTO:
+                raise
+            log.warning(str(error))
+    raise _refusal(path)
+
+
+def open_with(plugin: Plugin, path: Path, options: ReadOptions) -> DriveReader:
+    """Open a drive with one reader. Raises DriveError for the drive, and PluginError for a broken reader."""
+    reader = load_reader(plugin)
+    if plugin.package == OWN_PACKAGE:
+        return reader.open(path, options)
+    with plugin.running(f"could not open {path}"):
+        return guarded_reader(plugin, reader.open(path, options))
 
 
 def _require_own_files(path: Path) -> None:
@@ -62,41 +80,56 @@ def recognised_format(path: Path) -> str | None:
     """Return the name of the first reader that recognises a file or folder; None if none does."""
     for plugin in _readers().values():
         try:
-            if _load(plugin).recognises(path):
+            if load_reader(plugin).recognises(path):
                 return plugin.name
         except Exception as error:  # A reader of another package may raise anything; the list must appear nevertheless.
             log.debug("the reader %s cannot look at %s: %s", plugin.name, path, error)
     return None
 
 
-def _recognised(path: Path) -> ReaderClass:
-    broken: list[LtvnError] = []
+def _recognising(path: Path) -> Iterator[Plugin]:
+    """Yield the readers that recognise a path; a broken one is logged.
+
+    Raises MissingLibraryError if none does and a library is missing.
+    """
+    missing: list[LtvnError] = []
+    found = False
     for plugin in _readers().values():
         try:
-            reader = _load(plugin)
-        except LtvnError as error:
-            broken.append(error)
+            reader = load_reader(plugin)
+            with nullcontext() if plugin.package == OWN_PACKAGE else plugin.running(f"could not look at {path}"):
+                recognised = bool(reader.recognises(path))
+        except PluginError as error:
+            log.warning(str(error))
             continue
-        if reader.recognises(path):
-            return reader
-    if broken:
-        raise broken[0]
+        except LtvnError as error:
+            missing.append(error)
+            continue
+        if recognised:
+            found = True
+            yield plugin
+    if missing and not found:
+        raise missing[0]
+
+
+def _refusal(path: Path) -> DriveError:
+    """Return what to say about a path that no reader can open."""
     if inside := _drives_in(path):
         more = f", and {len(inside) - _MOST_NAMED} more" if len(inside) > _MOST_NAMED else ""
-        raise DriveError(
+        return DriveError(
             f"{path} is not a drive, but contains {len(inside)}; import each by its own path: "
             f"{', '.join(map(str, inside[:_MOST_NAMED]))}{more}."
         )
     if path.suffix.lower() in _SCENES:
-        raise DriveError(f"{path} is a scene, not a drive: `ltvn app --scene {path}` opens it, to drive in.")
+        return DriveError(f"{path} is a scene, not a drive: `ltvn app --scene {path}` opens it, to drive in.")
     if path.is_file() and path.stat().st_size == 0:
-        raise DriveError(f"{path} is empty (0 bytes); copy or record it again.")
+        return DriveError(f"{path} is empty (0 bytes); copy or record it again.")
     if path.is_dir() and not any(path.iterdir()):
-        raise DriveError(f"{path} is an empty folder; name the file or folder of one drive.")
+        return DriveError(f"{path} is an empty folder; name the file or folder of one drive.")
     if path.is_dir() and _has_lone_picture(path):
-        raise DriveError(f"{path} holds one picture, and a drive has at least two; name the folder of all its images.")
+        return DriveError(f"{path} holds one picture, and a drive has at least two; name the folder of all its images.")
     require_plain(path)  # No reader may recognise a Git LFS pointer as the file that it stands for.
-    raise DriveError(
+    return DriveError(
         f"{path} is not in a supported format ({', '.join(reader_names())}); name the file or folder of one drive, "
         "and its format with --format if it was not recognised."
     )
@@ -120,14 +153,15 @@ def _drives_in(path: Path) -> list[Path]:
     return sorted(drives, key=lambda each: (found[each] == LAST and 1 + (not shows_colours(each)), each))
 
 
-def _named(name: str) -> ReaderClass:
+def _named(name: str) -> Plugin:
     readers = _readers()
     if name not in readers:
         raise DriveError(f"No reader is called {name!r}; there are {AUTO}, {', '.join(readers)}.")
-    return _load(readers[name])
+    return readers[name]
 
 
-def _load(plugin: Plugin) -> ReaderClass:
+def load_reader(plugin: Plugin) -> ReaderClass:
+    """Import a reader's class. Raises PluginError if it lacks a method."""
     reader = plugin.load()
     if not (callable(getattr(reader, "recognises", None)) and callable(getattr(reader, "open", None))):
         raise plugin.refusal("is not a reader: it lacks the class methods recognises and open")

@@ -1,0 +1,144 @@
+"""A question of another package that is broken is named, and takes neither the page nor the other questions along."""
+
+from importlib.metadata import EntryPoint
+from pathlib import Path
+
+import pytest
+
+from ltvn_core.analysis.answer_text import answer_text
+from ltvn_core.plugins import QUESTIONS, Plugin, find_plugins
+from ltvn_viz.debugger.context import DebugContext
+from ltvn_viz.debugger.edge_question import EdgeQuestion
+from ltvn_viz.debugger.inspector import Inspector
+from ltvn_viz.debugger.question import AnswerBuilder, Question
+from ltvn_viz.debugger.question_registry import installed_questions
+from ltvn_viz.session.inspection import QuestionAnswer, Selection
+from ltvn_viz.wishes import commands as c
+from tests.core.plugin_packages import install, ltvn
+from tests.repository import DEMO_FAULT
+from tests.viz.session_harness import SessionHarness
+
+
+class _Sound(Question):
+    name = "Sound?"
+    word = "sound"
+    about = "It works."
+
+    def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
+        builder = AnswerBuilder()
+        builder.add_line("all is well")
+        return builder.build()
+
+
+class Sound(_Sound):
+    pass
+
+
+class Wordless(_Sound):
+    word = None
+
+
+class Spaced(_Sound):
+    word = "two words"
+
+
+class Raising(_Sound):
+    @property
+    def about(self) -> str:
+        raise ZeroDivisionError("no about")
+
+
+class Clashing(_Sound):
+    name = "Another edge?"
+    word = "edge"
+
+
+class Unmade(_Sound):
+    def __init__(self) -> None:
+        raise SystemExit(3)
+
+
+class Dividing(_Sound):
+    name = "Dividing?"
+    word = "dividing"
+
+    def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
+        raise ZeroDivisionError("one by none")
+
+
+class Texting(_Sound):
+    name = "Texting?"
+    word = "texting"
+
+    def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
+        return "a text"
+
+
+class Undrawable(_Sound):
+    name = "Undrawable?"
+    word = "undrawable"
+
+    def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
+        builder = AnswerBuilder()
+        builder.add_line(3)
+        return builder.build()
+
+
+class Unoffered(_Sound):
+    name = "Unoffered?"
+    word = "unoffered"
+
+    def is_offered(self, context: DebugContext) -> bool:
+        raise LookupError("cannot offer")
+
+
+def plugins(*names: str) -> dict[str, Plugin]:
+    entries = [EntryPoint(name, f"{__name__}:{name}", QUESTIONS.name) for name in names]
+    return find_plugins(QUESTIONS, entries=entries)
+
+
+@pytest.mark.parametrize("name", ["Wordless", "Spaced", "Raising", "Clashing", "Unmade"])
+def test_a_question_with_a_wrong_attribute_is_named_and_left_out(name: str, caplog: pytest.LogCaptureFixture) -> None:
+    found = installed_questions(plugins(name, "Sound"), [EdgeQuestion()])
+
+    assert [question.word for question in found] == ["sound"]
+    (line,) = caplog.messages
+    assert name in line
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("Dividing", "ZeroDivisionError: one by none"),
+        ("Texting", "answers with str"),
+        ("Undrawable", "question Undrawable"),
+        ("Unoffered", "LookupError: cannot offer"),
+    ],
+)
+def test_what_goes_wrong_in_a_question_is_its_answer(tmp_path: Path, name: str, said: str) -> None:
+    harness = SessionHarness(tmp_path)
+    asked = [*installed_questions(plugins(name, "Sound"))]
+    harness.state.debugger = Inspector(asked, harness.state.worker)
+
+    shown = harness.do(c.ChooseQuestion(f"{name}?"), ticks=2)
+    assert said in answer_text(shown.inspection.answer.answer)
+    shown = harness.do(c.ChooseQuestion("Sound?"), ticks=2)
+    assert "all is well" in answer_text(shown.inspection.answer.answer)
+
+
+def test_the_terminal_answers_other_questions_beside_a_broken_one(tmp_path: Path) -> None:
+    source = (
+        "from tests.viz.debugger.test_foreign_questions import Dividing, Wordless\n"
+        "Dividing.__module__ = Wordless.__module__ = __name__\n"
+    )
+    entries = f"[{QUESTIONS.name}]\nwordless = odd_questions:Wordless\ndividing = odd_questions:Dividing\n"
+    install(tmp_path, "odd-questions", entries, source=source)
+
+    listed = ltvn(tmp_path, "why", str(DEMO_FAULT))
+    asked = ltvn(tmp_path, "why", str(DEMO_FAULT), "--ask", "dividing")
+
+    assert (listed.returncode, "failures" in listed.stdout, "dividing" in listed.stdout) == (0, True, True)
+    (line,) = listed.stderr.strip().splitlines()
+    assert "wordless of the package odd-questions" in line
+    assert asked.returncode == 0
+    assert "ZeroDivisionError: one by none" in asked.stdout

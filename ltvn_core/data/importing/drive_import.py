@@ -27,7 +27,13 @@ from ltvn_core.data.importing.drive_statistics import (
     drive_statistics,
 )
 from ltvn_core.data.importing.frame_preparation import FramePreparation
-from ltvn_core.data.importing.import_options import ImportOptions, OdometrySource, chosen_odometry
+from ltvn_core.data.importing.import_options import (
+    FramesWithOdometry,
+    ImportOptions,
+    OdometrySource,
+    chosen_odometry,
+    has_odometry,
+)
 from ltvn_core.data.importing.import_summary import ImportSummary, import_summary, unread_text
 from ltvn_core.data.importing.odometry_comparison import OdometryComparison
 from ltvn_core.data.importing.pose_outages import PoseOutages
@@ -162,14 +168,12 @@ class _DriveImport:
         self._reader = reader
         self._options = options
         self._progress = progress
-        self._odometry = chosen_odometry(reader, options.odometry)
-        self._selection = _selection(options, self._odometry)
+        self._choose(OdometrySource.AUTO)  # Until the first frames are seen.
         self._preparation: FramePreparation | None = None
         self._dropped: Counter[str] = Counter()
         self._faults: list[str] = []
         self._check = ObservationCheck()
         self._comparison = OdometryComparison()
-        self._outages = PoseOutages("the true pose" if self._odometry is OdometrySource.TRUTH else "odometry")
         self._sequence_findings: list[Finding] = []
         self._stamps: list[float] = []
         self._kept: list[KeptFrame] = []
@@ -211,9 +215,22 @@ class _DriveImport:
 
     def _wanted_frames(self) -> Iterator[RawFrame]:
         """Yield the frames that may be kept; a `SelectiveReader` decodes only those."""
-        if isinstance(self._reader, SelectiveReader):
-            return self._reader.frames_where(self._is_wanted)
-        return (raw for raw in self._reader.frames() if self._is_wanted(FrameMoment.of(raw)))
+        reader = self._reader
+        if isinstance(reader, SelectiveReader) and has_odometry(reader, self._options.odometry):
+            return reader.frames_where(self._is_wanted_of_selective)
+        odometry, frames = FramesWithOdometry.of(reader, self._options.odometry)
+        self._choose(odometry)
+        return (raw for raw in frames if self._is_wanted(FrameMoment.of(raw)))
+
+    def _is_wanted_of_selective(self, moment: FrameMoment) -> bool:
+        if not self._stamps:
+            self._choose(chosen_odometry(self._reader, [moment], self._options.odometry))
+        return self._is_wanted(moment)
+
+    def _choose(self, odometry: OdometrySource) -> None:
+        self._odometry = odometry
+        self._selection = _selection(self._options, odometry)
+        self._outages = PoseOutages("the true pose" if odometry is OdometrySource.TRUTH else "odometry")
 
     def _is_wanted(self, moment: FrameMoment) -> bool:
         """Tell whether the image of a moment may be kept; if not, count the reason."""
@@ -302,6 +319,10 @@ class _DriveImport:
             camera=camera,
         )
         faults = [f"An image was left out: {fault}" for fault in self._faults[:1]]
+        if self._odometry is OdometrySource.NONE is not self._options.odometry and any(
+            frame.odometry is not None for frame in self._kept
+        ):
+            faults.append("Odometry was not used, because the first images have none; cut the drive where it begins.")
         told = findings_of([*self._reader.doubts, *self._outages.sentences(), *faults])
         return import_summary(
             statistics,

@@ -1,17 +1,22 @@
 """Options of an import, and the choice of its source of odometry."""
 
 import math
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from enum import StrEnum
+from itertools import chain, islice
+from typing import NamedTuple
 
 import numpy as np
 
-from ltvn_core.data.importing.raw_frame import DriveReader, FrameMoment
+from ltvn_core.data.importing.raw_frame import DriveReader, FrameMoment, RawFrame
 from ltvn_core.errors import DriveError, OptionError
 from ltvn_core.types import Pose
 
 EVERY_M, EVERY_DEG = 0.1, 8.0
 """Default spacing of kept images, in metres and degrees."""
+_LOOKED_AT = 20
+"""Number of images among which odometry is looked for that the reader's facts do not name."""
 
 
 class OdometrySource(StrEnum):
@@ -34,21 +39,56 @@ class OdometrySource(StrEnum):
                 return moment.odometry
 
 
-def chosen_odometry(reader: DriveReader, wanted: OdometrySource = OdometrySource.AUTO) -> OdometrySource:
-    """Return the source of odometry. Raises DriveError where the drive has none of the wanted kind."""
+_ROLES = {OdometrySource.SOURCE: "odometry", OdometrySource.TRUTH: "truth"}
+
+
+def has_odometry(reader: DriveReader, wanted: OdometrySource) -> bool:
+    """Tell whether the reader's facts name the wanted odometry; always for a kind that no drive must have."""
+    return wanted not in _ROLES or any(stream.role == _ROLES[wanted] for stream in reader.facts.streams)
+
+
+def chosen_odometry(
+    reader: DriveReader, carried: Iterable[FrameMoment], wanted: OdometrySource = OdometrySource.AUTO
+) -> OdometrySource:
+    """Return the source of odometry, by the reader's facts and by what its first frames carry.
+
+    Raises DriveError where the drive has none of the wanted kind.
+    """
     roles = {stream.role for stream in reader.facts.streams if stream.role}
-    offered = {OdometrySource.SOURCE: "odometry", OdometrySource.TRUTH: "truth"}
+    for moment in carried:
+        roles |= {role for role, pose in (("odometry", moment.odometry), ("truth", moment.truth)) if pose is not None}
     if wanted is OdometrySource.AUTO:
-        return next((source for source, role in offered.items() if role in roles), OdometrySource.NONE)
-    if wanted in offered and offered[wanted] not in roles:
+        return next((source for source, role in _ROLES.items() if role in roles), OdometrySource.NONE)
+    if wanted in _ROLES and _ROLES[wanted] not in roles:
         found = ", ".join(sorted(roles)) or "nothing"
         if unread := [stream.described for stream in reader.facts.unread("odometry")]:
             found += f"; not read: {', '.join(unread)}"
         raise DriveError(
-            f"--odometry-from {wanted}: the drive has no {offered[wanted]}; found {found}. Omit the option to use "
+            f"--odometry-from {wanted}: the drive has no {_ROLES[wanted]}; found {found}. Omit the option to use "
             "what the drive has."
         )
     return wanted
+
+
+class FramesWithOdometry(NamedTuple):
+    """The frames of a drive, and the source of their odometry."""
+
+    odometry: OdometrySource
+    frames: Iterator[RawFrame]
+    """All frames, the first ones too."""
+
+    @classmethod
+    def of(cls, reader: DriveReader, wanted: OdometrySource = OdometrySource.AUTO) -> "FramesWithOdometry":
+        """Look at the first frames, until one carries odometry, and choose. Raises DriveError as `chosen_odometry`."""
+        frames = reader.frames()
+        first: list[RawFrame] = []
+        if not has_odometry(reader, OdometrySource.SOURCE):
+            for frame in islice(frames, _LOOKED_AT):
+                first.append(frame)
+                if frame.odometry is not None:
+                    break
+        odometry = chosen_odometry(reader, map(FrameMoment.of, first), wanted)
+        return cls(odometry, chain(first, frames))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -18,7 +18,7 @@ import numpy as np
 
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.data.importing.frame_preparation import FramePreparation
-from ltvn_core.data.importing.import_options import OdometrySource, chosen_odometry
+from ltvn_core.data.importing.import_options import FramesWithOdometry, OdometrySource
 from ltvn_core.data.importing.raw_frame import DriveReader, FrameMoment, RawFrame, ReadOptions
 from ltvn_core.data.importing.reader_registry import open_drive
 from ltvn_core.errors import DriveError, ImageError
@@ -121,10 +121,9 @@ class PlayedDrive:
             "goals. `ltvn robot check --map` shows where the drive went."
         )
         """Reason why commands have no effect."""
-        self._odometry = chosen_odometry(reader)
-        self._frames = (
-            drive.mounted(raw) for raw in reader.frames() if self._odometry.pose(FrameMoment.of(raw)) is not None
-        )
+        self.odometry, frames = FramesWithOdometry.of(reader)
+        """Source of its odometry."""
+        self._frames = (drive.mounted(raw) for raw in frames if self.odometry.pose(FrameMoment.of(raw)) is not None)
         self._lock = threading.RLock()
         self._looks = 0
         self._begun_s = 0.0
@@ -196,7 +195,7 @@ class PlayedDrive:
         """Read the frames that are due, and keep the newest."""
         while self._next is not None and self._next.stamp - self._seen_s <= self._now_s:
             self._raw = self._next
-            pose = self._odometry.pose(FrameMoment.of(self._raw))
+            pose = self.odometry.pose(FrameMoment.of(self._raw))
             assert pose is not None  # `_frames` has only frames with a pose.
             self._pose = pose
             self._next = next(self._frames, None)
@@ -212,7 +211,7 @@ class PlayedDrive:
             _LOG.warning("An image was left out: %s", error)
 
     def _prepared(self, raw: RawFrame, *, step: int, begun_s: float) -> Observation:
-        pose = self._odometry.pose(FrameMoment.of(raw))
+        pose = self.odometry.pose(FrameMoment.of(raw))
         assert pose is not None  # As above.
         prepared = self._preparation.observation(raw, step=step, odometry=pose)
         return replace(prepared, stamp=raw.stamp - begun_s, exact_pose=None)
@@ -236,7 +235,9 @@ def look_over_drive(drive: NamedDrive, *, seconds: float) -> RobotReport:
         commands_taken=False,
         driving=None,
     )
-    return replace(report, findings=(*robot_findings(report), *_findings(reader), *findings_of(reader.doubts)))
+    return replace(
+        report, findings=(*robot_findings(report), *_findings(reader, robot.odometry), *findings_of(reader.doubts))
+    )
 
 
 def _watch(reader: DriveReader, seconds: float) -> tuple[TopicReport, ...]:
@@ -254,8 +255,8 @@ def _watch(reader: DriveReader, seconds: float) -> tuple[TopicReport, ...]:
     )
 
 
-def _findings(reader: DriveReader) -> Iterator[Finding]:
-    if chosen_odometry(reader) is OdometrySource.NONE:
+def _findings(reader: DriveReader, odometry: OdometrySource) -> Iterator[Finding]:
+    if odometry is OdometrySource.NONE:
         yield Finding("It has no odometry: every image seems to be taken at one place.")
     if reader.dropped:
         counts = ", ".join(f"{count} with {reason}" for reason, count in reader.dropped.items())

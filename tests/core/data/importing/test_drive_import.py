@@ -1,6 +1,6 @@
 """Whatever format a drive comes from, its recording holds what the source's camera would have taken without faults."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from ltvn_core.data.importing.drive_import import import_drive
 from ltvn_core.data.importing.drive_statistics import coverage, drift
 from ltvn_core.data.importing.frame_preparation import recorded_camera
 from ltvn_core.data.importing.import_options import ImportOptions, OdometrySource
-from ltvn_core.data.importing.raw_frame import RawFrame, ReadOptions
+from ltvn_core.data.importing.raw_frame import FrameFilter, FrameMoment, RawFrame, ReadOptions
 from ltvn_core.data.importing.reader_registry import open_drive
 from ltvn_core.data.recording.damage.integrity import verify
 from ltvn_core.data.recording.reader import Recording
@@ -148,7 +148,8 @@ def test_true_poses_stand_in_for_odometry_only_where_there_is_none_or_they_are_a
     both = ListedDrive(drive, ("rgb", "odometry", "truth"))
     own = import_drive(both, tmp_path / "own.rrd")
     asked = import_drive(both, tmp_path / "asked.rrd", ImportOptions(odometry=OdometrySource.TRUTH))
-    alone = import_drive(ListedDrive(drive, ("rgb", "truth")), tmp_path / "alone.rrd")
+    driven_blind = [replace(raw, odometry=None) for raw in drive]
+    alone = import_drive(ListedDrive(driven_blind, ("rgb", "truth")), tmp_path / "alone.rrd")
     assert [each.odometry for each in (own, asked, alone)] == ["source", "truth", "truth"]
     for name, column in (("own", 0), ("asked", 1), ("alone", 1)):
         recording = Recording.open(tmp_path / f"{name}.rrd")
@@ -273,3 +274,45 @@ def test_a_damaged_image_does_not_stand_for_the_next_one(tmp_path: Path) -> None
     summary = import_drive(open_drive(folder, options=ReadOptions(camera=SMALL.scaled(64, 48))), tmp_path / "tour.rrd")
     assert dict(summary.dropped) == {"too little motion": 1, "damaged or missing image": 1}
     assert Recording.open(tmp_path / "tour.rrd").poses.stamps.tolist() == [100.0, 100.3]
+
+
+def test_odometry_that_only_the_frames_carry_is_used(output: Path) -> None:
+    late = [replace(frame(k, x=0.2 * k), odometry=None if k == 0 else frame(k, x=0.2 * k).odometry) for k in range(6)]
+
+    summary = import_drive(ListedDrive(late, ()), output)
+
+    assert (summary.odometry, summary.frames) == (OdometrySource.SOURCE, 5)
+    assert np.allclose(Recording.open(output).poses.odometry[:, 0], [0.2, 0.4, 0.6, 0.8, 1.0])
+    assert not any("no odometry" in doubt for doubt in summary.doubts)
+
+
+def test_true_poses_depth_and_tilt_that_only_the_frames_carry_are_used(output: Path) -> None:
+    depth = np.full((SMALL.height, SMALL.width), 2.0, np.float32)
+    carried = [
+        replace(frame(k), odometry=None, truth=np.array([0.2 * k, 0, 0]), depth_m=depth, tilt=Tilt(-0.1, 0.0))
+        for k in range(4)
+    ]
+
+    summary = import_drive(ListedDrive(carried, ()), output)
+
+    recording = Recording.open(output)
+    assert (summary.odometry, summary.frames, summary.without_depth) == (OdometrySource.TRUTH, 4, 0)
+    assert summary.tilt is not None
+    assert recording.poses.exact is not None
+    assert np.allclose(recording.poses.exact[:, 0], [0, 0.2, 0.4, 0.6])
+
+
+class SelectiveDrive(ListedDrive):
+    """A reader that decodes only the images that are wanted."""
+
+    def frames_where(self, wanted: FrameFilter) -> Iterator[RawFrame]:
+        return (raw for raw in self.frames() if wanted(FrameMoment.of(raw)))
+
+
+@pytest.mark.parametrize("wanted", [OdometrySource.AUTO, OdometrySource.SOURCE])
+def test_a_reader_that_selects_needs_no_fact_about_its_odometry_either(output: Path, wanted: OdometrySource) -> None:
+    drive = SelectiveDrive([frame(k, x=0.2 * k) for k in range(4)], ())
+
+    summary = import_drive(drive, output, ImportOptions(odometry=wanted))
+
+    assert (summary.odometry, summary.path_m) == (OdometrySource.SOURCE, pytest.approx(0.6))

@@ -90,7 +90,15 @@ class Hint(NamedTuple):
     about: str
 
 
-Inline: TypeAlias = str | Strong | Term | Code | Copyable | Download | Coloured | Key | Link | Address | Hint
+class Step(NamedTuple):
+    """What to do next: what to click in the page, and what to type in a terminal."""
+
+    click: str
+    typed: str
+    """The same with options of `ltvn why`."""
+
+
+Inline: TypeAlias = str | Strong | Term | Code | Copyable | Download | Coloured | Key | Link | Address | Hint | Step
 """One piece of a line."""
 Line: TypeAlias = tuple[Inline, ...]
 

@@ -28,6 +28,7 @@ from ltvn_core.analysis.answer import (
     Picture,
     Pictures,
     PresenceChart,
+    Step,
     StepChart,
     Strong,
     Table,
@@ -69,6 +70,8 @@ def _inline_text(part: Inline) -> str:
             return f"{label} <{url}>"
         case Copyable(text=text):
             return text
+        case Step(typed=typed):
+            return typed
         case Hint(text, about):
             return f"{text} ({about})" if about and about != text else text
         case _:

@@ -35,6 +35,7 @@ from ltvn_core.analysis.answer import (
     Picture,
     Pictures,
     PresenceChart,
+    Step,
     StepChart,
     Strong,
     Table,
@@ -152,6 +153,8 @@ def _inline(part: Inline, numbers: Iterator[int]) -> str:
         case Download(label, name, address):
             where = f'data-ltvn-download="{escape(address)}" data-name="{escape(name)}"'
             return f'<button type="button" class="lt-words" {where}>{escape(label)}</button>'
+        case Step(click):
+            return escape(click)
         case Hint(text, about):
             return f'<span class="lt-term" title="{escape(about)}">{escape(text)}</span>'
         case _:

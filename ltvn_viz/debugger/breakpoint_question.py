@@ -69,7 +69,7 @@ class BreakpointQuestion(Question[BreakpointRequest]):
     name = QuestionName.BREAK
     word = QuestionName.BREAK.word
     verb = "Stop there"
-    about = "The query or the replay stops at an event that you choose. Click a suggestion or type your own."
+    about = "The query or the replay stops at an event that you choose. Choose a suggestion or type your own."
 
     def __init__(self, breakpoint_monitor: BreakpointMonitor) -> None:
         """Set the breakpoints of `breakpoint_monitor`."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TypeAlias, assert_never
 
 from ltvn_core import palette
-from ltvn_core.analysis.answer import Inline, Key
+from ltvn_core.analysis.answer import Inline, Key, Step
 from ltvn_core.analysis.edge_presence_history import PresenceChange, PresenceState, presence_state
 from ltvn_core.analysis.map_comparison import EdgeDifference, MapDifference, MatchedBy
 from ltvn_core.analysis.timeline import Timeline
@@ -181,7 +181,10 @@ def _offer(context: DebugContext, builder: AnswerBuilder) -> QuestionAnswer:
         builder.add_line(each)
     if not offered:
         builder.add_line(
-            "There is no other map yet: copy a recording or a map into the recordings folder, or drive to a goal."
+            Step(
+                "There is no other map yet: copy a recording or a map into the recordings folder, or drive to a goal.",
+                "There is no other map in its folder: give the path of one by --text.",
+            )
         )
     if len(names) > _NAMES:
         builder.add_line(f"… and {len(names) - _NAMES} more: type the name.")

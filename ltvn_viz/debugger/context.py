@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import NamedTuple, Protocol
 
 from ltvn_core.analysis.timeline import Timeline
-from ltvn_core.analysis.timeline_records import Instant
+from ltvn_core.analysis.timeline_records import Instant, QueryRecord
 from ltvn_core.analysis.world_clock import latest_known_time, world_time_at
 from ltvn_core.cameras.camera_model import CameraModel
 from ltvn_core.config import Method
@@ -129,6 +129,11 @@ class DebugContext:
     def graph(self) -> TopologicalGraph:
         """The map at the moment; the first access takes time linear in its changes."""
         return self.timeline.graph_at(self.instant)
+
+    def query(self, number: int) -> QueryRecord | None:
+        """Return a query by its number; None if there is none, or if it begins after the moment."""
+        begun = (each for each in self.timeline.queries if each.id == number and each.begin.step <= self.step)
+        return next(begun, None)
 
     @property
     def known_filter(self) -> PresenceFilter:

@@ -5,7 +5,7 @@ Owns the layout of the answer; `ltvn_core.analysis.decisions` finds the rule beh
 
 from typing import Never
 
-from ltvn_core.analysis.answer import Inline
+from ltvn_core.analysis.answer import Inline, Step
 from ltvn_core.analysis.decisions import Decision, query_decisions
 from ltvn_core.analysis.timeline_records import QueryRecord
 from ltvn_viz.debugger.context import DebugContext
@@ -31,7 +31,7 @@ class DecisionQuestion(Question[Never]):
     def answer(self, context: DebugContext, selection: Selection) -> QuestionAnswer:
         """List the decisions of the query up to the moment."""
         builder = AnswerBuilder()
-        query = _query_at(context)
+        query = _query_at(context) if selection.query is None else context.query(selection.query)
         if query is None:
             builder.add_line("No query has begun yet.")
             return builder.build()
@@ -41,7 +41,8 @@ class DecisionQuestion(Question[Never]):
         if shown:
             builder.add_table(("when", "decision", "rule"), [_row(context, each) for each in reversed(shown)])
         if len(shown) < len(decisions):
-            builder.add_line(f"The latest {_ROWS} are shown; go back in time to see earlier ones.")
+            earlier = Step("go back in time to see earlier ones.", "ask --at an earlier time for others.")
+            builder.add_line(f"The latest {_ROWS} are shown; ", earlier)
         builder.add_line("Rules are named as in config.py; docs/method.md says what each is worth.")
         return builder.build()
 

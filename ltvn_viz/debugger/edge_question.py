@@ -17,6 +17,7 @@ from ltvn_core.analysis.answer import (
     Inline,
     Link,
     Picture,
+    Step,
     StepChart,
     Strong,
     Term,
@@ -59,6 +60,12 @@ def add_later_changes(context: DebugContext, story: EdgeHistory, builder: Answer
 _ATTEMPTS = 40
 
 
+_HOW_TO_POINT = Step(
+    "Click a node in the scene, then its neighbour; or type two numbers to ask about an edge.",
+    "Ask about an edge by --edge FROM TO, or about a node by --node NODE.",
+)
+
+
 class EdgeQuestion(Question[Never]):
     """Shows one edge, or the edges of a node."""
 
@@ -66,10 +73,7 @@ class EdgeQuestion(Question[Never]):
     word = QuestionName.EDGE.word
     earlier_words = QuestionName.EDGE.earlier_words
     is_for_watchers = True
-    about = (
-        "Images, belief and attempts of an edge, the reasons for its belief, and when it is open. Click a node, then "
-        "its neighbour, or type two numbers."
-    )
+    about = "Images, belief and attempts of an edge or a node, the reasons for its belief, and when it is open."
 
     def __init__(self) -> None:
         """Start without input."""
@@ -102,7 +106,7 @@ class EdgeQuestion(Question[Never]):
     def _no_edge(self, context: DebugContext, selection: Selection, builder: AnswerBuilder) -> Overlay:
         node = selection.node
         if node is None:
-            builder.add_line("Click a node in the scene, then its neighbour; or type two numbers to ask about an edge.")
+            builder.add_line(_HOW_TO_POINT)
         else:
             _edges_of(context, node, builder)
             add_node_reasons(context, node, selection.before, builder)

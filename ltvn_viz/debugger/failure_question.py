@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ltvn_core import palette
-from ltvn_core.analysis.answer import Axis, Hint, Inline, Link, StepChart, Strong, joined
+from ltvn_core.analysis.answer import Axis, Hint, Inline, Link, Step, StepChart, Strong, joined
 from ltvn_core.analysis.failure_triage import (
     FailedQuery,
     FailureMode,
@@ -48,6 +48,9 @@ _ROWS = 10
 _POINTS = 200
 _DIPS = 3
 _EDGES = 5
+_HOW_TO_SEE_QUERIES = Step(
+    ": choose a goal under “Go”, or open a recording with queries.", ": ask --at a later time, or about another file."
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -102,7 +105,10 @@ class FailureQuestion(Question[ShowFailures]):
             builder.add_pending("Searching the queries")
             return builder.build()
         if not len(findings.strip.queries):
-            builder.add_line("No query has ended yet: choose a goal under “Go”, or open a recording with queries.")
+            builder.add_line("No query has ended yet", _HOW_TO_SEE_QUERIES)
+            return builder.build()
+        if selection.query is not None:
+            _one_query(context, selection.query, findings.failures, builder)
             return builder.build()
         known = findings.until(context.step)
         shown = [each for each in known.failures if self._only in (None, each.failure_mode)]
@@ -115,7 +121,8 @@ class FailureQuestion(Question[ShowFailures]):
         if shown:
             builder.add_table(("when", "query", "cause", "near node"), [_row(context, each) for each in shown[-_ROWS:]])
         if len(shown) > _ROWS:
-            builder.add_line(f"The last {_ROWS} of {len(shown)}; choose a cause above to see others.")
+            others = Step("choose a cause above to see others.", "--query NUMBER speaks of one alone.")
+            builder.add_line(f"The last {_ROWS} of {len(shown)}; ", others)
         add_lifelong_curves(context, known.strip, builder)
         if later:
             _later(context, later, builder)
@@ -166,13 +173,35 @@ def _row(context: DebugContext, failure: FailedQuery) -> tuple[Inline, ...]:
     return time_link(context.seconds(failure.instant)), str(failure.query.id), cause, node
 
 
-def _detail(context: DebugContext, failure: FailedQuery, builder: AnswerBuilder) -> None:
-    """Explain the failure of the last failed query, and offer questions about it."""
+def _one_query(context: DebugContext, number: int, failures: Sequence[FailedQuery], builder: AnswerBuilder) -> None:
+    """Tell how one query ended."""
+    query = context.query(number)
+    if query is None:
+        builder.add_line("Query ", Strong(str(number)), " has not begun at this moment.")
+        return
+    failure = next((each for each in failures if each.query.id == number), None)
+    if failure is not None and (query.end or query.begin).step <= context.step:
+        _detail(context, failure, builder, "Failed: ")
+        return
+    began: list[Inline] = [Strong(f"Query {number}"), f" to node {query.goal}, begun at "]
+    began.append(time_link(context.seconds(query.begin)))
+    if query.end is None or query.end.step > context.step:
+        builder.add_line(began, ", has not ended at this moment.")
+    else:
+        builder.add_line(
+            began, ", did not fail: it ended at ", time_link(context.seconds(query.end)), f", {query.outcome}."
+        )
+
+
+def _detail(
+    context: DebugContext, failure: FailedQuery, builder: AnswerBuilder, heading: str = "Last failed: "
+) -> None:
+    """Explain the failure of a query, and offer questions about it."""
     query = failure.query
     wrong = time_link(context.seconds(context.timeline.instant(failure.event)))
     began = time_link(context.seconds(query.begin))
     failed = Strong(f"query {query.id}")
-    builder.add_line("Last failed: ", failed, f" to node {query.goal}, begun at ", began, f": {failure.failure_mode}.")
+    builder.add_line(heading, failed, f" to node {query.goal}, begun at ", began, f": {failure.failure_mode}.")
     builder.add_line(wrong, f" {failure.text}")
     builder.add_line(_what_to_ask(failure, "It drove"))
     add_map_faults(context, failure, builder)
@@ -193,9 +222,13 @@ def _what_to_ask(failure: FailedQuery, drove: str) -> list[Inline]:
     edge = failure.edge or _last_edge(failure.query)
     asking: list[Inline] = ["Ask “"]
     if edge is not None:
-        asking = [f"{drove} ", Link(f"edge {edge[0]} → {edge[1]}", PointAt(*edge)), ": select it, then ask “"]
-    questions = [Link(str(question), ChooseQuestion(question)) for question in _NEXT[failure.failure_mode]]
-    return [*asking, *joined(questions, "” or “"), "”."]
+        typed = f": --edge {edge[0]} {edge[1]}; ask “"
+        link = Link(f"edge {edge[0]} → {edge[1]}", PointAt(*edge))
+        asking = [f"{drove} ", link, Step(": select it, then ask “", typed)]
+    questions = _NEXT[failure.failure_mode]
+    links = [Link(str(question), ChooseQuestion(question)) for question in questions]
+    words = " or ".join(f"--ask {question.word}" for question in questions)
+    return [*asking, *joined(links, "” or “"), Step("”.", f"” ({words}).")]
 
 
 def _last_edge(query: QueryRecord) -> EdgeKey | None:

@@ -30,6 +30,8 @@ from ltvn_viz.session.saved_files import SavedFile, SavedFiles
 from ltvn_viz.session.share_links import Viewpoint
 from ltvn_viz.timeline.run_moment import RunMoment
 
+_NAMES = 10
+
 ResultT = TypeVar("ResultT")
 
 
@@ -105,18 +107,36 @@ class JobsAtOnce:
         then(result)
 
 
+class _FolderAndPaths(RecordingLibrary):
+    """The recordings in a folder by name, and others by path: in a terminal, whoever asks may read them."""
+
+    def path(self, name: str) -> Path:
+        """Return the path of a recording. Raises RecordingError."""
+        if name in self.names():
+            return super().path(name)
+        path = Path(name).expanduser()
+        if not path.is_file():
+            known = ", ".join(self.names()[:_NAMES]) or "none"
+            raise RecordingError(
+                f"There is no file {name!r:.200}, and no recording of that name in {self.folder} ({known}). Give the "
+                "path of a .rrd file, or one of these names."
+            )
+        return path
+
+
 class FileCase:
     """An open recording or map for questions. For one thread at a time."""
 
     def __init__(self, path: Path, library: RecordingLibrary | None = None) -> None:
-        """Open a file; questions may use the other recordings of `library`, by default those in the file's folder.
+        """Open a file; questions may use the other recordings of `library`, by default those in the file's folder and
+        those named by a path.
 
         Raises RecordingError.
         """
         if not path.is_file():
             raise RecordingError(f"{path} does not exist or is not a file; give the path of a .rrd recording or map.")
         self.path = path
-        self.library = library or RecordingLibrary(path.absolute().parent)
+        self.library = library or _FolderAndPaths(path.absolute().parent)
         self._replay = read_replay(path, self._remember)
 
     @property

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
-from ltvn_core.analysis.answer import Answer
+from ltvn_core.analysis.answer import Answer, Paragraph
 from ltvn_core.analysis.timeline_records import QueryRecord
 from ltvn_core.analysis.what_if_changes import format_what_if_change
 from ltvn_core.errors import OptionError
@@ -31,7 +31,7 @@ __all__ = ["FileAsk", "FileCase", "ask_file"]
 
 LONGEST_S = 300.0
 """Time limit for an answer, in seconds."""
-LONGEST_TEXT = 200
+LONGEST_TEXT = 1000
 """Maximum number of characters of the text for a question."""
 
 
@@ -68,7 +68,7 @@ class FileAsk:
     @property
     def selection(self) -> Selection:
         """The selection, in the page's form."""
-        return Selection(node=self.node, edge=self.edge)
+        return Selection(node=self.node, edge=self.edge, query=self.query)
 
     def arguments(self) -> dict[str, Any]:
         """Return the question as names and values, without the empty ones."""
@@ -149,17 +149,19 @@ def ask_file(case: FileCase, asked: FileAsk, *, longest_s: float = LONGEST_S) ->
 
 
 def _answered(question: Question[Any], context: DebugContext, asked: FileAsk, jobs: JobsAtOnce) -> Answer:
-    """Repeat the question until no part of its answer is pending."""
-    answer = question.answer(context, asked.selection).answer
+    """Repeat the question until no part of its answer is pending; say what could be typed if nothing was."""
+    found = question.answer(context, asked.selection)
     if asked.text:
         if question.handle_text(context, asked.text) is not None:
             raise OptionError(f"{asked.text!r:.60} would change a live map; files are only read.")
-        answer = question.answer(context, asked.selection).answer
+        found = question.answer(context, asked.selection)
     before = -1
-    while answer.is_pending and jobs.done != before:
+    while found.is_pending and jobs.done != before:
         before = jobs.done
-        answer = question.answer(context, asked.selection).answer
-    return answer
+        found = question.answer(context, asked.selection)
+    if found.input_hint and not asked.about:
+        return Answer((*found.answer.blocks, Paragraph((f"--text takes: {found.input_hint}",))))
+    return found.answer
 
 
 def _questions() -> Mapping[str, Question[Any]]:

@@ -105,7 +105,7 @@ class Question(ABC, Generic[RequestT]):
     def handle_text(self, context: DebugContext, text: str) -> Command | None:
         """Handle typed text and return the resulting request, if any; raises OptionError or MapError, whose message the
         page shows."""
-        raise OptionError("Nothing can be typed here; follow a link, or click a node in the scene.")
+        raise OptionError("Nothing can be typed here; follow a link, or choose a node or an edge.")
 
     def handle_request(self, context: DebugContext, request: RequestT) -> Command | None:
         """Handle the request of a link, and return its command for the session, if any.

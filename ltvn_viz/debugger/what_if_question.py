@@ -1,13 +1,15 @@
 """What if: the old and the new plan side by side, and the effect of other thresholds on the map."""
 
-from collections.abc import Hashable
+import math
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
 from typing import TypeAlias, assert_never
 
 from ltvn_core import palette
-from ltvn_core.analysis.answer import Inline, Link, Strong, joined
+from ltvn_core.analysis.answer import Inline, Link, Step, Strong, joined
+from ltvn_core.analysis.edge_history import edge_history
 from ltvn_core.analysis.what_if_changes import (
     WhatIfChange,
     WithBelief,
@@ -28,7 +30,7 @@ from ltvn_core.graph.topological_graph import EdgeKey, TopologicalGraph
 from ltvn_core.palette import Rgb8
 from ltvn_viz.debugger.context import DebugContext
 from ltvn_viz.debugger.edge_weighting import edge_weighting
-from ltvn_viz.debugger.question import AnswerBuilder, Question, edge_link, request_link
+from ltvn_viz.debugger.question import AnswerBuilder, Question, edge_link, request_link, time_link
 from ltvn_viz.debugger.what_if_planning import (
     OFFERED_TIMES,
     WhatIfOutcome,
@@ -43,6 +45,7 @@ from ltvn_viz.session.inspection import EMPTY_OVERLAY, Overlay, QuestionAnswer, 
 from ltvn_viz.wishes.commands import QuestionRequest
 
 _ROWS = 12
+_BEFORE_REMOVAL_S = 1.0
 _FORGET = "forget "
 _ALL = "all"
 
@@ -132,7 +135,13 @@ class WhatIfQuestion(Question[WhatIfRequest]):
         if offers:
             builder.add_line("What if: ", joined(map(_offer, offers)))
         else:
-            builder.add_line("Click a node, then its neighbour, to change the edge between them, or type below.")
+            source, target = next(iter(context.graph.edges), (12, 40))
+            builder.add_line(
+                Step(
+                    "Click a node, then its neighbour, to change the edge between them, or type below.",
+                    f'Write a change, for instance --text "without {source}->{target}", or point at --edge FROM TO.',
+                )
+            )
 
     def _imagined(self, builder: AnswerBuilder) -> None:
         for each in self._changes.values():
@@ -162,6 +171,7 @@ class WhatIfQuestion(Question[WhatIfRequest]):
             return EMPTY_OVERLAY
         if isinstance(outcome, str):
             builder.add_line(outcome)
+            _say_when_it_was(context, changes, builder)
             return EMPTY_OVERLAY
         if how.note:
             builder.add_line(how.note)
@@ -209,6 +219,22 @@ def _about(change: WhatIfChange) -> Hashable:
         case WithGoal() | WithStart() | WithTime():
             return type(change)
     assert_never(change)
+
+
+def _say_when_it_was(context: DebugContext, changes: Sequence[WhatIfChange], builder: AnswerBuilder) -> None:
+    """Name a moment for each edge of the changes that the map has at other moments only."""
+    for edge in [(each.source, each.target) for each in changes if isinstance(each, WithoutEdge | WithBelief)]:
+        lives = [] if edge in context.graph.edges else edge_history(context.timeline, *edge).lifetimes
+        if lives:
+            begin_s = context.seconds(lives[-1].added_at)
+            end = lives[-1].end
+            moment_s = begin_s if end is None else max(begin_s, context.seconds(end.instant) - _BEFORE_REMOVAL_S)
+            when = f"{math.ceil(moment_s * 1000) / 1000:g}"
+            builder.add_line(
+                f"Edge {edge[0]} → {edge[1]} is in the map at ",
+                time_link(moment_s),
+                Step(".", f": ask with --at {when}."),
+            )
 
 
 def _offer(change: WhatIfChange) -> Link:

@@ -104,6 +104,8 @@ class Selection:
     edge: EdgeKey | None = None
     before: NodeId | None = None
     """The node that was selected before this one."""
+    query: int | None = None
+    """The only navigation task to speak of, by its number; None for all. A page selects none."""
 
     @property
     def pair(self) -> EdgeKey | None:

@@ -88,3 +88,43 @@ def test_a_refusal_says_what_would_be_valid(why: Why, arguments: tuple[str, ...]
     assert done.code == 1
     assert said in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_a_query_is_told_alone(why: Why) -> None:
+    said = why(DEMO_FAULT, "--query", "1").stdout
+
+    assert "query 1" in said.lower()
+    assert not any(f"query {other}" in said.lower() for other in (0, 2, 3))
+    assert "of 4" not in said
+
+
+def test_the_terminal_says_what_to_type_and_never_to_click(why: Why) -> None:
+    listed = why(DEMO_FAULT).stdout
+    edge, what_if, compare = (why(DEMO_FAULT, "--ask", word).stdout for word in ("edge", "what-if", "compare"))
+
+    assert "click" not in (listed + edge + what_if + compare).lower()
+    assert "--edge" in edge
+    assert "--text" in what_if
+    assert "--text" in compare
+    typed = what_if.partition('--text "')[2].partition('"')[0]
+    assert "is not in the map" not in why(DEMO_FAULT, "--ask", "what-if", "--text", typed).stdout
+
+
+def test_an_edge_that_is_gone_is_asked_about_at_the_moment_that_the_answer_names(why: Why) -> None:
+    change = ("--ask", "what-if", "--text", "without 1489->2621")
+    gone = why(DEMO_FAULT, *change).stdout
+    moment = gone.partition("--at ")[2].split()[0].rstrip(".")
+
+    assert "is not in the map" in gone
+    assert "is not in the map" not in why(DEMO_FAULT, *change, "--at", moment).stdout
+
+
+def test_another_map_is_named_by_its_path_to_compare_with(why: Why, tmp_path: Path) -> None:
+    other = tmp_path / "elsewhere.rrd"
+    other.write_bytes(DEMO_MAP.read_bytes())
+
+    said = why(DEMO_FAULT, "--ask", "compare", "--text", str(other))
+    unknown = why(DEMO_FAULT, "--ask", "compare", "--text", str(tmp_path / "nothing.rrd"))
+
+    assert (said.code, "only here" in said.stdout) == (0, True)
+    assert (unknown.code, DEMO_MAP.name in unknown.stderr) == (1, True)

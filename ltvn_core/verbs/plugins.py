@@ -24,6 +24,8 @@ class PluginsVerb(Verb):
     """Group of the plug-in, such as ltvn.predictors, if several groups have one of that name."""
     weights: Path | None = None
     """Weights or card of the predictor that is tested, as in `ltvn plugins test onnx --weights gnm.toml`."""
+    drive: Path | None = None
+    """A drive for the reader that is tested, as in `ltvn plugins test my-format --drive tour.bin`."""
 
     def exit_code(self, summary: Summary) -> int:
         """Return 1 if a plug-in breaks its contract."""

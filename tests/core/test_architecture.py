@@ -28,6 +28,7 @@ HOMES = {
 COMPOSERS = (
     "ltvn_core/cli",
     "ltvn_core/evaluation",
+    "ltvn_core/testing.py",
     "ltvn_core/training",
     "ltvn_core/network/training_data",
     "ltvn_core/verbs",
@@ -81,6 +82,7 @@ CORE_ORDER = (
     "training",
     "maps",
     "evaluation",
+    "testing",
     "verbs",
     "cli",
 )

@@ -1,18 +1,71 @@
 """`ltvn plugins`: lists the plug-ins of all packages, whether they work, and tests one of them."""
 
 import logging
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
 
-from ltvn_core.errors import OptionError
-from ltvn_core.plugins import PREDICTORS, Plugin
-from ltvn_core.verbs.contracts.plugin_contracts import PluginRow, contract_checks, installed_plugins, plugin_row
-from ltvn_core.verbs.contracts.predictor_contract import ContractCheck
+from ltvn_core import testing
+from ltvn_core.data.importing.reader_registry import load_reader
+from ltvn_core.errors import LtvnError, OptionError
+from ltvn_core.plugins import (
+    GROUPS,
+    PREDICTORS,
+    QUESTIONS,
+    READERS,
+    ROBOTS,
+    SCENES,
+    SYSTEMS,
+    VERBS,
+    Plugin,
+    PluginGroup,
+    find_plugins,
+    left_out_plugins,
+)
+from ltvn_core.predictors.opening import OWN_PREDICTORS
+from ltvn_core.systems.registry import OWN_SYSTEMS, load_system
+from ltvn_core.verbs.discovery import load_parsed_verb
 from ltvn_core.verbs.plugins import PluginsVerb
 from ltvn_core.verbs.verb import Summary
 
 _LOG = logging.getLogger(__name__)
 
 TEST = "test"
+_FIRST: Mapping[PluginGroup, tuple[str, ...]] = {PREDICTORS: OWN_PREDICTORS, SYSTEMS: OWN_SYSTEMS}
+
+
+@dataclass(frozen=True, slots=True)
+class PluginRow:
+    """One plug-in of the list, and whether it can be used."""
+
+    group: str
+    name: str
+    package: str
+    version: str
+    works: bool
+    """Whether it can be loaded and has the right type; `ltvn plugins test NAME` checks more."""
+    why: str
+    """The problem; empty if it works."""
+
+    def __str__(self) -> str:
+        mark = "works" if self.works else f"cannot be used: {self.why}"
+        return f"{self.group:<16} {self.name:<14} {self.package} {self.version}  {mark}"
+
+
+@dataclass(frozen=True, slots=True)
+class ContractCheck:
+    """Result of one check."""
+
+    check: str
+    """Requirement that is checked."""
+    passed: bool
+    said: str
+    """Measured value, or the problem."""
+
+    def __str__(self) -> str:
+        return f"{'ok     ' if self.passed else 'BROKEN '} {self.check}" + (f": {self.said}" if self.said else "")
 
 
 @dataclass(frozen=True)
@@ -39,15 +92,88 @@ class PluginTestSummary:
 def list_or_test(options: PluginsVerb) -> Summary:
     """List or test; raises OptionError if the plug-in is not installed."""
     if not options.command:
-        rows = tuple(plugin_row(plugin) for plugin in installed_plugins() if options.group in ("", plugin.group.name))
-        return PluginsSummary(rows, sum(not row.works for row in rows))
+        groups = [group for group in GROUPS if options.group in ("", group.name)]
+        rows = [plugin_row(plugin) for plugin in _installed() if plugin.group in groups]
+        rows += [_left_out_row(*both) for group in groups for both in left_out_plugins(group)]
+        return PluginsSummary(tuple(rows), sum(not row.works for row in rows))
     if len(options.command) != 2 or options.command[0] != TEST:
         raise OptionError(f"Write `ltvn plugins` or `ltvn plugins {TEST} NAME`, not {' '.join(options.command)!r}.")
     return _tested(options, _find(options, options.command[1]))
 
 
+def plugin_row(plugin: Plugin) -> PluginRow:
+    """Load a plug-in without creating an object with it."""
+    try:
+        _load(plugin)
+        why = ""
+    except LtvnError as error:
+        why = str(error)
+    return PluginRow(plugin.group.name, plugin.name, plugin.package, plugin.version, works=not why, why=why)
+
+
+def contract_checks(
+    plugin: Plugin, *, weights: Path | None = None, drive: Path | None = None
+) -> tuple[ContractCheck, ...]:
+    """Test a plug-in until it breaks a requirement, and return the requirements that were tested.
+
+    Only a predictor takes weights, and only a reader a drive.
+    """
+    step = testing.Steps()
+    step("can be loaded")
+    broken = ""
+    try:
+        loaded = _load(plugin)
+        checks: dict[PluginGroup, Callable[..., None]] = {
+            PREDICTORS: partial(testing.check_predictor, weights=weights),
+            SYSTEMS: testing.check_system,
+            ROBOTS: testing.check_robot,
+            READERS: partial(testing.check_reader, path=drive),
+            SCENES: testing.check_scene,
+            QUESTIONS: testing.check_question,
+            VERBS: testing.check_verb,
+        }
+        checks[plugin.group](loaded, step=step)
+    except (AssertionError, LtvnError) as error:
+        broken = str(error) or type(error).__name__
+    except (Exception, SystemExit) as error:  # Another person's code may raise anything.
+        broken = f"{type(error).__name__}: {error}"
+    *kept, (last, said) = step.done
+    found = [ContractCheck(check, passed=True, said=measured) for check, measured in kept]
+    return (*found, ContractCheck(last, passed=not broken, said=broken or said))
+
+
+def _installed() -> list[Plugin]:
+    """Return all plug-ins, group by group."""
+    return [plugin for group in GROUPS for plugin in find_plugins(group, first=_FIRST.get(group, ())).values()]
+
+
+def _left_out_row(plugin: Plugin, used: Plugin) -> PluginRow:
+    why = f"the package {used.package} has a {used.group.noun} of that name, which is used; rename or uninstall one."
+    return PluginRow(plugin.group.name, plugin.name, plugin.package, plugin.version, works=False, why=why)
+
+
+def _load(plugin: Plugin) -> Any:
+    """Load what a plug-in names. Raises PluginError if it is not what its group takes."""
+    match plugin.group.name:
+        case SYSTEMS.name:
+            return load_system(plugin)
+        case VERBS.name:
+            return load_parsed_verb(plugin)
+        case READERS.name:
+            return load_reader(plugin)
+        case SCENES.name:
+            from ltvn_core.simulation.scene_registry import load_scene_factory  # The simulator may not be installed.
+
+            return load_scene_factory(plugin)
+        case _:
+            loaded = plugin.load()
+            if not callable(loaded):
+                raise plugin.refusal("cannot be called")
+            return loaded
+
+
 def _find(options: PluginsVerb, name: str) -> Plugin:
-    plugins = [each for each in installed_plugins() if options.group in ("", each.group.name)]
+    plugins = [each for each in _installed() if options.group in ("", each.group.name)]
     found = [each for each in plugins if each.name == name]
     if not found:
         names = ", ".join(dict.fromkeys(each.name for each in plugins)) or "none"
@@ -59,10 +185,15 @@ def _find(options: PluginsVerb, name: str) -> Plugin:
 
 
 def _tested(options: PluginsVerb, plugin: Plugin) -> PluginTestSummary:
-    if options.weights is not None and plugin.group != PREDICTORS:
-        raise OptionError(f"--weights belongs to a predictor; {plugin.name} is a {plugin.group.noun}.")
+    for option, value, group in (("--weights", options.weights, PREDICTORS), ("--drive", options.drive, READERS)):
+        if value is not None and plugin.group != group:
+            raise OptionError(f"{option} belongs to a {group.noun}; {plugin.name} is a {plugin.group.noun}.")
+    if options.drive is not None and not options.drive.exists():
+        raise OptionError(
+            f"There is no file or folder {options.drive}; --drive names a drive that the reader can read."
+        )
     _LOG.info("Testing %s.", plugin.title)
-    checks = tuple(contract_checks(plugin, options.weights))
+    checks = contract_checks(plugin, weights=options.weights, drive=options.drive)
     return PluginTestSummary(
         group=plugin.group.name,
         name=plugin.name,

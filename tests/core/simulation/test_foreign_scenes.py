@@ -7,7 +7,7 @@ import pytest
 from ltvn_core.errors import PluginError
 from ltvn_core.plugins import SCENES, find_plugins
 from ltvn_core.simulation.scene_registry import load_scene, scene_names
-from ltvn_core.verbs.contracts.plugin_contracts import contract_checks
+from ltvn_core.verbs.jobs.plugins import contract_checks
 from tests.core.plugin_packages import install
 from tests.core.simulation.two_room_mesh import box_house, save
 

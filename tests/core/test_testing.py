@@ -1,15 +1,21 @@
 """The contract test of a plug-in passes what can be used, and names what cannot."""
 
 import json
+from dataclasses import replace
 from importlib.metadata import EntryPoint
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from ltvn_core import Prediction, PredictorRequest
-from ltvn_core.plugins import PREDICTORS, READERS, ROBOTS, SYSTEMS, Plugin, PluginGroup, find_plugins
-from ltvn_core.verbs.contracts.plugin_contracts import contract_checks, installed_plugins, plugin_row
+from ltvn_core.data.importing.raw_frame import ReadOptions
+from ltvn_core.plugins import PREDICTORS, QUESTIONS, READERS, ROBOTS, SYSTEMS, VERBS, Plugin, PluginGroup, find_plugins
+from ltvn_core.testing import NO_DRIVE, check_reader, check_robot
+from ltvn_core.verbs.jobs.plugins import contract_checks, list_or_test, plugin_row
+from ltvn_core.verbs.plugins import PluginsVerb
+from tests.core.data.importing.drives import EXCERPT, ListedDrive
 from tests.core.plugin_packages import install, ltvn
 from tests.repository import ROOT
 
@@ -61,7 +67,7 @@ def broken(request: PredictorRequest) -> SteadyPredictor:
     raise OSError("no weights")
 
 
-def a_robot() -> object:
+def a_robot() -> Any:
     from tests.core.flat_world import FlatRobot, one_room
 
     return FlatRobot(one_room(), (1.0, 1.0, 0.0))
@@ -93,9 +99,9 @@ def test_a_sound_predictor_passes_every_point() -> None:
 @pytest.mark.parametrize(
     ("name", "check", "said"),
     [
-        ("restless", "gives the same answer twice", "differs"),
-        ("boastful", "returns r in [0, 1] and finite waypoints", "r must lie in [0, 1]"),
-        ("undecided", "accepts a blank image", "must be finite"),
+        ("restless", "returns r in [0, 1] and finite waypoints, the same twice", "differs"),
+        ("boastful", "returns r in [0, 1] and finite waypoints, the same twice", "r must lie in [0, 1]"),
+        ("undecided", "returns r in [0, 1] and finite waypoints, the same twice", "must be finite"),
         ("forgetful", "recognises the same image", "r of at least 0.5"),
         ("broken", "opens and has a card", "OSError: no weights"),
     ],
@@ -115,18 +121,80 @@ def test_our_navigation_systems_keep_the_contract(name: str) -> None:
 
 def test_our_readers_recognise_nothing_in_noise() -> None:
     for reader in find_plugins(READERS).values():
-        assert [each for each in contract_checks(reader) if not each.passed] == []
-    assert "recognise empty" in broken_points(READERS, "GreedyReader")["does not recognise an empty folder"]
+        checks = contract_checks(reader)
+        assert [each for each in checks if not each.passed] == []
+        assert checks[-1].said == NO_DRIVE
+    assert "recognise noise" in broken_points(READERS, "GreedyReader")["recognises nothing in noise"]
+
+
+def test_a_reader_is_tested_with_a_drive(tmp_path: Path) -> None:
+    reader = find_plugins(READERS)["tum"]
+    assert [each for each in contract_checks(reader, drive=EXCERPT) if not each.passed] == []
+    assert "does not recognise" in contract_checks(reader, drive=tmp_path)[-1].said
+
+
+class ForgetfulReader:
+    """Names odometry, and yields none."""
+
+    @classmethod
+    def recognises(cls, path: Path) -> bool:
+        return path == EXCERPT
+
+    @classmethod
+    def open(cls, path: Path, options: object) -> ListedDrive:
+        frames = find_plugins(READERS)["tum"].load().open(path, ReadOptions()).frames()  # type: ignore[attr-defined]
+        return ListedDrive(frames, ("rgb", "odometry"))
+
+
+def test_a_reader_whose_frames_lack_what_its_facts_name_is_broken() -> None:
+    with pytest.raises(AssertionError, match="no frame has odometry"):
+        check_reader(ForgetfulReader, EXCERPT)
 
 
 def test_a_robot_is_looked_at_and_not_driven() -> None:
     assert broken_points(ROBOTS, "a_robot") == {}
 
 
+def test_a_robot_whose_step_stands_still_is_broken() -> None:
+    def stuck() -> object:
+        robot = a_robot()
+        state = robot.state
+        robot.state = lambda: replace(state(), step=0)
+        return robot
+
+    with pytest.raises(AssertionError, match="step of state"):
+        check_robot(stuck)
+
+
 def test_all_that_comes_with_the_toolkit_is_listed_and_can_be_loaded() -> None:
-    rows = [plugin_row(each) for each in installed_plugins()]
+    rows = list_or_test(PluginsVerb()).plugins
     assert {"ltvn.verbs", "ltvn.predictors", "ltvn.systems"} <= {row.group for row in rows}
     assert [str(row) for row in rows if row.package == "ltvn" and not row.works] == []
+
+
+def test_verbs_of_ours_show_their_options() -> None:
+    assert [each for each in contract_checks(find_plugins(VERBS)["info"]) if not each.passed] == []
+
+
+def test_questions_are_asked_about_the_demo_recording() -> None:
+    here = "tests.viz.debugger.test_foreign_questions"
+    tested = {
+        name: contract_checks(Plugin(QUESTIONS, EntryPoint(name, f"{here}:{name}", QUESTIONS.name)))[-1]
+        for name in ("Sound", "Wordless", "Dividing")
+    }
+    assert {name: check.passed for name, check in tested.items()} == {
+        "Sound": True,
+        "Wordless": False,
+        "Dividing": False,
+    }
+    assert "ZeroDivisionError: one by none" in tested["Dividing"].said
+
+
+def test_a_name_that_another_package_has_already_is_listed_with_it(tmp_path: Path) -> None:
+    install(tmp_path, "another-info", "[ltvn.verbs]\ninfo = another_info:Verb\n")
+    listed = ltvn(tmp_path, "plugins", "--group", "ltvn.verbs").stdout
+    (line,) = (line for line in listed.splitlines() if "another-info" in line)
+    assert "cannot be used: the package ltvn" in line
 
 
 def test_a_plug_in_that_cannot_be_loaded_is_listed_with_the_reason() -> None:
@@ -154,6 +222,6 @@ def test_the_exit_code_of_a_broken_plug_in_is_not_zero(tmp_path: Path) -> None:
     install(tmp_path, "torn", "[ltvn.predictors]\ntorn = torn:make\n", source="make = 3")
     tested = ltvn(tmp_path, "plugins", "test", "torn")
     assert tested.returncode == 1
-    assert "BROKEN  opens and has a card: The predictor torn of the package torn is torn:make" in tested.stdout
+    assert "BROKEN  can be loaded: The predictor torn of the package torn is torn:make" in tested.stdout
     listed = ltvn(tmp_path, "plugins", "--group", "ltvn.predictors")
     assert (listed.returncode, "torn 1.0  cannot be used: " in listed.stdout) == (0, True)

@@ -1,0 +1,50 @@
+"""The check of a question of another package: it is asked about the demo recording."""
+
+from importlib.metadata import EntryPoint
+from typing import Any, Protocol
+
+from ltvn_core.data.recording.demo_files import DEMO_RECORDING, demo_file
+from ltvn_core.errors import RecordingError
+from ltvn_core.plugins import QUESTIONS, Plugin
+from ltvn_viz.debugger.file_context import FileCase, JobsAtOnce
+from ltvn_viz.debugger.question_registry import make_question
+from ltvn_viz.session.inspection import Selection
+
+
+class Steps(Protocol):
+    """Notes the requirements that are tested, as `ltvn_core.testing.Steps`."""
+
+    def __call__(self, requirement: str) -> None:
+        """Begin with the next requirement."""
+
+    def measured(self, said: object) -> None:
+        """Note what was measured."""
+
+
+def ask_about_demo(make: Any, step: Steps) -> None:
+    """Ask a question at the end of the demo recording, without and with a selection. Raises what the question
+    raises."""
+    step("has name, word and description")
+    name = getattr(make, "__qualname__", repr(make))
+    question = make_question(Plugin(QUESTIONS, EntryPoint(name, f"{make.__module__}:{name}", QUESTIONS.name)), make)
+    step.measured(question.word)
+    path = demo_file(DEMO_RECORDING)
+    if path is None:
+        raise RecordingError(f"{DEMO_RECORDING} is missing; reinstall the toolkit: pip install ltvn (or -e .)")
+    case = FileCase(path)
+    jobs = JobsAtOnce()
+    context = case.context(case.replay.length_s, jobs)
+    edge = next(iter(context.graph.edges))
+    for about, selection in (
+        ("about nothing selected", Selection()),
+        ("about a node", Selection(node=edge[0])),
+        ("about an edge", Selection(edge=edge)),
+    ):
+        step(f"answers {about} of the demo recording")
+        before = -1
+        answer = question.sound_answer(context, selection)
+        while answer.is_pending and jobs.done != before:
+            before = jobs.done
+            answer = question.sound_answer(context, selection)
+        assert not answer.is_pending, "its answer is never complete"
+        assert answer.answer.blocks, "its answer is empty"

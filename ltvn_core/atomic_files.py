@@ -256,14 +256,14 @@ def require_usable_name(path: Path) -> None:
 
 def _why_not_utf8(path: Path, shown: str) -> str:
     try:
-        os.fsencode(path).decode()
-    except UnicodeDecodeError:
+        named = os.fsencode(path).decode()
+    except UnicodeError:
         return (
             f"{shown}: this name is not UTF-8, and recordings are opened by UTF-8 names alone; rename the file or its "
             "folder, for instance with `mv`."
         )
     return (
-        f"{shown}: Python's UTF-8 is switched off, and without it only ASCII names can be opened; remove PYTHONUTF8=0 "
+        f"{named}: Python's UTF-8 is switched off, and without it only ASCII names can be opened; remove PYTHONUTF8=0 "
         "from the environment, or set PYTHONUTF8=1."
     )
 

@@ -176,8 +176,14 @@ def test_numbers_that_no_camera_has_are_refused(changed: dict[str, object]) -> N
 
 @pytest.mark.parametrize(
     ("name", "said"),
-    [("a\0b.rrd", "NUL"), ("caf\udce9.rrd", "not UTF-8"), ("x" * 300, "shorter name"), ("y/" * 3000, "shorter name")],
-    ids=["NUL", "not UTF-8", "long name", "long path"],
+    [
+        ("a\0b.rrd", "NUL"),
+        ("caf\udce9.rrd", "not UTF-8"),
+        ("\ud800", "not UTF-8"),
+        ("x" * 300, "shorter name"),
+        ("y/" * 3000, "shorter name"),
+    ],
+    ids=["NUL", "not UTF-8", "lone surrogate", "long name", "long path"],
 )
 def test_a_name_that_no_file_can_have_is_said(tmp_path: Path, name: str, said: str) -> None:
     path = tmp_path / name

@@ -53,10 +53,9 @@ def require_outputs(options: object) -> None:
     """Raise RecordingError or OptionError for an option under whose path nothing can be written."""
     for path, kind in outputs_of(options):
         match kind:
-            case Output.NEW:
-                require_new_path(path)
-            case Output.RECORDING:
-                require_new_path(path, free_bytes=MIN_FREE_DISK_BYTES)
+            case Output.NEW | Output.RECORDING:
+                is_recording = kind is Output.RECORDING or path.suffix == ".rrd"
+                require_new_path(path, free_bytes=MIN_FREE_DISK_BYTES if is_recording else 0)
             case Output.TEXT if not is_stream(path):
                 require_new_path(path)
             case Output.WEIGHTS:

@@ -97,7 +97,7 @@ class FoundMessages(NamedTuple):
 
 
 def certain_stores(messages: Iterable[FoundMessage]) -> Sequence[bytes]:
-    """Return the recordings in a file, sorted by their number of messages, the largest first.
+    """Return the recordings in a file, in the order of their first messages.
 
     Damage may have changed a name that only a single message has, without a checksum or a description of its store.
     """
@@ -107,7 +107,7 @@ def certain_stores(messages: Iterable[FoundMessage]) -> Sequence[bytes]:
     sure = {each.store for each in messages if each.sure}
     return [
         store
-        for store, number in count.most_common()
+        for store, number in count.items()
         if number > 1 or store in sure or any(store in each for each in described)
     ]
 

@@ -6,7 +6,8 @@ thresholds; fine-tuning is a setting of the plan, because it is a property of th
 
 import hashlib
 import json
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass, field, fields, replace
 from importlib.metadata import version
 from pathlib import Path
@@ -21,6 +22,7 @@ from ltvn_core.graph.navigation_system import NavigationSystem
 from ltvn_core.predictors.opening import NETWORK, open_method
 from ltvn_core.simulation.body_selection import choose_body
 from ltvn_core.simulation.scene import Scene
+from ltvn_core.sole_writer import sole_user
 from ltvn_core.structured_text import parse_json
 from ltvn_core.systems.maintenance import with_maintenance
 from ltvn_core.systems.registry import DEFAULT_SYSTEM, network_owner, system_entry
@@ -288,6 +290,19 @@ def claim_files(plan: TrialPlan, files: TrialFiles) -> None:
     if plan.finetuned:
         claim_settings(files.weights.with_suffix(".plan.json"), learned)
     claim_settings(files.folder / files.label / "plan.json", made_by)
+
+
+@contextmanager
+def sole_evaluation(shares: Iterable[tuple[TrialPlan, str]], folder: Path) -> Iterator[None]:
+    """Make this process the only one that runs the named shares of some plans in the block.
+
+    Raises RecordingError if another process runs one: each would lose the episodes that the other has run as well.
+    """
+    with ExitStack() as stack:
+        for plan, share in shares:
+            files = TrialFiles.of(plan, folder)
+            stack.enter_context(sole_user(files.folder / files.label / share))
+        yield
 
 
 def plan_settings(plan: TrialPlan) -> dict[str, Any]:

@@ -52,6 +52,11 @@ class Part:
             raise OptionError(f"--part must be I/N, such as 3/16 for part 3 of 16, got {text!r:.40}.")
         return cls(int(found[1]), int(found[2]))
 
+    @property
+    def label(self) -> str:
+        """The part as it is written in the names of files."""
+        return f"part-{self.number}-of-{self.count}"
+
     def of(self, work: Sequence[Work]) -> list[Work]:
         """Return the share of a list, in its order."""
         first, until = ((number * len(work)) // self.count for number in (self.number - 1, self.number))

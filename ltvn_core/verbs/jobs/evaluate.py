@@ -15,7 +15,7 @@ from ltvn_core.evaluation.metrics import compute_metrics
 from ltvn_core.evaluation.perturbations import chosen_perturbations
 from ltvn_core.evaluation.protocol import EvaluationProtocol, protocol_under
 from ltvn_core.evaluation.results import TrialResult
-from ltvn_core.evaluation.trial_plans import TrialFiles, TrialPlan
+from ltvn_core.evaluation.trial_plans import TrialFiles, TrialPlan, sole_evaluation
 from ltvn_core.evaluation.trials import episodes_to_run, record_failures, run_trials
 from ltvn_core.evaluation.workers import Part, workers
 from ltvn_core.predictors.choice import ImageSource
@@ -111,6 +111,7 @@ def evaluate(options: EvaluateVerb) -> EvaluateSummary | PartSummary:
     part = Part.parse(options.part)
     plans = trial_plans(options, options.system, options.episodes, chosen_perturbations(options.perturb))
     with (
+        sole_evaluation(((plan, part.label) for plan in plans), options.folder),
         workers(options.processes, options.cluster, options.folder) as parallel,
         tqdm(total=episodes_to_run(plans, options.episodes, part), desc="evaluate", unit="episode") as bar,
     ):

@@ -11,6 +11,7 @@ from ltvn_core.errors import OptionError
 from ltvn_core.evaluation.lifelong_evaluation import LifelongSchedule, run_lifelong
 from ltvn_core.evaluation.metrics import LifelongMetrics, lifelong_metrics
 from ltvn_core.evaluation.results import LifelongResult, WorldResult
+from ltvn_core.evaluation.trial_plans import sole_evaluation
 from ltvn_core.evaluation.workers import Part, workers
 from ltvn_core.evaluation.worlds.world_evaluation import run_world_evaluation
 from ltvn_core.evaluation.worlds.world_metrics import WorldMetrics, world_metrics
@@ -92,7 +93,9 @@ def _in_world(options: LifelongVerb, world: str) -> Summary:
     for plan in {plan.trial.scene: plan for plan in plans}.values():
         plan.script(load_scene(plan.trial.scene))  # Invalid options are rejected now, not after minutes of mapping.
     part = Part.parse(options.part)
+    shares = [(plan.trial, f"{Path(world).name}-{plan.maintenance}-{part.label}") for plan in plans]
     with (
+        sole_evaluation(shares, options.folder),
         workers(options.processes, options.cluster, options.folder) as parallel,
         tqdm(total=options.queries * len(part.of(plans)), desc=f"world {world}", unit="query") as bar,
     ):
@@ -131,6 +134,7 @@ def _without_world(options: LifelongVerb, maintenance: str | None) -> Summary:
     part = Part.parse(options.part)
     plans = [replace(plan, maintenance=maintenance) for plan in trial_plans(options, DEFAULT_SYSTEM, options.episodes)]
     with (
+        sole_evaluation(((plan, part.label) for plan in plans), options.folder),
         workers(options.processes, options.cluster, options.folder) as parallel,
         tqdm(total=schedule.work * len(part.of(plans)), desc="lifelong", unit="query") as bar,
     ):

@@ -22,6 +22,7 @@ from ltvn_core.evaluation.query_result import QueryResult, append_to_log, read_q
 from ltvn_core.evaluation.query_run import judge_goal_reached, random_goals
 from ltvn_core.network.metrics import SuccessRate
 from ltvn_core.robots.robot import Robot
+from ltvn_core.sole_writer import sole_user
 from ltvn_core.systems.maintenance import with_maintenance
 from ltvn_core.types import NodeId, Observation, Pose
 from ltvn_core.verbs.evaluate_robot import EvaluateRobotVerb
@@ -62,7 +63,7 @@ def evaluate_robot(options: EvaluateRobotVerb) -> RobotEvaluationSummary:
         raise OptionError("--episodes must be 1 or more, and --queries 0 or more.")
     begun_s = time.monotonic()
     options.folder.mkdir(parents=True, exist_ok=True)
-    with opened_robot(options.robot) as own:
+    with sole_user(options.folder / "episodes"), opened_robot(options.robot) as own:
         for phase, results in _results(options).items():
             if len(results) < _count(options, phase):
                 _run_phase(options, phase, own, len(results))

@@ -320,12 +320,12 @@ def _is_output_closed() -> bool:
 def _write_summary(path: "Path", summary: "Summary") -> None:
     """Write a summary to a file; if that fails, print it, so that the result of a long run is not lost."""
     from ltvn_core.atomic_files import is_stream
-    from ltvn_core.verbs.outputs import require_summary
+    from ltvn_core.verbs.outputs import require_summary_file
     from ltvn_core.verbs.verb import to_json
 
     try:
         if not is_stream(path):
-            require_summary(path)
+            require_summary_file(path)
             path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(to_json(summary) + "\n", encoding="utf-8")
     except (OSError, ValueError, LtvnError) as error:

@@ -10,12 +10,12 @@ import tempfile
 import time
 from collections.abc import Callable, Sequence
 from contextlib import redirect_stdout, suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from importlib import import_module
 from io import StringIO
 from itertools import islice, pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, get_type_hints
 
 import numpy as np
 import tyro
@@ -269,7 +269,9 @@ def check_verb(verb: Any, *, step: Steps | None = None) -> None:
     step("shows its options by --help")
     with redirect_stdout(StringIO()) as shown, suppress(SystemExit):
         tyro.cli(verb, args=["--help"])
-    options = [name for name in verb.__dataclass_fields__ if name.replace("_", "-") not in shown.getvalue()]
+    hints = get_type_hints(verb, include_extras=True)
+    plain = [each.name for each in fields(verb) if not hasattr(hints[each.name], "__metadata__")]
+    options = [name for name in plain if f"--{name}".replace("_", "-") not in shown.getvalue()]
     assert not options, f"its help does not name {', '.join(options)}"
 
 

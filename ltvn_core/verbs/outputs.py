@@ -64,7 +64,7 @@ def require_outputs(options: object) -> None:
             case Output.REPLACED:
                 require_writable(path)
             case Output.SUMMARY if str(path) != "-" and not is_stream(path):
-                require_summary(path)
+                require_summary_file(path)
             case Output.FOLDER:
                 require_usable_name(path)
                 require_writable(path / "part")
@@ -79,7 +79,7 @@ def _kind(hint: Any) -> Output | None:
     return next((kind for part in get_args(hint) if (kind := _kind(part)) is not None), None)
 
 
-def require_summary(path: Path) -> None:
+def require_summary_file(path: Path) -> None:
     """Raise OptionError, RecordingError or OSError unless a summary can be written to a new file, or over an older one.
 
     No recording is ever lost by it, because only JSON and empty files are replaced.
